@@ -1,0 +1,73 @@
+"""Errors that a user can act on: each says what happened, why, and what to do."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+
+
+class HapticevalError(Exception):
+    """Base of every error that is meant for the user's eyes.
+
+    `what` happened, `why` it is wrong, `todo` says how to mend it; `exit_code` is what the command line returns.
+    """
+
+    exit_code = 2
+
+    def __init__(self, what: str, *, why: str = "", todo: str = "") -> None:
+        self.what = what
+        self.why = why
+        self.todo = todo
+        super().__init__(what)
+
+    def __str__(self) -> str:
+        parts = [self.what]
+        if self.why:
+            parts.append(f"why: {self.why}")
+        if self.todo:
+            parts.append(f"what to do: {self.todo}")
+        return "\n  ".join(parts)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _rebuild, (type(self), self.__dict__)
+
+
+def _rebuild(cls: type[HapticevalError], state: dict[str, object]) -> HapticevalError:
+    """Unpickle an error as it was: errors cross process borders in the runner."""
+    error = cls.__new__(cls)
+    error.__dict__.update(state)
+    return error
+
+
+class InputError(HapticevalError):
+    """The input (a model, a trajectory, a suite, a recording) is not usable."""
+
+
+class UnknownNameError(InputError):
+    """A name that is not known, with the closest known ones."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str], *, todo: str = "") -> None:
+        names = sorted(known)
+        close = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+        suggestion = f"did you mean {' or '.join(close)}?" if close else f"known: {', '.join(names) or 'none'}"
+        super().__init__(
+            f"unknown {kind} '{name}'", why=f"no {kind} has that name", todo=todo or suggestion
+        )
+
+
+class NothingSelectedError(HapticevalError):
+    """A selection (-k, suites, renderers) that leaves nothing to run."""
+
+    exit_code = 4
+
+
+class RendererError(HapticevalError):
+    """A renderer broke: it raised, answered in a wrong shape, or with a non-finite number."""
+
+    exit_code = 3
+
+    def __init__(self, what: str, *, tick: int, hip: Sequence[float], why: str = "", todo: str = "") -> None:
+        self.tick = tick
+        self.hip = tuple(float(x) for x in hip)
+        place = ", ".join(f"{x:.6g}" for x in self.hip)
+        super().__init__(f"{what} at tick {tick}, HIP ({place}) m", why=why, todo=todo)

@@ -1,0 +1,96 @@
+"""Plane curves as rows of numbers, so that compiled loops can walk any of them.
+
+A curve is an array `pieces` of shape (n, 9), a row a piece:
+
+    kind, u0, u1, a, b, c, d, e, f
+
+with the parameter u running from u0 to u1 on the piece, and from one piece into the next.
+
+| kind        | a, b           | c, d                | e            | u is           |
+|-------------|----------------|---------------------|--------------|----------------|
+| LINE        | start (m)      | unit tangent        | -            | arc length (m) |
+| ARC         | centre (m)     | radius (m), angle of the start (rad) | +1 anticlockwise, -1 clockwise | arc length (m) |
+| CASSINIAN   | scale (m), lobes n_l | a_n / a_d, -  | -            | s of (4.1)     |
+| ELLIPSE     | semi-axes (m)  | -                   | -            | angle (rad)    |
+| UNBOUNDED   | a point (m)    | unit tangent        | -            | arc length (m), over all reals |
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hapticeval.compiled import compiled
+from hapticeval.types import Array
+
+LINE, ARC, CASSINIAN, ELLIPSE, UNBOUNDED = 0.0, 1.0, 2.0, 3.0, 4.0
+KIND, U0, U1, A, B, C, D, E = range(8)
+COLUMNS = 9
+
+
+@compiled
+def evaluate(piece: Array, u: float) -> tuple[float, float, float, float, float, float]:
+    """Position and its first two derivatives by u on one piece: (x, y, x', y', x'', y'')."""
+    kind = piece[KIND]
+    if kind == LINE or kind == UNBOUNDED:
+        along = u - piece[U0]
+        if kind == UNBOUNDED:
+            along = u
+        return piece[A] + along * piece[C], piece[B] + along * piece[D], piece[C], piece[D], 0.0, 0.0
+    if kind == ARC:
+        radius = piece[C]
+        angle = piece[D] + piece[E] * (u - piece[U0]) / radius
+        cos, sin = math.cos(angle), math.sin(angle)
+        turn = piece[E]
+        return (
+            piece[A] + radius * cos,
+            piece[B] + radius * sin,
+            -turn * sin,
+            turn * cos,
+            -cos / radius,
+            -sin / radius,
+        )
+    if kind == CASSINIAN:
+        lobes, ratio = piece[B], piece[C]
+        sin_n, cos_n = math.sin(lobes * u), math.cos(lobes * u)
+        root = math.sqrt(ratio - sin_n * sin_n)
+        # radius(u) of (4.1) and its logarithmic derivatives: r'/r = g, g' = -n_l (a_n/a_d) cos / root^3
+        radius = piece[A] * ((cos_n + root) / (1.0 + math.sqrt(ratio))) ** (1.0 / lobes)
+        g = -sin_n / root
+        g1 = -lobes * ratio * cos_n / (root * root * root)
+        cos, sin = math.cos(u), math.sin(u)
+        second = g * g - 1.0 + g1
+        return (
+            radius * cos,
+            radius * sin,
+            radius * (g * cos - sin),
+            radius * (g * sin + cos),
+            radius * (second * cos - 2.0 * g * sin),
+            radius * (second * sin + 2.0 * g * cos),
+        )
+    cos, sin = math.cos(u), math.sin(u)
+    return piece[A] * cos, piece[B] * sin, -piece[A] * sin, piece[B] * cos, -piece[A] * cos, -piece[B] * sin
+
+
+@compiled
+def piece_of(pieces: Array, u: float) -> int:
+    """Index of the piece that holds u (the later one at a joint); u must lie in the curve's range."""
+    low, high = 0, pieces.shape[0] - 1
+    while low < high:
+        middle = (low + high + 1) // 2
+        if pieces[middle, U0] <= u:
+            low = middle
+        else:
+            high = middle - 1
+    return low
+
+
+@compiled
+def evaluate_many(pieces: Array, us: Array) -> Array:
+    """`evaluate` at each u: shape (len(us), 6)."""
+    out = np.empty((us.shape[0], 6))
+    for i in range(us.shape[0]):
+        x, y, dx, dy, ddx, ddy = evaluate(pieces[piece_of(pieces, us[i])], us[i])
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5] = x, y, dx, dy, ddx, ddy
+    return out

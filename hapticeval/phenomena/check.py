@@ -1,0 +1,53 @@
+"""What a check is: a plain function of the runs, the scene and the stimulus, with its papers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+from hapticeval.phenomena.verdict import Finding, Level
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """The recording that is judged, and the ways to get its siblings where the runner can make them.
+
+    `refine(k)` runs the same stimulus at k times the sampling rate; `reverse()` leads the hand backwards along
+    the same points; `at_speed(f)` starts the experiment f times as fast. Each is None where it cannot be had:
+    a recorded hardware run has no siblings.
+    """
+
+    base: Recording
+    refine: Callable[[int], Recording] | None = None
+    reverse: Callable[[], Recording] | None = None
+    at_speed: Callable[[float], Recording] | None = None
+
+    def remembered(self) -> Runs:
+        """The same runs, each sibling made once at the most."""
+        return Runs(
+            self.base,
+            None if self.refine is None else cache(self.refine),
+            None if self.reverse is None else cache(self.reverse),
+            None if self.at_speed is None else cache(self.at_speed),
+        )
+
+
+@dataclass(frozen=True)
+class Check:
+    """A phenomenon as a check, with all that `hapticeval explain` prints."""
+
+    id: str
+    phenomenon: str
+    asks: str
+    formula: str
+    citation: str
+    channels: tuple[str, ...]
+    siblings: str
+    metric: str
+    unit: str
+    bound: str
+    judge: Callable[[Runs, Scene], Finding]
+    level: Level = Level.MUST

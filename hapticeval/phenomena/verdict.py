@@ -1,0 +1,88 @@
+"""What a check says: the outcome, the measured metric, the bound, and where to look."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+
+class Outcome(StrEnum):
+    """How a check ended."""
+
+    PASS = "pass"
+    FAIL = "fail"
+    INCONCLUSIVE = "inconclusive"
+    NOT_APPLICABLE = "not-applicable"
+    ERROR = "error"
+
+
+class Level(StrEnum):
+    """How much a check weighs: `must` decides the exit code, `should` warns, `info` is shown."""
+
+    MUST = "must"
+    SHOULD = "should"
+    INFO = "info"
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A measured number with its name and unit."""
+
+    name: str
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a check function returns: the verdict without the names of renderer, suite, case and check.
+
+    `bound` has the metric's unit, and a metric up to it passes. `evidence` says where and when: `time` (s),
+    `hip` and `ihip` (m) where they make sense, and what else the check measured, as plain JSON values.
+    `message` is one sentence for a person.
+    """
+
+    outcome: Outcome
+    message: str
+    metric: Metric | None = None
+    bound: float | None = None
+    evidence: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def margin(self) -> float | None:
+        """Bound less metric, in the metric's unit: negative is a failure."""
+        if self.metric is None or self.bound is None:
+            return None
+        return self.bound - self.metric.value
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A finding with its identity, its weight, and the published outcome where the suite carries one."""
+
+    renderer: str
+    suite: str
+    case: str
+    check: str
+    level: Level
+    finding: Finding
+    published: Outcome | None = None
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the check ended."""
+        return self.finding.outcome
+
+    @property
+    def as_expected(self) -> bool:
+        """Whether the outcome is the published one, or, where none is published, nothing that a gate stops.
+
+        A failed check of level `must` and an error stop a gate; the others are reported.
+        """
+        if self.published is not None:
+            return self.outcome == self.published
+        if self.outcome is Outcome.ERROR:
+            return False
+        return not (self.outcome is Outcome.FAIL and self.level is Level.MUST)

@@ -1,0 +1,49 @@
+"""A scene: the rigid model, the gains, and what the contact is like."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hapticeval.errors import InputError
+from hapticeval.geometry.model import Model
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """What a renderer is given, and what a check measures it against.
+
+    `stiffness` K_p (N/m) and `damping` K_d (N s/m) are the gains of (4.6); `mass` (kg) is the virtual tool's;
+    `restitution` is c_r of (3.5); `bilateral` holds the tool on the surface from both sides, as in section 6.3,
+    where a unilateral contact only pushes outwards; `sampling_time` (s) is that of the haptic thread.
+
+    Raises `InputError` for a gain or a mass that is negative, zero where it may not be, or not finite.
+    """
+
+    model: Model
+    stiffness: float = 1000.0
+    damping: float = 0.0
+    mass: float = 0.1
+    restitution: float = 0.0
+    bilateral: bool = False
+    sampling_time: float = 1e-3
+
+    def __post_init__(self) -> None:
+        for name, unit, zero_allowed in (
+            ("stiffness", "N/m", False),
+            ("damping", "N s/m", True),
+            ("mass", "kg", False),
+            ("restitution", "", True),
+            ("sampling_time", "s", False),
+        ):
+            value = getattr(self, name)
+            if not math.isfinite(value) or value < 0.0 or (value == 0.0 and not zero_allowed):
+                raise InputError(
+                    f"{name} = {value!r} {unit}".rstrip(),
+                    why=f"it must be finite and {'not negative' if zero_allowed else 'positive'}",
+                )
+        if self.restitution > 1.0:
+            raise InputError(
+                f"restitution = {self.restitution!r}",
+                why="a collision that creates energy is not passive: c_r of (3.5) lies between 0 and 1",
+            )

@@ -1,0 +1,113 @@
+"""What a renderer is given: a path that the hand is led along, or an experiment in which the hand pushes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from hapticeval.errors import InputError
+from hapticeval.recordings.recording import check_finite, check_increasing
+from hapticeval.types import Array
+
+
+@dataclass(frozen=True)
+class Path:
+    """HIP positions against time, straight between the given points: `time` (n,), s; `points` (n, N), m.
+
+    The open loop of Figure 6.1 ("playback"). Raises `InputError`, naming the row, for a time base that does not
+    increase and for numbers that are not finite.
+    """
+
+    time: Array
+    points: Array
+
+    def __post_init__(self) -> None:
+        time = np.array(self.time, dtype=np.float64)
+        points = np.array(self.points, dtype=np.float64)
+        if time.ndim != 1 or points.ndim != 2 or points.shape[0] != time.size or time.size < 2:
+            raise InputError(
+                f"a trajectory has times of shape {time.shape} and positions of shape {points.shape}",
+                why="it needs at least two rows, a time and a position each",
+            )
+        check_finite("trajectory time", time)
+        check_finite("trajectory position", points)
+        check_increasing("trajectory time", time)
+        time.flags.writeable = False
+        points.flags.writeable = False
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "points", points)
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return int(self.points.shape[1])
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first point to the last."""
+        return float(self.time[-1] - self.time[0])
+
+    def sampled(self, dt: float) -> tuple[Array, Array]:
+        """Times from 0 in steps of `dt` (n,), and the positions there (n, N).
+
+        Sampling at dt / 2 keeps every sample of dt, so that refined runs can be compared point by point.
+        """
+        count = int(np.floor(self.duration / dt * (1.0 + 1e-12))) + 1
+        time = np.arange(count) * dt
+        since = self.time - self.time[0]
+        points = np.column_stack([np.interp(time, since, column) for column in self.points.T])
+        return time, points
+
+    def reversed(self) -> Path:
+        """The same points in the opposite order, at the same speed."""
+        return Path(self.time[-1] - self.time[::-1], self.points[::-1])
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A closed loop (Figure 6.17): the tool starts somewhere with a velocity, and the operator pushes.
+
+    `position` (N,), m; `velocity` (N,), m/s; `force_time` (k,), s and `force` (k, N), N: the operator's force,
+    straight between the given rows and held before the first and after the last; `duration`, s.
+    """
+
+    duration: float
+    position: Array
+    velocity: Array
+    force_time: Array
+    force: Array
+
+    def __post_init__(self) -> None:
+        for name in ("position", "velocity", "force_time", "force"):
+            array = np.array(getattr(self, name), dtype=np.float64)
+            check_finite(f"experiment {name}", array)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        if not (np.isfinite(self.duration) and self.duration > 0.0):
+            raise InputError(f"an experiment lasts {self.duration!r} s", todo="give a positive duration")
+        check_increasing("experiment force time", self.force_time)
+        shapes = (self.position.shape, self.velocity.shape, self.force.shape[1:])
+        if self.force.ndim != 2 or len(set(shapes)) != 1 or self.force.shape[0] != self.force_time.size:
+            raise InputError(
+                f"an experiment has position, velocity and force of shapes {shapes}, "
+                f"with {self.force_time.size} force times",
+                why="all three need the same dimension, and a force row a time",
+            )
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return int(self.position.size)
+
+    def operator_force(self, time: Array) -> Array:
+        """The operator's force at each of `time` (n,): (n, N), N."""
+        return np.column_stack([np.interp(time, self.force_time, column) for column in self.force.T])
+
+    def at_speed(self, factor: float) -> Experiment:
+        """The same experiment started `factor` times as fast."""
+        return Experiment(self.duration, self.position, self.velocity * factor, self.force_time, self.force)
+
+
+Stimulus: TypeAlias = Path | Experiment
