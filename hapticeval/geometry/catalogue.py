@@ -1,0 +1,203 @@
+"""The models that suites name: the star and Cassinian of chapter 4, and shapes with closed-form answers."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.geometry import pieces
+from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.kernels import CASSINIAN, COLUMNS, ELLIPSE, UNBOUNDED
+from hapticeval.geometry.model import Model
+from hapticeval.geometry.validate import (
+    checked_number,
+    checked_size,
+    checked_vertices,
+    vertices_from_geojson,
+    vertices_from_wkt,
+)
+from hapticeval.types import Array
+
+LOBE_SHARE, FILLET_SHARE = 0.38, 0.5
+"""Dumbbell: lobe radius as a share of half the size, fillet radius as a share of the lobe radius."""
+
+
+def star(points: int = 5, tip_angle: float = 60.0, size: float = 0.2) -> Model:
+    """A star with sharp tips and notches: the model of pop-through at corners.
+
+    `points` tips of `tip_angle` degrees on a circle of diameter `size` (m), the first at 90 degrees. Raises
+    `InputError` for fewer than three points and for a tip so wide that nothing is left of the notches.
+    """
+    points = _count("points", points, 3, 100_000)
+    size = checked_size(size)
+    tip_angle = checked_number("tip_angle", tip_angle)
+    widest = 180.0 - 360.0 / points
+    if not 0.0 < tip_angle < widest * (1.0 - 1e-9):
+        raise InputError(
+            f"tip_angle = {tip_angle!r} degrees gives no star of {points} points",
+            why=f"its tips must be sharper than the {widest:g} degrees of the regular polygon",
+            todo=f"choose an angle between 0 and {widest:g} degrees",
+        )
+    outer = size / 2.0
+    half = math.radians(tip_angle / 2.0)
+    inner = outer * math.sin(half) / math.sin(half + math.pi / points)
+    angles = math.pi / 2.0 + np.arange(2 * points) * (math.pi / points)
+    radii = np.where(np.arange(2 * points) % 2 == 0, outer, inner)
+    vertices = np.column_stack([radii * np.cos(angles), radii * np.sin(angles)])
+    return _polygonal("star", vertices, {"points": points, "tip_angle": tip_angle, "size": size})
+
+
+def cassinian(lobes: int = 4, a_n: float = 2.0, a_d: float = 1.0, size: float = 0.2) -> Model:
+    """The smooth lobed curve of thesis (4.1), convex and concave in turn, with its first tip at angle 0.
+
+    `a_n` / `a_d` above 1 sets the depth of the valleys; `size` (m) is the circumscribed diameter. Raises
+    `InputError` if `a_n` / `a_d` is not above 1: then the lobes are separate curves.
+    """
+    lobes = _count("lobes", lobes, 2, 1_000)
+    size = checked_size(size)
+    a_n, a_d = _positive("a_n", a_n), _positive("a_d", a_d)
+    ratio = a_n / a_d
+    if not 1.0 < ratio <= 1e100:
+        raise InputError(
+            f"a_n / a_d = {a_n!r} / {a_d!r} = {ratio!r}",
+            why="the lobes are separate curves unless it is above 1" if ratio <= 1.0 else "it must be finite",
+            todo="choose a_n larger than a_d",
+        )
+    row = np.array([[CASSINIAN, 0.0, 2.0 * math.pi, size / 2.0, float(lobes), ratio, 0.0, 0.0, 0.0]])
+    parameters = {"lobes": lobes, "a_n": a_n, "a_d": a_d, "size": size}
+    return Model("cassinian", MappingProxyType(parameters), Curve("cassinian", row, True))
+
+
+def circle(size: float = 0.2) -> Model:
+    """A circle of diameter `size` (m) about the origin: constant curvature, closed-form answers."""
+    size = checked_size(size)
+    rows = pieces.strung([pieces.arc((0.0, 0.0), size / 2.0, 0.0, 2.0 * math.pi)])
+    return Model("circle", MappingProxyType({"size": size}), Curve("circle", rows, True))
+
+
+def ellipse(ratio: float = 2.0, size: float = 0.2) -> Model:
+    """An ellipse whose long axis, `size` (m), lies along x and is `ratio` times the short one."""
+    size = checked_size(size)
+    ratio = checked_number("ratio", ratio)
+    if not 1.0 <= ratio <= 1e6:
+        raise InputError(
+            f"ratio = {ratio!r}",
+            why="it is the long axis over the short one, between 1 and 1e6",
+            todo="invert it",
+        )
+    row = np.zeros((1, COLUMNS))
+    row[0, :5] = ELLIPSE, 0.0, 2.0 * math.pi, size / 2.0, size / 2.0 / ratio
+    return Model("ellipse", MappingProxyType({"ratio": ratio, "size": size}), Curve("ellipse", row, True))
+
+
+def dumbbell(neck: float = 0.5, size: float = 0.2) -> Model:
+    """Two round lobes joined along x by a straight neck with tangent circular fillets: smooth, with a narrow
+    waist.
+
+    `neck` is the neck's half-width as a share of the lobe radius, between 0 and 1; `size` (m) is the whole
+    length.
+    """
+    size = checked_size(size)
+    neck = checked_number("neck", neck)
+    if not 1e-6 <= neck < 1.0:
+        raise InputError(f"neck = {neck!r}", why="it is a share of the lobe radius, from 1e-6 to below 1")
+    lobe = LOBE_SHARE * size / 2.0
+    fillet, half_width, centre = FILLET_SHARE * lobe, neck * lobe, size / 2.0 - lobe
+    height = half_width + fillet
+    inward = math.sqrt((lobe + fillet) ** 2 - height**2)
+    reach = math.atan2(height, -inward)
+    bend = reach - math.pi / 2.0
+    end = centre - inward
+    rows = [
+        pieces.arc((centre, 0.0), lobe, -reach, 2.0 * reach),
+        pieces.arc((end, height), fillet, reach - math.pi, -bend),
+        pieces.line((end, half_width), (-end, half_width)),
+        pieces.arc((-end, height), fillet, -math.pi / 2.0, -bend),
+        pieces.arc((-centre, 0.0), lobe, math.pi - reach, 2.0 * reach),
+        pieces.arc((-end, -height), fillet, reach, -bend),
+        pieces.line((-end, -half_width), (end, -half_width)),
+        pieces.arc((end, -height), fillet, math.pi / 2.0, -bend),
+    ]
+    curve = Curve("dumbbell", pieces.strung(rows), True)
+    return Model("dumbbell", MappingProxyType({"neck": neck, "size": size}), curve)
+
+
+def line() -> Model:
+    """The half-plane y < 0, whose boundary is the x axis run towards -x: the flat wall of chapter 6."""
+    row = np.array([[UNBOUNDED, -math.inf, math.inf, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0]])
+    return Model("line", MappingProxyType({}), Curve("line", row, False))
+
+
+def from_vertices(vertices: ArrayLike | Sequence[Sequence[float]], *, name: str = "polygon") -> Model:
+    """A polygon of given corners (n, 2), m, anticlockwise. Raises `InputError` as `checked_vertices` does."""
+    array = checked_vertices(vertices)
+    return _polygonal(name, array, {"vertices": array.tolist(), "name": name})
+
+
+def from_wkt(text: str, *, name: str = "wkt") -> Model:
+    """A polygon in well-known text, in metres: one anticlockwise outer ring."""
+    return _polygonal(name, vertices_from_wkt(text), {"text": text, "name": name})
+
+
+def from_geojson(document: str | Mapping[str, Any], *, name: str = "geojson") -> Model:
+    """A GeoJSON Polygon, as text or as a mapping, in metres: one anticlockwise outer ring."""
+    return _polygonal(name, vertices_from_geojson(document), {"document": document, "name": name})
+
+
+MODELS: Mapping[str, Callable[..., Model]] = MappingProxyType(
+    {
+        "star": star,
+        "cassinian": cassinian,
+        "circle": circle,
+        "ellipse": ellipse,
+        "dumbbell": dumbbell,
+        "line": line,
+        "polygon": from_vertices,
+        "wkt": from_wkt,
+        "geojson": from_geojson,
+    }
+)
+
+
+def make_model(kind: str, **parameters: Any) -> Model:
+    """A model by the name and parameters that a suite file gives.
+
+    Raises `UnknownNameError` for an unknown kind and `InputError` for parameters that it does not have,
+    lacks, or cannot be made from.
+    """
+    if kind not in MODELS:
+        raise UnknownNameError("model", kind, MODELS)
+    maker = MODELS[kind]
+    known = inspect.signature(maker).parameters
+    for given in parameters:
+        if given not in known:
+            raise UnknownNameError(f"parameter of model '{kind}'", given, known)
+    for needed, parameter in known.items():
+        if parameter.default is inspect.Parameter.empty and needed not in parameters:
+            raise InputError(f"model '{kind}' lacks the parameter '{needed}'", todo=f"give {needed}")
+    return maker(**parameters)
+
+
+def _polygonal(name: str, vertices: Array, parameters: dict[str, Any]) -> Model:
+    return Model(name, MappingProxyType(parameters), Curve(name, pieces.closed_polyline(vertices), True))
+
+
+def _count(what: str, value: object, least: int, most: int) -> int:
+    number = checked_number(what, value)
+    if number != int(number) or not least <= number <= most:
+        raise InputError(f"{what} = {value!r}", why=f"it must be a whole number between {least} and {most}")
+    return int(number)
+
+
+def _positive(what: str, value: object) -> float:
+    number = checked_number(what, value)
+    if number <= 0.0:
+        raise InputError(f"{what} = {value!r}", why="it must be positive")
+    return number

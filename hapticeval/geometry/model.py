@@ -1,0 +1,79 @@
+"""The rigid object: its exact boundary, and the coarser representations that renderers hold of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hapticeval.errors import InputError
+
+if TYPE_CHECKING:
+    from hapticeval.geometry.curve import Curve
+    from hapticeval.geometry.level_set import LevelSet
+    from hapticeval.geometry.polygon import Polygon
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A closed plane curve (an extruded cross-section) or a half-plane, with its representations.
+
+    `parameters` are the JSON values it was made from; `curve` is the exact boundary. Representations are made
+    on first use and kept.
+    """
+
+    name: str
+    parameters: Mapping[str, Any]
+    curve: Curve
+    _kept: dict[object, Any] = field(default_factory=dict, init=False, repr=False)
+
+    @property
+    def size(self) -> float:
+        """The largest extent (m) along x or y; for a half-plane that of the window it is drawn in."""
+        xmin, ymin, xmax, ymax = self.curve.bounds
+        return max(xmax - xmin, ymax - ymin)
+
+    def polygon(self, n: int = 40) -> Polygon:
+        """The polygon with vertices at n equal steps of the curve's own parameter, and at every corner.
+
+        A model of straight edges is its own polygon, whatever n. Raises `InputError` for an unbounded model,
+        for n below 3, and if n vertices are so few that the polygon crosses itself.
+        """
+        key = ("polygon", n)
+        if key not in self._kept:
+            from hapticeval.geometry.polygon import Polygon
+
+            self._kept[key] = Polygon(self.curve.position(self._steps(n)))
+        polygon: Polygon = self._kept[key]
+        return polygon
+
+    def level_set(self, shape: tuple[int, int] = (100, 100)) -> LevelSet:
+        """The signed distance on a grid of `shape` = (nx, ny) nodes that covers the model and a margin."""
+        key = ("level set", tuple(shape))
+        if key not in self._kept:
+            from hapticeval.geometry.level_set import sampled
+
+            self._kept[key] = sampled(self.curve, shape)
+        level_set: LevelSet = self._kept[key]
+        return level_set
+
+    def _steps(self, n: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Parameters of the polygon's vertices: corners split the curve into runs of equal steps."""
+        from hapticeval.geometry.kernels import KIND, LINE, U0
+
+        curve = self.curve
+        if not curve.closed:
+            raise InputError(f"model '{self.name}' is unbounded", why="a polygon encloses a bounded area")
+        if n < 3:
+            raise InputError(f"a polygon of {n} vertices", why="it needs at least three", todo="give n >= 3")
+        if np.all(curve.pieces[:, KIND] == LINE):
+            return np.array(curve.pieces[:, U0])
+        start, end = curve.u_range
+        cuts = [corner.u for corner in curve.corners] or [start]
+        runs = []
+        for first, last in zip(cuts, [*cuts[1:], cuts[0] + end - start], strict=True):
+            steps = max(1, round(n * (last - first) / (end - start)))
+            runs.append(first + (last - first) * np.arange(steps) / steps)
+        return np.concatenate(runs)

@@ -1,0 +1,242 @@
+"""What makes vertices and points usable, and one clear error for each way in which they are not."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hapticeval.errors import InputError
+from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    import shapely
+
+SMALLEST, LARGEST = 1e-100, 1e100
+"""Sizes (m) whose squares and cubes stay inside the float range."""
+GEOJSON = 'give {"type": "Polygon", "coordinates": [[...]]}'
+
+
+def checked_points(points: object, what: str = "points") -> Array:
+    """Points as (n, 2) float64. Raises `InputError`, naming the row, for wrong shapes or non-finite numbers."""
+    try:
+        array = np.asarray(points, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what} are not rows of two numbers", why=str(error)) from error
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise InputError(f"{what} have the shape {array.shape}", why="they must be rows of x and y: (n, 2)")
+    _check_finite(array, what)
+    return np.ascontiguousarray(array)
+
+
+def checked_size(size: float, what: str = "size") -> float:
+    """A length in metres that is finite, positive and whose squares stay inside the float range."""
+    value = checked_number(what, size)
+    if value <= 0.0:
+        raise InputError(f"{what} = {value!r} m", why="it must be positive")
+    if not SMALLEST <= value <= LARGEST:
+        raise InputError(
+            f"{what} = {value!r} m: a model {'larger' if value > 1.0 else 'smaller'} than the float range",
+            why="squares of its lengths overflow or vanish in double precision",
+            todo=f"choose a size between {SMALLEST:g} and {LARGEST:g} m",
+        )
+    return value
+
+
+def checked_number(what: str, value: object) -> float:
+    """A finite real number. Raises `InputError` otherwise."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise InputError(f"{what} = {value!r}", why="it must be a number")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = np.inf
+    if not np.isfinite(number):
+        raise InputError(f"{what} = {value!r}", why="it must be finite")
+    return number
+
+
+def checked_vertices(vertices: object) -> Array:
+    """The corners of one simple anticlockwise polygon, (n, 2) float64, without a closing repetition of the
+    first.
+
+    Raises `InputError`, naming the vertices or the place, for fewer than three vertices, numbers that are not
+    finite, points in 3D, repeated points, an outline that crosses itself, no area, clockwise order, and sizes
+    outside the float range.
+    """
+    array = _rows_of_two(vertices)
+    _check_finite(array, "vertex coordinates", row="vertex")
+    if array.shape[0] > 1 and np.array_equal(array[0], array[-1]):
+        array = array[:-1]
+    if array.shape[0] < 3:
+        raise InputError(
+            f"a polygon of {array.shape[0]} vertices",
+            why="it needs at least three",
+            todo="add vertices",
+        )
+    _check_range(array)
+    _check_repeats(array)
+    area = _check_area_and_crossings(array)
+    if area < 0.0:
+        raise InputError(
+            f"the {array.shape[0]} vertices run clockwise",
+            why="outlines run anticlockwise: the inside lies to the left",
+            todo="reverse the order of the vertices",
+        )
+    return np.ascontiguousarray(array)
+
+
+def vertices_from_wkt(text: str) -> Array:
+    """The vertices of a `POLYGON` in well-known text; see `checked_vertices` for what is refused."""
+    import shapely
+
+    if not isinstance(text, str) or not text.strip():
+        raise InputError("the WKT text is empty", todo="give a POLYGON ((x y, x y, x y, x y))")
+    try:
+        geometry = shapely.from_wkt(text)
+    except shapely.errors.ShapelyError as error:
+        raise InputError(
+            "the WKT text cannot be read",
+            why=str(error),
+            todo="give POLYGON ((x y, ...)), ring closed",
+        ) from error
+    return _outline_of(geometry)
+
+
+def vertices_from_geojson(document: str | Mapping[str, Any]) -> Array:
+    """The vertices of a GeoJSON Polygon, as text or mapping; see `checked_vertices` for what is refused."""
+    import shapely
+
+    if isinstance(document, str):
+        if not document.strip():
+            raise InputError("the GeoJSON text is empty", todo=GEOJSON)
+        try:
+            document = json.loads(document)
+        except json.JSONDecodeError as error:
+            raise InputError("the GeoJSON text is not JSON", why=str(error)) from error
+    if not isinstance(document, Mapping) or "type" not in document:
+        raise InputError("the GeoJSON has no 'type'", todo=GEOJSON)
+    if document["type"] == "FeatureCollection":
+        raise InputError(
+            "the GeoJSON is a FeatureCollection",
+            why="a model is one outline",
+            todo="give one Feature",
+        )
+    if document["type"] == "Feature":
+        document = document.get("geometry") or {}
+    try:
+        geometry = shapely.from_geojson(json.dumps(document, allow_nan=False))
+    except (shapely.errors.ShapelyError, ValueError, TypeError) as error:
+        raise InputError(
+            "the GeoJSON cannot be read",
+            why=str(error),
+            todo=GEOJSON,
+        ) from error
+    return _outline_of(geometry)
+
+
+def _outline_of(geometry: shapely.Geometry | None) -> Array:
+    import shapely
+
+    if geometry is None or geometry.is_empty:
+        raise InputError("the geometry is empty", todo="give a polygon of at least three vertices")
+    if not isinstance(geometry, shapely.Polygon):
+        several = geometry.geom_type.startswith("Multi") or geometry.geom_type == "GeometryCollection"
+        raise InputError(
+            f"the geometry is a {geometry.geom_type}",
+            why="a model is one outline" if several else "only a Polygon has an inside",
+            todo="give each part as a model of its own" if several else "give a Polygon",
+        )
+    if len(geometry.interiors) > 0:
+        raise InputError(
+            f"the polygon has {len(geometry.interiors)} hole(s)",
+            why="a model is bounded by one curve",
+            todo="leave the inner rings out",
+        )
+    return checked_vertices(shapely.get_coordinates(geometry.exterior, include_z=bool(geometry.has_z)))
+
+
+def _rows_of_two(vertices: object) -> Array:
+    try:
+        array = np.array(vertices, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        for i, vertex in enumerate(vertices if isinstance(vertices, (list, tuple)) else ()):
+            if not isinstance(vertex, (list, tuple, np.ndarray)) or len(vertex) != 2:
+                raise InputError(f"vertex {i} is {vertex!r}", why="it must be a pair of numbers") from error
+        raise InputError("the vertices are not rows of two numbers", why=str(error)) from error
+    if array.ndim == 2 and array.shape[1] == 3:
+        raise InputError(
+            "the vertices have three coordinates", why="a model is a curve in the plane", todo="leave z out"
+        )
+    if array.size and (array.ndim != 2 or array.shape[1] != 2):
+        raise InputError(
+            f"the vertices have the shape {array.shape}", why="they must be rows of x and y: (n, 2)"
+        )
+    return array.reshape(-1, 2)
+
+
+def _check_finite(array: Array, what: str, *, row: str = "row") -> None:
+    bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
+    if bad.size:
+        x, y = array[bad[0]]
+        raise InputError(f"{what}: {row} {bad[0]} is ({x}, {y})", why="every number must be finite")
+
+
+def _check_range(array: Array) -> None:
+    span = float(np.max(np.ptp(array / 2.0, axis=0))) * 2.0
+    largest = float(np.max(np.abs(array)))
+    if largest > LARGEST:
+        raise InputError(
+            f"vertex {int(np.argmax(np.abs(array).max(axis=1)))} lies {largest:g} m from the origin: "
+            "a model larger than the float range",
+            why="squares of its lengths overflow in double precision",
+            todo=f"keep coordinates below {LARGEST:g} m",
+        )
+    if 0.0 < span < SMALLEST:
+        raise InputError(
+            f"the vertices span {span:g} m: a model smaller than the float range",
+            why="squares of its lengths vanish in double precision",
+            todo=f"keep models above {SMALLEST:g} m",
+        )
+
+
+def _check_repeats(array: Array) -> None:
+    order = np.lexsort((array[:, 1], array[:, 0]))
+    same = np.flatnonzero((array[order[1:]] == array[order[:-1]]).all(axis=1))
+    if same.size:
+        first, second = sorted((int(order[same[0]]), int(order[same[0] + 1])))
+        x, y = array[first]
+        raise InputError(
+            f"vertices {first} and {second} are the same point ({x:g}, {y:g})",
+            why="an outline passes each point once",
+            todo="remove one of them",
+        )
+
+
+def _check_area_and_crossings(array: Array) -> float:
+    """The signed area (m^2), after refusing outlines that cross or touch themselves or enclose nothing."""
+    import shapely
+
+    x, y = (array - array[0]).T
+    terms = x * np.roll(y, -1) - np.roll(x, -1) * y
+    far = int(np.argmax(x * x + y * y))
+    across = np.abs(x * y[far] - y * x[far])
+    if np.max(across) <= 1e-14 * (x[far] ** 2 + y[far] ** 2):
+        raise InputError(
+            f"the {array.shape[0]} vertices lie on one straight line",
+            why="it has zero area and no inside",
+        )
+    polygon = shapely.Polygon(array)
+    if not polygon.is_valid:
+        reason = shapely.is_valid_reason(polygon)
+        place = re.search(r"\[(\S+) (\S+)\]", reason)
+        where = f" at ({place.group(1)}, {place.group(2)}) m" if place else ""
+        raise InputError(
+            f"the outline crosses or touches itself{where}",
+            why=reason.split("[")[0].lower(),
+            todo="move or reorder the vertices so that edges meet only at shared vertices",
+        )
+    return 0.5 * float(terms.sum())
