@@ -18,6 +18,7 @@ class Response(NamedTuple):
     force: Array
 
 
+@runtime_checkable
 class Renderer(Protocol):
     """Answers a HIP with an IHIP and a force, a tick at a time (DESIGN section 5).
 

@@ -1,0 +1,129 @@
+"""One renderer through one case: run it, and its siblings where a check asks, and let the checks judge."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from hapticeval.closed_loop import drive
+from hapticeval.devices.point_mass import PointMass
+from hapticeval.errors import HapticevalError, InputError, RendererError
+from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.registry import CHECKS
+from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
+from hapticeval.playback import play
+from hapticeval.recordings.recording import Recording
+from hapticeval.renderer import Renderer, RendererFactory, SelfDriven
+from hapticeval.scene import Scene
+from hapticeval.stimulus import Experiment, Path, Stimulus
+from hapticeval.suite import Case
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What came of one renderer in one case; `recording` is None where the renderer broke at once."""
+
+    verdicts: tuple[Verdict, ...]
+    recording: Recording | None
+    error: HapticevalError | None
+    simulated_seconds: float
+    wall_seconds: float
+
+
+class _Bench:
+    """Makes recordings of one renderer in one scene, and counts the seconds that it simulates."""
+
+    def __init__(self, factory: RendererFactory, scene: Scene, case: Case) -> None:
+        self.scene = scene
+        self.simulated = 0.0
+        self.renderer = _built(factory, scene)
+        self.stimulus = case.build_stimulus(scene, self.renderer)
+
+    def record(self, stimulus: Stimulus, dt: float) -> Recording:
+        if isinstance(stimulus, Path):
+            recording = play(self.renderer, stimulus, dt)
+        else:
+            recording = drive(self.renderer, stimulus, PointMass(self.scene.mass), dt)
+        self.simulated += len(recording) * dt
+        return recording
+
+    def runs(self) -> Runs:
+        """The base recording, and siblings on demand."""
+        dt = self.scene.sampling_time
+        stimulus = self.stimulus
+        base = self.record(stimulus, dt)
+
+        def refine(factor: int) -> Recording:
+            return self.record(stimulus, dt / factor)
+
+        if isinstance(stimulus, Experiment):
+            return Runs(
+                base, refine=refine, at_speed=lambda factor: self.record(stimulus.at_speed(factor), dt)
+            ).remembered()
+        sampled = Path(*stimulus.sampled(dt))
+        return Runs(base, refine=refine, reverse=lambda: self.record(sampled.reversed(), dt)).remembered()
+
+
+def _built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
+    try:
+        renderer = factory(scene)
+    except HapticevalError:
+        raise
+    except Exception as error:
+        raise RendererError(
+            f"the renderer's factory raised {type(error).__name__}: {error}", tick=0, hip=()
+        ) from error
+    if not isinstance(renderer, Renderer | SelfDriven):
+        raise InputError(
+            f"the factory made a {type(renderer).__name__}, which is no renderer",
+            why="a renderer has reset(hip) and step(hip, velocity, dt) -> (ihip, force)",
+            todo="see 'Judge your own renderer' in the README",
+        )
+    return renderer
+
+
+def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Judged:
+    """Every check of `case` on the renderer that `factory` makes.
+
+    A renderer that breaks gives verdicts `error`, and so does a check that does: the others go on.
+    """
+    started = time.perf_counter()
+    bench = None
+    base = None
+    error: HapticevalError | None = None
+    findings: list[Finding] = []
+    try:
+        scene = case.build_scene()
+        bench = _Bench(factory, scene, case)
+        runs = bench.runs()
+        base = runs.base
+        for check in case.checks:
+            findings.append(_finding(check, runs, scene))
+    except HapticevalError as raised:
+        error = raised
+        message = " ".join(part for part in (raised.what, raised.why) if part)
+        findings += [Finding(Outcome.ERROR, message)] * (len(case.checks) - len(findings))
+    verdicts = tuple(
+        Verdict(
+            renderer=renderer,
+            suite=suite,
+            case=case.name,
+            check=check,
+            level=CHECKS[check].level if case.judged else Level.INFO,
+            finding=finding,
+            published=case.published.get(renderer, {}).get(check),
+        )
+        for check, finding in zip(case.checks, findings, strict=True)
+    )
+    simulated = bench.simulated if bench is not None else 0.0
+    return Judged(verdicts, base, error, simulated, time.perf_counter() - started)
+
+
+def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
+    """A check's finding; a fault of the check's own is an outcome of its own and never a verdict on the renderer."""
+    try:
+        return CHECKS[check].judge(runs, scene)
+    except HapticevalError:
+        raise
+    except Exception as fault:  # the boundary behind which one faulty check must not take the run along
+        return Finding(Outcome.ERROR, f"the check itself failed: {type(fault).__name__}: {fault}")

@@ -1,0 +1,74 @@
+"""Abrupt switch (section 3.2.1): in a concave corner the force turns from face to face at one point of space."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.corner_crossing import find_crossing
+from hapticeval.phenomena.normal_cone import angle_between
+from hapticeval.phenomena.sampling import hip_step, hip_steps, loaded, place, placement
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome
+from hapticeval.scene import Scene
+
+REACHED = 0.05
+"""Share of the corner's turn within which a direction counts as a face's: far above rounding, far below a switch."""
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """HIP travel between the last force along n_pre and the first along n_post."""
+    base = runs.base
+    strong = loaded(base, scene)
+    crossing = find_crossing(base, scene.model.curve.corners, strong, convex=False)
+    if crossing is None:
+        return Finding(Outcome.NOT_APPLICABLE, "the tool does not slide towards a concave corner")
+    tolerance = REACHED * crossing.turn
+    pre = strong & (angle_between(base.force, crossing.normal_pre) <= tolerance)
+    post = strong & (angle_between(base.force, crossing.normal_post) <= tolerance)
+    if not post.any() or not pre[: int(np.argmax(post))].any():
+        return Finding(Outcome.INCONCLUSIVE, "the force does not go from the first face's normal to the second's")
+    reached = int(np.argmax(post))
+    left = int(np.flatnonzero(pre[:reached])[-1])
+    travel = float(np.sum(hip_steps(base)[left:reached]))
+    depths = np.linalg.norm(base.hip - base.ihip, axis=1)
+    depth = max(float(np.median(depths[: left + 1][strong[: left + 1]])), hip_step(base))
+    metric = Metric("HIP travel of the switch in penetration depths", travel / depth, "depths")
+    bound = placement(base) / depth
+    evidence: dict[str, object] = {
+        **place(base, reached),
+        "corner": [float(x) for x in crossing.corner.position],
+        "switch_starts_s": float(base.time[left]),
+        "switch_takes_s": float(base.time[reached] - base.time[left]),
+        "travel_m": travel,
+        "depth_m": depth,
+        "turn_deg": float(np.degrees(crossing.turn)),
+    }
+    if metric.value <= bound:
+        message = f"the force switches within {1e3 * travel:.3g} mm of HIP travel"
+        return Finding(Outcome.PASS, message, metric, bound, evidence)
+    message = (
+        f"the force turns over {1e3 * travel:.3g} mm of HIP travel ({travel / depth:.3g} depths, "
+        f"{base.time[reached] - base.time[left]:.3g} s): the corner is rounded"
+    )
+    return Finding(Outcome.FAIL, message, metric, bound, evidence)
+
+
+CHECK = Check(
+    id="abrupt-switch",
+    phenomenon="Abrupt Switch",
+    asks="Sliding into a concave corner: does the force turn from one face's normal to the other's at once in space?",
+    formula="travel of the HIP while n_e turns from n_pre to n_post, over the penetration depth; 0 for rigid contact",
+    citation="thesis 3.2.1, Figure 3.5; Figures 6.6, 6.7, 6.9",
+    channels=("hip", "ihip", "force"),
+    siblings="none",
+    metric="HIP travel of the switch in penetration depths",
+    unit="depths",
+    bound=(
+        "(3 HIP steps + declared standoff + declared resolution) / depth: between two samples the turn cannot be seen, "
+        "and a corner is known no better than the renderer's own surface. Resting on the corner while the HIP goes "
+        "round it turns the force over an arc as long as the corner's turn (rad) times the depth, whatever the depth. "
+        "The switch lasts from the last force within 5 per cent of the turn from n_pre to the first within 5 per cent of "
+        "n_post."
+    ),
+    judge=judge,
+)

@@ -1,0 +1,149 @@
+"""Centripetal force (3.8): what bends the tool's path must not be paid for with position error."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.sampling import place
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+SPEEDS = (0.5, 0.75)
+"""The experiment is run at these shares of its speed too, so that error can be told by v^2."""
+HOLD_TICKS = 1.5
+"""A held force lags by half a tick on average, and by one more where it is computed from the last sample."""
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Regress the surface error on what the missing centripetal force would cost, over all speeds."""
+    base = runs.base
+    if base.meta.get("source") == "playback":
+        return Finding(Outcome.NOT_APPLICABLE, "a hand led along a given path needs no force to follow it")
+    everything = [base]
+    if runs.at_speed is not None:
+        everything += [runs.at_speed(factor) for factor in SPEEDS]
+    errors, pushes, costs, sizes = [], [], [], []
+    for recording in everything:
+        error, push, cost, size = _terms(recording, scene)
+        errors.append(error)
+        pushes.append(push)
+        costs.append(cost)
+        sizes.append(size)
+    cost = np.concatenate(costs)
+    if cost.size < 8:
+        return Finding(Outcome.INCONCLUSIVE, "the tool hardly touches the surface")
+    largest = float(np.max(np.abs(cost)))
+    if largest <= 1e-12:
+        return Finding(Outcome.NOT_APPLICABLE, "the surface has no curvature where the tool slides")
+    share, deviation = _share(np.concatenate(errors), np.concatenate(pushes), cost)
+    bound = HOLD_TICKS * max(sizes) * base.dt
+    tick = int(np.argmax(np.abs(costs[0]))) if costs[0].size else 0
+    tick = int(np.flatnonzero(base.contact)[tick]) if base.contact.any() else 0
+    evidence: dict[str, object] = {
+        **place(base, tick),
+        "centripetal_error_m": share * largest,
+        "kappa_v2_m_over_K_m": largest,
+        "standard_error": deviation,
+        "speeds": [1.0, *SPEEDS] if runs.at_speed is not None else [1.0],
+    }
+    at_zero = _missing_at_zero_error(base, scene)
+    if at_zero is not None:
+        evidence["force_missing_at_zero_error"] = at_zero
+    value = max(abs(share), abs(at_zero) if at_zero is not None else 0.0)
+    metric = Metric("share of the centripetal force that position error has to supply", value, "")
+    if not np.isfinite(deviation) or (abs(value - bound) <= 2.0 * deviation):
+        message = "too slow, or too much else going on, to tell the centripetal part of the error from the rest"
+        return Finding(Outcome.INCONCLUSIVE, message, metric, bound, evidence)
+    if value <= bound:
+        return Finding(Outcome.PASS, "the error does not grow with the square of speed", metric, bound, evidence)
+    message = (
+        f"{100 * value:.3g} per cent of the centripetal force comes from position error: "
+        f"{1e3 * abs(share) * largest:.3g} mm at the top speed"
+    )
+    return Finding(Outcome.FAIL, message, metric, bound, evidence)
+
+
+def _terms(recording: Recording, scene: Scene) -> tuple[Array, Array, Array, float]:
+    """Per sample in contact: surface error, the operator's static share of it, the centripetal cost (all m).
+
+    The cost is what a spring pays when it alone supplies (3.8): kappa v_t^2 m / K_p, outwards. The last number is
+    the largest |kappa| v_t, rad/s, the rate at which the normal turns.
+    """
+    curve = scene.model.curve
+    touching = recording.contact
+    hip = recording.hip[touching]
+    if hip.shape[0] == 0:
+        empty = np.empty(0)
+        return empty, empty, empty, 0.0
+    u = curve.nearest(hip)
+    normal, tangent = np.asarray(curve.normal(u)), np.asarray(curve.tangent(u))
+    kappa = np.asarray(curve.curvature(u))
+    speed = np.sum(recording.velocity[touching] * tangent, axis=1)
+    error = np.sum((hip - np.asarray(curve.position(u))) * normal, axis=1)
+    push = np.zeros(hip.shape[0])
+    if "operator_force" in recording.channels:
+        push = np.sum(recording.channels["operator_force"][touching] * normal, axis=1) / scene.stiffness
+    cost = kappa * speed**2 * scene.mass / scene.stiffness
+    return error, push, cost, float(np.max(np.abs(kappa * speed)))
+
+
+def _share(error: Array, push: Array, cost: Array) -> tuple[float, float]:
+    """Least squares of error = a cost + b push + c: a and its standard error.
+
+    Samples of one oscillation are not independent, so the degrees of freedom are counted in blocks of 50 ticks.
+    """
+    columns = [cost, np.ones_like(cost)]
+    if np.ptp(push) > 0.0:
+        columns.append(push)
+    design = np.column_stack(columns)
+    solution, _, rank, _ = np.linalg.lstsq(design, error, rcond=1e-10)
+    if rank < design.shape[1]:
+        return float(solution[0]), float("inf")
+    residual = error - design @ solution
+    blocks = max(cost.size / 50.0 - design.shape[1], 1.0)
+    inverse = np.linalg.inv(design.T @ design / cost.size)
+    variance = float(np.mean(residual**2)) * float(inverse[0, 0]) / blocks
+    return float(solution[0]), float(np.sqrt(max(variance, 0.0)))
+
+
+def _missing_at_zero_error(recording: Recording, scene: Scene) -> float | None:
+    """Share of m kappa v^2 that the force lacks at the first sample, if that lies on a bilateral constraint.
+
+    There the position error is zero, so the force must be the centripetal one alone (3.8).
+    """
+    if not scene.bilateral:
+        return None
+    curve = scene.model.curve
+    u = curve.nearest(recording.hip[:1])
+    off = float(np.linalg.norm(np.asarray(curve.position(u))[0] - recording.hip[0]))
+    normal = np.asarray(curve.normal(u))[0]
+    speed = float(recording.velocity[0] @ np.asarray(curve.tangent(u))[0])
+    wanted = scene.mass * float(np.asarray(curve.curvature(u))[0]) * speed**2
+    if off > 1e-9 * scene.model.size or abs(wanted) == 0.0:
+        return None
+    push = 0.0
+    if "operator_force" in recording.channels:
+        push = float(recording.channels["operator_force"][0] @ normal)
+    return 1.0 + (float(recording.force[0] @ normal) + push) / wanted
+
+
+CHECK = Check(
+    id="centripetal-force",
+    phenomenon="Centripetal Force",
+    asks="Sliding over a curved surface: is the centripetal force given, or does it cost position error?",
+    formula="F_cen = m kappa v^2 (3.8); error = a kappa v^2 m / K_p + b F_o.n / K_p + c, and a = 0 where it is given",
+    citation="thesis 3.2.3, (3.8); 6.3.3; Table 6.3 'accounts for centripetal acceleration'",
+    channels=("hip", "ihip", "force", "velocity", "operator_force where it was recorded"),
+    siblings="the same experiment at 0.5 and 0.75 times the speed",
+    metric="share of the centripetal force that position error has to supply",
+    unit="",
+    bound=(
+        "1.5 kappa v T: while a force is held for a tick T the normal turns by kappa v T, half of it on average, and one "
+        "tick more may pass between sample and force. The verdict is inconclusive within two standard errors of the bound. "
+        "On a bilateral constraint the force at the start, where the error is zero, must supply m kappa v^2 to the same share."
+    ),
+    judge=judge,
+)

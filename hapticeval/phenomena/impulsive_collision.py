@@ -1,0 +1,90 @@
+"""Impulsive collision (3.5)-(3.7): a new contact takes the normal momentum out of the tool at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.sampling import place
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+
+WINDOW_TICKS = 2
+"""A sampled renderer meets the contact at the sample after it, and its answer acts until the next."""
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Momentum along the normal that the first two ticks of contact take out, against (3.5)."""
+    base = runs.base
+    if base.meta.get("source") == "playback":
+        return Finding(Outcome.NOT_APPLICABLE, "a hand led along a given path has no momentum to lose")
+    touching = base.contact
+    struck = int(np.argmax(touching))
+    if not touching.any() or struck == 0:
+        return Finding(Outcome.INCONCLUSIVE, "the tool does not fly freely into the surface")
+    end = struck + WINDOW_TICKS
+    if end >= len(base):
+        return Finding(Outcome.INCONCLUSIVE, "the recording ends with the collision")
+    curve = scene.model.curve
+    u = curve.nearest(base.ihip[struck : struck + 1])
+    normal = np.asarray(curve.normal(u))[0]
+    along = base.velocity @ normal
+    approach = -float(along[struck])
+    if approach <= 0.0:
+        return Finding(Outcome.INCONCLUSIVE, "the tool does not move into the surface when it meets it")
+    wanted = (1.0 + scene.restitution) * scene.mass * approach
+    taken = scene.mass * float(along[end] - along[struck])
+    pushes = _operator_speed(base, struck, end) / scene.mass
+    sideways = float(np.sum(base.velocity[struck] ** 2) - along[struck] ** 2)
+    turning = abs(float(np.asarray(curve.curvature(u))[0])) * sideways * WINDOW_TICKS * base.dt
+    bound = (pushes + turning) / approach + 1e-6
+    metric = Metric("share of the impulse of (3.5) missing after two ticks", abs(1.0 - taken / wanted), "")
+    stopped = np.flatnonzero(along[struck:] >= 0.0)
+    leaves = np.flatnonzero(~touching[struck:])
+    evidence: dict[str, object] = {
+        **place(base, struck),
+        "approach_speed_m_s": approach,
+        "impulse_wanted_Ns": wanted,
+        "impulse_in_two_ticks_Ns": taken,
+        "peak_force_N": float(np.max(base.force[struck:] @ normal)),
+        "stopped_after_ms": 1e3 * float(base.time[struck + stopped[0]] - base.time[struck]) if stopped.size else None,
+    }
+    if leaves.size:
+        evidence["apparent_restitution"] = float(along[struck + leaves[0]]) / approach
+        evidence["impulse_over_contact_Ns"] = scene.mass * float(along[struck + leaves[0]] - along[struck])
+    if metric.value <= bound:
+        message = f"{taken:.3g} N s of {wanted:.3g} N s are taken out within {WINDOW_TICKS} ticks"
+        return Finding(Outcome.PASS, message, metric, bound, evidence)
+    when = f"stops after {evidence['stopped_after_ms']:.3g} ms" if stopped.size else "is not stopped"
+    message = f"{taken:.3g} N s of {wanted:.3g} N s are taken out within {WINDOW_TICKS} ticks; the tool {when}"
+    if leaves.size:
+        message += f" and leaves with restitution {evidence['apparent_restitution']:.2f}"
+    return Finding(Outcome.FAIL, message, metric, bound, evidence)
+
+
+def _operator_speed(recording: Recording, start: int, end: int) -> float:
+    """Momentum (N s) that the operator may add over the window."""
+    if "operator_force" not in recording.channels:
+        return 0.0
+    pushes = np.linalg.norm(recording.channels["operator_force"][start:end], axis=1)
+    return float(np.sum(pushes)) * recording.dt
+
+
+CHECK = Check(
+    id="impulsive-collision",
+    phenomenon="Impulsive Collision Force",
+    asks="Does a first contact cancel or reverse the tool's momentum along the normal at once?",
+    formula="p_post - p_pre = -(1 + c_r) m (v . n_e) n_e  (3.5), and (3.6) with the sign and factor of (3.5)",
+    citation="thesis 3.2.2, (3.5)-(3.7)",
+    channels=("hip", "ihip", "force", "velocity", "operator_force where it was recorded"),
+    siblings="none",
+    metric="share of the impulse of (3.5) missing after two ticks",
+    unit="",
+    bound=(
+        "(operator's momentum over the window + m kappa v_t^2 of turning over it) / (m v_n) + 1e-6. The window is two "
+        "ticks, the shortest in which a sampled renderer can answer: it meets the contact at the first sample after it and "
+        "its force acts until the next; one more is granted. A spring needs a quarter period, pi/2 sqrt(m / K_p)."
+    ),
+    judge=judge,
+)

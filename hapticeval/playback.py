@@ -1,0 +1,129 @@
+"""Playback (Figure 6.1): a renderer is led along a given HIP path, as if it came from the robot's encoders."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hapticeval.errors import HapticevalError, RendererError
+from hapticeval.recordings.recording import Recording, backward_difference
+from hapticeval.renderer import Batch, Renderer, SelfDriven
+from hapticeval.stimulus import Path
+from hapticeval.types import Array
+
+
+def play(renderer: Renderer | SelfDriven, path: Path, dt: float) -> Recording:
+    """The renderer's answers along `path`, sampled every `dt` seconds.
+
+    Raises `RendererError`, naming tick and HIP, when the renderer raises, answers in a wrong shape or with a
+    number that is not finite.
+    """
+    if isinstance(renderer, SelfDriven):
+        return renderer.answer(path, dt)
+    time, hips = path.sampled(dt)
+    velocity = backward_difference(hips, time)
+    if isinstance(renderer, Batch):
+        ihips, forces = _all_at_once(renderer, hips, velocity, dt)
+    else:
+        ihips, forces = _step_by_step(renderer, hips, velocity, dt)
+    channels = {"hip": hips, "ihip": ihips, "force": forces, "velocity": velocity}
+    return Recording(time, channels, meta={"source": "playback", "dt": dt, **declared(renderer)})
+
+
+def declared(renderer: object) -> Mapping[str, Any]:
+    """What a renderer says of its own coarseness: `resolution` and `standoff`, m, 0 where it says nothing."""
+    return {
+        "resolution": float(getattr(renderer, "resolution", 0.0)),
+        "standoff": float(getattr(renderer, "standoff", 0.0)),
+    }
+
+
+def _all_at_once(renderer: Batch, hips: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
+    try:
+        ihips, forces = renderer.run(hips, dt)
+    except HapticevalError:
+        raise
+    except Exception as error:
+        if not isinstance(renderer, Renderer):
+            raise RendererError(
+                f"the renderer's run() raised {type(error).__name__}: {error}", tick=0, hip=hips[0]
+            ) from error
+        # A batch does not say where it broke; single steps do.
+        _step_by_step(renderer, hips, velocity, dt)
+        raise RendererError(
+            f"the renderer's run() raised {type(error).__name__}: {error}",
+            tick=0,
+            hip=hips[0],
+            why="its step() takes the same path without an error",
+            todo="make run() equal to reset() and a step() a row",
+        ) from error
+    answers = []
+    for name, values in (("IHIPs", ihips), ("forces", forces)):
+        array = np.asarray(values, dtype=np.float64)
+        if array.shape != hips.shape:
+            raise RendererError(
+                f"the renderer's run() answered {name} of shape {array.shape}, not {hips.shape}",
+                tick=0,
+                hip=hips[0],
+            )
+        bad = ~np.isfinite(array).all(axis=1)
+        if bad.any():
+            tick = int(np.argmax(bad))
+            raise RendererError(f"{name} not finite: {array[tick]}", tick=tick, hip=hips[tick])
+        answers.append(array)
+    return answers[0], answers[1]
+
+
+def _step_by_step(renderer: Renderer, hips: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
+    ihips = np.empty_like(hips)
+    forces = np.empty_like(hips)
+    start(renderer, hips[0])
+    for tick in range(hips.shape[0]):
+        ihips[tick], forces[tick] = ask(renderer, tick, hips[tick], velocity[tick], dt)
+    return ihips, forces
+
+
+def start(renderer: Renderer, hip: Array) -> None:
+    """`renderer.reset(hip)`, with what it raises told as a `RendererError`."""
+    try:
+        renderer.reset(hip.copy())
+    except HapticevalError:
+        raise
+    except Exception as error:
+        raise RendererError(
+            f"the renderer's reset() raised {type(error).__name__}: {error}", tick=0, hip=hip
+        ) from error
+
+
+def ask(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
+    """`renderer.step(...)`, refused with tick and HIP unless it is two finite vectors like `hip`.
+
+    The renderer gets copies: what it does to its arguments must not reach the recording.
+    """
+    try:
+        ihip, force = renderer.step(hip.copy(), velocity.copy(), dt)
+    except HapticevalError:
+        raise
+    except Exception as error:
+        raise RendererError(
+            f"the renderer's step() raised {type(error).__name__}: {error}", tick=tick, hip=hip
+        ) from error
+    ihip = np.asarray(ihip, dtype=np.float64)
+    force = np.asarray(force, dtype=np.float64)
+    if ihip.shape != hip.shape or force.shape != hip.shape:
+        raise RendererError(
+            f"the renderer answered an IHIP of shape {ihip.shape} and a force of shape {force.shape}",
+            tick=tick,
+            hip=hip,
+            why=f"both must have the HIP's shape {hip.shape}",
+        )
+    if not (np.isfinite(ihip).all() and np.isfinite(force).all()):
+        raise RendererError(
+            f"the renderer's answer is not finite: IHIP {ihip}, force {force}",
+            tick=tick,
+            hip=hip,
+            why="a number that is not finite would reach the motors",
+        )
+    return ihip, force

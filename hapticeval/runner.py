@@ -1,0 +1,237 @@
+"""Cases x renderers -> recordings -> verdicts -> results on disk, told as one stream of events."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hapticeval.discovery import resolve
+from hapticeval.errors import HapticevalError, NothingSelectedError
+from hapticeval.events import Event, JobFinished, RunFinished, RunStarted
+from hapticeval.judging import Judged, judge
+from hapticeval.phenomena.verdict import Verdict
+from hapticeval.recordings.hdf5 import write_recording
+from hapticeval.results import Results, environment, file_stem, verdict_document, write_results
+from hapticeval.suite import Case, Suite, load_suite
+from hapticeval.table import fill_table
+
+SAVE_EVERY = 1.0
+"""Seconds between two writings of results.json: what a killed run may lose."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One renderer through one case."""
+
+    suite: str
+    case: Case
+    renderer: str
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What will run. `suites` are whole; `jobs` hold only the selected cases, with only the selected checks."""
+
+    suites: tuple[Suite, ...]
+    renderers: tuple[str, ...]
+    jobs: tuple[Job, ...]
+    select: str | None
+    seed: int
+
+    @property
+    def planned(self) -> int:
+        """Number of verdicts."""
+        return sum(len(job.case.checks) for job in self.jobs)
+
+
+def plan(suites: Sequence[str], renderers: Sequence[str], *, select: str | None = None, seed: int = 0) -> Plan:
+    """Load the suites, see that every renderer can be found, and apply the selection.
+
+    `select` is a glob on case names, or on `case/check`. Raises `NothingSelectedError` when nothing is left, and
+    what `load_suite` and `resolve` raise.
+    """
+    loaded = tuple(load_suite(name) for name in dict.fromkeys(suites))
+    names = tuple(dict.fromkeys(renderers))
+    for name in names:
+        resolve(name)
+    jobs = tuple(
+        Job(suite.name, selected, name)
+        for suite in loaded
+        for case in suite.cases
+        for selected in _selected(case, select)
+        for name in names
+    )
+    if not jobs:
+        cases = sorted({case.name for suite in loaded for case in suite.cases})
+        raise NothingSelectedError(
+            f"nothing matches -k '{select}'" if select else "no suites or no renderers are named",
+            why=f"the cases are: {', '.join(cases)}" if cases else "",
+            todo="a glob is matched against the whole name: try -k '*slide*' or -k '*/memoryless'",
+        )
+    return Plan(loaded, names, jobs, select, seed)
+
+
+def _selected(case: Case, select: str | None) -> Iterator[Case]:
+    if select is None or fnmatchcase(case.name, select):
+        yield case
+        return
+    checks = tuple(check for check in case.checks if fnmatchcase(f"{case.name}/{check}", select))
+    if checks:
+        yield replace(case, checks=checks)
+
+
+def execute(plan: Plan, directory: Path, *, workers: int = 2) -> Iterator[Event]:
+    """Run the plan, in `workers` processes, and keep results.json in `directory` up to date while it goes on.
+
+    Events come in the order of the plan. On Ctrl-C, or when a worker dies, what has finished is kept, the results
+    say that they are incomplete and why, and `RunFinished` is still the last event.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    yield RunStarted(plan.planned, len(plan.jobs))
+    progress = _Progress(plan, directory)
+    reason = None
+    pool = ProcessPoolExecutor(max_workers=workers, initializer=_ignore_interrupts)
+    futures: list[Future[tuple[Judged, Path | None]]] = []
+    told = 0
+    try:
+        futures = [pool.submit(_run_job, job, directory, plan.seed) for job in plan.jobs]
+        for job, future in zip(plan.jobs, futures, strict=True):
+            event = progress.add(job, *future.result())
+            told += 1
+            yield event
+    except KeyboardInterrupt:
+        reason = "interrupted by the user"
+    except BrokenProcessPool:
+        reason = "a worker process died: out of memory, or a renderer that ended the process"
+    finally:
+        pool.shutdown(wait=reason is None, cancel_futures=True)
+    for job, future in zip(plan.jobs[told:], futures[told:], strict=False):
+        if future.done() and not future.cancelled() and future.exception() is None:
+            yield progress.add(job, *future.result())
+    yield RunFinished(progress.finish(reason))
+
+
+def _ignore_interrupts() -> None:
+    """Ctrl-C reaches the whole process group; only the parent decides what it means."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _run_job(job: Job, directory: Path, seed: int) -> tuple[Judged, Path | None]:
+    """Judge, and write the recording here: verdicts travel between processes, recordings do not."""
+    np.random.seed(seed)  # noqa: NPY002 - a third party's renderer may draw from the global generator
+    judged = judge(resolve(job.renderer), job.renderer, job.suite, job.case)
+    if judged.recording is None:
+        return judged, None
+    file = recording_file(job)
+    write_recording(directory / file, judged.recording)
+    return replace(judged, recording=None), file
+
+
+def recording_file(job: Job) -> Path:
+    """Where a job's recording lies below the result folder."""
+    return Path("recordings") / job.suite / job.case.name / f"{file_stem(job.renderer)}.h5"
+
+
+class _Progress:
+    """The results so far, saved at most once a second."""
+
+    def __init__(self, plan: Plan, directory: Path) -> None:
+        self.plan = plan
+        self.directory = directory
+        self.verdicts: list[Verdict] = []
+        self.runs: list[Mapping[str, Any]] = []
+        self.simulated = 0.0
+        self.started = time.perf_counter()
+        self.environment = environment()
+        self.saved = self.started
+        self._save("still running, or killed")
+
+    def add(self, job: Job, judged: Judged, file: Path | None) -> JobFinished:
+        self.verdicts += judged.verdicts
+        self.simulated += judged.simulated_seconds
+        self.runs.append(_run_document(job, judged, file))
+        if time.perf_counter() - self.saved > SAVE_EVERY:
+            self._save("still running, or killed")
+        return JobFinished(
+            suite=job.suite,
+            case=job.case.name,
+            renderer=job.renderer,
+            verdicts=judged.verdicts,
+            error=judged.error,
+            simulated_seconds=judged.simulated_seconds,
+            wall_seconds=judged.wall_seconds,
+        )
+
+    def finish(self, reason: str | None) -> Results:
+        if reason is None and len(self.verdicts) < self.plan.planned:
+            reason = "fewer verdicts than planned"
+        return self._save(reason)
+
+    def _save(self, reason: str | None) -> Results:
+        wall = time.perf_counter() - self.started
+        results = Results(
+            planned=self.plan.planned,
+            ran=len(self.verdicts),
+            complete=reason is None,
+            reason=reason,
+            environment=self.environment,
+            seed=self.plan.seed,
+            command={
+                "suites": [suite.name for suite in self.plan.suites],
+                "renderers": list(self.plan.renderers),
+                "select": self.plan.select,
+            },
+            runs=list(self.runs),
+            verdicts=[verdict_document(verdict) for verdict in self.verdicts],
+            table=fill_table(self.plan.suites, self.verdicts),
+            timing={
+                "simulated_seconds": self.simulated,
+                "wall_seconds": wall,
+                "times_real_time": self.simulated / wall if wall > 0.0 else 0.0,
+            },
+        )
+        write_results(self.directory, results)
+        self.saved = time.perf_counter()
+        return results
+
+
+def _run_document(job: Job, judged: Judged, file: Path | None) -> Mapping[str, Any]:
+    case = job.case
+    scene = case.build_scene()
+    return {
+        "suite": job.suite,
+        "case": case.name,
+        "renderer": job.renderer,
+        "recording": None if file is None else file.as_posix(),
+        "simulated_seconds": judged.simulated_seconds,
+        "wall_seconds": judged.wall_seconds,
+        "stimulus": case.stimulus_kind,
+        "title": case.title,
+        "shows": case.shows,
+        "citation": case.citation,
+        "model": dict(case.model),
+        "depth_of": case.depth_of,
+        "judged": case.judged,
+        "scene": {
+            "stiffness": scene.stiffness,
+            "damping": scene.damping,
+            "mass": scene.mass,
+            "bilateral": scene.bilateral,
+            "restitution": scene.restitution,
+            "sampling_time": scene.sampling_time,
+        },
+        "error": _error_document(judged.error),
+    }
+
+
+def _error_document(error: HapticevalError | None) -> Mapping[str, str] | None:
+    return None if error is None else {"what": error.what, "why": error.why, "todo": error.todo}

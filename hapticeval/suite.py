@@ -1,0 +1,242 @@
+"""Suites: files of cases, each a scene, a stimulus and the checks that judge it."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path as FilePath
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from hapticeval.errors import HapticevalError, InputError, UnknownNameError
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.geometry.model import Model
+from hapticeval.phenomena.registry import CHECKS
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.scene import Scene
+from hapticeval.stimulus import Experiment, Stimulus
+from hapticeval.trajectories import build_path
+
+Published = Mapping[str, Mapping[str, Outcome]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One scene with one stimulus and the checks that read its recording.
+
+    `depth_of` says whose surface a trajectory's depth counts from: the `model`'s, or that of the renderer's own
+    `representation`, which may lie deeper than the trajectory. An unjudged case is shown and never counts.
+    `published` maps renderer and check to the outcome in print.
+    """
+
+    name: str
+    title: str
+    shows: str
+    citation: str
+    model: Mapping[str, Any]
+    depth_of: str
+    scene: Mapping[str, Any]
+    trajectory: Mapping[str, Any] | None
+    experiment: Mapping[str, Any] | None
+    checks: tuple[str, ...]
+    judged: bool
+    published: Published
+    folder: FilePath = field(repr=False)
+
+    @property
+    def stimulus_kind(self) -> str:
+        """ "trajectory" (playback) or "experiment" (closed loop)."""
+        return "experiment" if self.trajectory is None else "trajectory"
+
+    def build_scene(self) -> Scene:
+        """The scene, its model built once a process."""
+        return Scene(model=_model(json.dumps(self.model, sort_keys=True)), **self.scene)
+
+    def build_stimulus(self, scene: Scene, renderer: object) -> Stimulus:
+        """The path or the experiment; the renderer's own surface counts where `depth_of` says so.
+
+        Raises `InputError` when the stimulus has another dimension than the model.
+        """
+        stimulus = self._stimulus(scene, renderer)
+        dimension = 2  # every model of the catalogue is a plane curve
+        if stimulus.dimension != dimension:
+            raise InputError(
+                f"case '{self.name}' leads the HIP in {stimulus.dimension}D on a {dimension}D model",
+                why="HIP and model must live in the same space",
+                todo="project the trajectory onto the model's plane: drop a column",
+            )
+        return stimulus
+
+    def _stimulus(self, scene: Scene, renderer: object) -> Stimulus:
+        if self.trajectory is not None:
+            surface = scene.model.curve
+            if self.depth_of == "representation":
+                surface = getattr(renderer, "surface", surface)
+            return build_path(self.trajectory, surface, self.folder)
+        spec = self.experiment or {}
+        position = np.array(spec["position"], dtype=np.float64)
+        rows = np.array(spec.get("force", [[0.0] * (position.size + 1)]), dtype=np.float64)
+        return Experiment(
+            duration=spec["duration"],
+            position=position,
+            velocity=np.array(spec.get("velocity", np.zeros(position.size)), dtype=np.float64),
+            force_time=rows[:, 0],
+            force=rows[:, 1:],
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A row of the summary table: Yes where `check` passes in all `cases` (globs), with what is in print."""
+
+    title: str
+    check: str
+    cases: tuple[str, ...]
+    published: Mapping[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Suite:
+    """A file of cases and the rows of the table that they fill."""
+
+    name: str
+    title: str
+    citation: str
+    cases: tuple[Case, ...]
+    rows: tuple[Row, ...]
+
+
+@lru_cache(maxsize=64)
+def _model(document: str) -> Model:
+    return make_model(**json.loads(document))
+
+
+def find_suites() -> Mapping[str, FilePath]:
+    """The suites that are installed, by name."""
+    folder = FilePath(str(resources.files("hapticeval.suites")))
+    return MappingProxyType({file.stem: file for file in sorted(folder.glob("*.toml"))})
+
+
+def load_suite(name_or_path: str) -> Suite:
+    """A suite by its name or by the path of a TOML file.
+
+    Raises `UnknownNameError` for neither, and `InputError`, naming file and case, for a file that is not TOML, does
+    not fit the schema, or names unknown checks or models.
+    """
+    known = find_suites()
+    file = known.get(name_or_path)
+    if file is None:
+        file = FilePath(name_or_path)
+        if file.suffix != ".toml":
+            raise UnknownNameError("suite", name_or_path, known)
+        if not file.is_file():
+            raise InputError(f"no suite file {file}", todo=f"check the path, or use one of: {', '.join(known)}")
+    try:
+        document = tomllib.loads(file.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{file.name} is not TOML", why=str(error)) from error
+    _validate(document, file.name)
+    cases = tuple(case for spec in document["case"] for case in _cases(spec, file))
+    _refuse_repeats([case.name for case in cases], file.name)
+    rows = tuple(_row(spec, file.name) for spec in document.get("row", []))
+    return Suite(
+        name=file.stem,
+        title=document["title"],
+        citation=document.get("citation", ""),
+        cases=cases,
+        rows=rows,
+    )
+
+
+def _validate(document: Mapping[str, Any], file: str) -> None:
+    import jsonschema
+
+    schema = json.loads(resources.files("hapticeval").joinpath("suite.schema.json").read_text(encoding="utf-8"))
+    error = jsonschema.exceptions.best_match(jsonschema.Draft202012Validator(schema).iter_errors(document))
+    if error is None:
+        return
+    place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in error.absolute_path)
+    path = list(error.absolute_path)
+    if len(path) >= 2 and path[0] == "case":
+        name = document["case"][path[1]].get("name", f"number {path[1]}")
+        place = f" case '{name}'" + "".join(f".{part}" for part in path[2:])
+    raise InputError(f"{file}:{place or ' the file'} does not fit: {error.message}", todo="see 'Suites' in the README")
+
+
+def _refuse_repeats(names: list[str], file: str) -> None:
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise InputError(f"{file} has two cases named '{name}'", todo="give each case a name of its own")
+
+
+def _row(spec: Mapping[str, Any], file: str) -> Row:
+    _check_known(spec["check"], f"{file}: row '{spec['title']}'")
+    return Row(
+        title=spec["title"],
+        check=spec["check"],
+        cases=tuple(spec["cases"]),
+        published=spec.get("published", {}),
+    )
+
+
+def _check_known(name: str, place: str) -> None:
+    if name not in CHECKS:
+        error = UnknownNameError("check", name, CHECKS)
+        raise InputError(f"{place}: {error.what}", todo=error.todo)
+
+
+def _cases(spec: Mapping[str, Any], file: FilePath) -> Iterator[Case]:
+    """The case, or one for each entry of its sweep."""
+    place = f"{file.name}: case '{spec['name']}'"
+    for check in spec["checks"]:
+        _check_known(check, place)
+    trajectory = spec.get("trajectory")
+    if "sweep" not in spec:
+        if trajectory is not None and trajectory["kind"] == "scaled" and "depth" not in trajectory:
+            raise InputError(f"{place}: a 'scaled' trajectory needs a depth", todo="give depth, or a sweep")
+        yield _case(spec, spec["name"], trajectory, spec.get("published", {}), file)
+        return
+    if trajectory is None:
+        raise InputError(f"{place}: a sweep is over the depth of a trajectory", todo="write a case an experiment")
+    for entry in spec["sweep"]:
+        swept = {**trajectory, "depth": entry["depth"]}
+        published = {**spec.get("published", {}), **entry.get("published", {})}
+        yield _case(spec, f"{spec['name']}-{entry['label']}", swept, published, file)
+
+
+def _case(
+    spec: Mapping[str, Any],
+    name: str,
+    trajectory: Mapping[str, Any] | None,
+    published: Mapping[str, Mapping[str, str]],
+    file: FilePath,
+) -> Case:
+    case = Case(
+        name=name,
+        title=spec["title"],
+        shows=" ".join(spec.get("shows", "").split()),
+        citation=spec.get("citation", ""),
+        model=spec["model"],
+        depth_of=spec.get("depth_of", "model"),
+        scene=spec.get("scene", {}),
+        trajectory=trajectory,
+        experiment=spec.get("experiment"),
+        checks=tuple(spec["checks"]),
+        judged=spec.get("judged", True),
+        published={
+            renderer: {check: Outcome(outcome) for check, outcome in outcomes.items()}
+            for renderer, outcomes in published.items()
+        },
+        folder=file.parent,
+    )
+    try:
+        case.build_scene()
+    except HapticevalError as error:
+        raise InputError(f"{file.name}: case '{name}': {error.what}", why=error.why, todo=error.todo) from error
+    return case

@@ -1,0 +1,132 @@
+"""HIP trajectories of the suites: built from a surface and a few numbers, or read from a file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from hapticeval.errors import InputError
+from hapticeval.geometry.curve import Curve
+from hapticeval.stimulus import Path
+from hapticeval.types import Array
+
+WAYPOINTS = 32_768
+"""Points on a built path: four a tick for eight seconds at 1 kHz, so that refined runs see its true shape."""
+
+
+def build_path(spec: Mapping[str, Any], surface: Curve, folder: FilePath) -> Path:
+    """The path that a suite's `trajectory` table asks for.
+
+    `kind` is one of
+
+    - `scaled`: (1 - depth / R) y(s) with R the surface's largest radius about the origin, between the polar angles
+      `from_angle` and `to_angle` (degrees): `depth` (m) under the tips, less in the valleys;
+    - `corner`: parallel to the faces of the surface's corner number `corner`, `depth` (m) under them, from `before`
+      to `after` metres from the corner; round a concave corner on an arc, straight on past a convex one;
+    - `points`: straight lines between `points` (m);
+    - `file`: a CSV file with the header `t,x,y` (s, m), relative to the suite's folder.
+
+    The built ones are run through in `duration` seconds at constant speed.
+    """
+    kind = spec["kind"]
+    if kind == "file":
+        return read_path(folder / str(spec["path"]))
+    if kind == "scaled":
+        points = _scaled(surface, spec["depth"], spec["from_angle"], spec["to_angle"])
+    elif kind == "corner":
+        points = _past_corner(surface, spec["corner"], spec["depth"], spec["before"], spec["after"])
+    else:
+        points = np.array(spec["points"], dtype=np.float64)
+    return _at_constant_speed(points, spec["duration"])
+
+
+def read_path(file: FilePath) -> Path:
+    """A HIP trajectory from CSV with the header `t,x,y` or `t,x,y,z`: seconds and metres.
+
+    Raises `InputError`, naming file and row, for a missing file, other columns, text among the numbers, fewer than
+    two rows, NaN, and times that do not increase.
+    """
+    import pandas as pd
+
+    try:
+        table = pd.read_csv(file)
+    except FileNotFoundError:
+        raise InputError(f"no trajectory file {file}", todo="check the path; it counts from the suite's folder") from None
+    except (ValueError, UnicodeDecodeError) as error:
+        raise InputError(f"{file} is not a CSV table", why=str(error), todo="write a header t,x,y and rows of numbers") from error
+    columns = [str(name).strip() for name in table.columns]
+    if columns not in (["t", "x", "y"], ["t", "x", "y", "z"]):
+        raise InputError(
+            f"{file} has the columns {', '.join(columns)}",
+            why="a trajectory is a time in seconds and positions in metres",
+            todo="give it the header t,x,y (or t,x,y,z)",
+        )
+    for name in table.columns:
+        numbers = pd.to_numeric(table[name], errors="coerce")
+        text = numbers.isna() & table[name].notna()
+        if text.any():
+            row = int(np.argmax(text.to_numpy()))
+            raise InputError(f"{file}, row {row}, column {name}: {table[name].iloc[row]!r} is not a number")
+        table[name] = numbers
+    values = table.to_numpy(dtype=np.float64)
+    if values.shape[0] < 2:
+        raise InputError(f"{file} has {values.shape[0]} rows", why="a trajectory needs at least two")
+    try:
+        return Path(values[:, 0], values[:, 1:])
+    except InputError as error:
+        raise InputError(f"{file}: {error.what}", why=error.why, todo=error.todo) from None
+
+
+def _scaled(surface: Curve, depth: float, from_angle: float, to_angle: float) -> Array:
+    low, high = surface.u_range
+    if not np.isfinite(low):
+        raise InputError("a 'scaled' trajectory needs a closed model", todo="use kind = 'points' on a line")
+    u = np.linspace(low, high, 4 * WAYPOINTS)
+    outline = np.asarray(surface.position(u))
+    angle = np.unwrap(np.arctan2(outline[:, 1], outline[:, 0]))
+    if np.any(np.diff(angle) <= 0.0):
+        raise InputError(
+            "a 'scaled' trajectory needs a model that every ray from the origin meets once",
+            todo="use kind = 'points' or 'file'",
+        )
+    start, stop = math.radians(from_angle), math.radians(to_angle)
+    wanted = np.linspace(start, stop, WAYPOINTS)
+    turn = 2.0 * np.pi
+    inside = angle[0] + (wanted - angle[0]) % turn
+    position = np.asarray(surface.position(np.interp(inside, angle, u)))
+    radius = float(np.max(np.linalg.norm(outline, axis=1)))
+    if depth >= radius:
+        raise InputError(f"a 'scaled' trajectory of depth {depth} m", why=f"the surface's radius is {radius:.4g} m")
+    return (1.0 - depth / radius) * position
+
+
+def _past_corner(surface: Curve, number: int, depth: float, before: float, after: float) -> Array:
+    corners = surface.corners
+    if not 0 <= number < len(corners):
+        raise InputError(
+            f"the model has no corner {number}",
+            why=f"it has {len(corners)}",
+            todo="count corners from 0 along the curve",
+        )
+    corner = corners[number]
+    start = corner.position - before * corner.tangent_pre - depth * corner.normal_pre
+    if corner.convex:
+        return np.array([start, corner.position + after * corner.tangent_pre - depth * corner.normal_pre])
+    first = math.atan2(-corner.normal_pre[1], -corner.normal_pre[0])
+    angles = np.linspace(first, first + corner.turn, 2048)
+    arc = corner.position + depth * np.column_stack([np.cos(angles), np.sin(angles)])
+    end = corner.position + after * corner.tangent_post - depth * corner.normal_post
+    return np.vstack([start, arc, end])
+
+
+def _at_constant_speed(points: Array, duration: float) -> Path:
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    keep = np.concatenate([[True], np.diff(along) > 0.0])
+    along, points = along[keep], points[keep]
+    if along.size < 2:
+        raise InputError("a trajectory that stays at one point", todo="give it two different points")
+    return Path(along * (duration / along[-1]), points)
