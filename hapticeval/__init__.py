@@ -1,0 +1,82 @@
+"""Conformance and benchmarking for haptic renderers: six phenomena of rigid contact as automated checks.
+
+The light value types are imported here. What needs compiled geometry (`Scene`, `Response` and what is built
+on them) is imported on first use, so that `import hapticeval` stays quick.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+from hapticeval.errors import (
+    HapticevalError,
+    InputError,
+    NothingSelectedError,
+    RendererError,
+    UnknownNameError,
+)
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
+from hapticeval.recordings.recording import Recording
+from hapticeval.stimulus import Experiment, Path, Stimulus
+from hapticeval.types import Array, BoolArray, IntArray
+
+if TYPE_CHECKING:
+    from hapticeval.discovery import known_renderers, resolve
+    from hapticeval.phenomena.check import Check, Runs
+    from hapticeval.renderer import Batch, Renderer, RendererFactory, Response, SelfDriven
+    from hapticeval.scene import Scene
+
+__version__ = version("hapticeval")
+
+_LAZY = {
+    "Batch": "hapticeval.renderer",
+    "Check": "hapticeval.phenomena.check",
+    "Renderer": "hapticeval.renderer",
+    "RendererFactory": "hapticeval.renderer",
+    "Response": "hapticeval.renderer",
+    "Runs": "hapticeval.phenomena.check",
+    "Scene": "hapticeval.scene",
+    "SelfDriven": "hapticeval.renderer",
+    "known_renderers": "hapticeval.discovery",
+    "resolve": "hapticeval.discovery",
+}
+
+__all__ = [
+    "Array",
+    "Batch",
+    "BoolArray",
+    "Check",
+    "Experiment",
+    "Finding",
+    "HapticevalError",
+    "InputError",
+    "IntArray",
+    "Level",
+    "Metric",
+    "NothingSelectedError",
+    "Outcome",
+    "Path",
+    "Recording",
+    "Renderer",
+    "RendererError",
+    "RendererFactory",
+    "Response",
+    "Runs",
+    "Scene",
+    "SelfDriven",
+    "Stimulus",
+    "UnknownNameError",
+    "Verdict",
+    "__version__",
+    "known_renderers",
+    "resolve",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a heavy name on its first use (PEP 562)."""
+    if name not in _LAZY:
+        raise AttributeError(f"module 'hapticeval' has no attribute '{name}'")
+    return getattr(import_module(_LAZY[name]), name)

@@ -1,0 +1,248 @@
+"""The command line: a shell around suites, runner and reports, each imported when it is used."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from collections.abc import Generator, Iterator, Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hapticeval import __version__
+from hapticeval.errors import HapticevalError, InputError
+
+if TYPE_CHECKING:
+    from hapticeval.events import Event
+    from hapticeval.results import Results
+    from hapticeval.terminal import Terminal
+
+DEFAULT_SUITE = "thesis"
+DEFAULT_DIRECTORY = Path("results")
+
+ABOUT = """Judge haptic renderers by six phenomena of rigid contact.
+
+\b
+Examples:
+  hapticeval run                               the built-in renderers on the thesis's cases
+  hapticeval run -r mymodule:factory           a renderer of your own, from the current directory
+  hapticeval run -k '*corner*' -r constraint   only the cases whose name has corner in it
+  hapticeval list cases                        what there is to run
+  hapticeval explain continuous-contact        what a check measures, its bound, and why
+"""
+
+EXIT_CODES = """\b
+Exit codes:
+  0  every verdict is as required, or as published where the suite publishes one
+  1  a check failed or differs, or fewer verdicts than planned were reached
+  2  wrong usage or input
+  3  a renderer broke: the message names case, tick and HIP (outranks 1)
+  4  nothing was selected
+"""
+
+app = typer.Typer(
+    name="hapticeval",
+    help=ABOUT,
+    epilog=EXIT_CODES,
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+
+
+class Listing(StrEnum):
+    """What `hapticeval list` can list."""
+
+    RENDERERS = "renderers"
+    SUITES = "suites"
+    CASES = "cases"
+    CHECKS = "checks"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code; what a user got wrong is told without a traceback."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    try:
+        app(args=None if arguments is None else list(arguments), prog_name="hapticeval")
+    except HapticevalError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return error.exit_code
+    except SystemExit as stop:
+        return stop.code if isinstance(stop.code, int) else 0 if stop.code is None else 1
+    return 0
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        _say(f"hapticeval {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Nothing is shared but `--version`."""
+
+
+@app.command(epilog=EXIT_CODES)
+def run(
+    suites: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="SUITE",
+            help=f"Suite names or TOML files; {DEFAULT_SUITE} if none.",
+            show_default=False,
+        ),
+    ] = None,
+    renderers: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-r",
+            "--renderer",
+            metavar="NAME",
+            help="BASE[+SCHEME][@REPRESENTATION], BASE an entry point or package.module:factory; may be "
+            "repeated. Without it, the renderers that come with hapticeval.",
+            show_default=False,
+        ),
+    ] = None,
+    select: Annotated[
+        str | None,
+        typer.Option("-k", metavar="GLOB", help="Only the cases, or case/check pairs, that match.", show_default=False),
+    ] = None,
+    directory: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Where results and reports go.")
+    ] = DEFAULT_DIRECTORY,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of everything random.", min=0)] = 0,
+) -> None:
+    """Run suites on renderers, judge, and write results and reports.
+
+    \b
+    Examples:
+      hapticeval run
+      hapticeval run thesis -r constraint -r mapping
+      hapticeval run -r mymodule:factory -k 'cassinian-*/continuous-contact'
+      hapticeval run mysuite.toml -o out
+    """
+    from hapticeval.discovery import own_renderers
+    from hapticeval.runner import execute, plan
+    from hapticeval.terminal import Terminal, exit_code, summary
+
+    names = renderers or list(own_renderers())
+    planned = plan(suites or [DEFAULT_SUITE], names, select=select, seed=seed)
+    _prepare(directory)
+    with Terminal() as terminal:
+        results = _watch(execute(planned, directory, workers=_cores()), terminal)
+    written = _report(directory)
+    _say(summary(results, written))
+    raise typer.Exit(exit_code(results, terminal.errors))
+
+
+@app.command("list")
+def list_(what: Annotated[Listing, typer.Argument(help="What to list.", show_default=False)]) -> None:
+    """List the renderers, suites, cases or checks that there are."""
+    from hapticeval import listing
+
+    rows = {
+        Listing.RENDERERS: listing.renderers,
+        Listing.SUITES: listing.suites,
+        Listing.CASES: listing.cases,
+        Listing.CHECKS: listing.checks,
+    }[what]()
+    _say(listing.columns(rows))
+
+
+@app.command()
+def explain(
+    check: Annotated[str, typer.Argument(help="A check's id, as in `hapticeval list checks`.")],
+) -> None:
+    """Tell what a check asks, measures and allows, and why."""
+    from hapticeval import listing
+
+    _say(listing.columns(listing.explained(check)))
+
+
+@app.command()
+def report(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of an earlier run.")],
+) -> None:
+    """Write the reports of an earlier run anew, from its results."""
+    from hapticeval.results import FILE
+
+    if not (directory / FILE).is_file():
+        raise InputError(
+            f"'{directory}' holds no {FILE}",
+            why="reports are made from the results of a run",
+            todo="name the folder that was given to `hapticeval run -o`",
+        )
+    for path in _report(directory):
+        _say(str(path))
+
+
+def _watch(stream: Iterator[Event], terminal: Terminal) -> Results:
+    """Give every event to the terminal, and return the results that the last one brings.
+
+    Ctrl-C may come while an event is shown; the stream must learn of it to end the run in good order.
+    """
+    from hapticeval.events import RunFinished
+
+    results = None
+    for event in stream:
+        try:
+            terminal(event)
+        except KeyboardInterrupt:
+            if not isinstance(stream, Generator):
+                raise
+            event = stream.throw(KeyboardInterrupt)
+        if isinstance(event, RunFinished):
+            results = event.results
+    assert results is not None
+    return results
+
+
+def _prepare(directory: Path) -> None:
+    """See that results may be written: into a folder that is new, empty, or holds an earlier run of ours."""
+    from hapticeval.results import FILE
+
+    if directory.exists() and not directory.is_dir():
+        raise InputError(f"'{directory}' is a file", why="results go into a folder", todo="name another with -o")
+    if directory.is_dir() and any(directory.iterdir()) and not (directory / FILE).is_file():
+        raise InputError(
+            f"'{directory}' is not empty and holds no earlier {FILE}",
+            why="files that hapticeval did not write are never overwritten",
+            todo="name a new or an empty folder with -o",
+        )
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"cannot make the folder '{directory}'", why=str(error), todo="name another with -o"
+        ) from error
+
+
+def _report(directory: Path) -> list[Path]:
+    from hapticeval.reports import write_reports
+
+    return write_reports(directory, workers=_cores())
+
+
+def _cores() -> int:
+    """The cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _say(text: str) -> None:
+    """Print on stdout. A reader that has gone away (`| head`) changes no exit code."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

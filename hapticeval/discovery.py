@@ -1,0 +1,167 @@
+"""Names of renderers, and the factories behind them: ours and a third party's are found alike.
+
+    BASE[+SCHEME][@REPRESENTATION]
+
+`BASE` is an entry point of the group `hapticeval.renderers`, or `package.module:factory`. `+SCHEME` chooses a
+regulation scheme and `@REPRESENTATION` how the model is stored, for a factory that has a choice of them. A
+scheme's own name may hold a plus: `constraint+pp+v@polygon` is `constraint`, `pp+v`, `polygon`.
+"""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from hapticeval.errors import InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from hapticeval.renderer import RendererFactory
+
+GROUP = "hapticeval.renderers"
+DISTRIBUTION = "hapticeval"
+
+
+@dataclass(frozen=True)
+class Name:
+    """A renderer's name in its parts; `regulation` and `representation` are None where none is asked for."""
+
+    base: str
+    regulation: str | None
+    representation: str | None
+
+
+def parse(name: str) -> Name:
+    """The parts of `BASE[+SCHEME][@REPRESENTATION]`. Raises `InputError` for a part that is empty."""
+    front, at, representation = name.partition("@")
+    base, plus, regulation = front.partition("+")
+    if not base or (plus and not regulation) or (at and not representation):
+        raise InputError(
+            f"'{name}' does not name a renderer",
+            why="a part of BASE[+SCHEME][@REPRESENTATION] is empty",
+            todo="name an entry point or package.module:factory: constraint, constraint+pp, mine:make",
+        )
+    return Name(base, regulation if plus else None, representation if at else None)
+
+
+def known_renderers() -> Mapping[str, EntryPoint]:
+    """Every installed entry point of the group, by name, in alphabetical order."""
+    return {entry.name: entry for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name)}
+
+
+def own_renderers() -> tuple[str, ...]:
+    """The names that this distribution itself registers: what is run where no renderer is named."""
+    return tuple(
+        name for name, entry in known_renderers().items() if entry.dist is not None and entry.dist.name == DISTRIBUTION
+    )
+
+
+def resolve(name: str) -> RendererFactory:
+    """The factory behind a renderer's name.
+
+    Raises `UnknownNameError`, with the closest known ones, for a name, a scheme or a representation that is
+    not known; `InputError` for a module that cannot be imported, an attribute that it lacks or that cannot be
+    called, and for a suffix on a factory that has no variants.
+    """
+    parts = parse(name)
+    factory = _load(parts.base)
+    if parts.regulation is None and parts.representation is None:
+        return cast("RendererFactory", factory)
+    variant = getattr(factory, "variant", None)
+    if not callable(variant):
+        raise InputError(
+            f"'{parts.base}' has no variants, so '{name}' names nothing",
+            why="+SCHEME and @REPRESENTATION need a factory with variant(regulation=..., representation=...)",
+            todo=f"use '{parts.base}' as it is",
+        )
+    chosen: dict[str, str] = {}
+    for keyword, kind, offer in (
+        ("regulation", "regulation scheme", "regulations"),
+        ("representation", "representation", "representations"),
+    ):
+        value = getattr(parts, keyword)
+        if value is None:
+            continue
+        offered = getattr(factory, offer, None)
+        if offered is not None and value not in offered:
+            raise UnknownNameError(f"{kind} of {parts.base}", value, offered)
+        chosen[keyword] = value
+    return cast("RendererFactory", variant(**chosen))
+
+
+def _load(base: str) -> Any:
+    """The factory of an entry point, or of `package.module:factory`."""
+    module, colon, attribute = base.partition(":")
+    if not colon:
+        known = known_renderers()
+        if base not in known:
+            raise _unknown(base, known)
+        module, _, attribute = known[base].value.partition(":")
+    elif not module or not attribute:
+        raise InputError(
+            f"'{base}' does not name a renderer",
+            why="package.module:factory needs a module before the colon and a factory after it",
+        )
+    else:
+        _see_current_directory()
+    return _factory(base, module.strip(), attribute.strip())
+
+
+def _unknown(base: str, known: Mapping[str, EntryPoint]) -> UnknownNameError:
+    """The error for a name that is no entry point; a module given without its factory is a common slip."""
+    error = UnknownNameError("renderer", base, known)
+    error.todo += "; a renderer of your own is named package.module:factory"
+    return error
+
+
+def _factory(base: str, module: str, attribute: str) -> Any:
+    """Import, look up, and see that it can be called; each failure says which step it was."""
+    try:
+        found: Any = import_module(module)
+    except (Exception, SystemExit) as error:
+        raise InputError(
+            f"renderer '{base}': cannot import the module '{module}'",
+            why=_cause(error),
+            todo=f"see that `python -c 'import {module}'` works in the folder where you start hapticeval",
+        ) from error
+    for part in attribute.split("."):
+        try:
+            found = getattr(found, part)
+        except AttributeError as error:
+            raise InputError(
+                f"renderer '{base}': the module '{module}' has no '{attribute}'",
+                why=str(error),
+                todo=f"it has: {', '.join(_public(found)) or 'no public names'}",
+            ) from error
+    if not callable(found):
+        raise InputError(
+            f"renderer '{base}': '{attribute}' of '{module}' cannot be called",
+            why=f"it is a {type(found).__name__}; a factory takes a scene and returns a renderer",
+        )
+    return found
+
+
+def _public(module: Any) -> list[str]:
+    """The callables that a user may have meant."""
+    return [name for name, value in vars(module).items() if not name.startswith("_") and callable(value)][:8]
+
+
+def _cause(error: BaseException) -> str:
+    """The cause's own text, and the line of the user's file at which it was raised."""
+    text = f"{type(error).__name__}: {error}"
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "importlib" not in frame.filename]
+    if isinstance(error, SyntaxError) or len(frames) < 2:
+        return text
+    return f"{text} ({frames[-1].filename}, line {frames[-1].lineno})"
+
+
+def _see_current_directory() -> None:
+    """Let a module in the current directory be imported, as pytest and `python -m` do."""
+    here = str(Path.cwd())
+    if here not in sys.path and "" not in sys.path:
+        sys.path.insert(0, here)

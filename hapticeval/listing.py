@@ -1,0 +1,87 @@
+"""What there is to run and to read about: pairs of a name and a text, for the command line to show."""
+
+from __future__ import annotations
+
+import shutil
+import textwrap
+from collections.abc import Iterable, Iterator
+
+from hapticeval.discovery import known_renderers, resolve
+from hapticeval.errors import HapticevalError, UnknownNameError
+from hapticeval.phenomena.registry import CHECKS
+from hapticeval.suite import find_suites, load_suite
+
+
+def renderers() -> Iterator[tuple[str, str]]:
+    """Every renderer that is installed, and the suffixes that it takes; a broken one says why."""
+    for name in known_renderers():
+        try:
+            factory = resolve(name)
+        except HapticevalError as error:
+            yield name, f"broken: {error.why}"
+            continue
+        yield name, getattr(factory, "summary", None) or _first_line(factory)
+        choices = [
+            f"{sign}{choice}"
+            for sign, offer in (("+", "regulations"), ("@", "representations"))
+            for choice in getattr(factory, offer, ())
+        ]
+        if choices:
+            yield "", f"takes {' '.join(choices)}"
+
+
+def suites() -> Iterator[tuple[str, str]]:
+    """The built-in suites."""
+    for name in find_suites():
+        suite = load_suite(name)
+        yield name, f"{suite.title} ({len(suite.cases)} cases; {suite.citation})"
+
+
+def cases() -> Iterator[tuple[str, str]]:
+    """The cases of the built-in suites."""
+    for name in find_suites():
+        for case in load_suite(name).cases:
+            judged = "" if case.judged else "; shown, not judged"
+            yield f"{name}/{case.name}", f"{case.title} ({case.stimulus_kind}{judged})"
+
+
+def checks() -> Iterator[tuple[str, str]]:
+    """The checks, each with what it asks."""
+    for name, check in CHECKS.items():
+        yield name, check.asks
+
+
+def explained(name: str) -> Iterator[tuple[str, str]]:
+    """All that a check says of itself. Raises `UnknownNameError` for an id that is none."""
+    if name not in CHECKS:
+        raise UnknownNameError("check", name, CHECKS)
+    check = CHECKS[name]
+    yield check.id, check.asks
+    yield "phenomenon", check.phenomenon
+    yield "formula", check.formula
+    yield "metric", f"{check.metric} ({check.unit})"
+    yield "bound", check.bound
+    yield "level", check.level.value
+    yield "reads", ", ".join(check.channels)
+    yield "also runs", check.siblings
+    yield "source", check.citation
+
+
+def _first_line(factory: object) -> str:
+    return (factory.__doc__ or "").strip().partition("\n")[0]
+
+
+def columns(rows: Iterable[tuple[str, str]]) -> str:
+    """Names in a column, and what they are wrapped beside them."""
+    pairs = list(rows)
+    width = max((len(name) for name, _ in pairs), default=0) + 2
+    lines = []
+    for name, text in pairs:
+        wrapped = textwrap.wrap(text, max(_width() - width, 20)) or [""]
+        lines.append(f"{name:{width}}{wrapped[0]}".rstrip())
+        lines += [" " * width + line for line in wrapped[1:]]
+    return "\n".join(lines)
+
+
+def _width() -> int:
+    return min(shutil.get_terminal_size().columns, 100)
