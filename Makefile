@@ -1,0 +1,51 @@
+# make run     set up, judge the built-in renderers on the thesis's cases, write results/
+# make test    set up with the development tools, run the tests
+# make bench   time the renderers            make study   the longer studies
+# make lint    ruff, and mypy on an installed copy
+# make clean   remove what these made; results/ stays
+
+PYTHON ?= python3
+BIN := .venv/bin
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.PHONY: run test bench study lint clean
+
+run: .venv/run.stamp
+	@$(BIN)/hapticeval run -o results || { code=$$?; \
+	  echo "hapticeval ended with exit code $$code, see 'Exit codes' in the README; what was written is in results/" >&2; \
+	  exit $$code; }
+
+test: .venv/dev.stamp
+	$(BIN)/pytest -n 2
+
+bench: .venv/dev.stamp
+	$(BIN)/pytest benchmarks/
+
+study: .venv/dev.stamp
+	$(BIN)/pytest -n 2 -m slow
+
+lint: .venv/dev.stamp
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	rm -rf build
+	$(BIN)/pip install --quiet --no-deps --target build/typecheck .
+	cd build/typecheck && ../../$(BIN)/mypy --config-file ../../pyproject.toml --cache-dir ../../.mypy_cache -p hapticeval
+
+# The install is editable: changes to the code need no new one. A change of pyproject.toml does.
+.venv/run.stamp: pyproject.toml | .venv/bin/pip
+	$(BIN)/pip install --quiet --editable .
+	@touch $@
+
+.venv/dev.stamp: pyproject.toml | .venv/bin/pip
+	$(BIN)/pip install --quiet --editable '.[dev]'
+	@touch $@ .venv/run.stamp
+
+.venv/bin/pip:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "hapticeval needs Python 3.11 or later, and $(PYTHON) is $$($(PYTHON) --version 2>&1)." >&2; \
+	  echo "Name a later one: make $(MAKECMDGOALS) PYTHON=python3.12" >&2; exit 1; }
+	$(PYTHON) -m venv .venv || { rm -rf .venv; exit 1; }
+
+clean:
+	rm -rf .venv build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

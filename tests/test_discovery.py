@@ -1,0 +1,135 @@
+"""Names of renderers: the grammar, the factories behind them, and what is said when there is none."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hapticeval.discovery import Name, known_renderers, own_renderers, parse, resolve
+from hapticeval.errors import InputError, UnknownNameError
+
+WORD = st.from_regex(r"[a-z][a-z0-9_:.-]{0,8}", fullmatch=True)
+SCHEME = st.from_regex(r"[a-z]{1,4}(\+[a-z]{1,4})?", fullmatch=True)
+
+LOCAL = """
+class Plain:
+    "A renderer of a third party."
+    def __init__(self, scene): pass
+
+class Family:
+    regulations = ("pp", "pp+v")
+    representations = {"curve": 1, "polygon": 2}
+    def __call__(self, scene): pass
+    def variant(self, **chosen): return lambda scene: chosen
+
+class Nest:
+    make = Plain
+
+family = Family()
+number = 3
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """An empty current directory; what is imported from it is forgotten afterwards."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    before = set(sys.modules)
+    yield tmp_path
+    for name in set(sys.modules) - before:
+        if str(getattr(sys.modules[name], "__file__", None)).startswith(str(tmp_path)):
+            del sys.modules[name]
+
+
+@given(WORD, st.none() | SCHEME, st.none() | WORD)
+def test_a_name_is_its_parts(base: str, scheme: str | None, representation: str | None) -> None:
+    text = base + ("" if scheme is None else f"+{scheme}") + ("" if representation is None else f"@{representation}")
+    assert parse(text) == Name(base, scheme, representation)
+
+
+@pytest.mark.parametrize("text", ["", "+pp", "constraint+", "constraint@", "constraint+@curve", "@curve"])
+def test_an_empty_part_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="does not name a renderer"):
+        parse(text)
+
+
+def test_the_distribution_registers_its_own() -> None:
+    assert set(own_renderers()) >= {"constraint", "ideal", "minimum-distance"}
+    assert set(own_renderers()) <= set(known_renderers())
+
+
+def test_a_local_file_is_found(here: Path) -> None:
+    (here / "mine_plain.py").write_text(LOCAL)
+    assert resolve("mine_plain:Plain").__doc__ == "A renderer of a third party."
+    assert resolve("mine_plain:Nest.make") is resolve("mine_plain:Plain")
+
+
+def test_a_suffix_chooses_the_variant(here: Path) -> None:
+    (here / "mine_family.py").write_text(LOCAL)
+    scene: object = None
+    assert resolve("mine_family:family+pp+v@polygon")(scene) == {"regulation": "pp+v", "representation": "polygon"}
+    assert resolve("mine_family:family@curve")(scene) == {"representation": "curve"}
+
+
+@pytest.mark.parametrize(
+    ("suffix", "kind", "close"),
+    [("+pq", "regulation scheme", "pp"), ("@polygn", "representation", "polygon")],
+)
+def test_an_unknown_suffix_names_the_closest(here: Path, suffix: str, kind: str, close: str) -> None:
+    (here / "mine_suffix.py").write_text(LOCAL)
+    with pytest.raises(UnknownNameError, match=kind) as caught:
+        resolve(f"mine_suffix:family{suffix}")
+    assert close in caught.value.todo
+
+
+def test_a_suffix_on_a_plain_factory_is_refused(here: Path) -> None:
+    (here / "mine_no_variant.py").write_text(LOCAL)
+    with pytest.raises(InputError, match="'mine_no_variant:Plain' has no variants"):
+        resolve("mine_no_variant:Plain+pp")
+
+
+def test_an_unknown_name_names_the_closest() -> None:
+    with pytest.raises(UnknownNameError, match="unknown renderer 'constrait'") as caught:
+        resolve("constrait")
+    assert "constraint" in caught.value.todo
+    assert "package.module:factory" in caught.value.todo
+
+
+@pytest.mark.parametrize(
+    ("source", "name", "what", "why"),
+    [
+        (None, "mine_absent:make", "cannot import the module", "No module named 'mine_absent'"),
+        (
+            "import absent_dependency",
+            "mine_dep:make",
+            "cannot import the module",
+            "No module named 'absent_dependency'",
+        ),
+        ("\n1 / 0", "mine_raises:make", "cannot import the module", "ZeroDivisionError: division by zero"),
+        ("def make(:", "mine_syntax:make", "cannot import the module", "SyntaxError"),
+        ("raise SystemExit(5)", "mine_exits:make", "cannot import the module", "SystemExit: 5"),
+        (LOCAL, "mine_lacks:mkae", "has no 'mkae'", "no attribute 'mkae'"),
+        (LOCAL, "mine_number:number", "cannot be called", "it is a int"),
+        (LOCAL, "mine_colon:", "does not name a renderer", "a factory after it"),
+    ],
+)
+def test_each_failure_says_which_and_why(here: Path, source: str | None, name: str, what: str, why: str) -> None:
+    if source is not None:
+        (here / f"{name.partition(':')[0]}.py").write_text(source)
+    with pytest.raises(InputError) as caught:
+        resolve(name)
+    assert what in caught.value.what
+    assert why in caught.value.why
+
+
+def test_an_error_while_importing_names_file_and_line(here: Path) -> None:
+    (here / "mine_line.py").write_text("\n\n1 / 0\n")
+    with pytest.raises(InputError) as caught:
+        resolve("mine_line:make")
+    assert "mine_line.py, line 3" in caught.value.why

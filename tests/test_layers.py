@@ -1,0 +1,140 @@
+"""Who may import whom, read off the source (ARCHITECTURE.md, "Layers"), and what an import costs."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+LAYERS = (
+    {"types", "errors", "compiled"},
+    {"files", "geometry"},
+    {"devices", "recordings"},
+    {"scene", "stimulus"},
+    {"renderer", "trajectories"},
+    {"phenomena", "playback"},
+    {"closed_loop", "discovery", "ideal", "suite"},
+    {"judging", "results", "table"},
+    {"events"},
+    {"runner"},
+    {"listing", "terminal"},
+    {"cli"},
+)
+"""From the bottom up. A unit (a module or a subpackage) imports from lower layers, and from itself."""
+
+RENDERERS_MAY = set().union(*LAYERS[:5])
+"""The reference renderers know geometry, devices and the protocol: all that a third party's may know."""
+
+RUNNING = {"judging", "runner", "playback", "closed_loop", "ideal", "discovery", "listing", "terminal", "cli"}
+REPORTS_MAY = set().union(*LAYERS) - RUNNING
+"""Reports read results and never run anything."""
+
+SOURCES = [
+    (file, file.relative_to(ROOT / folder).parts[0].removesuffix(".py") if folder == "hapticeval" else folder)
+    for folder in ("hapticeval", "renderers", "reports")
+    for file in sorted((ROOT / folder).rglob("*.py"))
+    if file != ROOT / "hapticeval" / "__init__.py"
+]
+ROOT_INIT = (ROOT / "hapticeval" / "__init__.py").read_text(encoding="utf-8")
+
+
+def allowed(unit: str) -> set[str]:
+    """The units that `unit` may import."""
+    if unit in ("renderers", "reports"):
+        return {unit} | (RENDERERS_MAY if unit == "renderers" else REPORTS_MAY)
+    level = next((level for level, layer in enumerate(LAYERS) if unit in layer), None)
+    if level is None:
+        raise AssertionError(f"'{unit}' has no layer: give it one here and in ARCHITECTURE.md")
+    return {unit}.union(*LAYERS[:level])
+
+
+def imports(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Line and unit of every import of ours, lazy ones and those for typing too; relative ones are refused."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"line {node.lineno}: a relative import hides what it depends on"
+            if node.module == "hapticeval":
+                yield from ((node.lineno, alias.name) for alias in node.names)
+            elif node.module is not None and node.module.startswith("hapticeval."):
+                yield node.lineno, node.module.split(".")[1]
+        elif isinstance(node, ast.Import):
+            for alias in node.names:
+                if alias.name.split(".")[0] == "hapticeval":
+                    yield node.lineno, f"{alias.name}.".split(".")[1]
+
+
+def violations(source: str, unit: str) -> list[str]:
+    """The imports in `source` that `unit` may not have. The version is free to all."""
+    free = allowed(unit) | {"__version__"}
+    tree = ast.parse(source)
+    found = [f"line {line}: {unit} imports {name}" for line, name in imports(tree) if name not in free]
+    return [text for text in found if not _lazy_reports(tree, text, unit)]
+
+
+def _lazy_reports(tree: ast.AST, text: str, unit: str) -> bool:
+    """Only the command line may write reports, and it imports them inside the function that does."""
+    line = int(text.removeprefix("line ").partition(":")[0])
+    inside = any(
+        isinstance(node, ast.FunctionDef) and node.lineno < line <= (node.end_lineno or 0) for node in ast.walk(tree)
+    )
+    return unit == "cli" and text.endswith(" imports reports") and inside
+
+
+@pytest.mark.parametrize(("file", "unit"), SOURCES, ids=[str(file.relative_to(ROOT)) for file, _ in SOURCES])
+def test_imports_point_downwards(file: Path, unit: str) -> None:
+    assert violations(file.read_text(encoding="utf-8"), unit) == []
+
+
+def test_the_package_itself_knows_no_renderer_and_no_report() -> None:
+    units = {name for _, name in imports(ast.parse(ROOT_INIT))}
+    assert units <= set().union(*LAYERS)
+
+
+@pytest.mark.parametrize(
+    ("source", "unit"),
+    [
+        ("from hapticeval.devices.point_mass import PointMass", "geometry"),
+        ("from hapticeval.runner import plan", "phenomena"),
+        ("import hapticeval.renderers.constraint", "runner"),
+        ("def f():\n    from hapticeval import renderers", "cli"),
+        ("from hapticeval.reports import write_reports", "cli"),
+        ("def f():\n    from hapticeval.reports import write_reports", "runner"),
+        ("from hapticeval.runner import execute", "reports"),
+        ("from hapticeval.phenomena.registry import CHECKS", "renderers"),
+        ("import hapticeval", "geometry"),
+    ],
+)
+def test_a_breach_is_seen(source: str, unit: str) -> None:
+    assert violations(source, unit)
+
+
+def test_the_command_line_may_import_reports_when_it_writes_them() -> None:
+    assert violations("def f():\n    from hapticeval.reports import write_reports", "cli") == []
+
+
+@pytest.mark.parametrize("module", ["hapticeval", "hapticeval.cli"])
+def test_an_import_loads_nothing_heavy(module: str) -> None:
+    heavy = "{'numba', 'scipy', 'matplotlib', 'h5py', 'pandas', 'shapely', 'jsonschema', 'jinja2'}"
+    code = f"import sys, {module}; print(sorted({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_every_public_name_can_be_had() -> None:
+    import hapticeval
+
+    missing = [name for name in hapticeval.__all__ if not hasattr(hapticeval, name)]
+    assert missing == []
+
+
+def test_an_unknown_public_name_is_an_attribute_error() -> None:
+    import hapticeval
+
+    with pytest.raises(AttributeError, match="no attribute 'Scnee'"):
+        hapticeval.Scnee  # noqa: B018
