@@ -1,0 +1,1 @@
+"""Models: their exact curves, and the polygons and level sets that renderers hold of them."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.errors import InputError
-from hapticeval.geometry import curve_kernels
+from hapticeval.geometry import curve_kernels, polygon_kernels
 from hapticeval.geometry.kernels import (
     ARC,
     CASSINIAN,
@@ -184,7 +184,10 @@ class Curve:
         if not self.closed:
             x, y = self.pieces[0, A], self.pieces[0, B]
             return float(x - WINDOW), float(y - WINDOW), float(x + WINDOW), float(y + WINDOW)
-        points = np.vstack([self._extremes(piece) for piece in self.pieces])
+        if self._straight:
+            points = self._polyline[0]
+        else:
+            points = np.vstack([self._extremes(piece) for piece in self.pieces])
         (xmin, ymin), (xmax, ymax) = points.min(axis=0), points.max(axis=0)
         return float(xmin), float(ymin), float(xmax), float(ymax)
 
@@ -202,6 +205,16 @@ class Curve:
     @property
     def _smooth(self) -> bool:
         return bool(self.pieces[0, KIND] in (CASSINIAN, ELLIPSE))
+
+    @cached_property
+    def _straight(self) -> bool:
+        return bool(np.all(self.pieces[:, KIND] == LINE))
+
+    @cached_property
+    def _polyline(self) -> tuple[Array, Array]:
+        """Vertices and search tree of a curve of straight pieces, of which a map outline has many thousands."""
+        vertices = np.ascontiguousarray(self.pieces[:, A : B + 1])
+        return vertices, polygon_kernels.build_tree(vertices)
 
     @cached_property
     def _panels(self) -> Array:
@@ -226,7 +239,14 @@ class Curve:
         return evaluate_many(self.pieces, np.ravel(u)).reshape((*u.shape, 6))
 
     def _projected(self, points: ArrayLike) -> Array:
-        return curve_kernels.project_many(self.pieces, self.samples, checked_points(points))
+        array = checked_points(points)
+        if not self._straight:
+            return curve_kernels.project_many(self.pieces, self.samples, array)
+        vertices, tree = self._polyline
+        edges, along, distances = polygon_kernels.nearest_many(vertices, tree, array)
+        starts, ends = self.pieces[edges, U0], self.pieces[edges, U1]
+        u = starts + along * (ends - starts)
+        return np.column_stack([u, np.abs(distances), np.where(distances < 0.0, -1.0, 1.0)])
 
     def _corner(self, k: int, turn: float) -> Corner:
         before, after = self.pieces[k - 1], self.pieces[k]

@@ -175,12 +175,7 @@ def _nearest_smooth(piece: Array, samples: Array, x: float, y: float) -> tuple[f
         low, high = samples[i, 0], samples[i + 1, 0]
         if not (slope_a <= 0.0 < slope_b):
             bend_a = samples[i, 4] ** 2 + samples[i, 5] ** 2 + ax * samples[i, 6] + ay * samples[i, 7]
-            bend_b = (
-                samples[i + 1, 4] ** 2
-                + samples[i + 1, 5] ** 2
-                + bx * samples[i + 1, 6]
-                + by * samples[i + 1, 7]
-            )
+            bend_b = samples[i + 1, 4] ** 2 + samples[i + 1, 5] ** 2 + bx * samples[i + 1, 6] + by * samples[i + 1, 7]
             if slope_a > 0.0 and slope_b > 0.0 and bend_a < 0.0 < bend_b:
                 low = _turning(piece, low, high, x, y)
                 if _slope(piece, low, x, y)[0] > 0.0:

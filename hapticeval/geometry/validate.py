@@ -13,7 +13,7 @@ from hapticeval.errors import InputError
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
-    import shapely
+    from shapely.geometry.base import BaseGeometry
 
 SMALLEST, LARGEST = 1e-100, 1e100
 """Sizes (m) whose squares and cubes stay inside the float range."""
@@ -21,7 +21,7 @@ GEOJSON = 'give {"type": "Polygon", "coordinates": [[...]]}'
 
 
 def checked_points(points: object, what: str = "points") -> Array:
-    """Points as (n, 2) float64. Raises `InputError`, naming the row, for wrong shapes or non-finite numbers."""
+    """Points as (n, 2) float64. Raises `InputError`, naming the row, for a bad shape or a non-finite number."""
     try:
         array = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -138,7 +138,7 @@ def vertices_from_geojson(document: str | Mapping[str, Any]) -> Array:
     return _outline_of(geometry)
 
 
-def _outline_of(geometry: shapely.Geometry | None) -> Array:
+def _outline_of(geometry: BaseGeometry | None) -> Array:
     import shapely
 
     if geometry is None or geometry.is_empty:
@@ -172,9 +172,7 @@ def _rows_of_two(vertices: object) -> Array:
             "the vertices have three coordinates", why="a model is a curve in the plane", todo="leave z out"
         )
     if array.size and (array.ndim != 2 or array.shape[1] != 2):
-        raise InputError(
-            f"the vertices have the shape {array.shape}", why="they must be rows of x and y: (n, 2)"
-        )
+        raise InputError(f"the vertices have the shape {array.shape}", why="they must be rows of x and y: (n, 2)")
     return array.reshape(-1, 2)
 
 

@@ -1,0 +1,284 @@
+"""Compiled queries of a simple anticlockwise polygon: nearest point, side, first crossing.
+
+Edge k runs from vertex k to vertex k + 1 (the last one back to vertex 0). The tree is one array (2 m, 6), m a
+power of two: row 1 is the whole outline, row i has the halves 2 i and 2 i + 1, and row m + j is a leaf that
+holds the edges from j n // m up to (j + 1) n // m; row 0 is not used. A row bounds its run of edges by a
+capsule: no point of the run is farther than the radius from the straight chord between the run's ends.
+
+    x, y of the chord's start; dx, dy to its end; 1 / (dx^2 + dy^2), or 0; radius
+
+Capsules, not boxes: along a smooth outline a run of length l strays from its chord by order l^2, where the
+slack of a box is of order l. So a query looks into a bounded number of runs of each length, and its cost
+grows as log n.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hapticeval.compiled import compiled
+from hapticeval.types import Array, IntArray
+
+LEAF = 4
+DEPTH = 128
+TOUCH = 1e-12
+"""A point this close to an edge, in parts of the polygon's extent, is on it."""
+
+
+@compiled
+def build_tree(vertices: Array) -> Array:
+    """The tree of capsules over the edges of vertices (n, 2); see the module's text for its rows."""
+    n = vertices.shape[0]
+    m = 1
+    while m * 2 * LEAF <= n:
+        m *= 2
+    tree = np.zeros((2 * m, 6))
+    level, first = m, m
+    while first >= 1:
+        for i in range(first, first + level):
+            j = i - first
+            start, end = j * n // level, (j + 1) * n // level
+            x, y = vertices[start, 0], vertices[start, 1]
+            dx, dy = vertices[end % n, 0] - x, vertices[end % n, 1] - y
+            length2 = dx * dx + dy * dy
+            inverse = 1.0 / length2 if length2 > 0.0 else 0.0
+            farthest, reach = 0.0, abs(x) + abs(y)
+            for k in range(start, end + 1):
+                px, py = vertices[k % n, 0] - x, vertices[k % n, 1] - y
+                t = min(max((px * dx + py * dy) * inverse, 0.0), 1.0)
+                farthest = max(farthest, (px - t * dx) ** 2 + (py - t * dy) ** 2)
+            # the slack covers the rounding of chord distances, so that pruning never loses the nearest edge
+            radius = math.sqrt(farthest) * (1.0 + 1e-14) + 1e-15 * (reach + math.sqrt(length2))
+            tree[i, 0], tree[i, 1], tree[i, 2], tree[i, 3], tree[i, 4], tree[i, 5] = (
+                x,
+                y,
+                dx,
+                dy,
+                inverse,
+            )
+            radius
+        first //= 2
+        level //= 2
+    return tree
+
+
+@compiled
+def _chord_distance2(tree: Array, i: int, x: float, y: float) -> float:
+    px, py = x - tree[i, 0], y - tree[i, 1]
+    dx, dy = tree[i, 2], tree[i, 3]
+    t = min(max((px * dx + py * dy) * tree[i, 4], 0.0), 1.0)
+    qx, qy = px - t * dx, py - t * dy
+    return qx * qx + qy * qy
+
+
+@compiled
+def nearest_kernel(vertices: Array, tree: Array, x: float, y: float) -> tuple[int, float, float]:
+    """The nearest point of the outline: (edge, t along it in [0, 1), squared distance).
+
+    The end of an edge is given as the start of the next, so t = 0 means a vertex.
+    """
+    n, m = vertices.shape[0], tree.shape[0] // 2
+    nodes = np.empty(DEPTH, np.int64)
+    bounds = np.empty(DEPTH)
+    nodes[0], bounds[0] = 1, 0.0
+    top = 1
+    best2, best = np.inf, np.inf
+    edge, along = 0, 0.0
+    while top > 0:
+        top -= 1
+        i = nodes[top]
+        limit = best + tree[i, 5]
+        if bounds[top] > limit * limit:
+            continue
+        while i < m:
+            near, far = 2 * i, 2 * i + 1
+            near2, far2 = _chord_distance2(tree, near, x, y), _chord_distance2(tree, far, x, y)
+            if far2 < near2:
+                near, far, near2, far2 = far, near, far2, near2
+            limit = best + tree[far, 5]
+            if far2 <= limit * limit:
+                nodes[top], bounds[top] = far, far2
+                top += 1
+            limit = best + tree[near, 5]
+            if near2 > limit * limit:
+                i = -1
+                break
+            i = near
+        if i < 0:
+            continue
+        j = i - m
+        for k in range(j * n // m, (j + 1) * n // m):
+            following = k + 1 if k + 1 < n else 0
+            ax, ay = vertices[k, 0], vertices[k, 1]
+            dx, dy = vertices[following, 0] - ax, vertices[following, 1] - ay
+            px, py = x - ax, y - ay
+            dot, length2 = px * dx + py * dy, dx * dx + dy * dy
+            if dot <= 0.0:
+                t, distance2 = 0.0, px * px + py * py
+            elif dot >= length2:
+                qx, qy = x - vertices[following, 0], y - vertices[following, 1]
+                t, distance2 = 1.0, qx * qx + qy * qy
+            else:
+                cross = px * dy - py * dx
+                t, distance2 = dot / length2, cross * cross / length2
+            if distance2 < best2:
+                best2, edge, along = distance2, k, t
+                best = math.sqrt(best2)
+    if along >= 1.0:
+        edge, along = (edge + 1 if edge + 1 < n else 0), 0.0
+    return edge, along, best2
+
+
+@compiled
+def _side(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> float:
+    """Twice the area of the triangle a, b, (x, y): positive where the point is left of a to b, which is inside."""
+    return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+
+
+@compiled
+def side_kernel(vertices: Array, edge: int, along: float, x: float, y: float) -> float:
+    """-1.0 inside, 1.0 outside or on the outline, of a point whose nearest point is known.
+
+    Where that is a vertex the vertex alone tells: only points outside are nearest to a convex one.
+    """
+    n = vertices.shape[0]
+    following = edge + 1 if edge + 1 < n else 0
+    ax, ay, bx, by = vertices[edge, 0], vertices[edge, 1], vertices[following, 0], vertices[following, 1]
+    if along == 0.0:
+        before = edge - 1 if edge > 0 else n - 1
+        turn = _side(vertices[before, 0], vertices[before, 1], ax, ay, bx, by)
+        if turn != 0.0 and (x != ax or y != ay):
+            return 1.0 if turn > 0.0 else -1.0
+    return -1.0 if _side(ax, ay, bx, by, x, y) > 0.0 else 1.0
+
+
+@compiled
+def contains_kernel(vertices: Array, tree: Array, x: float, y: float) -> bool:
+    """Whether a point lies inside; points on the outline do not."""
+    edge, along, distance2 = nearest_kernel(vertices, tree, x, y)
+    return distance2 > 0.0 and side_kernel(vertices, edge, along, x, y) < 0.0
+
+
+@compiled
+def _starts_inward(vertices: Array, k: int, reach: float, x0: float, y0: float, x1: float, y1: float) -> int:
+    """For a start on edge k: the edge through which the segment goes inside at once, or -1.
+
+    At a convex vertex the inside is left of both edges, at a concave one left of either.
+    """
+    n = vertices.shape[0]
+    following = k + 1 if k + 1 < n else 0
+    vertex = -1
+    if math.hypot(x0 - vertices[k, 0], y0 - vertices[k, 1]) <= reach:
+        vertex = k
+    elif math.hypot(x0 - vertices[following, 0], y0 - vertices[following, 1]) <= reach:
+        vertex = following
+    if vertex < 0:
+        inward = _side(vertices[k, 0], vertices[k, 1], vertices[following, 0], vertices[following, 1], x1, y1)
+        return k if inward > 0.0 else -1
+    before = vertex - 1 if vertex > 0 else n - 1
+    after = vertex + 1 if vertex + 1 < n else 0
+    ax, ay = vertices[before, 0], vertices[before, 1]
+    bx, by = vertices[vertex, 0], vertices[vertex, 1]
+    cx, cy = vertices[after, 0], vertices[after, 1]
+    first, second = _side(ax, ay, bx, by, x1, y1), _side(bx, by, cx, cy, x1, y1)
+    convex = _side(ax, ay, bx, by, cx, cy) >= 0.0
+    if convex and (first <= 0.0 or second <= 0.0):
+        return -1
+    if first <= 0.0 and second <= 0.0:
+        return -1
+    # the face that turns the motion aside most is the one that it runs into
+    return before if first * math.hypot(cx - bx, cy - by) > second * math.hypot(bx - ax, by - ay) else vertex
+
+
+@compiled
+def _share(vertices: Array, k: int, x: float, y: float) -> float:
+    """Where on edge k, in [0, 1], a point on it is."""
+    following = k + 1 if k + 1 < vertices.shape[0] else 0
+    dx, dy = vertices[following, 0] - vertices[k, 0], vertices[following, 1] - vertices[k, 1]
+    along = (x - vertices[k, 0]) * dx + (y - vertices[k, 1]) * dy
+    return min(max(along / (dx * dx + dy * dy), 0.0), 1.0)
+
+
+@compiled
+def first_crossing_kernel(
+    vertices: Array, tree: Array, x0: float, y0: float, x1: float, y1: float
+) -> tuple[int, float, float]:
+    """Where the segment from (x0, y0), outside or on the outline, to (x1, y1) first goes inside.
+
+    (edge, t along it in [0, 1], fraction of the segment in [0, 1]); edge -1 if it never does. Each vertex
+    counts as left or right of the segment's line by one and the same number for both of its edges, so that a
+    segment through a vertex meets exactly one of them; a start on the outline, to rounding, is decided by the
+    edges there; and an end that is inside has been gone into, whatever rounding says.
+    """
+    n, m = vertices.shape[0], tree.shape[0] // 2
+    sx, sy = x1 - x0, y1 - y0
+    length = math.hypot(sx, sy)
+    if length == 0.0:
+        return -1, 0.0, 0.0
+    start, _, distance2 = nearest_kernel(vertices, tree, x0, y0)
+    distance = math.sqrt(distance2)
+    touch = TOUCH * (abs(tree[1, 0]) + abs(tree[1, 1]) + tree[1, 5])
+    if distance > length + touch:
+        return -1, 0.0, 0.0
+    on_outline = distance <= touch
+    if on_outline:
+        edge = _starts_inward(vertices, start, touch, x0, y0, x1, y1)
+        if edge >= 0:
+            return edge, _share(vertices, edge, x0, y0), 0.0
+    best, best_edge, best_t = np.inf, -1, 0.0
+    nodes = np.empty(DEPTH, np.int64)
+    nodes[0] = 1
+    top = 1
+    while top > 0:
+        top -= 1
+        i = nodes[top]
+        ax, ay = tree[i, 0], tree[i, 1]
+        bx, by = ax + tree[i, 2], ay + tree[i, 3]
+        slack = tree[i, 5] * length + touch * length
+        a_side, b_side = _side(x0, y0, x1, y1, ax, ay), _side(x0, y0, x1, y1, bx, by)
+        if (a_side > slack and b_side > slack) or (a_side < -slack and b_side < -slack):
+            continue
+        a_along, b_along = (ax - x0) * sx + (ay - y0) * sy, (bx - x0) * sx + (by - y0) * sy
+        if a_along < -slack and b_along < -slack:
+            continue
+        last = length * length * min(best, 1.0) + slack
+        if a_along > last and b_along > last:
+            continue
+        if i < m:
+            nodes[top], nodes[top + 1] = 2 * i, 2 * i + 1
+            top += 2
+            continue
+        j = i - m
+        for k in range(j * n // m, (j + 1) * n // m):
+            following = k + 1 if k + 1 < n else 0
+            ax, ay, bx, by = vertices[k, 0], vertices[k, 1], vertices[following, 0], vertices[following, 1]
+            a_side, b_side = _side(x0, y0, x1, y1, ax, ay), _side(x0, y0, x1, y1, bx, by)
+            if not (a_side > 0.0 >= b_side):
+                continue
+            before, after = _side(ax, ay, bx, by, x0, y0), _side(ax, ay, bx, by, x1, y1)
+            if before > 0.0 or after <= 0.0:
+                continue
+            if on_outline and -before <= touch * math.hypot(bx - ax, by - ay):
+                continue  # it starts on this edge and was found not to go in
+            fraction = before / (before - after)
+            if fraction < best:
+                best, best_edge, best_t = fraction, k, a_side / (a_side - b_side)
+    if best_edge < 0:
+        edge, along, distance2 = nearest_kernel(vertices, tree, x1, y1)
+        if distance2 > touch * touch and side_kernel(vertices, edge, along, x1, y1) < 0.0:
+            return edge, along, 1.0
+    return best_edge, best_t, (best if best_edge >= 0 else 0.0)
+
+
+@compiled
+def nearest_many(vertices: Array, tree: Array, points: Array) -> tuple[IntArray, Array, Array]:
+    """`nearest_kernel` for each row of points (n, 2), with the signed distance in place of its square."""
+    count = points.shape[0]
+    edges, alongs, distances = np.empty(count, np.int64), np.empty(count), np.empty(count)
+    for i in range(count):
+        edge, along, distance2 = nearest_kernel(vertices, tree, points[i, 0], points[i, 1])
+        side = side_kernel(vertices, edge, along, points[i, 0], points[i, 1])
+        edges[i], alongs[i], distances[i] = edge, along, side * math.sqrt(distance2)
+    return edges, alongs, distances
