@@ -21,8 +21,8 @@ def drive(renderer: Renderer | SelfDriven, experiment: Experiment, device: Point
     if isinstance(renderer, SelfDriven):
         return renderer.answer(experiment, dt)
     count = int(np.floor(experiment.duration / dt * (1.0 + 1e-12))) + 1
-    time = np.arange(count) * dt
-    push = experiment.operator_force(np.arange(count + 1) * dt)
+    ticks = np.arange(count + 1, dtype=np.float64) * dt
+    time, push = ticks[:-1], experiment.operator_force(ticks)
     shape = (count, experiment.dimension)
     hips, ihips, forces, velocities = (np.empty(shape) for _ in range(4))
     hip, velocity = experiment.position, experiment.velocity

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 
 class HapticevalError(Exception):
@@ -50,9 +50,7 @@ class UnknownNameError(InputError):
         names = sorted(known)
         close = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
         suggestion = f"did you mean {' or '.join(close)}?" if close else f"known: {', '.join(names) or 'none'}"
-        super().__init__(
-            f"unknown {kind} '{name}'", why=f"no {kind} has that name", todo=todo or suggestion
-        )
+        super().__init__(f"unknown {kind} '{name}'", why=f"no {kind} has that name", todo=todo or suggestion)
 
 
 class NothingSelectedError(HapticevalError):
@@ -66,7 +64,7 @@ class RendererError(HapticevalError):
 
     exit_code = 3
 
-    def __init__(self, what: str, *, tick: int, hip: Sequence[float], why: str = "", todo: str = "") -> None:
+    def __init__(self, what: str, *, tick: int, hip: Iterable[float], why: str = "", todo: str = "") -> None:
         self.tick = tick
         self.hip = tuple(float(x) for x in hip)
         place = ", ".join(f"{x:.6g}" for x in self.hip)

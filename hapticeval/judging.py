@@ -70,9 +70,7 @@ def _built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
     except HapticevalError:
         raise
     except Exception as error:
-        raise RendererError(
-            f"the renderer's factory raised {type(error).__name__}: {error}", tick=0, hip=()
-        ) from error
+        raise RendererError(f"the renderer's factory raised {type(error).__name__}: {error}", tick=0, hip=()) from error
     if not isinstance(renderer, Renderer | SelfDriven):
         raise InputError(
             f"the factory made a {type(renderer).__name__}, which is no renderer",

@@ -55,7 +55,7 @@ class Path:
         Sampling at dt / 2 keeps every sample of dt, so that refined runs can be compared point by point.
         """
         count = int(np.floor(self.duration / dt * (1.0 + 1e-12))) + 1
-        time = np.arange(count) * dt
+        time = np.arange(count, dtype=np.float64) * dt
         since = self.time - self.time[0]
         points = np.column_stack([np.interp(time, since, column) for column in self.points.T])
         return time, points
@@ -106,8 +106,14 @@ class Experiment:
         return np.column_stack([np.interp(time, self.force_time, column) for column in self.force.T])
 
     def at_speed(self, factor: float) -> Experiment:
-        """The same experiment started `factor` times as fast."""
-        return Experiment(self.duration, self.position, self.velocity * factor, self.force_time, self.force)
+        """The same experiment at `factor` times the pace: it starts as much faster, and pushes and ends as much sooner."""
+        return Experiment(
+            self.duration / factor,
+            self.position,
+            self.velocity * factor,
+            self.force_time / factor,
+            self.force,
+        )
 
 
 Stimulus: TypeAlias = Path | Experiment

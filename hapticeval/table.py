@@ -21,9 +21,7 @@ def fill_table(suites: Sequence[Suite], verdicts: Iterable[Verdict]) -> Mapping[
         for row in suite.rows:
             cells = table.setdefault(row.title, {})
             wanted = [
-                case.name
-                for case in suite.cases
-                if case.judged and row.check in case.checks and _in(row, case.name)
+                case.name for case in suite.cases if case.judged and row.check in case.checks and _in(row, case.name)
             ]
             for renderer in dict.fromkeys(verdict.renderer for verdict in found):
                 outcomes = {

@@ -55,9 +55,13 @@ def read_path(file: FilePath) -> Path:
     try:
         table = pd.read_csv(file)
     except FileNotFoundError:
-        raise InputError(f"no trajectory file {file}", todo="check the path; it counts from the suite's folder") from None
+        raise InputError(
+            f"no trajectory file {file}", todo="check the path; it counts from the suite's folder"
+        ) from None
     except (ValueError, UnicodeDecodeError) as error:
-        raise InputError(f"{file} is not a CSV table", why=str(error), todo="write a header t,x,y and rows of numbers") from error
+        raise InputError(
+            f"{file} is not a CSV table", why=str(error), todo="write a header t,x,y and rows of numbers"
+        ) from error
     columns = [str(name).strip() for name in table.columns]
     if columns not in (["t", "x", "y"], ["t", "x", "y", "z"]):
         raise InputError(

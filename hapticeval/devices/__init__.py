@@ -1,0 +1,1 @@
+"""Devices that a renderer drives in closed loop."""

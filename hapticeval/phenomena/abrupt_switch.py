@@ -57,7 +57,7 @@ CHECK = Check(
     id="abrupt-switch",
     phenomenon="Abrupt Switch",
     asks="Sliding into a concave corner: does the force turn from one face's normal to the other's at once in space?",
-    formula="travel of the HIP while n_e turns from n_pre to n_post, over the penetration depth; 0 for rigid contact",
+    formula="travel of the HIP while n_e turns from n_pre to n_post, in penetration depths; 0 for rigid contact",
     citation="thesis 3.2.1, Figure 3.5; Figures 6.6, 6.7, 6.9",
     channels=("hip", "ihip", "force"),
     siblings="none",
@@ -67,8 +67,8 @@ CHECK = Check(
         "(3 HIP steps + declared standoff + declared resolution) / depth: between two samples the turn cannot be seen, "
         "and a corner is known no better than the renderer's own surface. Resting on the corner while the HIP goes "
         "round it turns the force over an arc as long as the corner's turn (rad) times the depth, whatever the depth. "
-        "The switch lasts from the last force within 5 per cent of the turn from n_pre to the first within 5 per cent of "
-        "n_post."
+        "The switch lasts from the last force within 5 per cent of the turn from n_pre to the first within 5 per cent "
+        "of n_post."
     ),
     judge=judge,
 )

@@ -141,9 +141,10 @@ CHECK = Check(
     metric="share of the centripetal force that position error has to supply",
     unit="",
     bound=(
-        "1.5 kappa v T: while a force is held for a tick T the normal turns by kappa v T, half of it on average, and one "
-        "tick more may pass between sample and force. The verdict is inconclusive within two standard errors of the bound. "
-        "On a bilateral constraint the force at the start, where the error is zero, must supply m kappa v^2 to the same share."
+        "1.5 kappa v T: while a force is held for a tick T the normal turns by kappa v T, half of it on average, and "
+        "one tick more may pass between sample and force. The verdict is inconclusive within two standard errors of "
+        "the bound. On a bilateral constraint the force at the start, where the error is zero, must supply "
+        "m kappa v^2 to the same share."
     ),
     judge=judge,
 )

@@ -40,7 +40,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     evidence: dict[str, object] = {**place(base, tick), "samples": int(strong.size)}
     metric = Metric("angle of the force outside the true normals", angle, "deg")
     if angle > bound:
-        message = f"the force points {angle:.3g} degrees off every true normal near the IHIP at t = {base.time[tick]:.4g} s"
+        message = (
+            f"the force points {angle:.3g} degrees off every true normal near the IHIP at t = {base.time[tick]:.4g} s"
+        )
         return Finding(Outcome.FAIL, message, metric, bound, evidence)
     balance = _static_balance(base, scene)
     if balance is None:
@@ -48,9 +50,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     difference, allowed, push = balance
     evidence |= {"static_difference_N": difference, "static_bound_N": allowed, "operator_normal_N": push}
     if abs(difference) > allowed:
-        message = (
-            f"at rest the force differs by {difference:.3g} N from the operator's normal component of {push:.3g} N (3.3)"
-        )
+        message = f"at rest the force differs by {difference:.3g} N from the operator's normal component of {push:.3g} N (3.3)"
         magnitude = Metric("static force less the operator's normal component", abs(difference), "N")
         return Finding(Outcome.FAIL, message, magnitude, allowed, evidence)
     message = f"normal throughout, and equal at rest to the operator's {push:.3g} N to within {abs(difference):.2g} N"
@@ -103,8 +103,8 @@ CHECK = Check(
     unit="deg",
     bound=(
         "The true normals are those of the model within 3 HIP steps + standoff + resolution of arc around the IHIP: "
-        "a facet's direction is taken by the true surface somewhere along that facet (mean value theorem), and across a "
-        "corner every direction between the faces' normals is an equivalent normal. Outside of them the force may "
+        "a facet's direction is taken by the true surface somewhere along that facet (mean value theorem), and across "
+        "a corner every direction between the faces' normals is an equivalent normal. Outside of them the force may "
         "point by the rounding of single-precision positions: 1e-6 rad + 4 * 2^-23 * model size / depth. At rest the "
         "mean force over a window W may differ by 2 m v_max / W, the momentum that the window cannot account for. "
         "Forces below K_p * 1 um are not judged."

@@ -55,10 +55,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             break
     slope = _slope(jumps)
     evidence |= {"jumps_m": jumps, "refinements": list(REFINEMENTS[: len(jumps)]), "slope": slope}
-    if slope < STAYS or jumps[-1] <= bound:
-        left = jumps[-1]
-    else:
-        left = _limit(*jumps[-3:])
+    left = jumps[-1] if slope < STAYS or jumps[-1] <= bound else _limit(*jumps[-3:])
     metric = Metric("IHIP jump that refinement leaves", left, "m")
     where = f"{1e3 * left:.3g} mm at t = {base.time[tick]:.4g} s"
     if left > bound:
@@ -113,9 +110,7 @@ def _judge_fixed(
     if math.isinf(stretch):
         message = f"the IHIP moves {1e3 * jump:.3g} mm in one step near the medial axis; {note}"
         return Finding(Outcome.INCONCLUSIVE, message, metric, bound, evidence)
-    return Finding(
-        Outcome.FAIL, f"pop-through of {1e3 * jump:.3g} mm; {note}", metric, bound, evidence
-    )
+    return Finding(Outcome.FAIL, f"pop-through of {1e3 * jump:.3g} mm; {note}", metric, bound, evidence)
 
 
 CHECK = Check(

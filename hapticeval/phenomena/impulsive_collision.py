@@ -83,8 +83,8 @@ CHECK = Check(
     unit="",
     bound=(
         "(operator's momentum over the window + m kappa v_t^2 of turning over it) / (m v_n) + 1e-6. The window is two "
-        "ticks, the shortest in which a sampled renderer can answer: it meets the contact at the first sample after it and "
-        "its force acts until the next; one more is granted. A spring needs a quarter period, pi/2 sqrt(m / K_p)."
+        "ticks, the shortest in which a sampled renderer can answer: it meets the contact at the first sample after it "
+        "and its force acts until the next; one more is granted. A spring needs a quarter period, pi/2 sqrt(m / K_p)."
     ),
     judge=judge,
 )

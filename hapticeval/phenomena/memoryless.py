@@ -14,12 +14,11 @@ from hapticeval.scene import Scene
 def judge(runs: Runs, scene: Scene) -> Finding:  # noqa: ARG001
     """Compare the IHIPs of HIPs that were reached forwards and backwards along the same points."""
     if runs.reverse is None:
-        return Finding(
-            Outcome.INCONCLUSIVE, "one recording reaches each HIP only once; it takes a second path to tell"
-        )
+        return Finding(Outcome.INCONCLUSIVE, "one recording reaches each HIP only once; it takes a second path to tell")
     base, back = runs.base, runs.reverse()
     step = hip_step(base)
-    distance, match = cKDTree(back.hip).query(base.hip)
+    found = cKDTree(back.hip).query(base.hip)
+    distance, match = np.asarray(found[0]), np.asarray(found[1])
     common = np.flatnonzero((distance <= step) & (base.contact | back.contact[match]))
     if common.size == 0:
         return Finding(Outcome.INCONCLUSIVE, "no HIP in contact is reached along both paths")

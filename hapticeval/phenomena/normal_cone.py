@@ -13,7 +13,7 @@ SAMPLES = 8192
 
 def wrapped(angle: Array) -> Array:
     """Angle brought into [-pi, pi), rad."""
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi
+    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def angle_between(vectors: Array, direction: Array) -> Array:
@@ -31,20 +31,18 @@ class NormalCone:
 
     def __init__(self, curve: Curve, reach: float) -> None:
         self.curve = curve
-        low, high = curve.u_range
-        if not np.isfinite(low):
+        self._straight: Array | None = None
+        if not curve.closed:
             self._straight = curve.normal(0.0)
             return
-        self._straight = None
         self._u = _grid(curve)
         s = curve.arc_length(self._u)
         normals = curve.normal(self._u)
         raw = np.arctan2(normals[:, 1], normals[:, 0])
         angle = np.concatenate([[raw[0]], raw[0] + np.cumsum(wrapped(np.diff(raw)))])
-        if curve.closed:
-            turn = 2.0 * np.pi
-            s = np.concatenate([s - curve.length, s, s + curve.length])
-            angle = np.concatenate([angle - turn, angle, angle + turn])
+        turn = 2.0 * np.pi
+        s = np.concatenate([s - curve.length, s, s + curve.length])
+        angle = np.concatenate([angle - turn, angle, angle + turn])
         # The filter works by count, so the window is as many samples as reach can hold where they are densest.
         even = np.arange(s[0], s[-1], min(curve.length / SAMPLES, max(reach / 2.0, 1e-7 * curve.length)))
         if even.size > 400_000:
@@ -59,7 +57,7 @@ class NormalCone:
     def deviation(self, points: Array, directions: Array) -> Array:
         """How far each of `directions` (n, 2) points outside the cone at `points` (n, 2): rad, 0 inside."""
         if self._straight is not None:
-            return angle_between(directions, np.asarray(self._straight))
+            return angle_between(directions, self._straight)
         s = self.curve.arc_length(self.curve.nearest(points))
         index = np.clip(np.searchsorted(self._s, s), 0, self._s.size - 1)
         low, high = self._low[index], self._high[index]
@@ -75,4 +73,4 @@ def _grid(curve: Curve) -> Array:
     joints = np.array([corner.u for corner in curve.corners])
     tiny = 1e-9 * width
     inner = np.concatenate([np.linspace(low, high, SAMPLES), joints, joints - tiny])
-    return np.unique(np.clip(inner, low, high - tiny if curve.closed else high))
+    return np.unique(np.clip(inner, low, high - tiny))

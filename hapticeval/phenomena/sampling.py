@@ -17,7 +17,7 @@ FORCE_DEPTH = 1e-6
 
 def hip_steps(recording: Recording) -> Array:
     """Distance that the HIP moves from each sample to the next: (n - 1,), m."""
-    return np.linalg.norm(np.diff(recording.hip, axis=0), axis=1)
+    return np.asarray(np.linalg.norm(np.diff(recording.hip, axis=0), axis=1))
 
 
 def hip_step(recording: Recording) -> float:
