@@ -184,10 +184,7 @@ class Curve:
         if not self.closed:
             x, y = self.pieces[0, A], self.pieces[0, B]
             return float(x - WINDOW), float(y - WINDOW), float(x + WINDOW), float(y + WINDOW)
-        if self._straight:
-            points = self._polyline[0]
-        else:
-            points = np.vstack([self._extremes(piece) for piece in self.pieces])
+        points = self._polyline[0] if self._straight else np.vstack([*map(self._extremes, self.pieces)])
         (xmin, ymin), (xmax, ymax) = points.min(axis=0), points.max(axis=0)
         return float(xmin), float(ymin), float(xmax), float(ymax)
 
@@ -212,7 +209,7 @@ class Curve:
 
     @cached_property
     def _polyline(self) -> tuple[Array, Array]:
-        """Vertices and search tree of a curve of straight pieces, of which a map outline has many thousands."""
+        """Vertices and search tree of a curve of straight pieces: an imported outline may have thousands."""
         vertices = np.ascontiguousarray(self.pieces[:, A : B + 1])
         return vertices, polygon_kernels.build_tree(vertices)
 

@@ -1,4 +1,4 @@
-"""A model as its signed distance on a grid: the representation of chapter 5's mapping and of voxel renderers."""
+"""A model as its signed distance on a grid: what chapter 5's mapping and voxel renderers hold."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class Polygon:
 
     @cached_property
     def tree(self) -> Array:
-        """The tree over consecutive edges that the compiled queries walk, as `polygon_kernels` lays it out."""
+        """The tree that the compiled queries walk, as `polygon_kernels` lays it out."""
         tree = polygon_kernels.build_tree(self.vertices)
         tree.flags.writeable = False
         return tree
@@ -73,9 +73,7 @@ class Polygon:
         (edge, t along the edge, fraction of the segment), or None if it never does.
         """
         (x0, y0), (x1, y1) = checked_points([start, end], "start and end")
-        edge, along, fraction = polygon_kernels.first_crossing_kernel(
-            self.vertices, self.tree, x0, y0, x1, y1
-        )
+        edge, along, fraction = polygon_kernels.first_crossing_kernel(self.vertices, self.tree, x0, y0, x1, y1)
         return (edge, along, fraction) if edge >= 0 else None
 
     def as_curve(self) -> Curve:
@@ -109,7 +107,7 @@ class Polygon:
 
 
 def _largest(value: Callable[[Array], Array], stops: Array) -> float:
-    """The largest value of a function that is smooth between `stops`: eight samples each, then golden sections."""
+    """The largest value of a function smooth between `stops`: eight samples each, then golden sections."""
     cuts = 8
     step = np.diff(stops)[:, np.newaxis]
     at = np.append((stops[:-1, np.newaxis] + step * np.arange(cuts) / cuts).ravel(), stops[-1])
@@ -122,7 +120,7 @@ def _largest(value: Callable[[Array], Array], stops: Array) -> float:
     for _ in range(40):
         left, right = high - ratio * (high - low), low + ratio * (high - low)
         value_left, value_right = value(left), value(right)
-        largest = max(largest, float(np.max(value_left, initial=0.0)), float(np.max(value_right,
-        initial=0.0))) rising = value_right > value_left
+        largest = max(largest, float(np.max([value_left, value_right], initial=0.0)))
+        rising = value_right > value_left
         low, high = np.where(rising, left, low), np.where(rising, high, right)
     return largest

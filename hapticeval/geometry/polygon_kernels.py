@@ -51,14 +51,8 @@ def build_tree(vertices: Array) -> Array:
                 farthest = max(farthest, (px - t * dx) ** 2 + (py - t * dy) ** 2)
             # the slack covers the rounding of chord distances, so that pruning never loses the nearest edge
             radius = math.sqrt(farthest) * (1.0 + 1e-14) + 1e-15 * (reach + math.sqrt(length2))
-            tree[i, 0], tree[i, 1], tree[i, 2], tree[i, 3], tree[i, 4], tree[i, 5] = (
-                x,
-                y,
-                dx,
-                dy,
-                inverse,
-            )
-            radius
+            tree[i, 0], tree[i, 1], tree[i, 2], tree[i, 3] = x, y, dx, dy
+            tree[i, 4], tree[i, 5] = inverse, radius
         first //= 2
         level //= 2
     return tree
@@ -133,7 +127,7 @@ def nearest_kernel(vertices: Array, tree: Array, x: float, y: float) -> tuple[in
 
 @compiled
 def _side(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> float:
-    """Twice the area of the triangle a, b, (x, y): positive where the point is left of a to b, which is inside."""
+    """Twice the area of the triangle a, b, (x, y): positive where the point is left of a to b."""
     return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
 
 

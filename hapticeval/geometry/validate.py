@@ -21,7 +21,7 @@ GEOJSON = 'give {"type": "Polygon", "coordinates": [[...]]}'
 
 
 def checked_points(points: object, what: str = "points") -> Array:
-    """Points as (n, 2) float64. Raises `InputError`, naming the row, for a bad shape or a non-finite number."""
+    """Points as (n, 2) float64. Raises `InputError`, naming the row, if shape or numbers are unfit."""
     try:
         array = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError) as error:
