@@ -103,15 +103,14 @@ def ask(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -
     The renderer gets copies: what it does to its arguments must not reach the recording.
     """
     try:
-        ihip, force = renderer.step(hip.copy(), velocity.copy(), dt)
+        answer, push = renderer.step(hip.copy(), velocity.copy(), dt)
+        ihip, force = np.asarray(answer, dtype=np.float64), np.asarray(push, dtype=np.float64)
     except HapticevalError:
         raise
     except Exception as error:
         raise RendererError(
             f"the renderer's step() raised {type(error).__name__}: {error}", tick=tick, hip=hip
         ) from error
-    ihip = np.asarray(ihip, dtype=np.float64)
-    force = np.asarray(force, dtype=np.float64)
     if ihip.shape != hip.shape or force.shape != hip.shape:
         raise RendererError(
             f"the renderer answered an IHIP of shape {ihip.shape} and a force of shape {force.shape}",
