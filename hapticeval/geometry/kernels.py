@@ -9,7 +9,7 @@ with the parameter u running from u0 to u1 on the piece, and from one piece into
 | kind        | a, b           | c, d                | e            | u is           |
 |-------------|----------------|---------------------|--------------|----------------|
 | LINE        | start (m)      | unit tangent        | -            | arc length (m) |
-| ARC         | centre (m)     | radius (m), angle of the start (rad) | +1 anticlockwise, -1 clockwise | arc length (m) |
+| ARC         | centre (m)     | radius (m), angle of the start (rad) | +1 anticlockwise or -1 | arc length (m) |
 | CASSINIAN   | scale (m), lobes n_l | a_n / a_d, -  | -            | s of (4.1)     |
 | ELLIPSE     | semi-axes (m)  | -                   | -            | angle (rad)    |
 | UNBOUNDED   | a point (m)    | unit tangent        | -            | arc length (m), over all reals |
@@ -33,7 +33,7 @@ COLUMNS = 9
 def evaluate(piece: Array, u: float) -> tuple[float, float, float, float, float, float]:
     """Position and its first two derivatives by u on one piece: (x, y, x', y', x'', y'')."""
     kind = piece[KIND]
-    if kind == LINE or kind == UNBOUNDED:
+    if kind in (LINE, UNBOUNDED):
         along = u - piece[U0]
         if kind == UNBOUNDED:
             along = u

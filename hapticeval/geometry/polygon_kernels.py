@@ -64,7 +64,7 @@ def _chord_distance2(tree: Array, i: int, x: float, y: float) -> float:
     dx, dy = tree[i, 2], tree[i, 3]
     t = min(max((px * dx + py * dy) * tree[i, 4], 0.0), 1.0)
     qx, qy = px - t * dx, py - t * dy
-    return qx * qx + qy * qy
+    return float(qx * qx + qy * qy)
 
 
 @compiled
@@ -156,21 +156,24 @@ def contains_kernel(vertices: Array, tree: Array, x: float, y: float) -> bool:
 
 
 @compiled
-def _starts_inward(vertices: Array, k: int, reach: float, x0: float, y0: float, x1: float, y1: float) -> int:
-    """For a start on edge k: the edge through which the segment goes inside at once, or -1.
+def _vertex_at(vertices: Array, k: int, reach: float, x: float, y: float) -> int:
+    """The end of edge k that a point on it coincides with, or -1."""
+    following = k + 1 if k + 1 < vertices.shape[0] else 0
+    if math.hypot(x - vertices[k, 0], y - vertices[k, 1]) <= reach:
+        return k
+    if math.hypot(x - vertices[following, 0], y - vertices[following, 1]) <= reach:
+        return following
+    return -1
 
-    At a convex vertex the inside is left of both edges, at a concave one left of either.
+
+@compiled
+def _enters(vertices: Array, vertex: int, x1: float, y1: float) -> int:
+    """The edge through which a segment that passes a vertex on its way to (x1, y1) goes inside there, or -1.
+
+    At a convex vertex the inside is left of both edges, at a concave one left of either. Of the two the edge counts
+    that the segment runs into more squarely.
     """
     n = vertices.shape[0]
-    following = k + 1 if k + 1 < n else 0
-    vertex = -1
-    if math.hypot(x0 - vertices[k, 0], y0 - vertices[k, 1]) <= reach:
-        vertex = k
-    elif math.hypot(x0 - vertices[following, 0], y0 - vertices[following, 1]) <= reach:
-        vertex = following
-    if vertex < 0:
-        inward = _side(vertices[k, 0], vertices[k, 1], vertices[following, 0], vertices[following, 1], x1, y1)
-        return k if inward > 0.0 else -1
     before = vertex - 1 if vertex > 0 else n - 1
     after = vertex + 1 if vertex + 1 < n else 0
     ax, ay = vertices[before, 0], vertices[before, 1]
@@ -178,21 +181,18 @@ def _starts_inward(vertices: Array, k: int, reach: float, x0: float, y0: float, 
     cx, cy = vertices[after, 0], vertices[after, 1]
     first, second = _side(ax, ay, bx, by, x1, y1), _side(bx, by, cx, cy, x1, y1)
     convex = _side(ax, ay, bx, by, cx, cy) >= 0.0
-    if convex and (first <= 0.0 or second <= 0.0):
+    if (convex and min(first, second) <= 0.0) or max(first, second) <= 0.0:
         return -1
-    if first <= 0.0 and second <= 0.0:
-        return -1
-    # the face that turns the motion aside most is the one that it runs into
     return before if first * math.hypot(cx - bx, cy - by) > second * math.hypot(bx - ax, by - ay) else vertex
 
 
 @compiled
 def _share(vertices: Array, k: int, x: float, y: float) -> float:
-    """Where on edge k, in [0, 1], a point on it is."""
+    """Where along edge k, in [0, 1], a point on it is."""
     following = k + 1 if k + 1 < vertices.shape[0] else 0
     dx, dy = vertices[following, 0] - vertices[k, 0], vertices[following, 1] - vertices[k, 1]
     along = (x - vertices[k, 0]) * dx + (y - vertices[k, 1]) * dy
-    return min(max(along / (dx * dx + dy * dy), 0.0), 1.0)
+    return float(min(max(along / (dx * dx + dy * dy), 0.0), 1.0))
 
 
 @compiled
@@ -218,7 +218,13 @@ def first_crossing_kernel(
         return -1, 0.0, 0.0
     on_outline = distance <= touch
     if on_outline:
-        edge = _starts_inward(vertices, start, touch, x0, y0, x1, y1)
+        vertex = _vertex_at(vertices, start, touch, x0, y0)
+        if vertex >= 0:
+            edge = _enters(vertices, vertex, x1, y1)
+        else:
+            following = start + 1 if start + 1 < n else 0
+            ax, ay, bx, by = vertices[start, 0], vertices[start, 1], vertices[following, 0], vertices[following, 1]
+            edge = start if _side(ax, ay, bx, by, x1, y1) > 0.0 else -1
         if edge >= 0:
             return edge, _share(vertices, edge, x0, y0), 0.0
     best, best_edge, best_t = np.inf, -1, 0.0
@@ -258,7 +264,14 @@ def first_crossing_kernel(
                 continue  # it starts on this edge and was found not to go in
             fraction = before / (before - after)
             if fraction < best:
-                best, best_edge, best_t = fraction, k, a_side / (a_side - b_side)
+                edge, t = k, a_side / (a_side - b_side)
+                vertex = _vertex_at(vertices, k, touch, ax + t * (bx - ax), ay + t * (by - ay))
+                if vertex >= 0:
+                    edge = _enters(vertices, vertex, x1, y1)
+                    if edge < 0:
+                        continue  # it only touches the vertex
+                    t = 0.0 if edge == vertex else 1.0
+                best, best_edge, best_t = fraction, edge, t
     if best_edge < 0:
         edge, along, distance2 = nearest_kernel(vertices, tree, x1, y1)
         if distance2 > touch * touch and side_kernel(vertices, edge, along, x1, y1) < 0.0:
