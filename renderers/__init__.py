@@ -1,0 +1,26 @@
+"""The reference renderers: projections of thesis chapter 4 with the regulation schemes of 4.2 and (5.21).
+
+The two names that the framework finds are factories. Each has variants by regulation scheme and representation, which
+are written into a renderer's name as BASE[+SCHEME][@REPRESENTATION], such as `constraint+pp-pd@curve`.
+"""
+
+from hapticeval.renderers.family import ProjectiveFamily, by_constraint, by_minimum_distance
+
+minimum_distance = ProjectiveFamily(
+    summary="nearest surface point, thesis (4.2), on a level set of 100 x 100 nodes; pops through medial axes",
+    project=by_minimum_distance,
+    representations=("curve", "polygon", "level-set"),
+    representation="level-set",
+)
+"""The minimum distance renderer."""
+
+constraint = ProjectiveFamily(
+    summary="god-object or proxy, thesis (4.3), on a polygon of 40 vertices; never passes through a face",
+    project=by_constraint,
+    representations=("curve", "polygon"),
+    representation="polygon",
+    refused="the constraint projection needs a boundary to slide on, and a level set has none",
+)
+"""The constraint renderer."""
+
+__all__ = ["constraint", "minimum_distance"]

@@ -1,0 +1,172 @@
+"""The zero contour of a bilinear interpolant, exactly: an arc of a hyperbola in each cell that it passes.
+
+A contour program joins the crossings of the cell sides, where the interpolant is linear, by straight edges. Between
+them the contour is a hyperbola with axis-parallel asymptotes. It rises or falls throughout, so that it is a graph over
+its own chord: the point at t is that on the normal of the chord at its share t.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hapticeval.compiled import compiled
+from hapticeval.geometry.level_set import LevelSet
+from hapticeval.geometry.polygon import Polygon
+from hapticeval.geometry.polygon_kernels import nearest_kernel
+from hapticeval.types import Array, IntArray
+
+CUTS = 8
+"""Chords that an arc is cut into in the outline from which the nearest point is looked for."""
+
+
+class Contour(NamedTuple):
+    """The arcs, in anticlockwise order, and what is looked for in them.
+
+    `ends` (n, 2): arc k runs from ends[k] to ends[k + 1] in cell `cells[k]` (column, row) of the grid with nodes
+    `values` (ny, nx), first node `origin` (2,) and steps `cell` (2,), m. `vertices` (CUTS n, 2) cut every arc into
+    equal shares of its chord; `tree` is their polygon's.
+    """
+
+    ends: Array
+    cells: IntArray
+    values: Array
+    origin: Array
+    cell: Array
+    vertices: Array
+    tree: Array
+
+
+def contour_of(level_set: LevelSet) -> tuple[Contour, Polygon]:
+    """The contour, and the polygon of its cut arcs. Raises `InputError` as `LevelSet.contour` does."""
+    ends = level_set.contour().vertices
+    x, y = level_set.x, level_set.y
+    origin = np.array([x[0], y[0]])
+    cell = np.array([(x[-1] - x[0]) / (x.size - 1), (y[-1] - y[0]) / (y.size - 1)])
+    middles = 0.5 * (ends + np.roll(ends, -1, axis=0))
+    cells = np.floor((middles - origin) / cell).astype(np.int64)
+    cells = np.clip(cells, 0, np.array([x.size - 2, y.size - 2]))
+    bare = Contour(ends, cells, level_set.values, origin, cell, np.empty((0, 2)), np.empty((0, 6)))
+    outline = Polygon(_cut(bare))
+    return bare._replace(vertices=outline.vertices, tree=outline.tree), outline
+
+
+@compiled
+def value_at(c: Contour, x: float, y: float) -> float:
+    """The interpolated signed distance; infinite off the grid, which covers the model."""
+    across, up = (x - c.origin[0]) / c.cell[0], (y - c.origin[1]) / c.cell[1]
+    rows, columns = c.values.shape
+    if not (0.0 <= across <= columns - 1 and 0.0 <= up <= rows - 1):
+        return math.inf
+    value, _, _ = _in_cell(c, min(int(across), columns - 2), min(int(up), rows - 2), x, y)
+    return value
+
+
+@compiled
+def nearest_on_contour(c: Contour, x: float, y: float) -> tuple[float, float, float, float]:
+    """The nearest point of the contour, and the outward unit normal that holds (x, y) there.
+
+    Between points of the cut outline that are equally near to a thousandth of a cell, either may be taken. At a joint
+    of two arcs every direction between their normals is one: there it is the direction between the two points.
+    """
+    count = c.ends.shape[0]
+    edge, along, _ = nearest_kernel(c.vertices, c.tree, x, y)
+    arc = edge // CUTS
+    t = _foot(c, arc, (edge % CUTS + along) / CUTS, x, y)
+    px, py, nx, ny = _point(c, arc, t)
+    far = math.hypot(x - px, y - py)
+    if t == 0.0 or t == 1.0:
+        other = (arc - 1) % count if t == 0.0 else (arc + 1) % count
+        s = _foot(c, other, 1.0 - t, x, y)
+        qx, qy, mx, my = _point(c, other, s)
+        there = math.hypot(x - qx, y - qy)
+        if 0.0 < s < 1.0 and there < far:
+            return qx, qy, mx, my
+        if far > 1e-9 * c.cell[0]:
+            side = far if (x - px) * (nx + mx) + (y - py) * (ny + my) > 0.0 else -far
+            nx, ny = (x - px) / side, (y - py) / side
+    return px, py, nx, ny
+
+
+@compiled
+def _in_cell(c: Contour, i: int, j: int, x: float, y: float) -> tuple[float, float, float]:
+    """The bilinear function of cell (i, j), continued beyond it: value and gradient."""
+    a = (x - c.origin[0]) / c.cell[0] - i
+    b = (y - c.origin[1]) / c.cell[1] - j
+    v00, v10, v01, v11 = c.values[j, i], c.values[j, i + 1], c.values[j + 1, i], c.values[j + 1, i + 1]
+    low, high = v00 + a * (v10 - v00), v01 + a * (v11 - v01)
+    gx = ((1.0 - b) * (v10 - v00) + b * (v11 - v01)) / c.cell[0]
+    return low + b * (high - low), gx, (high - low) / c.cell[1]
+
+
+@compiled
+def _point(c: Contour, arc: int, t: float) -> tuple[float, float, float, float]:
+    """The point of an arc over the share t of its chord, and the outward unit normal there."""
+    following = arc + 1 if arc + 1 < c.ends.shape[0] else 0
+    i, j = c.cells[arc, 0], c.cells[arc, 1]
+    ax, ay = c.ends[arc, 0], c.ends[arc, 1]
+    dx, dy = c.ends[following, 0] - ax, c.ends[following, 1] - ay
+    x, y = ax + t * dx, ay + t * dy
+    length = math.hypot(dx, dy)
+    mx, my = dy / length, -dx / length
+    if 0.0 < t < 1.0:
+        value, gx, gy = _in_cell(c, i, j, x, y)
+        slope = gx * mx + gy * my
+        # along the line the function is quadratic: its bend is the cell's one mixed difference
+        mixed = c.values[j, i] - c.values[j, i + 1] - c.values[j + 1, i] + c.values[j + 1, i + 1]
+        bend = mixed / (c.cell[0] * c.cell[1]) * mx * my
+        root = math.sqrt(max(slope * slope - 4.0 * bend * value, 0.0))
+        off = -2.0 * value / (slope + math.copysign(root, slope))
+        x, y = x + off * mx, y + off * my
+    _, gx, gy = _in_cell(c, i, j, x, y)
+    size = math.hypot(gx, gy)
+    return x, y, gx / size, gy / size
+
+
+@compiled
+def _onwards(c: Contour, arc: int, t: float, x: float, y: float) -> float:
+    """Positive where the distance to (x, y) falls as t grows."""
+    px, py, nx, ny = _point(c, arc, t)
+    return (y - py) * nx - (x - px) * ny
+
+
+@compiled
+def _foot(c: Contour, arc: int, t: float, x: float, y: float) -> float:
+    """The share at which the distance to an arc has the local minimum that is nearest to the share t."""
+    low, high = max(t - 1.0 / CUTS, 0.0), min(t + 1.0 / CUTS, 1.0)
+    at_low, at_high = _onwards(c, arc, low, x, y), _onwards(c, arc, high, x, y)
+    while at_low <= 0.0 and low > 0.0:
+        low = max(low - 1.0 / CUTS, 0.0)
+        at_low = _onwards(c, arc, low, x, y)
+    while at_high >= 0.0 and high < 1.0:
+        high = min(high + 1.0 / CUTS, 1.0)
+        at_high = _onwards(c, arc, high, x, y)
+    if at_low <= 0.0:
+        return low
+    if at_high >= 0.0:
+        return high
+    for turn in range(200):
+        # the secant, and every third time the middle, so that the bracket always shrinks
+        t = low + (high - low) * at_low / (at_low - at_high)
+        if turn % 3 == 2 or not (low < t < high):
+            t = 0.5 * (low + high)
+        at = _onwards(c, arc, t, x, y)
+        if at > 0.0:
+            low, at_low = t, at
+        else:
+            high, at_high = t, at
+        if high - low <= 1e-15 or at == 0.0:
+            break
+    return t
+
+
+@compiled
+def _cut(c: Contour) -> Array:
+    count = c.ends.shape[0]
+    out = np.empty((CUTS * count, 2))
+    for arc in range(count):
+        for k in range(CUTS):
+            out[CUTS * arc + k, 0], out[CUTS * arc + k, 1], _, _ = _point(c, arc, k / CUTS)
+    return out

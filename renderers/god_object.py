@@ -1,0 +1,93 @@
+"""The constraint projection (4.3): the tool slides on the surface after the hand, and never passes through it.
+
+Zilles and Salisbury's god-object, or proxy. In free space a straight motion of the hand that goes inside starts the
+contact where it does. In contact the tool slides downhill in distance, over as many pieces as one tick needs, rests in
+concave corners, and is released where the hand is outside the half-plane of the face that it is on, or, at a convex
+corner, of the next one: without that test a tool would walk round a 60 degree tip. A released tool flies straight to
+the hand, and what it runs into on the way is a new contact.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from hapticeval.renderers.boundary import Boundary, entered, nearest_on
+from hapticeval.renderers.outline import Outline
+from hapticeval.renderers.projection import Projected
+from hapticeval.renderers.slide import LEAVES, frame, slide
+
+from hapticeval.compiled import compiled
+from hapticeval.geometry.kernels import evaluate
+from hapticeval.types import Array, BoolArray
+
+TOUCHES, PIECE, AT, HIP_X, HIP_Y = range(5)
+FLIGHTS = 64
+"""Releases within one tick after which the side of the hand decides; each brings the tool closer to it."""
+
+
+class ConstraintProjection:
+    """The constraint projection on a polygon or a curve.
+
+    A run that starts with the hand inside starts in contact at the nearest surface point. With `bilateral` the tool
+    is never released: it follows the same local minimum of the distance with the hand on either side.
+    """
+
+    def __init__(self, outline: Outline, *, bilateral: bool) -> None:
+        self.surface = outline.surface
+        self.resolution = outline.resolution
+        self.standoff = outline.standoff
+        self._boundary = outline.boundary
+        self._bilateral = bilateral
+        self._memory = np.zeros(5)
+
+    def reset(self, hip: Array) -> None:
+        """Start a run with the hand at `hip` (2,), m."""
+        x, y = float(hip[0]), float(hip[1])
+        piece, u, _, side = nearest_on(self._boundary, x, y)
+        self._memory[:] = float(self._bilateral or side < 0.0), piece, u, x, y
+
+    def project(self, hip: Array) -> Projected:
+        """One tick, from the last IHIP, or from the last HIP in free space."""
+        x, y = hip.tolist()
+        return Projected(*_follow(self._boundary, self._memory, self._bilateral, x, y))
+
+    def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
+        """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""
+        return _trace(self._boundary, self._memory, self._bilateral, hips)
+
+
+@compiled
+def _follow(
+    b: Boundary, memory: Array, bilateral: bool, x: float, y: float
+) -> tuple[tuple[float, float], tuple[float, float], bool]:
+    touches, piece, u = memory[TOUCHES] != 0.0, int(memory[PIECE]), memory[AT]
+    if not touches:
+        touches, piece, u = entered(b, memory[HIP_X], memory[HIP_Y], x, y, False)
+    flights = 0
+    while touches:
+        status, piece, u = slide(b.pieces, b.joints, b.third, b.closed, not bilateral, piece, u, x, y)
+        if status != LEAVES:
+            break
+        flights += 1
+        if flights > FLIGHTS:
+            piece, u, _, side = nearest_on(b, x, y)
+            touches = side < 0.0
+            break
+        px, py, _, _, _, _ = evaluate(b.pieces[piece], u)
+        touches, piece, u = entered(b, px, py, x, y, True)
+    memory[TOUCHES], memory[PIECE], memory[AT] = 1.0 if touches else 0.0, piece, u
+    memory[HIP_X], memory[HIP_Y] = x, y
+    if not touches:
+        return (x, y), (0.0, 0.0), False
+    px, py, nx, ny = frame(b.pieces, b.joints, b.closed, piece, u, x, y)
+    return (px, py), (nx, ny), True
+
+
+@compiled
+def _trace(b: Boundary, memory: Array, bilateral: bool, hips: Array) -> tuple[Array, Array, BoolArray]:
+    ihips, normals = np.empty_like(hips), np.empty_like(hips)
+    contact = np.empty(hips.shape[0], np.bool_)
+    for i in range(hips.shape[0]):
+        ihip, normal, contact[i] = _follow(b, memory, bilateral, hips[i, 0], hips[i, 1])
+        ihips[i, 0], ihips[i, 1] = ihip
+        normals[i, 0], normals[i, 1] = normal
+    return ihips, normals, contact

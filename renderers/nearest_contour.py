@@ -1,0 +1,70 @@
+"""The minimum distance projection (4.2) on a level set, the representation that the thesis runs it on (4.1.1)."""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from hapticeval.renderers.bilinear import Contour, contour_of, nearest_on_contour, value_at
+from hapticeval.renderers.projection import Projected
+
+from hapticeval.compiled import compiled
+from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.model import Model
+from hapticeval.types import Array, BoolArray
+
+
+class LevelSetProjection:
+    """The nearest point of the zero contour of the bilinear interpolant; in contact while that is negative.
+
+    `surface` is the contour cut into straight edges, eight a cell. With `bilateral` the hand is projected from outside
+    too.
+    """
+
+    def __init__(self, model: Model, shape: tuple[int, int], *, bilateral: bool) -> None:
+        self._bilateral = bilateral
+        self._contour, self.surface, self.standoff = _contour_of(model, shape)
+        self.resolution = model.level_set(shape).cell
+
+    def reset(self, hip: Array) -> None:
+        """Nothing is remembered."""
+
+    def project(self, hip: Array) -> Projected:
+        """One tick."""
+        x, y = hip.tolist()
+        return Projected(*_project(self._contour, self._bilateral, x, y))
+
+    def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
+        """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""
+        return _trace(self._contour, self._bilateral, hips)
+
+
+def _contour_of(model: Model, shape: tuple[int, int]) -> tuple[Contour, Curve, float]:
+    """The contour of a model's level set, its outline as a curve, and that outline's distance from the model."""
+    kept = _KEPT.setdefault(model, {})
+    if shape not in kept:
+        contour, outline = contour_of(model.level_set(shape))
+        kept[shape] = contour, outline.as_curve(), outline.standoff_from(model.curve)
+    return kept[shape]
+
+
+_KEPT: WeakKeyDictionary[Model, dict[tuple[int, int], tuple[Contour, Curve, float]]] = WeakKeyDictionary()
+
+
+@compiled
+def _project(c: Contour, bilateral: bool, x: float, y: float) -> tuple[tuple[float, float], tuple[float, float], bool]:
+    if not (bilateral or value_at(c, x, y) < 0.0):
+        return (x, y), (0.0, 0.0), False
+    px, py, nx, ny = nearest_on_contour(c, x, y)
+    return (px, py), (nx, ny), True
+
+
+@compiled
+def _trace(c: Contour, bilateral: bool, hips: Array) -> tuple[Array, Array, BoolArray]:
+    ihips, normals = np.empty_like(hips), np.empty_like(hips)
+    contact = np.empty(hips.shape[0], np.bool_)
+    for i in range(hips.shape[0]):
+        ihip, normal, contact[i] = _project(c, bilateral, hips[i, 0], hips[i, 1])
+        ihips[i, 0], ihips[i, 1] = ihip
+        normals[i, 0], normals[i, 1] = normal
+    return ihips, normals, contact

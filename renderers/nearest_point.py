@@ -1,0 +1,60 @@
+"""The minimum distance projection (4.2) on curves and polygons: the hand goes to the closest surface point."""
+
+from __future__ import annotations
+
+import numpy as np
+from hapticeval.renderers.boundary import Boundary, clear_of, nearest_on
+from hapticeval.renderers.outline import Outline
+from hapticeval.renderers.projection import Projected
+from hapticeval.renderers.slide import frame
+
+from hapticeval.compiled import compiled
+from hapticeval.types import Array, BoolArray
+
+
+class MinimumDistanceProjection:
+    """The globally nearest surface point, without memory; in contact while the hand is inside.
+
+    With `bilateral` the hand is projected from outside too.
+    """
+
+    def __init__(self, outline: Outline, *, bilateral: bool) -> None:
+        self.surface = outline.surface
+        self.resolution = outline.resolution
+        self.standoff = outline.standoff
+        self._boundary = outline.boundary
+        self._bilateral = bilateral
+
+    def reset(self, hip: Array) -> None:
+        """Nothing is remembered."""
+
+    def project(self, hip: Array) -> Projected:
+        """One tick."""
+        x, y = hip.tolist()
+        return Projected(*_project(self._boundary, self._bilateral, x, y))
+
+    def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
+        """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""
+        return _trace(self._boundary, self._bilateral, hips)
+
+
+@compiled
+def _project(b: Boundary, bilateral: bool, x: float, y: float) -> tuple[tuple[float, float], tuple[float, float], bool]:
+    if not bilateral and b.stray > 0.0 and clear_of(b, x, y):
+        return (x, y), (0.0, 0.0), False
+    piece, u, _, side = nearest_on(b, x, y)
+    if not (bilateral or side < 0.0):
+        return (x, y), (0.0, 0.0), False
+    px, py, nx, ny = frame(b.pieces, b.joints, b.closed, piece, u, x, y)
+    return (px, py), (nx, ny), True
+
+
+@compiled
+def _trace(b: Boundary, bilateral: bool, hips: Array) -> tuple[Array, Array, BoolArray]:
+    ihips, normals = np.empty_like(hips), np.empty_like(hips)
+    contact = np.empty(hips.shape[0], np.bool_)
+    for i in range(hips.shape[0]):
+        ihip, normal, contact[i] = _project(b, bilateral, hips[i, 0], hips[i, 1])
+        ihips[i, 0], ihips[i, 1] = ihip
+        normals[i, 0], normals[i, 1] = normal
+    return ihips, normals, contact

@@ -1,0 +1,40 @@
+"""What a projection is: the first half of a projective renderer, from the hand to the virtual tool (thesis 4.1)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+from hapticeval.geometry.curve import Curve
+from hapticeval.types import Array, BoolArray
+
+
+class Projected(NamedTuple):
+    """Where one HIP is projected to: IHIP (m) and outward unit normal there, by components, and whether it touches.
+
+    Out of contact the IHIP is the HIP and the normal is zero.
+    """
+
+    ihip: tuple[float, ...]
+    normal: tuple[float, ...]
+    contact: bool
+
+
+class Projection(Protocol):
+    """HIP to IHIP (4.4), with whatever it remembers between ticks.
+
+    `surface` is the curve that is really rendered; `resolution` (m) the length of surface over which it is blurred,
+    and `standoff` (m) how far it may lie off the model: both zero where the representation is exact.
+    """
+
+    surface: Curve
+    resolution: float
+    standoff: float
+
+    def reset(self, hip: Array) -> None:
+        """Start a run with the hand at `hip` (2,), m."""
+
+    def project(self, hip: Array) -> Projected:
+        """One tick."""
+
+    def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
+        """A tick a row of `hips` (n, 2): IHIPs (n, 2), normals (n, 2) and contact (n,), as `project` gives them."""
