@@ -193,6 +193,7 @@ class _Progress:
             runs=list(self.runs),
             verdicts=[verdict_document(verdict) for verdict in self.verdicts],
             table=fill_table(self.plan.suites, self.verdicts),
+            published_table={row.title: row.published for suite in self.plan.suites for row in suite.rows},
             timing={
                 "simulated_seconds": self.simulated,
                 "wall_seconds": wall,

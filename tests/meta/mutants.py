@@ -1,0 +1,156 @@
+"""Deliberately broken renderers: the ideal rigid contact, each with one fault.
+
+Each lets the ideal contact answer and spoils its recording in one way. What a fault must not touch is as important
+as what it does: a mutant that fails two checks cannot tell which of them works.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from hapticeval.ideal import ideal
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+from hapticeval.stimulus import Experiment, Path, Stimulus
+
+Spoil = Callable[[dict[str, np.ndarray], Recording, Scene, Stimulus], None]
+
+
+class Mutant:
+    """The ideal contact with its channels spoiled."""
+
+    def __init__(self, scene: Scene, spoil: Spoil) -> None:
+        self.scene = scene
+        self.spoil = spoil
+        self.contact = ideal(scene)
+
+    def answer(self, stimulus: Stimulus, dt: float) -> Recording:
+        true = self.contact.answer(stimulus, dt)
+        channels = {name: np.array(values) for name, values in true.channels.items()}
+        self.spoil(channels, true, self.scene, stimulus)
+        return Recording(true.time, channels, true.meta)
+
+
+def _curved(scene: Scene) -> bool:
+    curve = scene.model.curve
+    return curve.closed and not curve.corners
+
+
+def _along_surface(scene: Scene, points: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Surface points `shift` metres further along than `points`, and their normals."""
+    curve = scene.model.curve
+    u = curve.parameter(curve.arc_length(curve.nearest(points)) + shift)
+    return np.asarray(curve.position(u)), np.asarray(curve.normal(u))
+
+
+def _moved(channels: dict[str, np.ndarray], true: Recording, scene: Scene, shift: np.ndarray) -> None:
+    """Shift the contact point along the surface, and the force's direction with it."""
+    touching = true.contact
+    position, normal = _along_surface(scene, true.ihip[touching], shift[touching])
+    channels["ihip"][touching] = position
+    strength = np.linalg.norm(true.force[touching], axis=1)
+    outwards = np.sign(np.sum(true.force[touching] * np.asarray(_normals(scene, true.ihip[touching])), axis=1))
+    channels["force"][touching] = normal * (strength * outwards)[:, None]
+
+
+def _normals(scene: Scene, points: np.ndarray) -> np.ndarray:
+    curve = scene.model.curve
+    return np.asarray(curve.normal(curve.nearest(points)))
+
+
+def jumps(channels, true, scene, stimulus):
+    """The contact point stands 3 mm further along wherever the arc length's centimetre is even."""
+    if _curved(scene):
+        curve = scene.model.curve
+        s = curve.arc_length(curve.nearest(true.ihip))
+        _moved(channels, true, scene, np.where(np.floor(s / 0.01) % 2 == 0, 3e-3, 0.0))
+
+
+def skews(channels, true, scene, stimulus):
+    """The force points 2 degrees aside: less than a corner's check calls a turn."""
+    angle = np.radians(2.0)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    channels["force"] = true.force @ turn.T
+
+
+def weakens(channels, true, scene, stimulus):
+    """The force is a fifth too small while the operator pushes on a plane."""
+    if not scene.model.curve.closed and not scene.bilateral:
+        channels["force"] = 0.8 * true.force
+
+
+def lingers(channels, true, scene, stimulus):
+    """The force of the last contact stays for 500 ticks after the tool has left a convex corner."""
+    if not any(corner.convex for corner in scene.model.curve.corners):
+        return
+    touching = np.flatnonzero(true.contact)
+    if touching.size and touching[-1] + 2 < len(true):
+        last = touching[-1]
+        channels["force"][last + 1 : last + 501] = true.force[last - 1]
+
+
+def rounds(channels, true, scene, stimulus):
+    """The HIP goes on round the corner on which the tool rests, as under a spring."""
+    if not isinstance(stimulus, Path) or not any(event["kind"] == "rest" for event in true.meta["events"]):
+        return
+    led = stimulus.sampled(true.dt)[1]
+    resting = true.contact & (np.linalg.norm(true.velocity, axis=1) == 0.0)
+    corners = [corner.position for corner in scene.model.curve.corners if not corner.convex]
+    resting &= np.min([np.linalg.norm(true.ihip - position, axis=1) for position in corners], axis=0) < 1e-9
+    # Under the corner the hand is a depth away from it, and moves there and back as it leaves the faces.
+    channels["hip"][resting] = led[resting]
+
+
+def cushions(channels, true, scene, stimulus):
+    """A collision takes the normal momentum out over 20 ticks instead of at once."""
+    touching = true.contact
+    struck = int(np.argmax(touching))
+    if not isinstance(stimulus, Experiment) or scene.bilateral or struck == 0:
+        return
+    normal = _normals(scene, true.ihip[struck : struck + 1])[0]
+    change = (true.velocity[struck + 1] - true.velocity[struck]) @ normal
+    for k in range(1, 21):
+        channels["velocity"][struck + k] -= (1.0 - k / 20.0) * change * normal
+    impulse = true.force[struck].copy()
+    channels["force"][struck : struck + 20] = impulse / 20.0
+
+
+def widens(channels, true, scene, stimulus):
+    """The centripetal force is paid for with position error: the HIP stands kappa v^2 m / K_p outside."""
+    if not _curved(scene) or not isinstance(stimulus, Experiment):
+        return
+    curve = scene.model.curve
+    u = curve.nearest(true.ihip)
+    speed = np.sum(true.velocity * np.asarray(curve.tangent(u)), axis=1)
+    error = np.asarray(curve.curvature(u)) * speed**2 * scene.mass / scene.stiffness
+    error[~true.contact] = 0.0
+    channels["hip"] = true.hip + error[:, None] * np.asarray(curve.normal(u))
+
+
+def remembers(channels, true, scene, stimulus):
+    """The contact point lags 1 mm behind in the direction of travel, so it depends on the way taken."""
+    if not _curved(scene) or not isinstance(stimulus, Path):
+        return
+    first, last = stimulus.points[0], stimulus.points[-1]
+    direction = np.sign(first[0] * last[1] - first[1] * last[0])
+    _moved(channels, true, scene, np.full(len(true), -1e-3 * direction))
+
+
+MUTANTS: dict[str, tuple[str, Spoil]] = {
+    "jumps": ("continuous-contact", jumps),
+    "skews": ("contact-normal-force", skews),
+    "weakens": ("contact-normal-force", weakens),
+    "lingers": ("broken-contact", lingers),
+    "rounds": ("abrupt-switch", rounds),
+    "cushions": ("impulsive-collision", cushions),
+    "widens": ("centripetal-force", widens),
+    "remembers": ("memoryless", remembers),
+}
+"""Mutant: the one check that it must fail, and its fault."""
+
+
+def factory(name: str) -> Callable[[Scene], Mutant]:
+    """A renderer factory for one mutant."""
+    return lambda scene: Mutant(scene, MUTANTS[name][1])

@@ -1,0 +1,110 @@
+"""Continuous contact on maps whose continuity is known beforehand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hapticeval.geometry.catalogue import circle
+from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.continuous_contact import judge
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+
+SCENE = Scene(model=circle())
+
+
+def runs(answer, *, refinable=True, meta=None):
+    """HIPs moving 40 mm along x in 2 s, 1 mm deep, and `answer(x)` as the IHIP's place along x."""
+
+    def record(factor):
+        x = np.linspace(0.0, 0.04, 2000 * factor + 1)
+        hip = np.column_stack([x, np.full_like(x, -1e-3)])
+        ihip = np.column_stack([answer(x), np.zeros_like(x)])
+        time = np.linspace(0.0, 2.0, x.size)
+        return Recording(time, {"hip": hip, "ihip": ihip, "force": 1e3 * (ihip - hip)}, meta or {})
+
+    return Runs(record(1), refine=record if refinable else None)
+
+
+@given(size=st.floats(1e-4, 0.05), where=st.floats(0.002, 0.038))
+def test_a_jump_stays_whatever_its_size_and_place(size, where):
+    finding = judge(runs(lambda x: x + size * (x > where)), SCENE)
+    assert finding.outcome is Outcome.FAIL
+    assert size - 1e-9 <= finding.metric.value <= size + 2.1e-5  # and the HIP's own step
+    assert finding.evidence["time"] == pytest.approx(50.0 * where, abs=2e-3)
+    assert finding.margin < 0.0
+
+
+@given(slope=st.floats(0.0, 100.0), where=st.floats(0.002, 0.038))
+@settings(max_examples=30)
+def test_a_steep_but_continuous_map_passes(slope, where):
+    finding = judge(runs(lambda x: x + slope * np.clip(x - where, 0.0, 1e-3)), SCENE)
+    assert finding.outcome is Outcome.PASS
+
+
+def test_the_steepest_map_met_in_practice_passes():
+    """A Hoelder map of order 1/3, as a conformal map at a 60-degree tip."""
+    finding = judge(runs(lambda x: 0.1 * np.cbrt(x - 0.02)), SCENE)
+    assert finding.outcome is Outcome.PASS
+    assert finding.evidence["slope"] == pytest.approx(1 / 3, abs=0.05)
+
+
+def test_a_jump_hidden_under_long_steps_is_found():
+    """At the coarsest sampling the steep ramp steps farther than the jump; refinement shrinks only the ramp."""
+
+    def answer(x):
+        return x + 50.0 * np.clip(x - 0.01, 0.0, 2e-3) + 6e-4 * (x > 0.03)
+
+    finding = judge(runs(answer), SCENE)
+    assert finding.outcome is Outcome.FAIL
+
+
+def test_a_lagging_proxy_that_moves_in_every_third_tick_passes():
+    def record(factor):
+        x = np.linspace(0.0, 0.04, 2000 * factor + 1)
+        hip = np.column_stack([x, np.full_like(x, -1e-3)])
+        ihip = np.column_stack([x[3 * (np.arange(x.size) // 3)], np.zeros_like(x)])
+        return Recording(np.linspace(0.0, 2.0, x.size), {"hip": hip, "ihip": ihip, "force": 1e3 * (ihip - hip)})
+
+    assert judge(Runs(record(1), refine=record), SCENE).outcome is Outcome.PASS
+
+
+def test_a_jump_within_the_declared_resolution_is_a_mini_pop_through():
+    finding = judge(runs(lambda x: x + 1e-3 * (x > 0.02), meta={"resolution": 0.015}), SCENE)
+    assert finding.outcome is Outcome.PASS
+    assert "mini pop-through" in finding.message
+
+
+def test_a_jump_between_two_contacts_is_no_pop_through():
+    base = runs(lambda x: x + 0.01 * (x > 0.02)).base
+    ihip, force = np.array(base.ihip), np.array(base.force)
+    gap = slice(1000, 1010)
+    ihip[gap], force[gap] = base.hip[gap], 0.0
+    broken = Recording(base.time, {"hip": base.hip, "ihip": ihip, "force": force})
+    assert judge(Runs(broken, refine=lambda factor: broken), SCENE).outcome is not Outcome.FAIL
+
+
+def test_no_contact_decides_nothing():
+    base = runs(lambda x: x).base
+    free = Recording(base.time, {"hip": base.hip, "ihip": base.hip, "force": np.zeros_like(base.hip)})
+    assert judge(Runs(free), SCENE).outcome is Outcome.INCONCLUSIVE
+
+
+def test_a_fixed_recording_is_judged_by_the_weaker_test_and_says_so():
+    passed = judge(runs(lambda x: x, refinable=False), SCENE)
+    failed = judge(runs(lambda x: x + 0.01 * (x > 0.02), refinable=False), SCENE)
+    assert (passed.outcome, failed.outcome) == (Outcome.PASS, Outcome.FAIL)
+    assert "weaker" in passed.message
+    assert "weaker" in failed.message
+
+
+def test_a_fixed_recording_near_the_medial_axis_is_inconclusive():
+    """At the centre of the circle every IHIP step is honest."""
+    angle = np.linspace(0.0, 2.0, 50)
+    ihip = 0.1 * np.column_stack([np.cos(angle), np.sin(angle)])
+    base = Recording(np.linspace(0, 1, 50), {"hip": 1e-3 * ihip, "ihip": ihip, "force": ihip})
+    assert judge(Runs(base), SCENE).outcome is Outcome.INCONCLUSIVE

@@ -1,0 +1,116 @@
+"""Broken contact and abrupt switch on recordings made by hand, with the fault's size known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hapticeval.geometry.catalogue import circle, star
+from hapticeval.phenomena import abrupt_switch, broken_contact
+from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+
+SCENE = Scene(model=star())
+TIP, NOTCH = SCENE.model.curve.corners[0], SCENE.model.curve.corners[1]
+STEP = 2e-5
+
+
+def over_the_tip(*, early=0.0, late=0.0, backwards=False, step=STEP):
+    """5 mm under a face towards the tip; the force turns `early` metres before it or stays `late` metres after."""
+    ahead, normal = (-TIP.tangent_post, TIP.normal_post) if backwards else (TIP.tangent_pre, TIP.normal_pre)
+    other = TIP.normal_pre if backwards else TIP.normal_post
+    x = np.arange(-0.02, 0.02, step) + step / 3
+    hip = TIP.position + x[:, None] * ahead - 5e-3 * normal
+    touching = x <= late
+    ihip = np.where(touching[:, None], hip + 5e-3 * normal, hip)
+    force = np.where(touching[:, None], 5.0 * normal, 0.0)
+    if early:
+        force[(x > -early) & (x < 0)] = 5.0 * other
+    return Recording(np.arange(x.size) * 1e-3, {"hip": hip, "ihip": ihip, "force": force})
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_force_that_keeps_to_the_corner_and_is_gone_passes(backwards):
+    assert broken_contact.judge(Runs(over_the_tip(backwards=backwards)), SCENE).outcome is Outcome.PASS
+
+
+@given(distance=st.floats(2e-4, 0.015), backwards=st.booleans())
+@settings(max_examples=30)
+def test_how_far_too_early_or_too_late_is_measured(distance, backwards):
+    early = broken_contact.judge(Runs(over_the_tip(early=distance, backwards=backwards)), SCENE)
+    late = broken_contact.judge(Runs(over_the_tip(late=distance, backwards=backwards)), SCENE)
+    for finding in (early, late):
+        assert finding.outcome is Outcome.FAIL
+        assert finding.metric.value == pytest.approx(distance, abs=1.1 * STEP)
+    assert "before" in early.message
+    assert "past" in late.message
+
+
+def test_three_ticks_of_lag_are_granted_and_five_are_not():
+    assert broken_contact.judge(Runs(over_the_tip(late=2.5 * STEP)), SCENE).outcome is Outcome.PASS
+    assert broken_contact.judge(Runs(over_the_tip(late=5 * STEP)), SCENE).outcome is Outcome.FAIL
+
+
+def test_a_path_that_turns_back_before_the_corner_decides_nothing():
+    base = over_the_tip()
+    keep = slice(0, 500)
+    short = Recording(base.time[keep], {name: values[keep] for name, values in base.channels.items()})
+    assert broken_contact.judge(Runs(short), SCENE).outcome is Outcome.INCONCLUSIVE
+
+
+def test_a_smooth_model_has_no_corners_to_judge():
+    scene = Scene(model=circle())
+    base = over_the_tip()
+    assert broken_contact.judge(Runs(base), scene).outcome is Outcome.NOT_APPLICABLE
+    assert abrupt_switch.judge(Runs(base), scene).outcome is Outcome.NOT_APPLICABLE
+
+
+def round_the_notch(*, depth, spread, backwards=False):
+    """Along the faces of the notch `depth` under them, the force turning over a `spread` of the arc below."""
+    turn = NOTCH.turn
+    first = np.arctan2(NOTCH.normal_pre[1], NOTCH.normal_pre[0])
+    arc = np.arange(0.0, abs(turn), STEP / depth) / abs(turn)
+    x = np.arange(-0.02, 0.0, STEP)
+    before = NOTCH.position + x[:, None] * NOTCH.tangent_pre - depth * NOTCH.normal_pre
+    after = NOTCH.position - x[::-1, None] * NOTCH.tangent_post - depth * NOTCH.normal_post
+
+    def direction(share):
+        angle = first + np.asarray(share) * turn
+        return np.column_stack([np.cos(angle), np.sin(angle)])
+
+    hip = np.vstack([before, NOTCH.position - depth * direction(arc), after])
+    turned = np.clip((arc - 0.5) / spread + 0.5, 0.0, 1.0) if spread else (arc > 0.5).astype(float)
+    share = np.concatenate([np.zeros(len(before)), turned, np.ones(len(after))])
+    force = 1e3 * depth * direction(share)
+    ihip = np.vstack([before + depth * NOTCH.normal_pre, np.tile(NOTCH.position, (arc.size, 1)), after])
+    ihip[-len(after) :] += depth * NOTCH.normal_post
+    order = slice(None, None, -1 if backwards else 1)
+    channels = {"hip": hip[order], "ihip": ihip[order], "force": force[order]}
+    return Recording(np.arange(len(hip)) * 1e-3, channels)
+
+
+@given(depth=st.floats(2e-3, 0.012), spread=st.floats(0.2, 1.0), backwards=st.booleans())
+@settings(max_examples=30)
+def test_the_travel_of_the_switch_is_measured_in_depths(depth, spread, backwards):
+    finding = abrupt_switch.judge(Runs(round_the_notch(depth=depth, spread=spread, backwards=backwards)), SCENE)
+    assert finding.outcome is Outcome.FAIL
+    wanted = 0.9 * spread * abs(NOTCH.turn)
+    assert finding.metric.value == pytest.approx(wanted, abs=4 * STEP / depth)
+    assert finding.evidence["switch_takes_s"] == pytest.approx(wanted * depth / STEP * 1e-3, abs=5e-3)
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_switch_at_one_point_passes(backwards):
+    finding = abrupt_switch.judge(Runs(round_the_notch(depth=5e-3, spread=0.0, backwards=backwards)), SCENE)
+    assert finding.outcome is Outcome.PASS
+
+
+def test_a_path_along_one_face_decides_nothing():
+    base = round_the_notch(depth=5e-3, spread=1.0)
+    keep = slice(0, 800)
+    short = Recording(base.time[keep], {name: values[keep] for name, values in base.channels.items()})
+    assert abrupt_switch.judge(Runs(short), SCENE).outcome is Outcome.INCONCLUSIVE
