@@ -21,7 +21,7 @@ import numpy as np
 from hapticeval.compiled import compiled
 from hapticeval.types import Array, IntArray
 
-LEAF = 4
+LEAF = 8
 DEPTH = 128
 TOUCH = 1e-12
 """A point this close to an edge, in parts of the polygon's extent, is on it."""
@@ -116,7 +116,7 @@ def nearest_kernel(vertices: Array, tree: Array, x: float, y: float) -> tuple[in
                 t, distance2 = 1.0, qx * qx + qy * qy
             else:
                 cross = px * dy - py * dx
-                t, distance2 = dot / length2, cross * cross / length2
+                t, distance2 = dot / length2, cross / length2 * cross
             if distance2 < best2:
                 best2, edge, along = distance2, k, t
                 best = math.sqrt(best2)

@@ -96,7 +96,8 @@ def vertices_from_wkt(text: str) -> Array:
     if not isinstance(text, str) or not text.strip():
         raise InputError("the WKT text is empty", todo="give a POLYGON ((x y, x y, x y, x y))")
     try:
-        geometry = shapely.from_wkt(text)
+        with np.errstate(all="ignore"):  # numbers that are not finite are refused below, by vertex
+            geometry = shapely.from_wkt(text)
     except shapely.errors.ShapelyError as error:
         raise InputError(
             "the WKT text cannot be read",

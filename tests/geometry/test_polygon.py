@@ -1,0 +1,294 @@
+"""Polygons: the tree's answers against brute force and shapely, crossings, and how far they are from the curve."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from hapticeval.errors import InputError
+from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
+from hapticeval.geometry.polygon import Polygon
+from hapticeval.geometry.polygon_kernels import contains_kernel, first_crossing_kernel, nearest_kernel
+
+NOTCHED = [[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [4, 3], [4, 4], [0, 4]]
+SLIVER = [[0.0, 0.0], [1.0, -1e-6], [2.0, 0.0], [1.0, 1e-6]]
+POLYGONS = {
+    "star": star().polygon(),
+    "cassinian": cassinian().polygon(40),
+    "cassinian, 1000": cassinian().polygon(1000),
+    "dumbbell": dumbbell(neck=0.02).polygon(60),
+    "triangle": Polygon([[0, 0], [1, 0], [0, 1]]),
+    "notched": Polygon(NOTCHED),
+    "sliver": Polygon(SLIVER),
+    "far away": Polygon(np.array(NOTCHED) + 1e6),
+}
+share = st.floats(0.0, 1.0)
+
+
+def brute(polygon: Polygon, points: np.ndarray) -> np.ndarray:
+    """Distances to every edge, the smallest of each row."""
+    a, d = polygon.vertices, polygon.edges
+    r = points[:, None] - a
+    t = np.clip(np.sum(r * d, axis=2) / np.sum(d * d, axis=1), 0.0, 1.0)
+    return np.min(np.hypot(*(r - t[..., None] * d).transpose(2, 0, 1)), axis=1)
+
+
+def around(polygon: Polygon, shares: np.ndarray) -> np.ndarray:
+    """Shares of 0 to 1 spread over the polygon's box and a third of it all around."""
+    low, high = polygon.vertices.min(axis=0), polygon.vertices.max(axis=0)
+    return low + (np.asarray(shares) * 5.0 / 3.0 - 1.0 / 3.0) * (high - low)
+
+
+@pytest.fixture(params=list(POLYGONS))
+def polygon(request) -> Polygon:
+    return POLYGONS[request.param]
+
+
+@pytest.fixture
+def points(polygon) -> np.ndarray:
+    rng = np.random.default_rng(11)
+    edge = rng.integers(len(polygon.vertices), size=300)
+    on = polygon.vertices[edge] + rng.random((300, 1)) * polygon.edges[edge]
+    return np.vstack([around(polygon, rng.random((1500, 2))), polygon.vertices, on])
+
+
+class TestNearest:
+    def test_equals_brute_force_and_shapely(self, polygon, points):
+        rounding = 1e-15 * np.max(np.abs(polygon.vertices))
+        distance = np.abs(polygon.signed_distance(points))
+        assert distance == pytest.approx(brute(polygon, points), rel=1e-12, abs=rounding)
+        ring = shapely.Polygon(polygon.vertices).exterior
+        assert distance == pytest.approx(shapely.distance(ring, shapely.points(points)), rel=1e-12, abs=rounding)
+
+    def test_edge_share_and_point_belong_together(self, polygon, points):
+        edge, t, nearest = polygon.nearest(points)
+        assert edge.dtype == np.int64
+        assert np.all((t >= 0.0) & (t < 1.0))
+        rounding = 1e-15 * np.max(np.abs(polygon.vertices))
+        assert np.hypot(*(nearest - points).T) == pytest.approx(
+            np.abs(polygon.signed_distance(points)), rel=1e-9, abs=4 * rounding
+        )
+
+    def test_vertices_are_their_own_nearest(self, polygon):
+        edge, t, nearest = polygon.nearest(polygon.vertices)
+        assert np.array_equal(nearest, polygon.vertices)
+        assert np.array_equal(edge, np.arange(len(polygon.vertices)))
+        assert not t.any()
+
+    def test_far_points(self, polygon):
+        far = polygon.vertices[0] + np.array([[1e9, 3e8], [-1e9, 0.0]])
+        assert np.abs(polygon.signed_distance(far)) == pytest.approx(brute(polygon, far), rel=1e-14)
+
+    def test_no_run_of_edges_leaves_its_capsule(self, polygon):
+        tree, vertices = polygon.tree, polygon.vertices
+        n, leaves = len(vertices), len(tree) // 2
+        for row in range(1, 2 * leaves):
+            level = 2 ** int(math.log2(row))
+            j = row - level
+            run = np.arange(j * n // level, (j + 1) * n // level + 1) % n
+            start, chord, inverse, radius = tree[row, 0:2], tree[row, 2:4], tree[row, 4], tree[row, 5]
+            assert np.array_equal(start, vertices[run[0]])
+            offset = vertices[run] - start
+            t = np.clip(offset @ chord * inverse, 0.0, 1.0)
+            assert np.max(np.hypot(*(offset - t[:, None] * chord).T)) <= radius
+
+    def test_the_work_grows_no_faster_than_log_n(self):
+        """Runs looked into, counted by the rule that the compiled query uses, at random points."""
+        points = np.random.default_rng(2).uniform(-0.12, 0.12, (60, 2))
+        counts = []
+        for n in (80, 8_000):
+            polygon = cassinian().polygon(n)
+            best = np.abs(polygon.signed_distance(points))
+            tree = polygon.tree[1:]
+            offset = points[:, None] - tree[:, 0:2]
+            t = np.clip(np.sum(offset * tree[:, 2:4], axis=2) * tree[:, 4], 0.0, 1.0)
+            chord = np.hypot(*(offset - t[..., None] * tree[:, 2:4]).transpose(2, 0, 1))
+            counts.append(np.mean(np.sum(chord <= best[:, None] + tree[:, 5], axis=1)))
+        assert counts[1] / counts[0] < math.log(8_000) / math.log(80) * 1.2
+
+    def test_refuses_points_that_are_not_finite(self, polygon):
+        with pytest.raises(InputError, match="row 0"):
+            polygon.nearest([[math.inf, 0.0]])
+
+
+class TestSide:
+    def test_equals_shapely(self, polygon, points):
+        clear = np.abs(polygon.signed_distance(points)) > 1e-12 * np.max(np.abs(polygon.vertices))
+        expected = shapely.contains_xy(shapely.Polygon(polygon.vertices), points)
+        assert np.array_equal(polygon.contains(points)[clear], expected[clear])
+
+    def test_points_on_the_outline_are_not_inside(self):
+        square = Polygon([[0, 0], [1, 0], [1, 1], [0, 1]])
+        assert not square.contains([[0.5, 0.0], [1.0, 0.25], [0.0, 0.0], [1.0, 1.0]]).any()
+
+    def test_a_vertex_on_a_straight_edge_tells_nothing(self):
+        square = Polygon([[0, 0], [0.5, 0], [1, 0], [1, 1], [0, 1]])
+        assert square.signed_distance([[0.5, 0.1], [0.5, -0.1]]) == pytest.approx([-0.1, 0.1])
+
+    @settings(max_examples=50)
+    @given(st.sampled_from(list(POLYGONS)), share, share)
+    def test_kernels_are_what_the_methods_answer(self, name, a, b):
+        polygon = POLYGONS[name]
+        x, y = around(polygon, [a, b])
+        edge, t, distance2 = nearest_kernel(polygon.vertices, polygon.tree, x, y)
+        edges, ts, _ = polygon.nearest([[x, y]])
+        assert (edge, t) == (edges[0], ts[0])
+        assert math.sqrt(distance2) == abs(polygon.signed_distance([[x, y]])[0])
+        assert contains_kernel(polygon.vertices, polygon.tree, x, y) == polygon.contains([[x, y]])[0]
+
+
+class TestFirstCrossing:
+    @settings(max_examples=50)
+    @given(st.sampled_from(list(POLYGONS)), share, share, share, share)
+    def test_equals_shapely(self, name, a, b, c, d):
+        polygon = POLYGONS[name]
+        start, end = around(polygon, [a, b]), around(polygon, [c, d])
+        self.compare(polygon, start, end)
+
+    @settings(max_examples=50)
+    @given(st.sampled_from(list(POLYGONS)), st.integers(0, 10**6), share, share, share)
+    @example("star", 1, 0.5, 0.5, 0.5)
+    def test_from_the_outline(self, name, which, along, c, d):
+        polygon = POLYGONS[name]
+        edge = which % len(polygon.vertices)
+        self.compare(polygon, polygon.vertices[edge] + along * polygon.edges[edge], around(polygon, [c, d]))
+
+    @settings(max_examples=50)
+    @given(st.sampled_from(list(POLYGONS)), st.integers(0, 10**6), share, share, st.floats(1.0, 2.0))
+    def test_aimed_at_a_vertex(self, name, which, a, b, beyond):
+        polygon = POLYGONS[name]
+        start = around(polygon, [a, b])
+        vertex = polygon.vertices[which % len(polygon.vertices)]
+        self.compare(polygon, start, start + beyond * (vertex - start))
+
+    def compare(self, polygon: Polygon, start: np.ndarray, end: np.ndarray) -> None:
+        extent = float(np.max(np.ptp(polygon.vertices, axis=0)))
+        rounding = 1e-11 * extent + 1e-14 * np.max(np.abs(polygon.vertices))
+        if polygon.signed_distance([start])[0] < -rounding or np.hypot(*(end - start)) < rounding:
+            return
+        parts = shapely.get_parts(
+            shapely.intersection(shapely.LineString([start, end]), shapely.Polygon(polygon.vertices))
+        )
+        middles = [(part, part.interpolate(0.5, normalized=True)) for part in parts if part.length > rounding]
+        depths = [(part, -polygon.signed_distance([[p.x, p.y]])[0]) for part, p in middles]
+        deep = [part for part, depth in depths if depth > rounding]
+        found = polygon.first_crossing(start, end)
+        if found is None:
+            assert not deep
+            return
+        edge, t, fraction = found
+        place = start + fraction * (end - start)
+        assert 0.0 <= t <= 1.0
+        assert 0.0 <= fraction <= 1.0
+        assert np.hypot(*(polygon.vertices[edge] + t * polygon.edges[edge] - place)) <= 10 * rounding
+        if deep:
+            first = min(np.min(np.hypot(*(shapely.get_coordinates(part) - start).T)) for part in deep)
+            assert np.hypot(*(place - start)) <= first + 1e-8 * extent
+
+    def test_thin_part_passed_right_through(self):
+        assert POLYGONS["sliver"].first_crossing([1.0, 1.0], [1.0, -1.0])[2] == pytest.approx((1.0 - 1e-6) / 2.0)
+
+    def test_a_touched_tip_is_not_crossed(self):
+        for offset in (0.0, 1e-18):
+            assert star().polygon().first_crossing([-0.1, 0.1 + offset], [0.1, 0.1 + offset]) is None
+
+    def test_leaving_and_sliding_are_not_crossing(self):
+        square = Polygon([[0, 0], [1, 0], [1, 1], [0, 1]])
+        assert square.first_crossing([0.5, 0.0], [0.5, -1.0]) is None
+        assert square.first_crossing([0.2, 0.0], [0.8, 0.0]) is None
+        assert square.first_crossing([0.0, 0.0], [1.0, 0.0]) is None
+        assert square.first_crossing([0.5, 0.5], [0.5, 0.5]) is None
+
+    def test_from_a_corner_into_the_inside(self):
+        notched = POLYGONS["notched"]
+        assert notched.first_crossing([1.0, 1.0], [0.5, 0.5])[2] == 0.0
+        assert notched.first_crossing([1.0, 1.0], [2.0, 2.0]) is None
+        edge, t, fraction = notched.first_crossing([4.0, 1.0], [0.5, 2.0])
+        assert (edge, fraction) == (3, pytest.approx(3.0 / 3.5))
+        assert t == pytest.approx((1.0 + 3.0 / 3.5 - 1.0) / 2.0)
+
+    def test_a_start_that_rounding_put_inside(self):
+        polygon = cassinian().polygon(40)
+        for edge in range(40):
+            outward = np.array([polygon.edges[edge, 1], -polygon.edges[edge, 0]])
+            outward /= np.hypot(*outward)
+            start = polygon.vertices[edge] + 0.3 * polygon.edges[edge] - 1e-15 * outward
+            found = polygon.first_crossing(start, start - 1e-4 * outward)
+            assert found == (edge, pytest.approx(0.3), 0.0)
+
+    def test_none_is_edge_minus_one_in_the_kernel(self):
+        polygon = POLYGONS["triangle"]
+        assert first_crossing_kernel(polygon.vertices, polygon.tree, 2.0, 2.0, 3.0, 3.0)[0] == -1
+
+
+class TestRepresentation:
+    @pytest.mark.parametrize(("n", "millimetres"), [(40, 1.17), (80, 0.29), (160, 0.074)])
+    def test_standoff_of_the_cassinian(self, n, millimetres):
+        model = cassinian()
+        assert model.polygon(n).standoff_from(model.curve) * 1e3 == pytest.approx(millimetres, abs=0.006)
+
+    @pytest.mark.parametrize("make", [cassinian, ellipse, dumbbell])
+    def test_standoff_is_of_second_order(self, make):
+        model = make()
+        errors = [model.polygon(n).standoff_from(model.curve) for n in (160, 640)]
+        assert math.log(errors[0] / errors[1], 4) == pytest.approx(2.0, abs=0.15)
+
+    def test_standoff_of_a_circle_is_its_sagitta(self):
+        for n in (7, 40, 1000):
+            sagitta = 0.1 * (1.0 - math.cos(math.pi / n))
+            assert circle().polygon(n).standoff_from(circle().curve) == pytest.approx(sagitta, abs=1e-12)
+
+    def test_standoff_is_measured_both_ways(self):
+        spiked = Polygon([[0, 0], [1, 0], [1, 1], [0.51, 1], [0.5, 2], [0.49, 1], [0, 1]])
+        square = from_vertices([[0, 0], [1, 0], [1, 1], [0, 1]])
+        assert spiked.standoff_from(square.curve) == pytest.approx(1.0)
+        assert square.polygon().standoff_from(spiked.as_curve()) == pytest.approx(1.0)
+
+    def test_straight_models_are_their_own_polygon(self):
+        model = star()
+        assert np.array_equal(model.polygon(7).vertices, [corner.position for corner in model.curve.corners])
+        assert model.polygon().standoff_from(model.curve) < 1e-16
+
+    def test_steps_are_equal_in_the_parameter(self):
+        u = 2.0 * math.pi * np.arange(40) / 40
+        assert np.array_equal(cassinian().polygon(40).vertices, cassinian().curve.position(u))
+        assert len(dumbbell().polygon(60).vertices) == 60
+
+    def test_as_curve_and_back(self, polygon):
+        curve = polygon.as_curve()
+        assert np.array_equal(curve.position(curve.pieces[:, 1]), polygon.vertices)
+        points = around(polygon, np.random.default_rng(0).random((200, 2)))
+        assert np.array_equal(curve.signed_distance(points), polygon.signed_distance(points))
+
+    def test_resolution_is_the_longest_edge(self):
+        assert POLYGONS["notched"].resolution == 4.0
+
+    def test_representations_are_made_once(self):
+        model = cassinian()
+        assert model.polygon(40) is model.polygon(40)
+        assert model.level_set((20, 20)) is model.level_set((20, 20))
+        assert not model.polygon(40).vertices.flags.writeable
+
+    def test_size_is_the_largest_extent(self):
+        assert cassinian(size=0.3).size == pytest.approx(0.3)
+        assert line().size == 0.2
+
+    @pytest.mark.parametrize("size", [1e-99, 1e99])
+    def test_extreme_sizes_keep_their_digits(self, size):
+        for make in (star, cassinian, circle, ellipse, dumbbell):
+            extreme, usual = make(size=size).polygon(), make(size=1.0).polygon()
+            points = np.random.default_rng(1).uniform(-0.6, 0.6, (100, 2))
+            distance = extreme.signed_distance(points * size) / size
+            assert distance == pytest.approx(usual.signed_distance(points), rel=1e-12, abs=1e-15)
+            assert extreme.first_crossing([size, 0.9 * size], [0.0, 0.0]) == pytest.approx(
+                usual.first_crossing([1.0, 0.9], [0.0, 0.0]), rel=1e-9
+            )
+
+    def test_what_has_no_polygon(self):
+        with pytest.raises(InputError, match="unbounded"):
+            line().polygon()
+        with pytest.raises(InputError, match="2 vertices"):
+            circle().polygon(2)
