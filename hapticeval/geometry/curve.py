@@ -240,7 +240,7 @@ class Curve:
         if not self._straight:
             return curve_kernels.project_many(self.pieces, self.samples, array)
         vertices, tree = self._polyline
-        edges, along, distances = polygon_kernels.nearest_many(vertices, tree, array)
+        edges, along, distances, _ = polygon_kernels.nearest_many(vertices, tree, array)
         starts, ends = self.pieces[edges, U0], self.pieces[edges, U1]
         u = starts + along * (ends - starts)
         return np.column_stack([u, np.abs(distances), np.where(distances < 0.0, -1.0, 1.0)])

@@ -56,8 +56,8 @@ class Polygon:
         A vertex is given as t = 0 of the edge that it starts. Raises `InputError` for points that are not
         finite.
         """
-        edges, along, _ = self._nearest(points)
-        return edges, along, np.asarray(self.vertices[edges] + along[:, np.newaxis] * self.edges[edges])
+        edges, along, _, feet = self._nearest(points)
+        return edges, along, feet
 
     def signed_distance(self, points: ArrayLike) -> Array:
         """Distances (n,), m, of points (n, 2) from the outline, negative inside."""
@@ -102,7 +102,7 @@ class Polygon:
         edge = np.minimum(share.astype(np.int64), self.vertices.shape[0] - 1)
         return np.asarray(self.vertices[edge] + (share - edge)[:, np.newaxis] * self.edges[edge])
 
-    def _nearest(self, points: ArrayLike) -> tuple[IntArray, Array, Array]:
+    def _nearest(self, points: ArrayLike) -> tuple[IntArray, Array, Array, Array]:
         return polygon_kernels.nearest_many(self.vertices, self.tree, checked_points(points))
 
 
