@@ -106,7 +106,7 @@ class Experiment:
         return np.column_stack([np.interp(time, self.force_time, column) for column in self.force.T])
 
     def at_speed(self, factor: float) -> Experiment:
-        """The same experiment at `factor` times the pace: it starts as much faster, and pushes and ends as much sooner."""
+        """The same experiment at `factor` times the pace: started faster, pushed and ended sooner."""
         return Experiment(
             self.duration / factor,
             self.position,

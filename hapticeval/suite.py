@@ -198,8 +198,10 @@ def _cases(spec: Mapping[str, Any], file: FilePath) -> Iterator[Case]:
         _check_known(check, place)
     trajectory = spec.get("trajectory")
     if "sweep" not in spec:
-        if trajectory is not None and trajectory["kind"] == "scaled" and "depth" not in trajectory:
-            raise InputError(f"{place}: a 'scaled' trajectory needs a depth", todo="give depth, or a sweep")
+        if trajectory is not None and trajectory["kind"] in ("scaled", "arc") and "depth" not in trajectory:
+            raise InputError(
+                f"{place}: a '{trajectory['kind']}' trajectory needs a depth", todo="give depth, or a sweep"
+            )
         yield _case(spec, spec["name"], trajectory, spec.get("published", {}), file)
         return
     if trajectory is None:

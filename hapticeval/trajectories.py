@@ -25,6 +25,7 @@ def build_path(spec: Mapping[str, Any], surface: Curve, folder: FilePath) -> Pat
 
     - `scaled`: (1 - depth / R) y(s) with R the surface's largest radius about the origin, between the polar angles
       `from_angle` and `to_angle` (degrees): `depth` (m) under the tips, less in the valleys;
+    - `arc`: round the origin, `depth` (m) inside the surface's largest radius, between two polar angles (degrees);
     - `corner`: parallel to the faces of the surface's corner number `corner`, `depth` (m) under them, from `before`
       to `after` metres from the corner; round a concave corner on an arc, straight on past a convex one;
     - `points`: straight lines between `points` (m);
@@ -37,6 +38,8 @@ def build_path(spec: Mapping[str, Any], surface: Curve, folder: FilePath) -> Pat
         return read_path(folder / str(spec["path"]))
     if kind == "scaled":
         points = _scaled(surface, spec["depth"], spec["from_angle"], spec["to_angle"])
+    elif kind == "arc":
+        points = _arc(surface, spec["depth"], spec["from_angle"], spec["to_angle"])
     elif kind == "corner":
         points = _past_corner(surface, spec["corner"], spec["depth"], spec["before"], spec["after"])
     else:
@@ -87,7 +90,7 @@ def read_path(file: FilePath) -> Path:
 
 def _scaled(surface: Curve, depth: float, from_angle: float, to_angle: float) -> Array:
     low, high = surface.u_range
-    if not np.isfinite(low):
+    if not surface.closed:
         raise InputError("a 'scaled' trajectory needs a closed model", todo="use kind = 'points' on a line")
     u = np.linspace(low, high, 4 * WAYPOINTS)
     outline = np.asarray(surface.position(u))
@@ -102,10 +105,22 @@ def _scaled(surface: Curve, depth: float, from_angle: float, to_angle: float) ->
     turn = 2.0 * np.pi
     inside = angle[0] + (wanted - angle[0]) % turn
     position = np.asarray(surface.position(np.interp(inside, angle, u)))
-    radius = float(np.max(np.linalg.norm(outline, axis=1)))
+    return (1.0 - depth / _radius(surface, depth)) * position
+
+
+def _arc(surface: Curve, depth: float, from_angle: float, to_angle: float) -> Array:
+    if not surface.closed:
+        raise InputError("an 'arc' trajectory needs a closed model", todo="use kind = 'points' on a line")
+    angle = np.linspace(math.radians(from_angle), math.radians(to_angle), WAYPOINTS)
+    return (_radius(surface, depth) - depth) * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def _radius(surface: Curve, depth: float) -> float:
+    """The surface's largest distance from the origin, m, refused if `depth` does not fit into it."""
+    radius = float(np.max(np.linalg.norm(surface.outline(4 * WAYPOINTS), axis=1)))
     if depth >= radius:
-        raise InputError(f"a 'scaled' trajectory of depth {depth} m", why=f"the surface's radius is {radius:.4g} m")
-    return (1.0 - depth / radius) * position
+        raise InputError(f"a trajectory of depth {depth} m", why=f"the surface's largest radius is {radius:.4g} m")
+    return radius
 
 
 def _past_corner(surface: Curve, number: int, depth: float, before: float, after: float) -> Array:

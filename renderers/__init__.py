@@ -7,10 +7,10 @@ are written into a renderer's name as BASE[+SCHEME][@REPRESENTATION], such as `c
 from hapticeval.renderers.family import ProjectiveFamily, by_constraint, by_minimum_distance
 
 minimum_distance = ProjectiveFamily(
-    summary="nearest surface point, thesis (4.2), on a level set of 100 x 100 nodes; pops through medial axes",
+    summary="nearest surface point, thesis (4.2), on the exact curve; pops through medial axes",
     project=by_minimum_distance,
     representations=("curve", "polygon", "level-set"),
-    representation="level-set",
+    representation="curve",
 )
 """The minimum distance renderer."""
 

@@ -45,7 +45,7 @@ class ProjectiveFamily:
         """The names of the regulation schemes that `variant` takes."""
         return tuple(REGULATIONS)
 
-    def variant(self, regulation: str | None, representation: str | None) -> ProjectiveFamily:
+    def variant(self, *, regulation: str | None = None, representation: str | None = None) -> ProjectiveFamily:
         """The same projection with another regulation scheme or on another representation; None keeps this one's.
 
         Raises `UnknownNameError` for a name that is not known, and `InputError` for a representation that this

@@ -64,7 +64,7 @@ CHECK = Check(
     metric="HIP travel of the switch in penetration depths",
     unit="depths",
     bound=(
-        "(3 HIP steps + declared standoff + declared resolution) / depth: between two samples the turn cannot be seen, "
+        "(3 HIP steps + declared standoff) / depth: between two samples the turn cannot be seen, "
         "and a corner is known no better than the renderer's own surface. Resting on the corner while the HIP goes "
         "round it turns the force over an arc as long as the corner's turn (rad) times the depth, whatever the depth. "
         "The switch lasts from the last force within 5 per cent of the turn from n_pre to the first within 5 per cent "

@@ -68,7 +68,7 @@ CHECK = Check(
     metric="distance from the corner at which n_pre is lost or force remains",
     unit="m",
     bound=(
-        "3 HIP steps + declared standoff + declared resolution: a sampled renderer learns of the corner at the next "
+        "3 HIP steps + declared standoff: a sampled renderer learns of the corner at the next "
         "sample, may lag by three, and cannot know the corner better than its own surface does. A force within "
         "5 per cent of the corner's turn counts as n_pre."
     ),

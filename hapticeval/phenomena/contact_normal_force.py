@@ -25,7 +25,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     strong = np.flatnonzero(loaded(base, scene))
     if strong.size == 0:
         return Finding(Outcome.INCONCLUSIVE, "no force above the floor: the tool never presses on the surface")
-    cone = NormalCone(scene.model.curve, placement(base))
+    cone = NormalCone(scene.model.curve, placement(base) + base.resolution)
     forces = base.force[strong]
     if scene.bilateral:
         # A bilateral constraint also pulls: the normal then counts up to its sign.

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.sampling import LAG_TICKS, hip_step, place
+from hapticeval.phenomena.sampling import hip_step, place, placement
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.scene import Scene
 
@@ -26,7 +26,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:  # noqa: ARG001
     worst = int(np.argmax(apart))
     tick = int(common[worst])
     metric = Metric("distance between the IHIPs of one HIP", float(apart[worst]), "m")
-    bound = LAG_TICKS * step + base.standoff
+    bound = placement(base)
     evidence: dict[str, object] = {
         **place(base, tick),
         "ihip_other_path": [float(x) for x in back.ihip[match[tick]]],

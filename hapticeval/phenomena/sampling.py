@@ -27,8 +27,8 @@ def hip_step(recording: Recording) -> float:
 
 
 def placement(recording: Recording) -> float:
-    """How well a contact point can be placed: lag, declared standoff and declared resolution, m."""
-    return LAG_TICKS * hip_step(recording) + recording.standoff + recording.resolution
+    """How well a contact point can be placed: three ticks of lag and the declared standoff, m."""
+    return LAG_TICKS * hip_step(recording) + recording.standoff
 
 
 def force_floor(scene: Scene) -> float:

@@ -73,10 +73,17 @@ def test_a_lagging_proxy_that_moves_in_every_third_tick_passes():
     assert judge(Runs(record(1), refine=record), SCENE).outcome is Outcome.PASS
 
 
-def test_a_jump_within_the_declared_resolution_is_a_mini_pop_through():
-    finding = judge(runs(lambda x: x + 1e-3 * (x > 0.02), meta={"resolution": 0.015}), SCENE)
+def test_a_jump_between_neighbouring_facets_is_a_mini_pop_through():
+    mini = judge(runs(lambda x: x + 1e-3 * (x > 0.02), meta={"resolution": 0.015}), SCENE)
+    major = judge(runs(lambda x: x + 0.03 * (x > 0.02), meta={"resolution": 0.015}), SCENE)
+    assert mini.outcome is major.outcome is Outcome.FAIL
+    assert (mini.evidence["severity"], major.evidence["severity"]) == ("mini", "major")
+
+
+def test_a_jump_within_the_declared_standoff_passes_and_is_reported():
+    finding = judge(runs(lambda x: x + 1e-3 * (x > 0.02), meta={"standoff": 0.0012}), SCENE)
     assert finding.outcome is Outcome.PASS
-    assert "mini pop-through" in finding.message
+    assert "standoff" in finding.message
 
 
 def test_a_jump_between_two_contacts_is_no_pop_through():
