@@ -29,9 +29,7 @@ def final(name, model, position, velocity, time, dt):
 
 def continuous(name, model, position, velocity, time):
     """The limit of no sampling: the held force is wrong by c1 T + c2 T^2 + ..., eliminated from three runs."""
-    runs = [
-        np.concatenate(final(name, model, position, velocity, time, dt)) for dt in (1e-3, 5e-4, 2.5e-4, 1.25e-4)
-    ]
+    runs = [np.concatenate(final(name, model, position, velocity, time, dt)) for dt in (1e-3, 5e-4, 2.5e-4, 1.25e-4)]
     first = [2.0 * fine - coarse for coarse, fine in zip(runs, runs[1:], strict=False)]
     second = [(4.0 * fine - coarse) / 3.0 for coarse, fine in zip(first, first[1:], strict=False)]
     return (8.0 * second[1] - second[0]) / 7.0, np.abs(runs[1] - runs[0]), np.abs(runs[2] - runs[1])
@@ -48,9 +46,7 @@ def continuous(name, model, position, velocity, time):
 )
 def test_circle_reaches_the_continuous_solution_as_sampling_refines(scheme, r, theta, rate):
     """Table 6.2 at t = 0.5 s, r_c = 1 m, 5 m/s along the circle."""
-    state, coarse, fine = continuous(
-        f"minimum-distance+{scheme}@curve", circle(size=2.0), (1.0, 0.0), (0.0, 5.0), 0.5
-    )
+    state, coarse, fine = continuous(f"minimum-distance+{scheme}@curve", circle(size=2.0), (1.0, 0.0), (0.0, 5.0), 0.5)
     hip, velocity = state[:2], state[2:]
     assert np.hypot(*hip) == pytest.approx(r, abs=2e-6)
     assert np.arctan2(hip[1], hip[0]) == pytest.approx(theta, abs=2e-6)

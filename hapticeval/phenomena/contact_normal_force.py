@@ -50,7 +50,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     difference, allowed, push = balance
     evidence |= {"static_difference_N": difference, "static_bound_N": allowed, "operator_normal_N": push}
     if abs(difference) > allowed:
-        message = f"at rest the force differs by {difference:.3g} N from the operator's normal component of {push:.3g} N (3.3)"
+        message = f"at rest the force is {difference:.3g} N off the operator's normal component of {push:.3g} N (3.3)"
         magnitude = Metric("static force less the operator's normal component", abs(difference), "N")
         return Finding(Outcome.FAIL, message, magnitude, allowed, evidence)
     message = f"normal throughout, and equal at rest to the operator's {push:.3g} N to within {abs(difference):.2g} N"

@@ -133,7 +133,7 @@ CHECK = Check(
     bound=(
         "3 HIP steps + declared standoff. Three ticks of lag are allowed to a proxy, and a surface known to within a "
         "standoff places the IHIP no better than that. A jump up to 1.5 of the renderer's declared edges or cells is "
-        "reported as mini pop-through (4.1.2): from one facet to the next, by the discretisation; a longer one as major. "
+        "reported as mini pop-through (4.1.2): from one facet to the next; a longer one as major. "
         "Where the largest jump stays above that, its slope under refinement decides: log2 J falls by 0 a halving for "
         "a jump, by 1 for a Lipschitz map and by 1/3 for the steepest continuous map met (a conformal map at a "
         "60-degree tip); below 0.15 it is a jump, above 0.25 the jump's limit is extrapolated (Aitken)."
