@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from hapticeval.cli import EXIT_CODES, main
+from hapticeval.discovery import resolve
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.results import read_results
 
@@ -87,6 +88,12 @@ def test_the_suite_runs(judged: tuple[Path, int]) -> None:
     (judged[0] / "mysuite.toml").write_text(block(section("Suites"), "toml"))
     assert main([*command(block(section("Suites"), "sh")), "-o", "suite"]) == 0
     assert {run["case"] for run in read_results(judged[0] / "suite").runs} == {"along-the-circle", "press"}
+
+
+def test_the_names_that_it_gives_are_renderers() -> None:
+    names = re.findall(r"`([a-z-]+[+@][a-z+@-]+)`", section("Names of renderers"))
+    assert len(names) >= 2
+    assert all(callable(resolve(name)) for name in names)
 
 
 def test_every_check_is_in_the_table() -> None:
