@@ -85,6 +85,7 @@ class Terminal:
                 transient=True,
             )
             self._task = self._bar.add_task("")
+            self._bar.tasks[0].start_time = self._begun  # the bar tells the time since the run began, not its own
             self._bar.start()
         if self._task is not None:
             self._bar.update(self._task, completed=done, total=total, description=what, refresh=True)
