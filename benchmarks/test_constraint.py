@@ -1,0 +1,95 @@
+"""What a step of the constraint renderer costs: by the number of edges, and by representation."""
+
+import time
+
+import numpy as np
+import pytest
+from hapticeval.renderers import constraint, minimum_distance
+
+from hapticeval.geometry.catalogue import cassinian, from_vertices
+from hapticeval.scene import Scene
+
+EDGES = (80, 800, 8_000, 80_000)
+STEPS = 20_000
+EDGES_A_STEP = 0.3
+
+
+def wheel(edges):
+    """A regular polygon of 0.2 m, and a hand led round below its edges, as far in edges each step at every size."""
+    turns = 2.0 * np.pi * np.arange(edges) / edges
+    model = from_vertices(0.1 * np.column_stack([np.cos(turns), np.sin(turns)]))
+    depth = 0.1 * (2.0 * np.pi / edges) * 0.1
+    path = 2.0 * np.pi / edges * EDGES_A_STEP * np.arange(STEPS)
+    hips = (0.1 * np.cos(np.pi / edges) - depth) * np.column_stack([np.cos(path), np.sin(path)])
+    return model, hips
+
+
+def best(run, rounds=5):
+    """The shortest of some rounds, s: what the machine's other work disturbs least."""
+    times = []
+    for _ in range(rounds):
+        start = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+@pytest.fixture(scope="module")
+def smallest():
+    """Time of a whole run and of its first hundred ticks at the fewest edges, s."""
+    model, hips = wheel(EDGES[0])
+    renderer = constraint(Scene(model=model))
+    renderer.run(hips, 1e-3)
+    return best(lambda: renderer.run(hips, 1e-3))
+
+
+@pytest.mark.parametrize("edges", EDGES)
+@pytest.mark.benchmark(group="constraint on a polygon, 20,000 steps in one run")
+def test_run(benchmark, edges, smallest):
+    model, hips = wheel(edges)
+    renderer = constraint(Scene(model=model))
+    _, forces = renderer.run(hips, 1e-3)
+    assert np.all(np.any(forces != 0.0, axis=1))
+    benchmark.extra_info["us a step"] = round(best(lambda: renderer.run(hips, 1e-3)) / STEPS * 1e6, 4)
+    benchmark.extra_info[f"times {EDGES[0]} edges"] = round(best(lambda: renderer.run(hips, 1e-3)) / smallest, 3)
+    benchmark(renderer.run, hips, 1e-3)
+
+
+@pytest.mark.parametrize("edges", EDGES)
+@pytest.mark.benchmark(group="constraint on a polygon, one step from Python")
+def test_step(benchmark, edges):
+    model, hips = wheel(edges)
+    renderer = constraint(Scene(model=model))
+    velocity = np.zeros(2)
+    renderer.reset(hips[0])
+    ticks = iter(np.tile(hips, (50, 1)))
+
+    def step():
+        return renderer.step(next(ticks), velocity, 1e-3)
+
+    benchmark.pedantic(step, rounds=STEPS, warmup_rounds=100)
+
+
+@pytest.mark.parametrize("base", [minimum_distance, constraint], ids=["minimum-distance", "constraint"])
+@pytest.mark.parametrize("representation", ["curve", "polygon", "level-set"])
+@pytest.mark.benchmark(group="a slide along the Cassinian, 20,000 steps in one run")
+def test_slide(benchmark, base, representation):
+    if representation not in base.representations:
+        pytest.skip("the constraint projection has no level set")
+    model = cassinian()
+    u = np.linspace(0.0, 2.0 * np.pi, STEPS)
+    hips = model.curve.position(u) - 2e-3 * model.curve.normal(u)
+    renderer = base.variant(representation=representation)(Scene(model=model))
+    renderer.run(hips, 1e-3)
+    benchmark.extra_info["us a step"] = round(best(lambda: renderer.run(hips, 1e-3)) / STEPS * 1e6, 4)
+    benchmark(renderer.run, hips, 1e-3)
+
+
+@pytest.mark.parametrize("base", [minimum_distance, constraint], ids=["minimum-distance", "constraint"])
+@pytest.mark.parametrize("representation", ["curve", "polygon", "level-set"])
+@pytest.mark.benchmark(group="building a renderer of the Cassinian anew")
+def test_build(benchmark, base, representation):
+    if representation not in base.representations:
+        pytest.skip("the constraint projection has no level set")
+    base.variant(representation=representation)(Scene(model=cassinian()))
+    benchmark(lambda: base.variant(representation=representation)(Scene(model=cassinian())))
