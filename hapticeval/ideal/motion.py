@@ -19,10 +19,10 @@ from hapticeval.types import Array
 G0X, G0Y, G1X, G1Y, SPRING, DAMPER, MASS, RESTITUTION, BILATERAL, BEGAN = range(10)
 LOADS = 10
 
-STEP = 0.05
+STEP = 0.1
 """Longest step of the sliding motion, in units of its own pace: the spring's 1 / omega, or the time in which the
-boundary changes its direction by one radian. The order of the method (six) then puts the error of a second of
-sliding near 1e-12 of the model's size."""
+boundary changes its direction by one radian. The order of the method (six) then leaves errors of some 1e-12 m
+and 1e-10 m/s on a 0.2 m model."""
 
 
 @compiled

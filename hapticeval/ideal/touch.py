@@ -93,10 +93,10 @@ def land(
         if abs(into) > ALIGNED * abs(w):
             note(log, tally, IMPACT, load[BEGAN] + tau, state, jx, jy)
         return
-    if into > ALIGNED * abs(w):
+    answer, _ = hold(row, u, w, tau, load)
+    if into > ALIGNED * abs(w) or (into >= -ALIGNED * abs(w) and answer < 0.0):
         state[MODE] = FLIGHT
         return
-    answer, _ = hold(row, u, w, tau, load)
     bounce = -load[RESTITUTION] * into
     if into >= -ALIGNED * abs(w) or (answer > 0.0 and mass * bounce * bounce < 2.0 * answer * CLOSE):
         bounce = 0.0
