@@ -74,9 +74,9 @@ def figure_svg(
         figure = Figure(figsize=(8.0, 3.5))
         FigureCanvasSVG(figure)
         figure.patch.set_visible(False)
-        plane = figure.add_axes((0.065, 0.12, 0.415, 0.79))
-        force = figure.add_axes((0.585, 0.45, 0.405, 0.46))
-        below = figure.add_axes((0.585, 0.12, 0.405, 0.225))
+        plane = figure.add_axes((0.08, 0.12, 0.405, 0.79))
+        force = figure.add_axes((0.59, 0.45, 0.39, 0.46))
+        below = figure.add_axes((0.59, 0.12, 0.39, 0.225))
         ticks = {mark.number: int(np.argmin(np.abs(recording.time - mark.time))) for mark in marks}
         failed = {mark.number for mark in marks if mark.failed}
         draw_plane(plane, recording, model, ticks=ticks, failed=failed)

@@ -49,15 +49,17 @@ def draw_plane(
         )
     axes.set_xlabel("y₁ (mm)")
     axes.set_ylabel("y₂ (mm)")
+    axes.yaxis.set_label_coords(-0.145, 0.5)
     _show(axes, view)
     _legend(axes)
     corners = _emptiest_corners(recording, chosen, view)
-    if model is not None and view[2] - view[0] < OVERVIEW_BELOW * model.size * MM:
+    if model is not None and model.curve.closed and view[2] - view[0] < OVERVIEW_BELOW * model.size * MM:
         _draw_overview(axes, corners.pop(0), model, view)
-    depth = MM * float(np.linalg.norm(recording.ihip - recording.hip, axis=1).max())
-    if 0.0 < depth < LENS_BELOW * (view[2] - view[0]):
-        tick = next((ticks[number] for number in ticks if number in failed), _deepest(recording))
-        _draw_lens(axes, corners.pop(0), recording, body, tick, depth)
+    depths = MM * np.linalg.norm(recording.ihip - recording.hip, axis=1)
+    if 0.0 < depths.max() < LENS_BELOW * (view[2] - view[0]):
+        deep = [ticks[number] for number in ticks if number in failed and depths[ticks[number]] > 0.3 * depths.max()]
+        tick = deep[0] if deep else int(np.argmax(depths))
+        _draw_lens(axes, corners.pop(0), recording, body, tick, float(depths.max()))
 
 
 Box = tuple[float, float, float, float]
@@ -216,10 +218,6 @@ def _draw_overview(axes: Axes, corner: Corner, model: Model, view: Box) -> None:
     inset.add_patch(Rectangle(view[:2], width, height, fill=False, edgecolor=drawn("ihip"), linewidth=1.0, zorder=3))
 
 
-def _deepest(recording: Recording) -> int:
-    return int(np.argmax(np.linalg.norm(recording.ihip - recording.hip, axis=1)))
-
-
 def _draw_lens(
     axes: Axes, corner: Corner, recording: Recording, body: Geometry | None, tick: int, depth: float
 ) -> None:
@@ -233,5 +231,7 @@ def _draw_lens(
     near = inside[np.linspace(0, inside.size - 1, min(7, inside.size)).astype(int)]
     _draw_samples(inset, recording, near.astype(np.int64), size=4.0)
     times = (axes.get_xlim()[1] - axes.get_xlim()[0]) * INSET / (box[2] - box[0])
-    inset.set_title(f"× {float(f'{times:.2g}'):g}", fontsize=7.5, pad=2.0, loc="left")  # noqa: RUF001
+    magnification = f"× {float(f'{times:.2g}'):g}"  # noqa: RUF001
+    paper = {"facecolor": drawn("paper"), "edgecolor": "none", "pad": 1.0}
+    inset.text(0.05, 0.95, magnification, fontsize=7.5, va="top", transform=inset.transAxes, zorder=6, bbox=paper)
     axes.indicate_inset((box[0], box[1], box[2] - box[0], box[3] - box[1]), inset, edgecolor=drawn("quiet"), alpha=1.0)
