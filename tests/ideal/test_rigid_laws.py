@@ -217,3 +217,16 @@ def test_a_thin_part_is_not_passed_through():
         recording = contact(blade).answer(pushed([0.001, 0.03], [0.0, -speed], [[0, -1], [0, -1]], 0.5), DT)
         assert recording.hip[:, 1].min() > 1e-7 - 1e-12
         assert recording.meta["events"][0]["kind"] == "impact"
+
+
+@pytest.mark.parametrize("depth", [1e-4, 1e-7, 1e-10])
+def test_a_graze_between_two_samples_is_a_collision(depth):
+    y = 0.1 - depth
+    x = -math.sqrt(depth * (0.2 - depth))
+    recording = contact(circle()).answer(pushed([-0.1, y], [5.0, 0.0], [[0, 0], [0, 0]], 0.03), DT)
+    impact = recording.meta["events"][0]
+    assert impact["kind"] == "impact"
+    assert impact["time"] == pytest.approx((x + 0.1) / 5.0, abs=1e-8)
+    np.testing.assert_allclose(impact["position"], [x, y], atol=1e-8)
+    passing = contact(circle()).answer(pushed([-0.1, 0.1 + depth], [5.0, 0.0], [[0, 0], [0, 0]], 0.03), DT)
+    assert passing.meta["events"] == []
