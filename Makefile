@@ -10,18 +10,18 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .PHONY: run test bench study lint clean
 
-run: .venv/run.stamp
+run: .venv/run.stamp .venv/kernels.stamp
 	@$(BIN)/hapticeval run -o results || { code=$$?; \
 	  echo "hapticeval ended with exit code $$code, see 'Exit codes' in the README; what was written is in results/" >&2; \
 	  exit $$code; }
 
-test: .venv/dev.stamp
+test: .venv/dev.stamp .venv/kernels.stamp
 	$(BIN)/pytest -n 2
 
-bench: .venv/dev.stamp
+bench: .venv/dev.stamp .venv/kernels.stamp
 	$(BIN)/pytest benchmarks/
 
-study: .venv/dev.stamp
+study: .venv/dev.stamp .venv/kernels.stamp
 	$(BIN)/pytest -n 2 -m slow
 
 lint: .venv/dev.stamp
@@ -30,6 +30,11 @@ lint: .venv/dev.stamp
 	rm -rf build
 	$(BIN)/pip install --quiet --no-deps --target build/typecheck .
 	cd build/typecheck && ../../$(BIN)/mypy --config-file ../../pyproject.toml --cache-dir ../../.mypy_cache -p hapticeval
+
+# Compiled kernels are cached beside their source, and a cache does not see that a kernel it calls has changed.
+.venv/kernels.stamp: $(shell grep -rl --include=*.py compiled hapticeval renderers) | .venv/bin/pip
+	@find hapticeval renderers -name '*.nb[ic]' -delete
+	@touch $@
 
 # The install is editable: changes to the code need no new one. A change of pyproject.toml does.
 .venv/run.stamp: pyproject.toml | .venv/bin/pip

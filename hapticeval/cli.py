@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import multiprocessing
 import os
 import sys
 from collections.abc import Generator, Iterator, Sequence
@@ -131,7 +130,7 @@ def run(
     \b
     Examples:
       hapticeval run
-      hapticeval run thesis -r constraint -r mapping
+      hapticeval run thesis -r constraint -r minimum-distance@level-set
       hapticeval run -r mymodule:factory -k 'cassinian-*/continuous-contact'
       hapticeval run mysuite.toml -o out
     """
@@ -145,8 +144,6 @@ def run(
     _prepare(directory)
     with Terminal() as terminal:
         results = _watch(execute(planned, directory, workers=_cores()), terminal)
-        if not results.complete:
-            _end_workers()
         written = _report(directory, terminal)
     _say(summary(results, [directory / FILE, *written]))
     raise typer.Exit(exit_code(results, terminal.errors))
@@ -242,12 +239,6 @@ def _report(directory: Path, terminal: Terminal) -> list[Path]:
     from hapticeval.reports import write_reports
 
     return write_reports(directory, progress=terminal.drawn, workers=_cores())
-
-
-def _end_workers() -> None:
-    """End what an interrupted run has left running: a renderer that hangs must not hold the command."""
-    for process in multiprocessing.active_children():
-        process.terminate()
 
 
 def _cores() -> int:

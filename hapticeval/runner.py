@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import shutil
 import signal
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -96,6 +98,7 @@ def execute(plan: Plan, directory: Path, *, workers: int = 2) -> Iterator[Event]
     say that they are incomplete and why, and `RunFinished` is still the last event.
     """
     directory.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(directory / "recordings", ignore_errors=True)  # of an earlier run, whose results go as well
     yield RunStarted(plan.planned, len(plan.jobs))
     progress = _Progress(plan, directory)
     reason = None
@@ -114,6 +117,10 @@ def execute(plan: Plan, directory: Path, *, workers: int = 2) -> Iterator[Event]
         reason = "a worker process died: out of memory, or a renderer that ended the process"
     finally:
         pool.shutdown(wait=reason is None, cancel_futures=True)
+    if reason is not None:
+        # A renderer in the middle of a long step would keep its process, and this one, alive.
+        for process in multiprocessing.active_children():
+            process.terminate()
     for job, future in zip(plan.jobs[told:], futures[told:], strict=False):
         if future.done() and not future.cancelled() and future.exception() is None:
             yield progress.add(job, *future.result())

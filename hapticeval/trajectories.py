@@ -89,11 +89,7 @@ def read_path(file: FilePath) -> Path:
 
 
 def _scaled(surface: Curve, depth: float, from_angle: float, to_angle: float) -> Array:
-    low, high = surface.u_range
-    if not surface.closed:
-        raise InputError("a 'scaled' trajectory needs a closed model", todo="use kind = 'points' on a line")
-    u = np.linspace(low, high, 4 * WAYPOINTS)
-    outline = np.asarray(surface.position(u))
+    u, outline = _outline(surface, "scaled")
     angle = np.unwrap(np.arctan2(outline[:, 1], outline[:, 0]))
     if np.any(np.diff(angle) <= 0.0):
         raise InputError(
@@ -105,19 +101,26 @@ def _scaled(surface: Curve, depth: float, from_angle: float, to_angle: float) ->
     turn = 2.0 * np.pi
     inside = angle[0] + (wanted - angle[0]) % turn
     position = np.asarray(surface.position(np.interp(inside, angle, u)))
-    return (1.0 - depth / _radius(surface, depth)) * position
+    return (1.0 - depth / _radius(outline, depth)) * position
 
 
 def _arc(surface: Curve, depth: float, from_angle: float, to_angle: float) -> Array:
-    if not surface.closed:
-        raise InputError("an 'arc' trajectory needs a closed model", todo="use kind = 'points' on a line")
+    _, outline = _outline(surface, "arc")
     angle = np.linspace(math.radians(from_angle), math.radians(to_angle), WAYPOINTS)
-    return (_radius(surface, depth) - depth) * np.column_stack([np.cos(angle), np.sin(angle)])
+    return (_radius(outline, depth) - depth) * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def _radius(surface: Curve, depth: float) -> float:
-    """The surface's largest distance from the origin, m, refused if `depth` does not fit into it."""
-    radius = float(np.max(np.linalg.norm(surface.outline(4 * WAYPOINTS), axis=1)))
+def _outline(surface: Curve, kind: str) -> tuple[Array, Array]:
+    """Parameters (n,) once round the surface, and its points (n, 2), m."""
+    if not surface.closed:
+        raise InputError(f"a trajectory of kind '{kind}' needs a closed model", todo="use kind = 'points' on a line")
+    u = np.linspace(*surface.u_range, 4 * WAYPOINTS)
+    return u, np.asarray(surface.position(u))
+
+
+def _radius(outline: Array, depth: float) -> float:
+    """The outline's largest distance from the origin, m, refused if `depth` does not fit into it."""
+    radius = float(np.max(np.linalg.norm(outline, axis=1)))
     if depth >= radius:
         raise InputError(f"a trajectory of depth {depth} m", why=f"the surface's largest radius is {radius:.4g} m")
     return radius

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -30,8 +32,8 @@ def final(name, model, position, velocity, time, dt):
 def continuous(name, model, position, velocity, time):
     """The limit of no sampling: the held force is wrong by c1 T + c2 T^2 + ..., eliminated from three runs."""
     runs = [np.concatenate(final(name, model, position, velocity, time, dt)) for dt in (1e-3, 5e-4, 2.5e-4, 1.25e-4)]
-    first = [2.0 * fine - coarse for coarse, fine in zip(runs, runs[1:], strict=False)]
-    second = [(4.0 * fine - coarse) / 3.0 for coarse, fine in zip(first, first[1:], strict=False)]
+    first = [2.0 * fine - coarse for coarse, fine in pairwise(runs)]
+    second = [(4.0 * fine - coarse) / 3.0 for coarse, fine in pairwise(first)]
     return (8.0 * second[1] - second[0]) / 7.0, np.abs(runs[1] - runs[0]), np.abs(runs[2] - runs[1])
 
 

@@ -19,7 +19,7 @@ def wrapped(angle: Array) -> Array:
 def angle_between(vectors: Array, direction: Array) -> Array:
     """Unsigned angle of each of `vectors` (n, 2) to `direction` (2,), rad; zero vectors give zero."""
     cross = vectors[:, 0] * direction[1] - vectors[:, 1] * direction[0]
-    return np.abs(np.arctan2(cross, vectors @ direction))
+    return np.asarray(np.abs(np.arctan2(cross, vectors @ direction)))
 
 
 class NormalCone:
