@@ -220,13 +220,18 @@ def test_a_thin_part_is_not_passed_through():
 
 
 @pytest.mark.parametrize("depth", [1e-4, 1e-7, 1e-10])
-def test_a_graze_between_two_samples_is_a_collision(depth):
-    y = 0.1 - depth
-    x = -math.sqrt(depth * (0.2 - depth))
-    recording = contact(circle()).answer(pushed([-0.1, y], [5.0, 0.0], [[0, 0], [0, 0]], 0.03), DT)
-    impact = recording.meta["events"][0]
+@pytest.mark.parametrize("angle", [0.0, 0.1, 1.0])
+def test_a_graze_between_two_samples_is_a_collision(depth, angle):
+    """A straight path cuts so deep through a circle: in and out within one sample, from any side."""
+    hit, start = -math.sqrt(depth * (0.2 - depth)), -0.1023
+    forward, outward = turned([1.0, 0.0], angle), turned([0.0, 1.0], angle)
+
+    def shot(height):
+        begin = start * forward + height * outward
+        return contact(circle()).answer(pushed(begin, 5.0 * forward, [[0, 0], [0, 0]], 0.03), DT).meta["events"]
+
+    impact = shot(0.1 - depth)[0]
     assert impact["kind"] == "impact"
-    assert impact["time"] == pytest.approx((x + 0.1) / 5.0, abs=1e-8)
-    np.testing.assert_allclose(impact["position"], [x, y], atol=1e-8)
-    passing = contact(circle()).answer(pushed([-0.1, 0.1 + depth], [5.0, 0.0], [[0, 0], [0, 0]], 0.03), DT)
-    assert passing.meta["events"] == []
+    assert impact["time"] == pytest.approx((hit - start) / 5.0, abs=1e-8)
+    np.testing.assert_allclose(impact["position"], hit * forward + (0.1 - depth) * outward, atol=1e-8)
+    assert shot(0.1 + depth) == []
