@@ -209,7 +209,8 @@ def _cases(spec: Mapping[str, Any], file: FilePath) -> Iterator[Case]:
     for entry in spec["sweep"]:
         swept = {**trajectory, "depth": entry["depth"]}
         published = {**spec.get("published", {}), **entry.get("published", {})}
-        yield _case(spec, f"{spec['name']}-{entry['label']}", swept, published, file)
+        titled = {**spec, "title": f"{spec['title']}: {1e3 * entry['depth']:.3g} mm"}
+        yield _case(titled, f"{spec['name']}-{entry['label']}", swept, published, file)
 
 
 def _case(

@@ -76,7 +76,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     elif jumps[-1] > bound:
         message = f"continuous but steep: refinement takes the largest IHIP step down to {1e3 * jumps[-1]:.3g} mm"
     else:
-        message = f"continuous: the largest IHIP step is {jump / step if step else 0.0:.3g} HIP steps"
+        message = f"continuous: the largest IHIP step is {jump / step if step else 0.0:.3g} times the largest HIP step"
     return Finding(Outcome.PASS, message, metric, bound, evidence)
 
 

@@ -21,8 +21,15 @@ def hip_steps(recording: Recording) -> Array:
 
 
 def hip_step(recording: Recording) -> float:
-    """The largest HIP step of a recording, m: nothing finer can be placed on the surface."""
+    """The largest HIP step in contact, m: nothing finer can be placed on the surface.
+
+    Over the whole recording where no two samples in a row are in contact.
+    """
     steps = hip_steps(recording)
+    contact = recording.contact
+    pressed = steps[contact[1:] & contact[:-1]]
+    if pressed.size:
+        steps = pressed
     return float(steps.max()) if steps.size else 0.0
 
 
