@@ -4,9 +4,9 @@ import time
 
 import numpy as np
 import pytest
-from hapticeval.renderers import constraint, minimum_distance
 
 from hapticeval.geometry.catalogue import cassinian, from_vertices
+from hapticeval.renderers import constraint, minimum_distance
 from hapticeval.scene import Scene
 
 EDGES = (80, 800, 8_000, 80_000)

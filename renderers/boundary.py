@@ -6,8 +6,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from hapticeval.renderers.slide import slide
-from hapticeval.renderers.third import third_bounds
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.curve import Curve
@@ -15,6 +13,8 @@ from hapticeval.geometry.curve_kernels import joint_turn, project
 from hapticeval.geometry.kernels import KIND, LINE, U0, U1, evaluate, evaluate_many, piece_of
 from hapticeval.geometry.polygon import Polygon
 from hapticeval.geometry.polygon_kernels import first_crossing_kernel, nearest_kernel, side_kernel
+from hapticeval.renderers.slide import slide
+from hapticeval.renderers.third import third_bounds
 from hapticeval.types import Array, IntArray
 
 CHORDS = 4096

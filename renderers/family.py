@@ -6,14 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from hapticeval.renderers.regulation import REGULATIONS
-
 from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.renderers.regulation import REGULATIONS
 
 if TYPE_CHECKING:
     from hapticeval.renderers.projection import Projection
     from hapticeval.renderers.projective import ProjectiveRenderer
-
     from hapticeval.scene import Scene
 
 VERTICES = 40

@@ -10,12 +10,12 @@ the hand, and what it runs into on the way is a new contact.
 from __future__ import annotations
 
 import numpy as np
+
+from hapticeval.compiled import compiled
 from hapticeval.renderers.boundary import Boundary, entered, nearest_on
 from hapticeval.renderers.outline import Outline
 from hapticeval.renderers.projection import Projected
 from hapticeval.renderers.slide import LEAVES, at, frame, slide
-
-from hapticeval.compiled import compiled
 from hapticeval.types import Array, BoolArray
 
 TOUCHES, PIECE, AT, HIP_X, HIP_Y = range(5)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from hapticeval.renderers.bilinear import Contour, contour_of, nearest_on_contour, value_at
-from hapticeval.renderers.projection import Projected
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
+from hapticeval.renderers.bilinear import Contour, contour_of, nearest_on_contour, value_at
+from hapticeval.renderers.projection import Projected
 from hapticeval.types import Array, BoolArray
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+
+from hapticeval.compiled import compiled
 from hapticeval.renderers.boundary import Boundary, clear_of, nearest_on
 from hapticeval.renderers.outline import Outline
 from hapticeval.renderers.projection import Projected
 from hapticeval.renderers.slide import frame
-
-from hapticeval.compiled import compiled
 from hapticeval.types import Array, BoolArray
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
-from hapticeval.renderers.boundary import Boundary, boundary_of, straight
-from hapticeval.renderers.family import VERTICES
-
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
+from hapticeval.renderers.boundary import Boundary, boundary_of, straight
+from hapticeval.renderers.family import VERTICES
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from operator import sub
 
 import numpy as np
-from hapticeval.renderers.projection import Projection
-from hapticeval.renderers.regulation import Components, Regulation
 
 from hapticeval.geometry.curve import Curve
 from hapticeval.renderer import Response
+from hapticeval.renderers.projection import Projection
+from hapticeval.renderers.regulation import Components, Regulation
 from hapticeval.types import Array
 
 

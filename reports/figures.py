@@ -12,12 +12,12 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from hapticeval.reports.marks import Mark, labels
-from hapticeval.reports.plane import draw_plane
-from hapticeval.reports.svg import drawn, inlined
 
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording
+from hapticeval.reports.marks import Mark, labels
+from hapticeval.reports.plane import draw_plane
+from hapticeval.reports.svg import drawn, inlined
 from hapticeval.types import Array, IntArray
 
 if TYPE_CHECKING:

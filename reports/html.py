@@ -12,7 +12,6 @@ from typing import Any
 from hapticeval.reports.marks import Mark, marks_of
 from hapticeval.reports.quantity import quantity
 from hapticeval.reports.table import SYMBOLS, Cell, cell_of, matrix, ran, renderers, summary
-
 from hapticeval.results import Results
 
 RunKey = tuple[str, str, str]

@@ -13,7 +13,6 @@ from typing import Any
 
 from hapticeval.reports.quantity import measured
 from hapticeval.reports.table import ran
-
 from hapticeval.results import Results
 
 NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

@@ -6,11 +6,11 @@ from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from hapticeval.reports.marks import labels
-from hapticeval.reports.svg import drawn
 
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording
+from hapticeval.reports.marks import labels
+from hapticeval.reports.svg import drawn
 from hapticeval.types import Array, IntArray
 
 if TYPE_CHECKING:

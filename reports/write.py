@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hapticeval.errors import HapticevalError
+from hapticeval.files import replacing
 from hapticeval.reports.figures import figure_svg
 from hapticeval.reports.html import Drawing, RunKey, render_html
 from hapticeval.reports.junit import junit
 from hapticeval.reports.marks import Mark, marks_of
 from hapticeval.reports.table import markdown
-
-from hapticeval.errors import HapticevalError
-from hapticeval.files import replacing
 from hapticeval.results import Results, read_results
 
 FEW = 3

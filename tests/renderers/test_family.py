@@ -6,10 +6,10 @@ from importlib.metadata import entry_points
 
 import numpy as np
 import pytest
-from hapticeval.renderers import constraint, minimum_distance
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import cassinian, line, star
+from hapticeval.renderers import constraint, minimum_distance
 from hapticeval.scene import Scene
 
 FAMILIES = {"minimum-distance": minimum_distance, "constraint": constraint}

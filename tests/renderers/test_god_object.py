@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 from hand_paths import plate, star_shaped, touching, walks
-from hapticeval.renderers import constraint
-from hapticeval.renderers.third import third_bounds
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
 from hapticeval.geometry.kernels import evaluate_many
+from hapticeval.renderers import constraint
+from hapticeval.renderers.third import third_bounds
 from hapticeval.scene import Scene
 
 CASSINIAN = cassinian()

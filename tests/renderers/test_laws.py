@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 from hand_paths import star_shaped, ticked, touching, walks
-from hapticeval.renderers import constraint, minimum_distance
-from hapticeval.renderers.regulation import REGULATIONS
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
+from hapticeval.renderers import constraint, minimum_distance
+from hapticeval.renderers.regulation import REGULATIONS
 from hapticeval.scene import Scene
 
 MODELS = {m.name: m for m in (star(), cassinian(), circle(), ellipse(), dumbbell(), line())}

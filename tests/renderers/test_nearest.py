@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 from hand_paths import star_shaped, walks
-from hapticeval.renderers import minimum_distance
-from hapticeval.renderers.bilinear import contour_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, star
+from hapticeval.renderers import minimum_distance
+from hapticeval.renderers.bilinear import contour_of
 from hapticeval.scene import Scene
 
 MODELS = [star(), cassinian(), circle(), dumbbell()]

@@ -4,6 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from hapticeval.renderers.regulation import (
     REFERENCE_DEPTH,
     REFERENCE_RATE,
@@ -15,8 +18,6 @@ from hapticeval.renderers.regulation import (
     square_root,
     transversal,
 )
-from hypothesis import given
-from hypothesis import strategies as st
 
 NUMBER = st.floats(-10.0, 10.0).map(lambda x: round(x, 6))
 VECTOR = st.tuples(NUMBER, NUMBER)

@@ -3,16 +3,16 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
-from hapticeval.reports.figures import extremes, figure_svg
-from hapticeval.reports.marks import Mark, labels, marks_of
-from hapticeval.reports.plane import along_path, solid
-from hapticeval.reports.svg import THEME
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from reports_synthetic import jump_tick, lobe_recording, tip_recording
 
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import Recording
+from hapticeval.reports.figures import extremes, figure_svg
+from hapticeval.reports.marks import Mark, labels, marks_of
+from hapticeval.reports.plane import along_path, solid
+from hapticeval.reports.svg import THEME
 
 
 def words(svg):

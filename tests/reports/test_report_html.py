@@ -4,11 +4,11 @@ import sys
 from html.parser import HTMLParser
 
 import pytest
-from hapticeval.reports import render_html, write_reports
-from hapticeval.reports.svg import THEME
 from reports_synthetic import HOSTILE, synthetic_results
 
 from hapticeval.errors import InputError
+from hapticeval.reports import render_html, write_reports
+from hapticeval.reports.svg import THEME
 from hapticeval.results import write_results
 
 VOID = {"meta", "br", "input", "link", "img"}

@@ -1,8 +1,9 @@
 import xml.etree.ElementTree as ET
 
+from reports_synthetic import HOSTILE, synthetic_results
+
 from hapticeval.reports import junit
 from hapticeval.reports.table import renderers
-from reports_synthetic import HOSTILE, synthetic_results
 
 
 def parsed(results):

@@ -1,8 +1,9 @@
 import pytest
+from reports_synthetic import HOSTILE, synthetic_results
+
 from hapticeval.reports import markdown, matrix, summary
 from hapticeval.reports.quantity import measured, quantity
 from hapticeval.reports.table import renderers
-from reports_synthetic import HOSTILE, synthetic_results
 
 
 def test_every_verdict_has_a_cell_where_it_belongs(results):
