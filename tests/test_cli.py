@@ -253,16 +253,26 @@ def test_an_interrupted_run_keeps_its_verdicts(here: Path) -> None:
     command = [sys.executable, "-m", "hapticeval", "run", "slides.toml", "-r", "local_mine:Waits", "-k", "flat*"]
     (here / "slides.toml").write_text(SUITE.replace("[[0.0, -0.001], [0.02,", "[[0.0, -0.001], [0.019,"))
     with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        # Started from a background job the tests inherit an ignored SIGINT, and would pass it on.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:
-        assert process.stderr is not None
-        for line in process.stderr:
-            if line.startswith("[1/2]"):
-                break
-        while not (here / "waiting").exists() and process.poll() is None:
-            time.sleep(0.02)
-        os.killpg(process.pid, signal.SIGINT)
-        out, err = process.communicate(timeout=60)
+        try:
+            assert process.stderr is not None
+            for line in process.stderr:
+                if line.startswith("[1/2]"):
+                    break
+            while not (here / "waiting").exists() and process.poll() is None:
+                time.sleep(0.02)
+            os.killpg(process.pid, signal.SIGINT)
+            out, err = process.communicate(timeout=60)
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
     assert process.returncode == 1, err
     assert "2 of 3 planned verdicts ran (incomplete: interrupted by the user)" in out
     assert "Traceback" not in err
