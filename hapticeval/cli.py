@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 DEFAULT_SUITE = "thesis"
 DEFAULT_DIRECTORY = Path("results")
+REPORTS = ("table.md", "junit.xml", "report.html")
 
 ABOUT = """Judge haptic renderers by six phenomena of rigid contact.
 
@@ -123,7 +124,7 @@ def run(
     directory: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Where results and reports go.")
     ] = DEFAULT_DIRECTORY,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of everything random.", min=0)] = 0,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of everything random.", min=0, max=2**32 - 1)] = 0,
 ) -> None:
     """Run suites on renderers, judge, and write results and reports.
 
@@ -220,9 +221,11 @@ def _prepare(directory: Path) -> None:
         )
     try:
         directory.mkdir(parents=True, exist_ok=True)
+        for report in REPORTS:  # an earlier run's must not stand beside this one's results
+            (directory / report).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(
-            f"cannot make the folder '{directory}'", why=str(error), todo="name another with -o"
+            f"cannot write into the folder '{directory}'", why=str(error), todo="name another with -o"
         ) from error
 
 

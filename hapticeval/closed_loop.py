@@ -6,10 +6,10 @@ import numpy as np
 
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import RendererError
-from hapticeval.playback import ask, declared, start
+from hapticeval.playback import answered, ask, declared, start
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Renderer, SelfDriven
-from hapticeval.stimulus import Experiment
+from hapticeval.stimulus import Experiment, sample_times
 
 
 def drive(renderer: Renderer | SelfDriven, experiment: Experiment, device: PointMass, dt: float) -> Recording:
@@ -19,10 +19,10 @@ def drive(renderer: Renderer | SelfDriven, experiment: Experiment, device: Point
     renderer breaks or when it drives the device out of the number range.
     """
     if isinstance(renderer, SelfDriven):
-        return renderer.answer(experiment, dt)
-    count = int(np.floor(experiment.duration / dt * (1.0 + 1e-12))) + 1
-    ticks = np.arange(count + 1, dtype=np.float64) * dt
-    time, push = ticks[:-1], experiment.operator_force(ticks)
+        return answered(renderer, experiment, dt)
+    time = sample_times(experiment.duration, dt)
+    count = time.size
+    push = experiment.operator_force(np.append(time, count * dt))
     shape = (count, experiment.dimension)
     hips, ihips, forces, velocities = (np.empty(shape) for _ in range(4))
     hip, velocity = experiment.position, experiment.velocity

@@ -60,12 +60,19 @@ class NothingSelectedError(HapticevalError):
 
 
 class RendererError(HapticevalError):
-    """A renderer broke: it raised, answered in a wrong shape, or with a non-finite number."""
+    """A renderer broke: it raised, answered in a wrong shape, or with a non-finite number.
+
+    `tick` and `hip` (m) say where, and are None where it broke outside of a step.
+    """
 
     exit_code = 3
 
-    def __init__(self, what: str, *, tick: int, hip: Iterable[float], why: str = "", todo: str = "") -> None:
+    def __init__(
+        self, what: str, *, tick: int | None = None, hip: Iterable[float] | None = None, why: str = "", todo: str = ""
+    ) -> None:
         self.tick = tick
-        self.hip = tuple(float(x) for x in hip)
-        place = ", ".join(f"{x:.6g}" for x in self.hip)
-        super().__init__(f"{what} at tick {tick}, HIP ({place}) m", why=why, todo=todo)
+        self.hip = None if hip is None else tuple(float(x) for x in hip)
+        place = ""
+        if tick is not None and self.hip is not None:
+            place = f" at tick {tick}, HIP ({', '.join(f'{x:.6g}' for x in self.hip)}) m"
+        super().__init__(what + place, why=why, todo=todo)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hapticeval.closed_loop import drive
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import HapticevalError, InputError, RendererError
+from hapticeval.geometry.curve import Curve
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
@@ -69,8 +71,14 @@ def _built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
         renderer = factory(scene)
     except HapticevalError:
         raise
-    except Exception as error:
-        raise RendererError(f"the renderer's factory raised {type(error).__name__}: {error}", tick=0, hip=()) from error
+    except (Exception, SystemExit) as error:
+        raise RendererError(f"the renderer's factory raised {type(error).__name__}: {error}") from error
+    surface = getattr(renderer, "surface", None)
+    if surface is not None and not isinstance(surface, Curve):
+        raise RendererError(
+            f"the renderer's surface is a {type(surface).__name__}",
+            todo="give the hapticeval.geometry Curve that it renders, or leave surface out",
+        )
     if not isinstance(renderer, Renderer | SelfDriven):
         raise InputError(
             f"the factory made a {type(renderer).__name__}, which is no renderer",
@@ -99,9 +107,24 @@ def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Ju
             findings.append(_finding(check, runs, scene))
     except HapticevalError as raised:
         error = raised
-        message = " ".join(part for part in (raised.what, raised.why) if part)
-        findings += [Finding(Outcome.ERROR, message)] * (len(case.checks) - len(findings))
-    verdicts = tuple(
+        findings += [_error_finding(raised)] * (len(case.checks) - len(findings))
+    verdicts = _verdicts(findings, renderer, suite, case)
+    simulated = bench.simulated if bench is not None else 0.0
+    return Judged(verdicts, base, error, simulated, time.perf_counter() - started)
+
+
+def broken(error: HapticevalError, renderer: str, suite: str, case: Case) -> Judged:
+    """What is left of a renderer in a case whose process is gone: every verdict an error."""
+    findings = [_error_finding(error)] * len(case.checks)
+    return Judged(_verdicts(findings, renderer, suite, case), None, error, 0.0, 0.0)
+
+
+def _error_finding(error: HapticevalError) -> Finding:
+    return Finding(Outcome.ERROR, " ".join(part for part in (error.what, error.why) if part))
+
+
+def _verdicts(findings: Sequence[Finding], renderer: str, suite: str, case: Case) -> tuple[Verdict, ...]:
+    return tuple(
         Verdict(
             renderer=renderer,
             suite=suite,
@@ -113,8 +136,6 @@ def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Ju
         )
         for check, finding in zip(case.checks, findings, strict=True)
     )
-    simulated = bench.simulated if bench is not None else 0.0
-    return Judged(verdicts, base, error, simulated, time.perf_counter() - started)
 
 
 def _finding(check: str, runs: Runs, scene: Scene) -> Finding:

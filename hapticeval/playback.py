@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 from hapticeval.errors import HapticevalError, RendererError
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.renderer import Batch, Renderer, SelfDriven
-from hapticeval.stimulus import Path
+from hapticeval.stimulus import Path, Stimulus
 from hapticeval.types import Array
 
 
@@ -21,7 +22,7 @@ def play(renderer: Renderer | SelfDriven, path: Path, dt: float) -> Recording:
     number that is not finite.
     """
     if isinstance(renderer, SelfDriven):
-        return renderer.answer(path, dt)
+        return answered(renderer, path, dt)
     time, hips = path.sampled(dt)
     velocity = backward_difference(hips, time)
     if isinstance(renderer, Batch):
@@ -32,20 +33,45 @@ def play(renderer: Renderer | SelfDriven, path: Path, dt: float) -> Recording:
     return Recording(time, channels, meta={"source": "playback", "dt": dt, **declared(renderer)})
 
 
+def answered(renderer: SelfDriven, stimulus: Stimulus, dt: float) -> Recording:
+    """`renderer.answer(...)`, refused unless it is a recording, with what it raises told as a `RendererError`."""
+    try:
+        recording = renderer.answer(stimulus, dt)
+    except HapticevalError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise RendererError(f"the renderer's answer() raised {type(error).__name__}: {error}") from error
+    if not isinstance(recording, Recording):
+        raise RendererError(
+            f"the renderer's answer() gave a {type(recording).__name__}", todo="return a hapticeval.Recording"
+        )
+    return recording
+
+
 def declared(renderer: object) -> Mapping[str, Any]:
     """What a renderer says of its own coarseness: `resolution` and `standoff`, m, 0 where it says nothing."""
-    return {
-        "resolution": float(getattr(renderer, "resolution", 0.0)),
-        "standoff": float(getattr(renderer, "standoff", 0.0)),
-    }
+    said = {}
+    for name in ("resolution", "standoff"):
+        value = getattr(renderer, name, 0.0)
+        try:
+            said[name] = float(value)
+        except (TypeError, ValueError):
+            said[name] = math.nan
+        if not (math.isfinite(said[name]) and said[name] >= 0.0):
+            raise RendererError(
+                f"the renderer declares {name} = {value!r}",
+                why="it is a length in metres: a finite number that is not negative",
+                todo=f"give {name} as a float, or leave it out",
+            )
+    return said
 
 
 def _all_at_once(renderer: Batch, hips: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
     try:
-        ihips, forces = renderer.run(hips, dt)
+        ihips, forces = (np.asarray(part, dtype=np.float64) for part in renderer.run(hips.copy(), dt))
     except HapticevalError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         if not isinstance(renderer, Renderer):
             raise RendererError(
                 f"the renderer's run() raised {type(error).__name__}: {error}", tick=0, hip=hips[0]
@@ -60,8 +86,7 @@ def _all_at_once(renderer: Batch, hips: Array, velocity: Array, dt: float) -> tu
             todo="make run() equal to reset() and a step() a row",
         ) from error
     answers = []
-    for name, values in (("IHIPs", ihips), ("forces", forces)):
-        array = np.asarray(values, dtype=np.float64)
+    for name, array in (("IHIPs", ihips), ("forces", forces)):
         if array.shape != hips.shape:
             raise RendererError(
                 f"the renderer's run() answered {name} of shape {array.shape}, not {hips.shape}",
@@ -91,7 +116,7 @@ def start(renderer: Renderer, hip: Array) -> None:
         renderer.reset(hip.copy())
     except HapticevalError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise RendererError(
             f"the renderer's reset() raised {type(error).__name__}: {error}", tick=0, hip=hip
         ) from error
@@ -107,7 +132,7 @@ def ask(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -
         ihip, force = np.asarray(answer, dtype=np.float64), np.asarray(push, dtype=np.float64)
     except HapticevalError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise RendererError(
             f"the renderer's step() raised {type(error).__name__}: {error}", tick=tick, hip=hip
         ) from error

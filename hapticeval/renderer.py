@@ -38,7 +38,7 @@ class Renderer(Protocol):
 
 @runtime_checkable
 class Batch(Protocol):
-    """A renderer that can take a whole trajectory at once: equal to `reset` and then a `step` a row."""
+    """A renderer that can take a whole trajectory at once: equal to a `reset` and then a `step` a row."""
 
     def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
         """`hips` (n, N) to IHIPs (n, N) and forces (n, N)."""
@@ -55,4 +55,4 @@ class SelfDriven(Protocol):
         """The whole run, sampled every `dt` seconds."""
 
 
-RendererFactory: TypeAlias = Callable[[Scene], Renderer]
+RendererFactory: TypeAlias = Callable[[Scene], Renderer | SelfDriven]

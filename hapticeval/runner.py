@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import random
 import shutil
 import signal
 import time
@@ -12,19 +13,22 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from hapticeval.discovery import resolve
-from hapticeval.errors import HapticevalError, NothingSelectedError
+from hapticeval.errors import HapticevalError, InputError, NothingSelectedError, RendererError
 from hapticeval.events import Event, JobFinished, RunFinished, RunStarted
-from hapticeval.judging import Judged, judge
+from hapticeval.judging import Judged, broken, judge
 from hapticeval.phenomena.verdict import Verdict
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.results import Results, environment, file_stem, verdict_document, write_results
 from hapticeval.suite import Case, Suite, load_suite
 from hapticeval.table import fill_table
+
+Done: TypeAlias = tuple[Judged, Path | None]
+"""A judged job and where its recording lies below the result folder."""
 
 SAVE_EVERY = 1.0
 """Seconds between two writings of results.json: what a killed run may lose."""
@@ -62,6 +66,7 @@ def plan(suites: Sequence[str], renderers: Sequence[str], *, select: str | None 
     what `load_suite` and `resolve` raise.
     """
     loaded = tuple(load_suite(name) for name in dict.fromkeys(suites))
+    _refuse_namesakes(loaded)
     names = tuple(dict.fromkeys(renderers))
     for name in names:
         resolve(name)
@@ -79,7 +84,17 @@ def plan(suites: Sequence[str], renderers: Sequence[str], *, select: str | None 
             why=f"the cases are: {', '.join(cases)}" if cases else "",
             todo="a glob is matched against the whole name: try -k '*slide*' or -k '*/memoryless'",
         )
+    for case in {(job.suite, job.case.name): job.case for job in jobs}.values():
+        case.check_stimulus()
     return Plan(loaded, names, jobs, select, seed)
+
+
+def _refuse_namesakes(suites: Sequence[Suite]) -> None:
+    """Two suites of one name would write over each other's recordings and verdicts."""
+    names = [suite.name for suite in suites]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"two suites are named '{name}'", todo="rename one of the files, or run them apart")
 
 
 def _selected(case: Case, select: str | None) -> Iterator[Case]:
@@ -94,33 +109,35 @@ def _selected(case: Case, select: str | None) -> Iterator[Case]:
 def execute(plan: Plan, directory: Path, *, workers: int = 2) -> Iterator[Event]:
     """Run the plan, in `workers` processes, and keep results.json in `directory` up to date while it goes on.
 
-    Events come in the order of the plan. On Ctrl-C, or when a worker dies, what has finished is kept, the results
-    say that they are incomplete and why, and `RunFinished` is still the last event.
+    Events come in the order of the plan. A renderer that ends its process makes its own verdicts errors. On Ctrl-C what
+    has finished is kept, the results say that they are incomplete and why, and `RunFinished` is still the last event.
     """
     directory.mkdir(parents=True, exist_ok=True)
     shutil.rmtree(directory / "recordings", ignore_errors=True)  # of an earlier run, whose results go as well
     yield RunStarted(plan.planned, len(plan.jobs))
     progress = _Progress(plan, directory)
+    others = set(multiprocessing.active_children())
     reason = None
+    futures: list[Future[Done]] = []
     pool = ProcessPoolExecutor(max_workers=workers, initializer=_ignore_interrupts)
-    futures: list[Future[tuple[Judged, Path | None]]] = []
-    told = 0
     try:
         futures = [pool.submit(_run_job, job, directory, plan.seed) for job in plan.jobs]
         for job, future in zip(plan.jobs, futures, strict=True):
-            event = progress.add(job, *future.result())
-            told += 1
-            yield event
+            try:
+                done = future.result()
+            except BrokenProcessPool:
+                # One process has died and taken the pool along: whose fault it was shows when each has its own.
+                done = _run_alone(job, directory, plan.seed)
+            yield progress.add(job, *done)
     except KeyboardInterrupt:
         reason = "interrupted by the user"
-    except BrokenProcessPool:
-        reason = "a worker process died: out of memory, or a renderer that ended the process"
     finally:
         pool.shutdown(wait=reason is None, cancel_futures=True)
     if reason is not None:
         # A renderer in the middle of a long step would keep its process, and this one, alive.
-        for process in multiprocessing.active_children():
+        for process in set(multiprocessing.active_children()) - others:
             process.terminate()
+    told = len(progress.runs)
     for job, future in zip(plan.jobs[told:], futures[told:], strict=False):
         if future.done() and not future.cancelled() and future.exception() is None:
             yield progress.add(job, *future.result())
@@ -132,8 +149,23 @@ def _ignore_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _run_job(job: Job, directory: Path, seed: int) -> tuple[Judged, Path | None]:
+def _run_alone(job: Job, directory: Path, seed: int) -> Done:
+    """A job in a process of its own; a renderer that ends the process is a broken renderer."""
+    with ProcessPoolExecutor(max_workers=1, initializer=_ignore_interrupts) as pool:
+        try:
+            return pool.submit(_run_job, job, directory, seed).result()
+        except BrokenProcessPool:
+            error = RendererError(
+                "the renderer ended the process that it ran in",
+                why="a crash in compiled code, os._exit(), or memory that ran out",
+                todo="run it alone under a debugger: python -X faulthandler",
+            )
+            return broken(error, job.renderer, job.suite, job.case), None
+
+
+def _run_job(job: Job, directory: Path, seed: int) -> Done:
     """Judge, and write the recording here: verdicts travel between processes, recordings do not."""
+    random.seed(seed)
     np.random.seed(seed)  # noqa: NPY002 - a third party's renderer may draw from the global generator
     judged = judge(resolve(job.renderer), job.renderer, job.suite, job.case)
     if judged.recording is None:
@@ -163,9 +195,10 @@ class _Progress:
         self._save("still running, or killed")
 
     def add(self, job: Job, judged: Judged, file: Path | None) -> JobFinished:
-        self.verdicts += judged.verdicts
+        document = _run_document(job, judged, file)
         self.simulated += judged.simulated_seconds
-        self.runs.append(_run_document(job, judged, file))
+        self.verdicts += judged.verdicts
+        self.runs.append(document)
         if time.perf_counter() - self.saved > SAVE_EVERY:
             self._save("still running, or killed")
         return JobFinished(

@@ -12,6 +12,11 @@ from hapticeval.recordings.recording import check_finite, check_increasing
 from hapticeval.types import Array
 
 
+def sample_times(duration: float, dt: float) -> Array:
+    """Times from 0 in steps of `dt` up to `duration` (s), which counts as reached within rounding: (n,)."""
+    return np.arange(int(np.floor(duration / dt * (1.0 + 1e-12))) + 1, dtype=np.float64) * dt
+
+
 @dataclass(frozen=True)
 class Path:
     """HIP positions against time, straight between the given points: `time` (n,), s; `points` (n, N), m.
@@ -54,8 +59,7 @@ class Path:
 
         Sampling at dt / 2 keeps every sample of dt, so that refined runs can be compared point by point.
         """
-        count = int(np.floor(self.duration / dt * (1.0 + 1e-12))) + 1
-        time = np.arange(count, dtype=np.float64) * dt
+        time = sample_times(self.duration, dt)
         since = self.time - self.time[0]
         points = np.column_stack([np.interp(time, since, column) for column in self.points.T])
         return time, points

@@ -6,6 +6,7 @@ import json
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path as FilePath
@@ -67,17 +68,24 @@ class Case:
         dimension = 2  # every model of the catalogue is a plane curve
         if stimulus.dimension != dimension:
             raise InputError(
-                f"case '{self.name}' leads the HIP in {stimulus.dimension}D on a {dimension}D model",
+                f"the HIP is led in {stimulus.dimension}D on a {dimension}D model",
                 why="HIP and model must live in the same space",
                 todo="project the trajectory onto the model's plane: drop a column",
             )
         return stimulus
 
+    def check_stimulus(self) -> None:
+        """Raise `InputError`, naming the case, for a stimulus that no renderer could be given."""
+        try:
+            self.build_stimulus(self.build_scene(), None)
+        except InputError as error:
+            raise InputError(f"case '{self.name}': {error.what}", why=error.why, todo=error.todo) from error
+
     def _stimulus(self, scene: Scene, renderer: object) -> Stimulus:
         if self.trajectory is not None:
             surface = scene.model.curve
             if self.depth_of == "representation":
-                surface = getattr(renderer, "surface", surface)
+                surface = getattr(renderer, "surface", None) or surface
             return build_path(self.trajectory, surface, self.folder)
         spec = self.experiment or {}
         position = np.array(spec["position"], dtype=np.float64)
@@ -145,6 +153,14 @@ def load_suite(name_or_path: str) -> Suite:
     cases = tuple(case for spec in document["case"] for case in _cases(spec, file))
     _refuse_repeats([case.name for case in cases], file.name)
     rows = tuple(_row(spec, file.name) for spec in document.get("row", []))
+    for row in rows:
+        for pattern in row.cases:
+            if not any(fnmatchcase(case.name, pattern) and row.check in case.checks for case in cases):
+                raise InputError(
+                    f"{file.name}: row '{row.title}' asks for '{row.check}' in '{pattern}'",
+                    why="no case of that name has that check",
+                    todo=f"the cases are: {', '.join(case.name for case in cases)}",
+                )
     return Suite(
         name=file.stem,
         title=document["title"],
@@ -208,7 +224,10 @@ def _cases(spec: Mapping[str, Any], file: FilePath) -> Iterator[Case]:
         raise InputError(f"{place}: a sweep is over the depth of a trajectory", todo="write a case an experiment")
     for entry in spec["sweep"]:
         swept = {**trajectory, "depth": entry["depth"]}
-        published = {**spec.get("published", {}), **entry.get("published", {})}
+        published = {
+            renderer: {**spec.get("published", {}).get(renderer, {}), **entry.get("published", {}).get(renderer, {})}
+            for renderer in [*spec.get("published", {}), *entry.get("published", {})]
+        }
         titled = {**spec, "title": f"{spec['title']}: {1e3 * entry['depth']:.3g} mm"}
         yield _case(titled, f"{spec['name']}-{entry['label']}", swept, published, file)
 
@@ -220,6 +239,14 @@ def _case(
     published: Mapping[str, Mapping[str, str]],
     file: FilePath,
 ) -> Case:
+    for renderer, outcomes in published.items():
+        for check in outcomes:
+            if check not in spec["checks"]:
+                raise InputError(
+                    f"{file.name}: case '{name}': an outcome of '{check}' is published for '{renderer}'",
+                    why="the case does not have that check",
+                    todo=f"its checks are: {', '.join(spec['checks'])}",
+                )
     case = Case(
         name=name,
         title=spec["title"],

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from hapticeval.errors import NothingSelectedError, UnknownNameError
+from hapticeval.errors import InputError, NothingSelectedError, UnknownNameError
 from hapticeval.events import JobFinished, RunFinished, RunStarted
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.hdf5 import read_recording
@@ -39,7 +39,27 @@ class Raises(Good):
 class Noisy(Good):
     def step(self, hip, velocity, dt):
         answer = super().step(hip, velocity, dt)
-        return Response(answer.ihip, answer.force * (1 + 1e-3 * np.random.random()))
+        noise = np.random.random() + random.random()
+        return Response(answer.ihip, answer.force * (1 + 1e-3 * noise))
+
+class Exits(Good):
+    def step(self, hip, velocity, dt):
+        raise SystemExit(0)
+
+class Overwrites(Good):
+    def run(self, hips, dt):
+        hips[:] = 7.0
+        return hips, 0 * hips
+
+class Talks(Good):
+    standoff = "0.1 mm"
+
+class Idle(Good):
+    def step(self, hip, velocity, dt):
+        return Response(hip, 0 * hip)
+
+class Sideways(Good):
+    surface = "model"
 
 class Dies(Good):
     def step(self, hip, velocity, dt):
@@ -112,20 +132,64 @@ def test_a_renderer_that_breaks_does_not_take_the_others_along(short, tmp_path):
     assert events[-1].results.complete
 
 
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("Exits", "SystemExit"), ("Talks", "standoff = '0.1 mm'"), ("Sideways", "surface is a str")],
+)
+def test_whatever_a_renderer_gets_wrong_is_its_own_error(short, tmp_path, name, message):
+    events = run(short, [f"thirdparty:{name}", "constraint"], tmp_path / "out")
+    jobs = {(event.case, event.renderer): event for event in events if isinstance(event, JobFinished)}
+    assert message in str(jobs["slide", f"thirdparty:{name}"].error)
+    assert jobs["slide", f"thirdparty:{name}"].error.exit_code == 3
+    assert jobs["slide", "constraint"].error is None
+
+
+def test_a_batch_cannot_change_the_recorded_hip(short, tmp_path):
+    events = run(short, ["thirdparty:Overwrites", "constraint"], tmp_path / "out")
+    first, second = (
+        read_recording(tmp_path / "out" / entry["recording"])
+        for entry in events[-1].results.runs
+        if entry["case"] == "slide"
+    )
+    np.testing.assert_array_equal(first.hip, second.hip)
+
+
+def test_a_renderer_that_never_touches_does_not_pass_a_gate(short, tmp_path):
+    events = run(short, ["thirdparty:Idle"], tmp_path / "out")
+    assert not all(verdict["as_expected"] for verdict in events[-1].results.verdicts)
+
+
+def test_suites_of_one_name_are_refused(short, tmp_path):
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "short.toml").write_text(SUITE)
+    with pytest.raises(InputError, match="two suites are named 'short'"):
+        plan([short, str(tmp_path / "other" / "short.toml")], ["constraint"])
+
+
+def test_a_stimulus_that_cannot_be_is_told_once_and_before_anything_runs(short, tmp_path):
+    bad = tmp_path / "bad.toml"
+    bad.write_text(SUITE.replace("position = [0.0, 0.001]", "position = [0.0, nan]"))
+    with pytest.raises(InputError, match=r"case 'press'.*not finite"):
+        plan([str(bad)], ["constraint", "minimum-distance"])
+
+
 def test_what_is_no_renderer_is_said(short, tmp_path):
     events = run(short, ["thirdparty:no_renderer"], tmp_path / "out")
     assert "int" in str(events[1].error)
     assert events[1].error.exit_code == 2
 
 
-def test_a_process_that_dies_leaves_what_had_finished(short, tmp_path):
-    chosen = plan([short], ["constraint", "thirdparty:Dies"])
-    events = list(execute(chosen, tmp_path / "out", workers=1))
+def test_a_renderer_that_ends_its_process_breaks_alone(short, tmp_path):
+    events = run(short, ["constraint", "thirdparty:Dies", "minimum-distance"], tmp_path / "out")
     assert isinstance(events[-1], RunFinished)
-    results = read_results(tmp_path / "out")
-    assert not results.complete
-    assert "died" in results.reason
-    assert results.ran < results.planned
+    jobs = {(event.case, event.renderer): event for event in events if isinstance(event, JobFinished)}
+    for (_, renderer), event in jobs.items():
+        if renderer == "thirdparty:Dies":
+            assert "ended the process" in str(event.error)
+            assert event.error.exit_code == 3
+        else:
+            assert event.error is None
+    assert read_results(tmp_path / "out").complete
 
 
 def test_an_interrupt_keeps_what_had_finished(short, tmp_path, monkeypatch):

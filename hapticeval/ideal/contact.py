@@ -16,7 +16,7 @@ from hapticeval.ideal.terrain import Terrain, terrain
 from hapticeval.ideal.touch import FLIGHT, KINDS, MODE, PIECE, SLIDE, STATES, VX, VY, U, X, Y
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment, Path, Stimulus
+from hapticeval.stimulus import Experiment, Path, Stimulus, sample_times
 from hapticeval.types import Array, IntArray
 
 TOUCHING = 1e-9
@@ -78,8 +78,7 @@ class IdealContact:
             slopes = np.vstack([slopes, slopes[-1]])
             start = self._start_of_path(values[0], slopes[0])
         else:
-            count = math.floor(stimulus.duration / dt * (1.0 + 1e-12)) + 1
-            time = np.arange(count, dtype=np.float64) * dt
+            time = sample_times(stimulus.duration, dt)
             knots, values = stimulus.force_time, stimulus.force
             slopes = np.vstack([_slopes(knots, values), np.zeros((1, 2))])
             start = self._start_of_experiment(stimulus)

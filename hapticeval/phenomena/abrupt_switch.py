@@ -7,7 +7,15 @@ import numpy as np
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.corner_crossing import find_crossing
 from hapticeval.phenomena.normal_cone import angle_between
-from hapticeval.phenomena.sampling import hip_step, hip_steps, loaded, place, placement
+from hapticeval.phenomena.sampling import (
+    NO_IHIP,
+    hip_step,
+    hip_steps,
+    lacks_ihip,
+    loaded,
+    place,
+    placement,
+)
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.scene import Scene
 
@@ -16,24 +24,30 @@ REACHED = 0.05
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
-    """HIP travel between the last force along n_pre and the first along n_post."""
+    """HIP travel from where the force leaves n_pre for the first time to where it reaches n_post for good."""
     base = runs.base
+    curve = scene.model.curve
+    if all(corner.convex for corner in curve.corners):
+        return Finding(Outcome.NOT_APPLICABLE, "the model has no concave corner")
+    if lacks_ihip(base, scene):
+        return Finding(Outcome.INCONCLUSIVE, NO_IHIP)
     strong = loaded(base, scene)
-    crossing = find_crossing(base, scene.model.curve.corners, strong, convex=False)
+    crossing = find_crossing(base, curve, strong, convex=False)
     if crossing is None:
-        return Finding(Outcome.NOT_APPLICABLE, "the tool does not slide towards a concave corner")
+        return Finding(Outcome.INCONCLUSIVE, "no force is felt near a concave corner")
+    pressed = crossing.first + np.flatnonzero(strong[crossing.first : crossing.end])
     tolerance = REACHED * crossing.turn
-    pre = strong & (angle_between(base.force, crossing.normal_pre) <= tolerance)
-    post = strong & (angle_between(base.force, crossing.normal_post) <= tolerance)
-    if not post.any() or not pre[: int(np.argmax(post))].any():
+    pre = angle_between(base.force[pressed], crossing.normal_pre) <= tolerance
+    post = angle_between(base.force[pressed], crossing.normal_post) <= tolerance
+    if not pre[0] or not post[-1]:
         return Finding(Outcome.INCONCLUSIVE, "the force does not go from the first face's normal to the second's")
-    reached = int(np.argmax(post))
-    left = int(np.flatnonzero(pre[:reached])[-1])
+    left = int(pressed[np.argmin(pre) - 1])
+    reached = int(pressed[post.size - int(np.argmin(post[::-1]))])
     travel = float(np.sum(hip_steps(base)[left:reached]))
     depths = np.linalg.norm(base.hip - base.ihip, axis=1)
-    depth = max(float(np.median(depths[: left + 1][strong[: left + 1]])), hip_step(base))
+    depth = max(float(np.median(depths[pressed[pressed <= left]])), hip_step(base, scene))
     metric = Metric("HIP travel of the switch in penetration depths", travel / depth, "depths")
-    bound = placement(base) / depth
+    bound = placement(base, scene) / depth
     evidence: dict[str, object] = {
         **place(base, reached),
         "corner": [float(x) for x in crossing.corner.position],
@@ -64,11 +78,11 @@ CHECK = Check(
     metric="HIP travel of the switch in penetration depths",
     unit="depths",
     bound=(
-        "(3 HIP steps + declared standoff) / depth: between two samples the turn cannot be seen, "
+        "(3 HIP steps + standoff) / depth: between two samples the turn cannot be seen, "
         "and a corner is known no better than the renderer's own surface. Resting on the corner while the HIP goes "
         "round it turns the force over an arc as long as the corner's turn (rad) times the depth, whatever the depth. "
-        "The switch lasts from the last force within 5 per cent of the turn from n_pre to the first within 5 per cent "
-        "of n_post."
+        "The switch lasts from where the force first leaves n_pre, by more than 5 per cent of the turn, to where it is "
+        "within 5 per cent of n_post for good."
     ),
     judge=judge,
 )

@@ -13,45 +13,53 @@ from hapticeval.scene import Scene
 
 KEPT = 0.05
 """Share of the corner's turn within which a direction still counts as n_pre: far above rounding, far below a switch."""
+HELD = 0.5
+"""Share of the usual force on the first face below which the force is not kept any more."""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """How far from the corner, before or after it, the force stops being what a rigid corner gives."""
     base = runs.base
+    curve = scene.model.curve
+    if not any(corner.convex for corner in curve.corners):
+        return Finding(Outcome.NOT_APPLICABLE, "the model has no convex corner")
     strong = loaded(base, scene)
-    crossing = find_crossing(base, scene.model.curve.corners, strong, convex=True)
+    crossing = find_crossing(base, curve, strong, convex=True)
     if crossing is None:
-        return Finding(Outcome.NOT_APPLICABLE, "the tool does not slide towards a convex corner")
+        return Finding(Outcome.INCONCLUSIVE, "no force is felt near a convex corner")
     along = (base.hip - crossing.corner.position) @ crossing.ahead
-    first = int(np.flatnonzero(strong)[0])
-    past = np.flatnonzero((along > 0.0) & (np.arange(len(base)) > first))
+    first, end = crossing.first, crossing.end
+    past = np.flatnonzero(along[first:end] > 0.0)
     if along[first] >= 0.0 or past.size == 0:
         return Finding(Outcome.INCONCLUSIVE, "the HIP does not travel from the first face past the corner")
-    crossed = int(past[0])
-    kept = strong & (angle_between(base.force, crossing.normal_pre) <= KEPT * crossing.turn)
-    early_ticks = np.flatnonzero(~kept[first:crossed]) + first
+    crossed = first + int(past[0])
+    strength = np.linalg.norm(base.force, axis=1)
+    usual = float(np.median(strength[first:crossed]))
+    first_face = strong & (angle_between(base.force, crossing.normal_pre) <= KEPT * crossing.turn)
+    early_ticks = first + np.flatnonzero(~(first_face & (strength >= HELD * usual))[first:crossed])
     early = -float(along[early_ticks[0]]) if early_ticks.size else 0.0
-    after = strong[crossed:]
+    after = strong[crossed:end]
     gone = int(np.argmax(~after)) if not after.all() else after.size
-    last = crossed + gone - 1
-    late = float(np.max(along[crossed : last + 1])) if gone else 0.0
+    # Past the corner no force may remain, and none may come back from the face that was left.
+    wrong = first_face[crossed:end] | (np.arange(after.size) < gone)
+    late = float(np.max(along[crossed:end], where=wrong, initial=0.0))
     too_early = early >= late
     tick = int(early_ticks[0]) if too_early and early_ticks.size else min(crossed + gone, len(base) - 1)
     metric = Metric("distance from the corner at which n_pre is lost or force remains", max(early, late), "m")
-    bound = placement(base)
+    bound = placement(base, scene)
     evidence: dict[str, object] = {
         **place(base, tick),
         "corner": [float(x) for x in crossing.corner.position],
         "lost_before_corner_m": early,
         "remains_after_corner_m": late,
         "ticks_to_zero_after_corner": gone,
-        "force_pre_N": float(np.linalg.norm(base.force[max(crossed - 2, first)])),
+        "force_pre_N": usual,
     }
     if metric.value <= bound:
         message = f"the force keeps n_pre to the corner and is zero {gone} tick(s) after it"
         return Finding(Outcome.PASS, message, metric, bound, evidence)
     if too_early:
-        message = f"the force leaves n_pre {1e3 * early:.3g} mm before the corner"
+        message = f"the force is lost, or leaves n_pre, {1e3 * early:.3g} mm before the corner"
     else:
         message = f"a force remains up to {1e3 * late:.3g} mm past the corner"
     return Finding(Outcome.FAIL, message, metric, bound, evidence)
@@ -68,9 +76,10 @@ CHECK = Check(
     metric="distance from the corner at which n_pre is lost or force remains",
     unit="m",
     bound=(
-        "3 HIP steps + declared standoff: a sampled renderer learns of the corner at the next "
+        "3 HIP steps + standoff: a sampled renderer learns of the corner at the next "
         "sample, may lag by three, and cannot know the corner better than its own surface does. A force within "
-        "5 per cent of the corner's turn counts as n_pre."
+        "5 per cent of the corner's turn, and of at least half the usual size on the first face, counts as kept; past "
+        "the corner every force counts until the first zero, and every one along n_pre thereafter."
     ),
     judge=judge,
 )

@@ -1,4 +1,4 @@
-"""What a check is: a plain function of the runs, the scene and the stimulus, with its papers."""
+"""What a check is: a plain function of the runs and the scene, with its papers."""
 
 from __future__ import annotations
 

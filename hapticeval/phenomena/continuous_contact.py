@@ -7,7 +7,16 @@ import math
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.sampling import hip_step, hip_steps, place, placement, touching
+from hapticeval.phenomena.sampling import (
+    LAG_TICKS,
+    NO_IHIP,
+    hip_step,
+    hip_steps,
+    lacks_ihip,
+    place,
+    standoff,
+    touching,
+)
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -37,8 +46,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     jump, tick = largest_jump(base, scene)
     if tick == 0:
         return Finding(Outcome.INCONCLUSIVE, "the tool is never in contact for two samples in a row")
-    step = hip_step(base)
-    bound = placement(base)
+    if lacks_ihip(base, scene):
+        return Finding(Outcome.INCONCLUSIVE, NO_IHIP, evidence=place(base, tick))
+    step = hip_step(base, scene)
+    off = standoff(base, scene)
+    bound = LAG_TICKS * step + off
     evidence: dict[str, object] = {
         **place(base, tick),
         "ihip_before": [float(x) for x in base.ihip[tick - 1]],
@@ -47,10 +59,13 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "jump_in_hip_steps": jump / float(max(hip_steps(base)[tick - 1], 1e-12)),
     }
     if runs.refine is None:
-        return _judge_fixed(base, scene, jump, tick, bound, evidence)
+        return _judge_fixed(base, scene, tick, Metric("largest IHIP jump", jump, "m"), bound, evidence)
     jumps = [jump]
     for factor in REFINEMENTS[1:]:
-        jumps.append(largest_jump(runs.refine(factor), scene)[0])
+        fine = runs.refine(factor)
+        jumps.append(largest_jump(fine, scene)[0])
+        # Lag shrinks with the step and a jump does not, so the finest run sets the bound.
+        bound = LAG_TICKS * hip_step(fine, scene) + off
         slope = _slope(jumps)
         # h, h/2 and h/4 are always run; finer ones only while it is neither small nor seen to stay.
         if factor >= 4 and (jumps[-1] <= bound or slope < STAYS):
@@ -71,8 +86,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         if outcome is Outcome.INCONCLUSIVE:
             message = f"steep: the IHIP moves {where} in one step, and refinement does not settle it"
         return Finding(outcome, message, metric, bound, evidence)
-    if slope < STAYS and left > bound - base.standoff:
-        message = f"a jump of {where} stays, within the declared standoff of {1e3 * base.standoff:.3g} mm"
+    if slope < STAYS and left > bound - off:
+        message = f"a jump of {where} stays, within the declared standoff of {1e3 * off:.3g} mm"
     elif jumps[-1] > bound:
         message = f"continuous but steep: refinement takes the largest IHIP step down to {1e3 * jumps[-1]:.3g} mm"
     else:
@@ -97,7 +112,7 @@ def _limit(coarse: float, middle: float, fine: float) -> float:
 
 
 def _judge_fixed(
-    base: Recording, scene: Scene, jump: float, tick: int, bound: float, evidence: dict[str, object]
+    base: Recording, scene: Scene, tick: int, metric: Metric, bound: float, evidence: dict[str, object]
 ) -> Finding:
     """The weaker test, for a recording that cannot be refined: the jump against the HIP step.
 
@@ -109,8 +124,9 @@ def _judge_fixed(
     depth = float(np.linalg.norm(base.hip[tick] - base.ihip[tick]))
     bent = depth * max(0.0, float(np.max(curve.curvature(curve.nearest(ends)))))
     stretch = 1.0 / (1.0 - bent) if bent < 0.9 else math.inf
-    bound += (stretch - 1.0) * 3.0 * float(evidence["hip_step_m"]) if math.isfinite(stretch) else 0.0  # type: ignore[arg-type]
-    metric = Metric("largest IHIP jump", jump, "m")
+    if math.isfinite(stretch):
+        bound += (stretch - 1.0) * LAG_TICKS * hip_step(base, scene)
+    jump = metric.value
     note = "judged on one sampling only, which is the weaker test"
     if jump <= bound:
         return Finding(Outcome.PASS, f"no jump beyond the HIP's own steps; {note}", metric, bound, evidence)
@@ -131,8 +147,9 @@ CHECK = Check(
     metric="IHIP jump that refinement leaves",
     unit="m",
     bound=(
-        "3 HIP steps + declared standoff. Three ticks of lag are allowed to a proxy, and a surface known to within a "
-        "standoff places the IHIP no better than that. A jump up to 1.5 of the renderer's declared edges or cells is "
+        "3 HIP steps of the finest run + standoff. Three ticks of lag are allowed to a proxy, and shrink with the "
+        "step; a surface known to within a standoff places the IHIP no better than that (the declared standoff counts "
+        "as far as the IHIPs really lie off the model). A jump up to 1.5 of the renderer's declared edges or cells is "
         "reported as mini pop-through (4.1.2): from one facet to the next; a longer one as major. "
         "Where the largest jump stays above that, its slope under refinement decides: log2 J falls by 0 a halving for "
         "a jump, by 1 for a Lipschitz map and by 1/3 for the steepest continuous map met (a conformal map at a "

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticeval.geometry.curve import Corner
+from hapticeval.geometry.curve import Corner, Curve
 from hapticeval.phenomena.normal_cone import angle_between
 from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array, BoolArray
@@ -17,7 +17,8 @@ class Crossing:
     """A corner with its faces in the order of travel.
 
     `normal_pre`, `normal_post` (2,): outward unit normals; `ahead` (2,): unit direction of travel along the first
-    face; `turn` rad, unsigned.
+    face; `turn` rad, unsigned. The recording is near the corner from tick `first` up to, not including, `end`, and no
+    other corner is.
     """
 
     corner: Corner
@@ -25,23 +26,40 @@ class Crossing:
     normal_post: Array
     ahead: Array
     turn: float
+    first: int
+    end: int
 
 
-def find_crossing(
-    recording: Recording, corners: tuple[Corner, ...], strong: BoolArray, *, convex: bool
-) -> Crossing | None:
-    """The corner of the wanted kind that the HIP comes closest to while it is pressed on a face.
+def find_crossing(recording: Recording, curve: Curve, strong: BoolArray, *, convex: bool) -> Crossing | None:
+    """The corner of the wanted kind that the HIP comes closest to, and its stay there; None if there is none.
 
-    The face that it comes from is the one whose normal the first force above the floor has; None if there is no
-    such corner or no force.
+    Near means nearer than half of the way to the next corner. The face that the tool comes from is the one whose
+    normal the first force above the floor has in that stay; None also if there is no force.
     """
-    wanted = [corner for corner in corners if corner.convex == convex]
-    first = np.flatnonzero(strong)
-    if not wanted or first.size == 0:
+    wanted = [corner for corner in curve.corners if corner.convex == convex]
+    if not wanted or not strong.any():
         return None
     corner = min(wanted, key=lambda c: float(np.min(np.linalg.norm(recording.hip - c.position, axis=1))))
-    force = recording.force[first[:1]]
+    distance = np.linalg.norm(recording.hip - corner.position, axis=1)
+    near = distance <= 0.5 * _to_next(curve, corner)
+    closest = int(np.argmin(distance))
+    near[closest] = True
+    away = np.flatnonzero(~near)
+    before, after = away[away < closest], away[away > closest]
+    start = int(before[-1]) + 1 if before.size else 0
+    end = int(after[0]) if after.size else len(recording)
+    pressed = np.flatnonzero(strong[start:end])
+    if pressed.size == 0:
+        return None
+    first = start + int(pressed[0])
+    force = recording.force[first : first + 1]
     turn = abs(corner.turn)
     if angle_between(force, corner.normal_pre)[0] <= angle_between(force, corner.normal_post)[0]:
-        return Crossing(corner, corner.normal_pre, corner.normal_post, corner.tangent_pre, turn)
-    return Crossing(corner, corner.normal_post, corner.normal_pre, -corner.tangent_post, turn)
+        return Crossing(corner, corner.normal_pre, corner.normal_post, corner.tangent_pre, turn, first, end)
+    return Crossing(corner, corner.normal_post, corner.normal_pre, -corner.tangent_post, turn, first, end)
+
+
+def _to_next(curve: Curve, corner: Corner) -> float:
+    """Arc length from a corner to the nearest other one, m; once round where it is the only one."""
+    gaps = [abs(other.s - corner.s) for other in curve.corners if other is not corner]
+    return min((min(gap, curve.length - gap) for gap in gaps), default=curve.length)

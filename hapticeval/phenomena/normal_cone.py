@@ -54,16 +54,26 @@ class NormalCone:
         self._low = minimum_filter1d(at, size, mode="nearest")
         self._high = maximum_filter1d(at, size, mode="nearest")
 
-    def deviation(self, points: Array, directions: Array) -> Array:
-        """How far each of `directions` (n, 2) points outside the cone at `points` (n, 2): rad, 0 inside."""
+    def interval(self, points: Array) -> tuple[Array, Array]:
+        """The lowest and the highest angle (rad, unwrapped) of the cone at each of `points` (n, 2)."""
         if self._straight is not None:
-            return angle_between(directions, self._straight)
+            angle = np.full(points.shape[0], np.arctan2(self._straight[1], self._straight[0]))
+            return angle, angle
         s = self.curve.arc_length(self.curve.nearest(points))
         index = np.clip(np.searchsorted(self._s, s), 0, self._s.size - 1)
-        low, high = self._low[index], self._high[index]
-        middle = 0.5 * (low + high)
-        angle = middle + wrapped(np.arctan2(directions[:, 1], directions[:, 0]) - middle)
-        return np.maximum(0.0, np.maximum(low - angle, angle - high))
+        return self._low[index], self._high[index]
+
+    def deviation(self, points: Array, directions: Array) -> Array:
+        """How far each of `directions` (n, 2) points outside the cone at `points` (n, 2): rad, 0 inside."""
+        return outside(self.interval(points), directions)
+
+
+def outside(interval: tuple[Array, Array], directions: Array) -> Array:
+    """How far each of `directions` (n, 2) points outside its angular interval: rad, 0 inside."""
+    low, high = interval
+    middle = 0.5 * (low + high)
+    angle = middle + wrapped(np.arctan2(directions[:, 1], directions[:, 0]) - middle)
+    return np.maximum(0.0, np.maximum(low - angle, angle - high))
 
 
 def _grid(curve: Curve) -> Array:

@@ -14,33 +14,51 @@ LAG_TICKS = 3
 FORCE_DEPTH = 1e-6
 """Depth (m) whose spring force is the floor under which a force has no direction worth judging."""
 
+COARSEST = 1.0 / 16.0
+"""Share of the outline beyond which a declared resolution is not believed: 16 facets are no smooth surface."""
+
 
 def hip_steps(recording: Recording) -> Array:
     """Distance that the HIP moves from each sample to the next: (n - 1,), m."""
     return np.asarray(np.linalg.norm(np.diff(recording.hip, axis=0), axis=1))
 
 
-def hip_step(recording: Recording) -> float:
+def touching(recording: Recording, scene: Scene) -> BoolArray:
+    """Where the tool is in contact, (n,): on a bilateral constraint always, also where no force is called for."""
+    return np.ones(len(recording), dtype=bool) if scene.bilateral else recording.contact
+
+
+def hip_step(recording: Recording, scene: Scene) -> float:
     """The largest HIP step in contact, m: nothing finer can be placed on the surface.
 
     Over the whole recording where no two samples in a row are in contact.
     """
     steps = hip_steps(recording)
-    contact = recording.contact
+    contact = touching(recording, scene)
     pressed = steps[contact[1:] & contact[:-1]]
     if pressed.size:
         steps = pressed
     return float(steps.max()) if steps.size else 0.0
 
 
-def placement(recording: Recording) -> float:
-    """How well a contact point can be placed: three ticks of lag and the declared standoff, m."""
-    return LAG_TICKS * hip_step(recording) + recording.standoff
+def standoff(recording: Recording, scene: Scene) -> float:
+    """The declared standoff, m, as far as the IHIPs in contact really lie off the model: no licence beyond that."""
+    if recording.standoff == 0.0:
+        return 0.0
+    ihips = recording.ihip[touching(recording, scene)]
+    if ihips.shape[0] == 0:
+        return 0.0
+    return min(recording.standoff, float(np.max(np.abs(scene.model.curve.signed_distance(ihips)))))
 
 
-def touching(recording: Recording, scene: Scene) -> BoolArray:
-    """Where the tool is in contact, (n,): on a bilateral constraint always, also where no force is called for."""
-    return np.ones(len(recording), dtype=bool) if scene.bilateral else recording.contact
+def resolution(recording: Recording, scene: Scene) -> float:
+    """The declared resolution, m, at most a sixteenth of the outline."""
+    return min(recording.resolution, COARSEST * scene.model.curve.length)
+
+
+def placement(recording: Recording, scene: Scene) -> float:
+    """How well a contact point can be placed: three ticks of lag and the standoff, m."""
+    return LAG_TICKS * hip_step(recording, scene) + standoff(recording, scene)
 
 
 def force_floor(scene: Scene) -> float:
@@ -52,6 +70,18 @@ def loaded(recording: Recording, scene: Scene) -> BoolArray:
     """Where the force is above the floor: (n,)."""
     strong: BoolArray = np.linalg.norm(recording.force, axis=1) > force_floor(scene)
     return strong
+
+
+def lacks_ihip(recording: Recording, scene: Scene) -> bool:
+    """Whether a force is felt inside the model while the IHIP stays with the HIP: then no contact point is given."""
+    silent = loaded(recording, scene) & np.all(recording.ihip == recording.hip, axis=1)
+    if not silent.any():
+        return False
+    distance = scene.model.curve.signed_distance(recording.hip[silent])
+    return bool(np.any(np.abs(distance) > placement(recording, scene) + 1e-9 * scene.model.size))
+
+
+NO_IHIP = "the renderer gives a force but no IHIP: its contact point cannot be judged"
 
 
 def place(recording: Recording, tick: int) -> dict[str, object]:

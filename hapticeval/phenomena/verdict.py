@@ -77,12 +77,13 @@ class Verdict:
 
     @property
     def as_expected(self) -> bool:
-        """Whether the outcome is the published one, or, where none is published, nothing that a gate stops.
+        """Whether the outcome is the published one, or, where none is published, nothing that stops a gate.
 
-        A failed check of level `must` and an error stop a gate; the others are reported.
+        An error stops it, and at level `must` so do a failed check and one that could not decide: a renderer that never
+        touches the surface has not passed. Others are reported.
         """
         if self.published is not None:
             return self.outcome == self.published
         if self.outcome is Outcome.ERROR:
             return False
-        return not (self.outcome is Outcome.FAIL and self.level is Level.MUST)
+        return not (self.outcome in (Outcome.FAIL, Outcome.INCONCLUSIVE) and self.level is Level.MUST)

@@ -25,6 +25,9 @@ CHANNELS: Mapping[str, tuple[str, str]] = MappingProxyType(
 
 REQUIRED = ("hip", "ihip", "force")
 
+SINGLE = 2.0**-23
+"""Spacing of single-precision numbers around 1: what the coarsest honest renderer computes with."""
+
 
 @dataclass(frozen=True)
 class Recording:
@@ -118,8 +121,13 @@ class Recording:
 
     @property
     def contact(self) -> BoolArray:
-        """Where the tool touches: a force is felt or the IHIP is not the HIP; shape (n,)."""
-        touches: BoolArray = np.any(self.ihip != self.hip, axis=1) | np.any(self.force != 0.0, axis=1)
+        """Where the tool touches: a force is felt or the IHIP is not the HIP; shape (n,).
+
+        The HIP in single precision is still the HIP: a renderer may compute and answer so.
+        """
+        rounding = 4.0 * SINGLE * float(np.max(np.abs(self.hip)))
+        apart = np.linalg.norm(self.ihip - self.hip, axis=1) > rounding
+        touches: BoolArray = apart | np.any(self.force != 0.0, axis=1)
         return touches
 
     @property

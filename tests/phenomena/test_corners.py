@@ -114,3 +114,63 @@ def test_a_path_along_one_face_decides_nothing():
     keep = slice(0, 800)
     short = Recording(base.time[keep], {name: values[keep] for name, values in base.channels.items()})
     assert abrupt_switch.judge(Runs(short), SCENE).outcome is Outcome.INCONCLUSIVE
+
+
+def changed(recording, **arrays):
+    return Recording(recording.time, {**recording.channels, **arrays})
+
+
+def test_a_force_that_fades_before_the_corner_is_not_kept():
+    base = over_the_tip()
+    x = (base.hip - TIP.position) @ TIP.tangent_pre
+    fading = changed(base, force=base.force * np.clip(-x / 0.02, 1e-4, 1.0)[:, None])
+    finding = broken_contact.judge(Runs(fading), SCENE)
+    assert finding.outcome is Outcome.FAIL
+    assert "lost" in finding.message
+
+
+def test_a_force_that_comes_back_from_the_face_that_was_left_fails():
+    base = over_the_tip()
+    x = (base.hip - TIP.position) @ TIP.tangent_pre
+    back = (x > 2e-3) & (x < 6e-3)
+    force, ihip = np.array(base.force), np.array(base.ihip)
+    force[back], ihip[back] = 5.0 * TIP.normal_pre, base.hip[back] + 5e-3 * TIP.normal_pre
+    finding = broken_contact.judge(Runs(changed(base, force=force, ihip=ihip)), SCENE)
+    assert finding.outcome is Outcome.FAIL
+    assert finding.metric.value == pytest.approx(6e-3, abs=1e-4)
+
+
+def test_a_face_touched_on_the_way_is_not_taken_for_the_face_before_the_corner():
+    """Along a face, round the notch and on over the next tip: the corner before the notch is none of its business."""
+    notch = round_the_notch(depth=2e-3, spread=0.0)
+    tip = SCENE.model.curve.corners[2]
+    start = notch.hip[-1]
+    along = np.arange(0.0, float((tip.position - start) @ tip.tangent_pre) + 0.01, STEP) + STEP / 3
+    hip = start + along[:, None] * tip.tangent_pre
+    ahead = (hip - tip.position) @ tip.tangent_pre <= 0.0
+    ihip = np.where(ahead[:, None], hip + 2e-3 * tip.normal_pre, hip)
+    force = np.where(ahead[:, None], 2.0 * tip.normal_pre, 0.0)
+    whole = {
+        "hip": np.vstack([notch.hip, hip]),
+        "ihip": np.vstack([notch.ihip, ihip]),
+        "force": np.vstack([notch.force, force]),
+    }
+    recording = Recording(np.arange(len(whole["hip"])) * 1e-3, whole)
+    assert broken_contact.judge(Runs(recording), SCENE).outcome is Outcome.PASS
+    assert abrupt_switch.judge(Runs(recording), SCENE).outcome is Outcome.PASS
+
+
+def test_a_force_that_flickers_between_the_faces_is_no_abrupt_switch():
+    base = round_the_notch(depth=5e-3, spread=0.0)
+    force = np.array(base.force)
+    flicker = slice(600, 900, 2)
+    force[flicker] = 5.0 * NOTCH.normal_post
+    finding = abrupt_switch.judge(Runs(changed(base, force=force)), SCENE)
+    assert finding.outcome is Outcome.FAIL
+
+
+def test_no_force_at_a_corner_decides_nothing():
+    base = over_the_tip()
+    nothing = changed(base, force=np.zeros_like(base.force), ihip=base.hip)
+    assert broken_contact.judge(Runs(nothing), SCENE).outcome is Outcome.INCONCLUSIVE
+    assert abrupt_switch.judge(Runs(nothing), SCENE).outcome is Outcome.INCONCLUSIVE

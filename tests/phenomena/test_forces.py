@@ -78,19 +78,19 @@ def collision(*, ticks, restitution=0.0, speed=0.3):
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.4, 1.0])
-@pytest.mark.parametrize("ticks", [1, 2])
-def test_an_impulse_within_two_ticks_passes(ticks, restitution):
+@pytest.mark.parametrize("ticks", [1, 2, 4])
+def test_an_impulse_within_four_ticks_passes(ticks, restitution):
     scene = Scene(model=line(), restitution=restitution)
     finding = impulsive_collision.judge(Runs(collision(ticks=ticks, restitution=restitution)), scene)
     assert finding.outcome is Outcome.PASS
 
 
-@given(ticks=st.integers(3, 60))
+@given(ticks=st.integers(5, 60))
 @settings(max_examples=20)
 def test_the_missing_share_of_a_slow_collision_is_measured(ticks):
     finding = impulsive_collision.judge(Runs(collision(ticks=ticks)), PLANE)
     assert finding.outcome is Outcome.FAIL
-    assert finding.metric.value == pytest.approx(1.0 - 2.0 / ticks)
+    assert finding.metric.value == pytest.approx(1.0 - 4.0 / ticks)
     assert finding.evidence["stopped_after_ms"] == pytest.approx(ticks, abs=1e-6)
 
 
@@ -150,7 +150,7 @@ def test_an_error_that_has_nothing_to_do_with_speed_is_not_called_centripetal():
 def test_a_force_missing_at_zero_error_fails_even_where_the_error_stays_small():
     base = orbit(0.0)
     force = np.array(base.force)
-    force[0] = 0.0
+    force[:4] = 0.0
     late = Recording(base.time, {**base.channels, "force": force}, base.meta)
     finding = centripetal_force.judge(Runs(late), ROUND)
     assert finding.outcome is Outcome.FAIL
@@ -173,8 +173,8 @@ def slide(shift):
 def test_two_answers_to_one_hip_are_measured(apart):
     finding = memoryless.judge(Runs(slide(lambda x: 0 * x), reverse=lambda: slide(lambda x: apart * (x > 5e-3))), PLANE)
     assert finding.outcome is Outcome.FAIL
-    assert finding.metric.value == pytest.approx(apart, rel=1e-6)
-    assert finding.evidence["share_apart"] == pytest.approx(0.5, abs=0.01)
+    assert finding.metric.value == pytest.approx(apart, abs=7e-5)  # six ticks of the other path
+    assert finding.evidence["share_apart"] == pytest.approx(0.5, abs=0.05)
 
 
 def test_one_answer_to_one_hip_passes():
