@@ -18,8 +18,8 @@ SYMBOLS: Mapping[str, str] = MappingProxyType(
 class Cell:
     """One verdict in the matrix.
 
-    `standing` says how it compares: "as published", "differs" (from what is published), "unexpected" (an error or
-    a failed check of level must, with nothing published), or "" for nothing to say.
+    `standing` says how it compares: "as published", "differs" (from what is published), "unexpected" (an error, or
+    a check of level must that failed or could not decide, with nothing published), or "" for nothing to say.
     """
 
     outcome: str

@@ -96,11 +96,14 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 
 
 def _slope(jumps: list[float]) -> float:
-    """How fast the jump shrinks over the last two halvings of the step: log2 a halving."""
-    last = jumps[-3:]
-    if last[-1] <= 0.0 or last[0] <= 0.0:
+    """How fast the jump shrinks with the step: log2 a halving, fitted over all refinements.
+
+    Where the samples fall beside a steep place shifts single jumps; over all of them that averages out.
+    """
+    if min(jumps) <= 0.0:
         return math.inf
-    return math.log2(last[0] / last[-1]) / max(len(last) - 1, 1)
+    halvings = np.arange(len(jumps))
+    return -float(np.polyfit(halvings, np.log2(jumps), 1)[0])
 
 
 def _limit(coarse: float, middle: float, fine: float) -> float:
