@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import json
+import multiprocessing
 import os
 import sys
 from collections.abc import Generator, Iterator, Sequence
@@ -39,7 +41,7 @@ Exit codes:
   0  every verdict is as required, or as published where the suite publishes one
   1  a check failed or differs, or fewer verdicts than planned were reached
   2  wrong usage or input
-  3  a renderer broke: the message names case, tick and HIP (outranks 1)
+  3  a renderer broke: the message names case, tick and HIP (outranks 1 and 2)
   4  nothing was selected
 """
 
@@ -134,6 +136,7 @@ def run(
       hapticeval run mysuite.toml -o out
     """
     from hapticeval.discovery import own_renderers
+    from hapticeval.results import FILE
     from hapticeval.runner import execute, plan
     from hapticeval.terminal import Terminal, exit_code, summary
 
@@ -142,8 +145,10 @@ def run(
     _prepare(directory)
     with Terminal() as terminal:
         results = _watch(execute(planned, directory, workers=_cores()), terminal)
-    written = _report(directory)
-    _say(summary(results, written))
+        if not results.complete:
+            _end_workers()
+        written = _report(directory, terminal)
+    _say(summary(results, [directory / FILE, *written]))
     raise typer.Exit(exit_code(results, terminal.errors))
 
 
@@ -176,16 +181,11 @@ def report(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of an earlier run.")],
 ) -> None:
     """Write the reports of an earlier run anew, from its results."""
-    from hapticeval.results import FILE
+    from hapticeval.terminal import Terminal
 
-    if not (directory / FILE).is_file():
-        raise InputError(
-            f"'{directory}' holds no {FILE}",
-            why="reports are made from the results of a run",
-            todo="name the folder that was given to `hapticeval run -o`",
-        )
-    for path in _report(directory):
-        _say(str(path))
+    with Terminal() as terminal:
+        written = _report(directory, terminal)
+    _say("\n".join(f"wrote {path}" for path in written))
 
 
 def _watch(stream: Iterator[Event], terminal: Terminal) -> Results:
@@ -215,9 +215,9 @@ def _prepare(directory: Path) -> None:
 
     if directory.exists() and not directory.is_dir():
         raise InputError(f"'{directory}' is a file", why="results go into a folder", todo="name another with -o")
-    if directory.is_dir() and any(directory.iterdir()) and not (directory / FILE).is_file():
+    if directory.is_dir() and any(directory.iterdir()) and not _ours(directory / FILE):
         raise InputError(
-            f"'{directory}' is not empty and holds no earlier {FILE}",
+            f"'{directory}' is not empty and holds no {FILE} of an earlier run",
             why="files that hapticeval did not write are never overwritten",
             todo="name a new or an empty folder with -o",
         )
@@ -229,10 +229,25 @@ def _prepare(directory: Path) -> None:
         ) from error
 
 
-def _report(directory: Path) -> list[Path]:
+def _ours(file: Path) -> bool:
+    """Whether a file is a results document, of whatever version."""
+    try:
+        document = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(document, dict) and {"format_version", "planned", "verdicts"} <= document.keys()
+
+
+def _report(directory: Path, terminal: Terminal) -> list[Path]:
     from hapticeval.reports import write_reports
 
-    return write_reports(directory, workers=_cores())
+    return write_reports(directory, progress=terminal.drawn, workers=_cores())
+
+
+def _end_workers() -> None:
+    """End what an interrupted run has left running: a renderer that hangs must not hold the command."""
+    for process in multiprocessing.active_children():
+        process.terminate()
 
 
 def _cores() -> int:

@@ -4,7 +4,7 @@
 
 `BASE` is an entry point of the group `hapticeval.renderers`, or `package.module:factory`. `+SCHEME` chooses a
 regulation scheme and `@REPRESENTATION` how the model is stored, for a factory that has a choice of them. A
-scheme's own name may hold a plus: `constraint+pp+v@polygon` is `constraint`, `pp+v`, `polygon`.
+scheme's own name may hold a plus: only the first one separates.
 """
 
 from __future__ import annotations

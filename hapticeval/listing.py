@@ -77,7 +77,7 @@ def columns(rows: Iterable[tuple[str, str]]) -> str:
     width = max((len(name) for name, _ in pairs), default=0) + 2
     lines = []
     for name, text in pairs:
-        wrapped = textwrap.wrap(text, max(_width() - width, 20)) or [""]
+        wrapped = textwrap.wrap(text, max(_width() - width, 20), break_on_hyphens=False) or [""]
         lines.append(f"{name:{width}}{wrapped[0]}".rstrip())
         lines += [" " * width + line for line in wrapped[1:]]
     return "\n".join(lines)

@@ -206,7 +206,7 @@ def _validator() -> Any:
 
 def environment() -> dict[str, Any]:
     """What the numbers may depend on: versions and the kind of machine, no names of hosts, users or folders."""
-    versions = {}
+    versions: dict[str, str | None] = {}
     for name in ("hapticeval", "numpy", "scipy", "numba", "shapely", "h5py"):
         try:
             versions[name] = metadata.version(name)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TextIO
 
-from hapticeval.errors import HapticevalError, RendererError
+from hapticeval.errors import HapticevalError
 from hapticeval.events import Event, JobFinished, RunStarted
 from hapticeval.phenomena.verdict import Outcome
 
@@ -51,19 +51,24 @@ class Terminal:
         """Take one event of the stream."""
         if isinstance(event, RunStarted):
             self._planned_jobs = event.planned_jobs
-            self._line(f"{event.planned_jobs} runs, {event.planned_verdicts} verdicts planned")
+            self._line(f"{_plural(event.planned_jobs, 'run')}, {_plural(event.planned_verdicts, 'verdict')} planned")
         elif isinstance(event, JobFinished):
             self._finished_jobs += 1
             if event.error is not None:
                 self.errors.append(event.error)
             if self._stream.isatty():
-                self._advance(event)
+                self._advance(self._finished_jobs, self._planned_jobs, f"{event.renderer} on {event.case}")
             else:
                 count = f"[{self._finished_jobs}/{self._planned_jobs}]"
                 self._line(f"{count} {event.renderer} on {event.suite}/{event.case}: {_told(event)}")
 
-    def _advance(self, event: JobFinished) -> None:
-        """Move the bar; it appears with the first job that ends after `PATIENCE` seconds."""
+    def drawn(self, done: int, total: int) -> None:
+        """Take how many of the report's figures are drawn: only a bar shows it."""
+        if self._stream.isatty():
+            self._advance(done, total, "drawing figures")
+
+    def _advance(self, done: int, total: int, what: str) -> None:
+        """Move the bar; it appears with the first step that ends after `PATIENCE` seconds."""
         if self._bar is None:
             if time.monotonic() - self._begun < PATIENCE:
                 return
@@ -79,15 +84,11 @@ class Terminal:
                 auto_refresh=False,
                 transient=True,
             )
-            self._task = self._bar.add_task("", total=self._planned_jobs)
+            self._task = self._bar.add_task("")
+            self._bar.tasks[0].start_time = self._begun  # the bar tells the time since the run began, not its own
             self._bar.start()
         if self._task is not None:
-            self._bar.update(
-                self._task,
-                completed=self._finished_jobs,
-                description=f"{event.renderer} on {event.case}",
-                refresh=True,
-            )
+            self._bar.update(self._task, completed=done, total=total, description=what, refresh=True)
 
     def _line(self, text: str) -> None:
         print(text, file=self._stream, flush=True)
@@ -101,44 +102,55 @@ def _told(event: JobFinished) -> str:
     return _counted(counts) + (f" ({surprises} not as expected)" if surprises else "")
 
 
+def _plural(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def _counted(counts: Counter[Outcome]) -> str:
     """For instance `12 pass, 3 fail`, in the order of `Outcome`."""
     return ", ".join(f"{counts[outcome]} {outcome}" for outcome in Outcome if counts[outcome]) or "no verdicts"
 
 
 def exit_code(results: Results, errors: Iterable[HapticevalError]) -> int:
-    """0 all as it must be; 3 a renderer broke; 1 anything else that differs, failed, or did not run."""
-    broke = list(errors)
-    if any(error.exit_code == RendererError.exit_code for error in broke):
-        return RendererError.exit_code
+    """0 all as it must be; 1 something differs, failed, or did not run; what stopped a job outranks that.
+
+    3 where a renderer broke, else 2 where a job's input was not usable.
+    """
     surprised = any(not verdict["as_expected"] for verdict in results.verdicts)
-    return int(bool(broke) or surprised or not results.complete or results.ran < results.planned)
+    differs = surprised or not results.complete or results.ran < results.planned
+    return max([int(differs), *(error.exit_code for error in errors)])
 
 
 def summary(results: Results, written: Sequence[Path]) -> str:
     """The closing words of a run: the table, what is not as it must be, the counts, the time, the files."""
     parts = [
-        _table(results.table),
+        _table(results),
         "\n".join(_broken(run) for run in results.runs if run["error"]),
-        "\n".join(_surprise(verdict) for verdict in results.verdicts if not verdict["as_expected"]),
+        "\n".join(_surprise(verdict) for verdict in _surprising(results)),
         _totals(results),
         "\n".join(f"wrote {path}" for path in written),
     ]
     return "\n\n".join(part for part in parts if part)
 
 
-def _table(table: Mapping[str, Mapping[str, str]]) -> str:
-    """Rows by renderers, in aligned columns."""
+def _table(results: Results) -> str:
+    """Rows by renderers, in aligned columns; a cell that differs from what is in print says so."""
+    table = results.table
     renderers = list(dict.fromkeys(renderer for row in table.values() for renderer in row))
     if not renderers:
         return ""
-    first = max(len(title) for title in table) + 2
-    head = " " * first + "  ".join(renderers)
-    lines = [
-        f"{title:{first}}" + "  ".join(f"{row.get(name, '-'):{len(name)}}" for name in renderers)
-        for title, row in table.items()
-    ]
-    return "\n".join(line.rstrip() for line in [head, *lines])
+    lines = [["", *renderers]]
+    for title, row in table.items():
+        published = results.published_table.get(title, {})
+        lines.append([title, *(_cell(row.get(name, "-"), published.get(name)) for name in renderers)])
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join(
+        "  ".join(f"{cell:{width}}" for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines
+    )
+
+
+def _cell(found: str, published: str | None) -> str:
+    return found if published in (None, found) or found == "-" else f"{found} (published {published})"
 
 
 def _broken(run: Mapping[str, Any]) -> str:
@@ -146,6 +158,15 @@ def _broken(run: Mapping[str, Any]) -> str:
     lines = [f"broke: {run['renderer']} on {run['suite']}/{run['case']}", f"  {error['what']}"]
     lines += [f"  {label}: {error[key]}" for label, key in (("why", "why"), ("what to do", "todo")) if error[key]]
     return "\n".join(lines)
+
+
+def _surprising(results: Results) -> Iterator[Mapping[str, Any]]:
+    """The verdicts that are not as expected, less those of runs that broke: these are told as one."""
+    broken = {(run["renderer"], run["suite"], run["case"]) for run in results.runs if run["error"]}
+    for verdict in results.verdicts:
+        stopped = (verdict["renderer"], verdict["suite"], verdict["case"]) in broken
+        if not verdict["as_expected"] and not (stopped and verdict["outcome"] == Outcome.ERROR):
+            yield verdict
 
 
 def _surprise(verdict: Mapping[str, Any]) -> str:
@@ -169,7 +190,7 @@ def _measured(verdict: Mapping[str, Any]) -> str:
 def _totals(results: Results) -> str:
     counts = Counter(Outcome(verdict["outcome"]) for verdict in results.verdicts)
     unexpected = sum(not verdict["as_expected"] for verdict in results.verdicts)
-    ran = f"{results.ran} of {results.planned} planned verdicts ran"
+    ran = f"{results.ran} of {_plural(results.planned, 'planned verdict')} ran"
     if not results.complete:
         ran += f" (incomplete: {results.reason})"
     timing = results.timing

@@ -13,10 +13,9 @@ import numpy as np
 from hapticeval.renderers.boundary import Boundary, entered, nearest_on
 from hapticeval.renderers.outline import Outline
 from hapticeval.renderers.projection import Projected
-from hapticeval.renderers.slide import LEAVES, frame, slide
+from hapticeval.renderers.slide import LEAVES, at, frame, slide
 
 from hapticeval.compiled import compiled
-from hapticeval.geometry.kernels import evaluate
 from hapticeval.types import Array, BoolArray
 
 TOUCHES, PIECE, AT, HIP_X, HIP_Y = range(5)
@@ -60,20 +59,11 @@ def _follow(
     b: Boundary, memory: Array, bilateral: bool, x: float, y: float
 ) -> tuple[tuple[float, float], tuple[float, float], bool]:
     touches, piece, u = memory[TOUCHES] != 0.0, int(memory[PIECE]), memory[AT]
-    if not touches:
-        touches, piece, u = entered(b, memory[HIP_X], memory[HIP_Y], x, y, False)
-    flights = 0
-    while touches:
+    status = LEAVES
+    if touches:
         status, piece, u = slide(b.pieces, b.joints, b.third, b.closed, not bilateral, piece, u, x, y)
-        if status != LEAVES:
-            break
-        flights += 1
-        if flights > FLIGHTS:
-            piece, u, _, side = nearest_on(b, x, y)
-            touches = side < 0.0
-            break
-        px, py, _, _, _, _ = evaluate(b.pieces[piece], u)
-        touches, piece, u = entered(b, px, py, x, y, True)
+    if status == LEAVES:
+        touches, piece, u = _fly(b, touches, piece, u, memory[HIP_X], memory[HIP_Y], x, y)
     memory[TOUCHES], memory[PIECE], memory[AT] = 1.0 if touches else 0.0, piece, u
     memory[HIP_X], memory[HIP_Y] = x, y
     if not touches:
@@ -83,11 +73,50 @@ def _follow(
 
 
 @compiled
+def _fly(
+    b: Boundary, released: bool, piece: int, u: float, hip_x: float, hip_y: float, x: float, y: float
+) -> tuple[bool, int, float]:
+    """Straight to the hand at (x, y), from (piece, u) if `released` there, else from the last HIP.
+
+    Whether the tool runs into something on the way, and the (piece, u) at which it then comes to rest.
+    """
+    x0, y0 = hip_x, hip_y
+    for _flight in range(FLIGHTS):
+        if released:
+            x0, y0, _, _, _, _ = at(b.pieces, piece, u)
+        touches, piece, u = entered(b, x0, y0, x, y, released)
+        if not touches:
+            return False, piece, u
+        status, piece, u = slide(b.pieces, b.joints, b.third, b.closed, True, piece, u, x, y)
+        if status != LEAVES:
+            return True, piece, u
+        released = True
+    piece, u, _, side = nearest_on(b, x, y)
+    return side < 0.0, piece, u
+
+
+@compiled
 def _trace(b: Boundary, memory: Array, bilateral: bool, hips: Array) -> tuple[Array, Array, BoolArray]:
+    """`_follow` for each row, with the memory and the arrays of its common case held in local variables."""
     ihips, normals = np.empty_like(hips), np.empty_like(hips)
     contact = np.empty(hips.shape[0], np.bool_)
+    pieces, joints, third, closed = b.pieces, b.joints, b.third, b.closed
+    touches, piece, u = memory[TOUCHES] != 0.0, int(memory[PIECE]), memory[AT]
+    hip_x, hip_y = memory[HIP_X], memory[HIP_Y]
     for i in range(hips.shape[0]):
-        ihip, normal, contact[i] = _follow(b, memory, bilateral, hips[i, 0], hips[i, 1])
-        ihips[i, 0], ihips[i, 1] = ihip
-        normals[i, 0], normals[i, 1] = normal
+        x, y = hips[i, 0], hips[i, 1]
+        status = LEAVES
+        if touches:
+            status, piece, u = slide(pieces, joints, third, closed, not bilateral, piece, u, x, y)
+        if status == LEAVES:
+            touches, piece, u = _fly(b, touches, piece, u, hip_x, hip_y, x, y)
+        hip_x, hip_y = x, y
+        contact[i] = touches
+        if touches:
+            px, py, nx, ny = frame(pieces, joints, closed, piece, u, x, y)
+            ihips[i, 0], ihips[i, 1], normals[i, 0], normals[i, 1] = px, py, nx, ny
+        else:
+            ihips[i, 0], ihips[i, 1], normals[i, 0], normals[i, 1] = x, y, 0.0, 0.0
+    memory[TOUCHES], memory[PIECE], memory[AT] = 1.0 if touches else 0.0, piece, u
+    memory[HIP_X], memory[HIP_Y] = hip_x, hip_y
     return ihips, normals, contact

@@ -17,12 +17,22 @@ import math
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.curve_kernels import STRAIGHT
-from hapticeval.geometry.kernels import U0, U1, evaluate
+from hapticeval.geometry.kernels import KIND, LINE, U0, U1, A, B, C, D, evaluate
 from hapticeval.types import Array
 
 RESTS, LEAVES = 0, 1
 LONGEST_MARCH = 100_000
 """Steps on curved pieces after which a march stops where it is; marches at a fold take some hundreds."""
+
+
+@compiled
+def at(pieces: Array, k: int, u: float) -> tuple[float, float, float, float, float, float]:
+    """`evaluate` on piece k; straight pieces, by far the most, without the cost of a view of the row."""
+    if pieces[k, KIND] == LINE:
+        along = u - pieces[k, U0]
+        dx, dy = pieces[k, C], pieces[k, D]
+        return pieces[k, A] + along * dx, pieces[k, B] + along * dy, dx, dy, 0.0, 0.0
+    return evaluate(pieces[k], u)
 
 
 @compiled
@@ -41,35 +51,39 @@ def slide(
 
     With `releases` (unilateral contact) it LEAVES where the HIP is above the tangent half-plane: of the piece it is
     on, or, at a convex joint, of the piece it would go to. At a concave joint it rests on the corner, or goes on
-    where the next piece leads further downhill. A rest at a joint has u exactly at the end of its piece.
+    where the next piece leads further downhill. A rest at a joint has u exactly at the end of its piece. From a
+    point of exactly largest distance both ways lead downhill: it goes anticlockwise.
     """
     count = pieces.shape[0]
     onwards = 0.0
     steps = 0
     while True:
-        row = pieces[piece]
-        px, py, dx, dy, ddx, ddy = evaluate(row, u)
+        px, py, dx, dy, ddx, ddy = at(pieces, piece, u)
         ex, ey = x - px, y - py
         if releases and ex * dy - ey * dx > 0.0:
             k = _other_wall(pieces, joints, closed, piece, u, x, y) if onwards == 0.0 else -1
             if k < 0:
                 return LEAVES, piece, u
-            u = pieces[k, U0] if u == row[U1] else pieces[k, U1]
+            u = pieces[k, U0] if u == pieces[piece, U1] else pieces[k, U1]
             piece = k
             continue
         g = ex * dx + ey * dy
+        slope = dx * dx + dy * dy - ex * ddx - ey * ddy
         if onwards == 0.0:
-            onwards = 1.0 if g > 0.0 else -1.0
-        if g * onwards <= 0.0:
+            onwards = 1.0 if g > 0.0 or (g == 0.0 and slope < 0.0) else -1.0
+        if g * onwards < 0.0 or (g == 0.0 and slope >= 0.0):
             return RESTS, piece, u
         # a step of zero length means that g has vanished to rounding
-        bend = third[piece, 0] + third[piece, 1] * math.hypot(ex, ey)
-        step = _first_zero(abs(g), dx * dx + dy * dy - ex * ddx - ey * ddy, bend)
+        bend = third[piece, 0]
+        if third[piece, 1] > 0.0:
+            bend += third[piece, 1] * math.hypot(ex, ey)
+        step = _first_zero(abs(g), slope, bend)
         following = u + onwards * step
-        end = row[U1] if onwards > 0.0 else row[U0]
+        end = pieces[piece, U1] if onwards > 0.0 else pieces[piece, U0]
         if (end - following) * onwards > 0.0:
             steps += 1
-            if following == u or bend == 0.0 or step <= 2e-16 * (row[U1] - row[U0]) or steps > LONGEST_MARCH:
+            tiny = 2e-16 * (pieces[piece, U1] - pieces[piece, U0])
+            if following == u or bend == 0.0 or step <= tiny or steps > LONGEST_MARCH:
                 return RESTS, piece, following
             u = following
             continue
@@ -78,7 +92,7 @@ def slide(
         k = (piece + 1) % count if onwards > 0.0 else (piece - 1) % count
         start = pieces[k, U0] if onwards > 0.0 else pieces[k, U1]
         turn = joints[k] if onwards > 0.0 else joints[piece]
-        px, py, dx, dy, _, _ = evaluate(pieces[k], start)
+        px, py, dx, dy, _, _ = at(pieces, k, start)
         ex, ey = x - px, y - py
         if releases and turn > -STRAIGHT and ex * dy - ey * dx > 0.0:
             return LEAVES, piece, end
@@ -112,7 +126,7 @@ def _other_wall(pieces: Array, joints: Array, closed: bool, piece: int, u: float
         return -1
     if turn > -STRAIGHT:
         return -1
-    px, py, dx, dy, _, _ = evaluate(pieces[k], there)
+    px, py, dx, dy, _, _ = at(pieces, k, there)
     return k if (x - px) * dy - (y - py) * dx < 0.0 else -1
 
 
@@ -125,16 +139,18 @@ def frame(
     At a corner every direction between the two faces' normals is one: there it is the direction between HIP and
     IHIP, which is continuous with the faces' normals, or their mean where the two points coincide.
     """
-    row = pieces[piece]
-    px, py, dx, dy, _, _ = evaluate(row, u)
-    speed = math.hypot(dx, dy)
-    nx, ny = dy / speed, -dx / speed
-    if closed and (u == row[U1] or u == row[U0]):
+    px, py, dx, dy, _, _ = at(pieces, piece, u)
+    first, last = pieces[piece, U0], pieces[piece, U1]
+    nx, ny = dy, -dx
+    if pieces[piece, KIND] != LINE:
+        speed = math.hypot(dx, dy)
+        nx, ny = nx / speed, ny / speed
+    if closed and u in (first, last):
         count = pieces.shape[0]
-        k = (piece + 1) % count if u == row[U1] else (piece - 1) % count
-        turn = joints[k] if u == row[U1] else joints[piece]
+        k = (piece + 1) % count if u == last else (piece - 1) % count
+        turn = joints[k] if u == last else joints[piece]
         if abs(turn) > STRAIGHT:
-            _, _, dx, dy, _, _ = evaluate(pieces[k], pieces[k, U0] if u == row[U1] else pieces[k, U1])
+            _, _, dx, dy, _, _ = evaluate(pieces[k], pieces[k, U0] if u == pieces[piece, U1] else pieces[k, U1])
             speed = math.hypot(dx, dy)
             mx, my = nx + dy / speed, ny - dx / speed
             ex, ey = x - px, y - py

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -25,13 +26,25 @@ LAYERS = (
     {"runner"},
     {"listing", "terminal"},
     {"cli"},
+    {"__main__"},
 )
 """From the bottom up. A unit (a module or a subpackage) imports from lower layers, and from itself."""
 
 RENDERERS_MAY = set().union(*LAYERS[:5])
 """The reference renderers know geometry, devices and the protocol: all that a third party's may know."""
 
-RUNNING = {"judging", "runner", "playback", "closed_loop", "ideal", "discovery", "listing", "terminal", "cli"}
+RUNNING = {
+    "judging",
+    "runner",
+    "playback",
+    "closed_loop",
+    "ideal",
+    "discovery",
+    "listing",
+    "terminal",
+    "cli",
+    "__main__",
+}
 REPORTS_MAY = set().union(*LAYERS) - RUNNING
 """Reports read results and never run anything."""
 
@@ -89,6 +102,12 @@ def _lazy_reports(tree: ast.AST, text: str, unit: str) -> bool:
 @pytest.mark.parametrize(("file", "unit"), SOURCES, ids=[str(file.relative_to(ROOT)) for file, _ in SOURCES])
 def test_imports_point_downwards(file: Path, unit: str) -> None:
     assert violations(file.read_text(encoding="utf-8"), unit) == []
+
+
+def test_the_page_on_architecture_shows_these_layers() -> None:
+    page = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8").split("\n## Layers\n")[1].split("\n## ")[0]
+    rows = [set(re.findall(r"`(\w+)`", line)) for line in page.splitlines() if line.startswith("| ")][1:]
+    assert rows == [{"__main__", "cli"}, *reversed(LAYERS[:-2])]
 
 
 def test_the_package_itself_knows_no_renderer_and_no_report() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.sampling import place
+from hapticeval.phenomena.sampling import place, touching
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -40,8 +40,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return Finding(Outcome.NOT_APPLICABLE, "the surface has no curvature where the tool slides")
     share, deviation = _share(np.concatenate(errors), np.concatenate(pushes), cost)
     bound = HOLD_TICKS * max(sizes) * base.dt
-    tick = int(np.argmax(np.abs(costs[0]))) if costs[0].size else 0
-    tick = int(np.flatnonzero(base.contact)[tick]) if base.contact.any() else 0
+    contact = np.flatnonzero(touching(base, scene))
+    tick = int(contact[np.argmax(np.abs(costs[0]))]) if contact.size else 0
     evidence: dict[str, object] = {
         **place(base, tick),
         "centripetal_error_m": share * largest,
@@ -73,19 +73,19 @@ def _terms(recording: Recording, scene: Scene) -> tuple[Array, Array, Array, flo
     the largest |kappa| v_t, rad/s, the rate at which the normal turns.
     """
     curve = scene.model.curve
-    touching = recording.contact
-    hip = recording.hip[touching]
+    contact = touching(recording, scene)
+    hip = recording.hip[contact]
     if hip.shape[0] == 0:
         empty = np.empty(0)
         return empty, empty, empty, 0.0
     u = curve.nearest(hip)
     normal, tangent = np.asarray(curve.normal(u)), np.asarray(curve.tangent(u))
     kappa = np.asarray(curve.curvature(u))
-    speed = np.sum(recording.velocity[touching] * tangent, axis=1)
+    speed = np.sum(recording.velocity[contact] * tangent, axis=1)
     error = np.sum((hip - np.asarray(curve.position(u))) * normal, axis=1)
     push = np.zeros(hip.shape[0])
     if "operator_force" in recording.channels:
-        push = np.sum(recording.channels["operator_force"][touching] * normal, axis=1) / scene.stiffness
+        push = np.sum(recording.channels["operator_force"][contact] * normal, axis=1) / scene.stiffness
     cost = kappa * speed**2 * scene.mass / scene.stiffness
     return error, push, cost, float(np.max(np.abs(kappa * speed)))
 
@@ -96,7 +96,8 @@ def _share(error: Array, push: Array, cost: Array) -> tuple[float, float]:
     Samples of one oscillation are not independent, so the degrees of freedom are counted in blocks of 50 ticks.
     """
     columns = [cost, np.ones_like(cost)]
-    if np.ptp(push) > 0.0:
+    # A push that varies by less than a millionth of the cost cannot explain it, and would spoil the rank.
+    if np.ptp(push) > 1e-6 * np.max(np.abs(cost)):
         columns.append(push)
     design = np.column_stack(columns)
     solution, _, rank, _ = np.linalg.lstsq(design, error, rcond=1e-10)

@@ -60,11 +60,13 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 def _rounding(recording: Recording, scene: Scene) -> float:
     """Angle (rad) that single-precision positions leave in a force built from HIP and IHIP.
 
-    Two rounded positions of the model's size are subtracted to give a vector as long as the depth.
+    Two rounded positions of the model's size are subtracted to give a vector as long as the depth; a force that is
+    there without a depth was not built so, and has the rounding of its own components only.
     """
     depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[loaded(recording, scene)]
-    typical = max(float(np.median(depth)), hip_step(recording), 1e-9)
-    return 1e-6 + 4.0 * SINGLE * scene.model.size / typical
+    deep = depth[depth > 0.0]
+    stretch = scene.model.size / float(np.median(deep)) if deep.size else 1.0
+    return 1e-6 + 4.0 * SINGLE * max(stretch, 1.0)
 
 
 def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, float] | None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.sampling import hip_step, hip_steps, place, placement
+from hapticeval.phenomena.sampling import hip_step, hip_steps, place, placement, touching
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -20,10 +20,10 @@ STAYS, SHRINKS = 0.15, 0.25
 """Slopes of log2(jump) against log2(step): a jump has 0, a Hoelder map of order a has a, a Lipschitz map 1."""
 
 
-def largest_jump(recording: Recording) -> tuple[float, int]:
+def largest_jump(recording: Recording, scene: Scene) -> tuple[float, int]:
     """The largest IHIP step between two samples in contact, m, and the tick at its end (0 if there is none)."""
-    touching = recording.contact
-    both = touching[1:] & touching[:-1]
+    contact = touching(recording, scene)
+    both = contact[1:] & contact[:-1]
     if not both.any():
         return 0.0, 0
     steps = np.where(both, np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1), 0.0)
@@ -34,7 +34,7 @@ def largest_jump(recording: Recording) -> tuple[float, int]:
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Refine the HIP trajectory until the largest jump is within the bound, or is seen to stay."""
     base = runs.base
-    jump, tick = largest_jump(base)
+    jump, tick = largest_jump(base, scene)
     if tick == 0:
         return Finding(Outcome.INCONCLUSIVE, "the tool is never in contact for two samples in a row")
     step = hip_step(base)
@@ -50,7 +50,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return _judge_fixed(base, scene, jump, tick, bound, evidence)
     jumps = [jump]
     for factor in REFINEMENTS[1:]:
-        jumps.append(largest_jump(runs.refine(factor))[0])
+        jumps.append(largest_jump(runs.refine(factor), scene)[0])
         slope = _slope(jumps)
         # h, h/2 and h/4 are always run; finer ones only while it is neither small nor seen to stay.
         if factor >= 4 and (jumps[-1] <= bound or slope < STAYS):

@@ -8,7 +8,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from hapticeval.geometry.curve import Curve
 from hapticeval.types import Array
 
-SAMPLES = 8192
+SAMPLES = 16384
 
 
 def wrapped(angle: Array) -> Array:

@@ -31,6 +31,11 @@ def placement(recording: Recording) -> float:
     return LAG_TICKS * hip_step(recording) + recording.standoff
 
 
+def touching(recording: Recording, scene: Scene) -> BoolArray:
+    """Where the tool is in contact, (n,): on a bilateral constraint always, also where no force is called for."""
+    return np.ones(len(recording), dtype=bool) if scene.bilateral else recording.contact
+
+
 def force_floor(scene: Scene) -> float:
     """Below this force (N) no direction is judged: the spring's force at a depth of one micrometre."""
     return scene.stiffness * FORCE_DEPTH

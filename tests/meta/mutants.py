@@ -61,11 +61,11 @@ def _normals(scene: Scene, points: np.ndarray) -> np.ndarray:
 
 
 def jumps(channels, true, scene, stimulus):
-    """The contact point stands 3 mm further along wherever the arc length's centimetre is even."""
-    if _curved(scene):
+    """Sliding freely on a curve, the contact point stands 6 mm further along in every second centimetre of arc."""
+    if _curved(scene) and isinstance(stimulus, Experiment):
         curve = scene.model.curve
         s = curve.arc_length(curve.nearest(true.ihip))
-        _moved(channels, true, scene, np.where(np.floor(s / 0.01) % 2 == 0, 3e-3, 0.0))
+        _moved(channels, true, scene, np.where(np.floor(s / 0.01) % 2 == 0, 6e-3, 0.0))
 
 
 def skews(channels, true, scene, stimulus):
@@ -82,25 +82,29 @@ def weakens(channels, true, scene, stimulus):
 
 
 def lingers(channels, true, scene, stimulus):
-    """The force of the last contact stays for 500 ticks after the tool has left a convex corner."""
-    if not any(corner.convex for corner in scene.model.curve.corners):
-        return
+    """The virtual tool hangs on a convex corner, with its last force, for 200 ticks after the hand has left it."""
+    tips = [corner.position for corner in scene.model.curve.corners if corner.convex]
     touching = np.flatnonzero(true.contact)
-    if touching.size and touching[-1] + 2 < len(true):
-        last = touching[-1]
-        channels["force"][last + 1 : last + 501] = true.force[last - 1]
+    if not tips or not touching.size:
+        return
+    last = int(touching[-1])
+    tip = min(tips, key=lambda position: float(np.linalg.norm(true.ihip[last] - position)))
+    if last + 201 < len(true) and np.linalg.norm(true.ihip[last] - tip) < 1e-3:
+        channels["force"][last : last + 200] = true.force[last - 1]
+        channels["ihip"][last : last + 200] = tip
 
 
 def rounds(channels, true, scene, stimulus):
-    """The HIP goes on round the corner on which the tool rests, as under a spring."""
+    """While the tool rests in a concave corner the HIP goes on as the hand is led, and stays so much aside."""
     if not isinstance(stimulus, Path) or not any(event["kind"] == "rest" for event in true.meta["events"]):
         return
     led = stimulus.sampled(true.dt)[1]
     resting = true.contact & (np.linalg.norm(true.velocity, axis=1) == 0.0)
     corners = [corner.position for corner in scene.model.curve.corners if not corner.convex]
     resting &= np.min([np.linalg.norm(true.ihip - position, axis=1) for position in corners], axis=0) < 1e-9
-    # Under the corner the hand is a depth away from it, and moves there and back as it leaves the faces.
-    channels["hip"][resting] = led[resting]
+    first, last = np.flatnonzero(resting)[[0, -1]]
+    channels["hip"][first : last + 1] += led[first : last + 1] - led[first]
+    channels["hip"][last + 1 :] += led[last] - led[first]
 
 
 def cushions(channels, true, scene, stimulus):

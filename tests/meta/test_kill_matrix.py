@@ -23,6 +23,8 @@ def findings(name: str) -> dict[tuple[str, str], Outcome]:
     made = ideal if name == "ideal" else factory(name)
     found = {}
     for case in load_suite("thesis").cases:
+        if not case.judged:
+            continue
         judged = judge(made, name, "thesis", case)
         assert judged.error is None, f"{case.name}: {judged.error}"
         for verdict in judged.verdicts:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hapticeval.geometry.catalogue import cassinian, circle, line, star
-from hapticeval.phenomena.normal_cone import NormalCone, angle_between, wrapped
+from hapticeval.phenomena.normal_cone import SAMPLES, NormalCone, angle_between, wrapped
 
 CASSINIAN = cassinian().curve
 CONES = {reach: NormalCone(CASSINIAN, reach) for reach in (1e-5, 1e-3, 1e-2)}
@@ -27,7 +27,7 @@ def test_a_direction_is_outside_by_its_tilt_less_the_surface_s_own_turn(u, reach
     if np.ptp(wrapped(np.arctan2(around[:, 1], around[:, 0]) - np.arctan2(normal[1], normal[0]))) > abs(tilt):
         exact = min(exact, deviation)  # between two samples of `around`
     # The window is rounded up by at most two grid cells, over which the surface turns by kappa ds.
-    slack = 38.3 * 3.0 * max(CASSINIAN.length / 8192, reach / 2)
+    slack = 38.3 * 3.0 * max(CASSINIAN.length / SAMPLES, reach / 2)
     assert deviation <= exact + 1e-5
     assert deviation >= exact - slack
 

@@ -119,7 +119,7 @@ def test_each_wrong_file_is_named_for_what_it_is(tmp_path):
     write_recording(tmp_path / "newer.h5", small())
     with h5py.File(tmp_path / "newer.h5", "r+") as file:
         file.attrs["format_version"] = 2
-    with pytest.raises(InputError, match="format 2.*reads format 1") as caught:
+    with pytest.raises(InputError, match=r"format 2.*reads format 1") as caught:
         read_recording(tmp_path / "newer.h5")
     assert caught.value.todo == "update hapticeval"
 

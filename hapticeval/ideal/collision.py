@@ -1,0 +1,190 @@
+"""Where a free flight meets the boundary: the crossing is found on each cell that the path comes near to.
+
+No step is checked by its ends alone: a path that enters and leaves a thin part within one step crosses the first
+face all the same, and a path that dips in and out of a cell is caught at its lowest point.
+"""
+
+from __future__ import annotations
+
+import math
+
+from hapticeval.compiled import compiled
+from hapticeval.geometry.kernels import KIND, LINE, UNBOUNDED, evaluate
+from hapticeval.ideal.motion import flown
+from hapticeval.ideal.terrain import (
+    EX,
+    EY,
+    OX,
+    OY,
+    PIECE,
+    REACH_A,
+    REACH_B,
+    SLOPE_A,
+    SLOPE_B,
+    SPAN,
+    UA,
+    UB,
+    XMAX,
+    XMIN,
+    YMAX,
+    YMIN,
+)
+from hapticeval.types import Array
+
+SKIN = 1e-13
+"""Depth (m) from which a tool in flight counts as inside: above the rounding of positions up to 100 m, so that a
+tool that has just left the surface, or bounced, does not collide with it again. The collision itself is located
+where the depth is zero."""
+
+
+@compiled
+def height(cell: Array, pieces: Array, x: float, y: float) -> tuple[float, float, float, float]:
+    """Height (m) of a point over a cell along the chord's outward normal, the boundary's slope below it, its u,
+    and how far (m) beyond the cell's ends it is (negative before the start); there the boundary goes on straight."""
+    dx, dy = x - cell[OX], y - cell[OY]
+    xi = dx * cell[EX] + dy * cell[EY]
+    eta = dx * cell[EY] - dy * cell[EX]
+    span = cell[SPAN]
+    piece = pieces[int(cell[PIECE])]
+    beyond = min(xi, 0.0) + max(xi - span, 0.0)
+    if piece[KIND] in (LINE, UNBOUNDED):
+        return eta, 0.0, cell[UA] + xi, beyond
+    if xi <= 0.0:
+        return eta - cell[SLOPE_A] * xi, cell[SLOPE_A], cell[UA], beyond
+    if xi >= span:
+        return eta - cell[SLOPE_B] * (xi - span), cell[SLOPE_B], cell[UB], beyond
+    u = cell[UA] + (cell[UB] - cell[UA]) * xi / span
+    shift = math.inf
+    bottom, slope = 0.0, 0.0
+    for _ in range(20):
+        px, py, tx, ty, _, _ = evaluate(piece, u)
+        px -= cell[OX]
+        py -= cell[OY]
+        run = tx * cell[EX] + ty * cell[EY]
+        slope = (tx * cell[EY] - ty * cell[EX]) / run
+        miss = xi - (px * cell[EX] + py * cell[EY])
+        bottom = px * cell[EY] - py * cell[EX] + slope * miss
+        if abs(miss) >= shift or miss == 0.0:
+            break
+        shift = abs(miss)
+        u = min(max(u + miss / run, cell[UA]), cell[UB])
+    return eta - bottom, slope, u, beyond
+
+
+@compiled
+def _over(
+    cell: Array, pieces: Array, flight: tuple[float, float, float, float, float], h: float, load: Array
+) -> tuple[float, float, float, float]:
+    """Height over the cell h seconds into the flight, how fast it grows, u, and how far beyond the ends."""
+    x, y, vx, vy = flown(flight[0], flight[1], flight[2], flight[3], flight[4], h, load)
+    f, slope, u, beyond = height(cell, pieces, x, y)
+    climb = vx * cell[EY] - vy * cell[EX] - slope * (vx * cell[EX] + vy * cell[EY])
+    return f, climb, u, beyond
+
+
+@compiled
+def _crossing(
+    cell: Array,
+    pieces: Array,
+    flight: tuple[float, float, float, float, float],
+    low: float,
+    high: float,
+    level: float,
+    load: Array,
+) -> float:
+    """Time, to rounding, at which the height falls through -level, given that it does between low and high."""
+    above = _over(cell, pieces, flight, low, load)[0] + level
+    below = _over(cell, pieces, flight, high, load)[0] + level
+    kept = 0
+    for i in range(120):
+        middle = low + 0.5 * (high - low)
+        if i % 4 != 3 and above > below:
+            middle = high - below * (high - low) / (below - above)
+        if not low < middle < high:
+            middle = low + 0.5 * (high - low)
+            if not low < middle < high:
+                break
+        f = _over(cell, pieces, flight, middle, load)[0] + level
+        if f >= 0.0:
+            low, above = middle, f
+            below *= 0.5 if kept == 1 else 1.0
+            kept = 1
+            if f == 0.0:
+                high = middle
+                break
+        else:
+            high, below = middle, f
+            above *= 0.5 if kept == 2 else 1.0
+            kept = 2
+    return high
+
+
+@compiled
+def _entry(
+    cell: Array, pieces: Array, flight: tuple[float, float, float, float, float], h: float, load: Array
+) -> tuple[float, float]:
+    """First time within h at which the flight enters through the cell, and u there; infinite if it does not."""
+    f0, climb0, _, _ = _over(cell, pieces, flight, 0.0, load)
+    climb1 = _over(cell, pieces, flight, h, load)[1]
+    turn = h
+    if climb0 * climb1 < 0.0:
+        low, high = 0.0, h
+        for _ in range(60):
+            turn = 0.5 * (low + high)
+            if _over(cell, pieces, flight, turn, load)[1] * climb0 > 0.0:
+                low = turn
+            else:
+                high = turn
+    start, f = 0.0, f0
+    for part in range(2):
+        end = turn if part == 0 else h
+        f_end = _over(cell, pieces, flight, end, load)[0]
+        if f >= -SKIN and f_end < -SKIN:
+            at = _crossing(cell, pieces, flight, start, end, SKIN, load)
+            # A flight that began within the skin was on this face: its first crossing of the surface is rounding.
+            if f > SKIN:
+                at = _crossing(cell, pieces, flight, start, at, 0.0, load)
+            _, _, u, beyond = _over(cell, pieces, flight, at, load)
+            if -cell[REACH_A] <= beyond <= cell[REACH_B]:
+                return at, u
+        if turn >= h:
+            break
+        start, f = end, f_end
+    return math.inf, 0.0
+
+
+@compiled
+def first_entry(
+    cells: Array, pieces: Array, flight: tuple[float, float, float, float, float], h: float, load: Array, free: Array
+) -> tuple[float, int, float]:
+    """When the flight (x, y, vx, vy, tau) of h seconds first enters the model, through which piece and at what u.
+
+    Infinite if it stays outside. `free` (4,) is a box (xmin, xmax, ymin, ymax) known to hold no boundary: it spares
+    the search, and is renewed here.
+    """
+    x0, y0, vx0, vy0, tau = flight
+    x1, y1, vx1, vy1 = flown(x0, y0, vx0, vy0, tau, h, load)
+    # The path's control polygon (cubic; the spring's exponential differs from it by far less than the margin).
+    xa, xb = x0 + vx0 * h / 3.0, x1 - vx1 * h / 3.0
+    ya, yb = y0 + vy0 * h / 3.0, y1 - vy1 * h / 3.0
+    xmin, xmax = min(x0, x1, xa, xb), max(x0, x1, xa, xb)
+    ymin, ymax = min(y0, y1, ya, yb), max(y0, y1, ya, yb)
+    margin = 0.05 * (xmax - xmin + ymax - ymin) + SKIN
+    xmin, xmax, ymin, ymax = xmin - margin, xmax + margin, ymin - margin, ymax + margin
+    if xmin > free[0] and xmax < free[1] and ymin > free[2] and ymax < free[3]:
+        return math.inf, 0, 0.0
+    room, when, where, u = math.inf, math.inf, 0, 0.0
+    for i in range(cells.shape[0]):
+        cell = cells[i]
+        gap = max(cell[XMIN] - xmax, xmin - cell[XMAX], cell[YMIN] - ymax, ymin - cell[YMAX])
+        if gap > 0.0:
+            room = min(room, gap)
+            continue
+        room = 0.0
+        at, u_at = _entry(cell, pieces, flight, h, load)
+        if at < when:
+            when, where, u = at, int(cell[PIECE]), u_at
+    if room == 0.0:
+        room = -math.inf
+    free[0], free[1], free[2], free[3] = xmin - room, xmax + room, ymin - room, ymax + room
+    return when, where, u

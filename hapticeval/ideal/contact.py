@@ -1,0 +1,188 @@
+"""The ideal rigid contact as a renderer with tool physics of its own: a stimulus in, a recording out."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hapticeval.errors import InputError
+from hapticeval.geometry.kernels import U0, U1, piece_of
+from hapticeval.ideal.advance import follow
+from hapticeval.ideal.motion import BILATERAL, DAMPER, LOADS, MASS, RESTITUTION, SPRING
+from hapticeval.ideal.terrain import Terrain, terrain
+from hapticeval.ideal.touch import FLIGHT, KINDS, MODE, PIECE, SLIDE, STATES, VX, VY, U, X, Y
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+from hapticeval.stimulus import Experiment, Path, Stimulus
+from hapticeval.types import Array, IntArray
+
+TOUCHING = 1e-9
+"""Distance (m) from the boundary up to which a start counts as being on it: coordinates have nine digits or so."""
+
+MOST_EVENTS = 4_000_000
+
+
+class IdealContact:
+    """A point tool of `scene.mass` on the rigid, frictionless model: the ground truth of all verdicts.
+
+    It flies by m y'' = F_o; slides by thesis (3.1) with the contact force N = -F_o.nu - m kappa v^2 along the outward
+    normal ((3.3), (3.8)), and leaves where N reaches zero or at a convex corner; collides by (3.5); rests in a concave
+    corner while the force points into its zone. A bilateral scene holds the tool on the boundary: it never leaves, N
+    has any sign, and at a corner the velocity across the next face is lost.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+
+    @cached_property
+    def _terrain(self) -> Terrain:
+        return terrain(self.scene.model.curve)
+
+    def answer(self, stimulus: Stimulus, dt: float) -> Recording:
+        """The tool's motion, sampled every `dt` seconds.
+
+        An `Experiment` pushes the tool. Along a `Path` the hand holds it through the critically damped spring
+        F_o = K (path - y) + 2 sqrt(K m) (path' - y') with the scene's stiffness; the tool starts on the path with the
+        path's velocity, or, if that is inside the model or the scene is bilateral, at rest on the nearest point of
+        the boundary.
+
+        Channels: `hip` = `ihip` = the tool, which cannot penetrate; `velocity` at the sample, before an impact at
+        that very time; `force` (of the contact on the tool) and `operator_force` as means until the next sample,
+        impulses included, so that (force + operator_force) dt adds up to the change of momentum. `meta["events"]`
+        lists impacts, departures, corners and rests: `time`, `kind`, `position` [x, y], `impulse` [x, y] in N s.
+
+        Raises `InputError` for a stimulus that is not plane, a sampling time that is not positive, and an experiment
+        that starts inside a unilateral model.
+        """
+        if not (math.isfinite(dt) and dt > 0.0):
+            raise InputError(f"a sampling time of {dt!r} s", todo="give a positive one")
+        if stimulus.dimension != 2:
+            raise InputError(
+                f"the stimulus has {stimulus.dimension} dimensions",
+                why="the ideal contact moves on a plane curve",
+                todo="project it onto the model's cross-section",
+            )
+        gains = np.zeros(LOADS)
+        gains[MASS], gains[RESTITUTION] = self.scene.mass, self.scene.restitution
+        gains[BILATERAL] = float(self.scene.bilateral)
+        if isinstance(stimulus, Path):
+            gains[SPRING] = self.scene.stiffness
+            gains[DAMPER] = 2.0 * math.sqrt(self.scene.stiffness * self.scene.mass)
+            time = stimulus.sampled(dt)[0]
+            knots, values = stimulus.time - stimulus.time[0], stimulus.points
+            # The hand goes on straight beyond the path's end: a stop would be felt in the last sample's mean force.
+            slopes = _slopes(knots, values)
+            slopes = np.vstack([slopes, slopes[-1]])
+            start = self._start_of_path(values[0], slopes[0])
+        else:
+            count = math.floor(stimulus.duration / dt * (1.0 + 1e-12)) + 1
+            time = np.arange(count, dtype=np.float64) * dt
+            knots, values = stimulus.force_time, stimulus.force
+            slopes = np.vstack([_slopes(knots, values), np.zeros((1, 2))])
+            start = self._start_of_experiment(stimulus)
+        began, lasts, samples = _stretches(time, knots, dt)
+        segment = np.searchsorted(knots, began + 0.5 * lasts, side="right") - 1
+        known = np.maximum(segment, 0)
+        slope = np.where(segment[:, np.newaxis] < 0, 0.0, slopes[known])
+        value = values[known] + slope * (began - knots[known])[:, np.newaxis]
+        if gains[SPRING] > 0.0:
+            value, slope = gains[SPRING] * value + gains[DAMPER] * slope, gains[SPRING] * slope
+        out, events = self._followed(start, began, lasts, np.hstack([value, slope]), samples, gains, time.size)
+        channels = {
+            "hip": out[:, 0:2],
+            "ihip": out[:, 0:2],
+            "velocity": out[:, 2:4],
+            "force": out[:, 4:6] / dt,
+            "operator_force": out[:, 6:8] / dt,
+        }
+        meta: dict[str, Any] = {
+            "source": "playback" if isinstance(stimulus, Path) else "experiment",
+            "dt": dt,
+            "model": self.scene.model.name,
+            "resolution": 0.0,
+            "standoff": 0.0,
+            "events": events,
+        }
+        return Recording(time, channels, meta)
+
+    def _followed(
+        self, start: Array, began: Array, lasts: Array, forces: Array, samples: IntArray, gains: Array, rows: int
+    ) -> tuple[Array, list[dict[str, Any]]]:
+        limit = 256
+        while True:
+            out, log, count = follow(start, self._terrain, began, lasts, forces, samples, gains, rows, limit)
+            if count <= limit:
+                break
+            if limit >= MOST_EVENTS:
+                raise InputError(
+                    f"the tool touches the model '{self.scene.model.name}' more than {limit} times",
+                    why="its hops do not come to an end",
+                    todo="shorten the run, or choose a restitution further below 1",
+                )
+            limit *= 8
+        events = [
+            {
+                "time": float(row[0]),
+                "kind": KINDS[int(row[1])],
+                "position": [float(row[2]), float(row[3])],
+                "impulse": [float(row[4]), float(row[5])],
+            }
+            for row in log[:count]
+        ]
+        return out, events
+
+    def _start_of_experiment(self, experiment: Experiment) -> Array:
+        distance = float(self.scene.model.curve.signed_distance(experiment.position[np.newaxis])[0])
+        if distance < -TOUCHING and not self.scene.bilateral:
+            raise InputError(
+                f"the experiment starts {-distance:.6g} m inside the model '{self.scene.model.name}'",
+                why="a rigid object cannot be entered",
+                todo="start outside or on the boundary",
+            )
+        if self.scene.bilateral or distance <= TOUCHING:
+            return self._on_boundary(experiment.position, experiment.velocity)
+        return _in_flight(experiment.position, experiment.velocity)
+
+    def _start_of_path(self, point: Array, velocity: Array) -> Array:
+        distance = float(self.scene.model.curve.signed_distance(point[np.newaxis])[0])
+        if self.scene.bilateral or distance <= 0.0:
+            return self._on_boundary(point, np.zeros(2))
+        return _in_flight(point, velocity)
+
+    def _on_boundary(self, point: Array, velocity: Array) -> Array:
+        """The state at the nearest point of the boundary, with a velocity that the first touch has yet to change."""
+        curve, pieces = self.scene.model.curve, self._terrain.pieces
+        u = float(curve.nearest(point[np.newaxis])[0])
+        index = piece_of(pieces, u)
+        state = _in_flight(curve.position(u), velocity)
+        for joint in (pieces[index, U0], pieces[index, U1]):
+            if abs(u - joint) <= TOUCHING:
+                u = float(joint)
+        state[MODE], state[PIECE], state[U] = SLIDE, index, u
+        return state
+
+
+def _slopes(knots: Array, values: Array) -> Array:
+    """Rates (k - 1, 2) at which `values` (k, 2) change between `knots`."""
+    return np.asarray(np.diff(values, axis=0) / np.diff(knots)[:, np.newaxis])
+
+
+def _in_flight(point: Array, velocity: Array) -> Array:
+    state = np.zeros(STATES)
+    state[MODE] = FLIGHT
+    state[X : Y + 1], state[VX : VY + 1] = point, velocity
+    return state
+
+
+def _stretches(time: Array, knots: Array, dt: float) -> tuple[Array, Array, IntArray]:
+    """Cut the run at samples and at the stimulus's knots: beginnings, lengths (s) and the sample each belongs to."""
+    end = time[-1] + dt
+    steps = knots / dt
+    between = knots[(knots > 0.0) & (knots < end) & (np.abs(steps - np.round(steps)) > 1e-9)]
+    cuts = np.union1d(np.append(time, end), between)
+    began, lasts = cuts[:-1], np.diff(cuts)
+    samples = np.searchsorted(time, began, side="right") - 1
+    return began, lasts, samples.astype(np.int64)

@@ -1,0 +1,94 @@
+"""Verdicts as JUnit XML, which every CI service shows: a testsuite a (suite, renderer), a testcase a (case, check).
+
+A testcase fails exactly where the verdict is not as expected, as the exit code of a run does: a failure that is
+published passes and says so, an outcome that differs from the published one fails even if it is a pass.
+"""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from typing import Any
+
+from hapticeval.reports.quantity import measured
+from hapticeval.reports.table import ran
+
+from hapticeval.results import Results
+
+NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def junit(results: Results) -> str:
+    """The XML text; an incomplete run has a testcase of its own that is in error and says why."""
+    root = ET.Element("testsuites", name="hapticeval", time=f"{results.timing['wall_seconds'] or 0.0:.3f}")
+    suites: dict[tuple[str, str], ET.Element] = {}
+    seen = {(verdict["suite"], verdict["case"], verdict["renderer"]) for verdict in results.verdicts}
+    for run in results.runs:
+        suite = _suite(root, suites, run)
+        suite.set("time", f"{float(suite.get('time', '0')) + (run['wall_seconds'] or 0.0):.3f}")
+        if run["error"] and (run["suite"], run["case"], run["renderer"]) not in seen:
+            error = run["error"]
+            case = _case(suite, run, "run")
+            _say(case, "error", error["what"], "\n".join(filter(None, (error["why"], error["todo"]))))
+    for verdict in results.verdicts:
+        _tell(_case(_suite(root, suites, verdict), verdict, verdict["check"]), verdict)
+    if not results.complete:
+        suite = ET.SubElement(root, "testsuite", name="hapticeval: completeness", time="0")
+        case = ET.SubElement(suite, "testcase", classname="hapticeval", name="every planned verdict ran")
+        _say(case, "error", _clean(ran(results)), "Verdicts that did not run are not shown below or above.")
+    for suite in root:
+        _count(suite)
+    for name in ("tests", "failures", "errors", "skipped"):
+        root.set(name, str(sum(int(suite.get(name, "0")) for suite in root)))
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _suite(root: ET.Element, suites: dict[tuple[str, str], ET.Element], of: Mapping[str, Any]) -> ET.Element:
+    key = (of["suite"], of["renderer"])
+    if key not in suites:
+        suites[key] = ET.SubElement(root, "testsuite", name=_clean(f"{of['suite']}: {of['renderer']}"), time="0")
+    return suites[key]
+
+
+def _case(suite: ET.Element, of: Mapping[str, Any], name: str) -> ET.Element:
+    """The renderer is a part of the name: CI services tell testcases apart by class and name alone."""
+    classname, name = _clean(f"{of['suite']}.{of['case']}"), _clean(f"{name} [{of['renderer']}]")
+    return ET.SubElement(suite, "testcase", classname=classname, name=name)
+
+
+def _tell(case: ET.Element, verdict: Mapping[str, Any]) -> None:
+    outcome, published = verdict["outcome"], verdict["published"]
+    figures = measured(verdict)
+    text = verdict["message"] + (f" ({figures})" if figures else "")
+    if outcome == "error":
+        _say(case, "error", text)
+    elif not verdict["as_expected"]:
+        differs = f"{outcome}, published {published}: " if published else ""
+        _say(
+            case, "failure", differs + text, "" if published is None else "The outcome differs from the published one."
+        )
+    elif outcome in ("inconclusive", "not-applicable"):
+        _say(case, "skipped", f"{outcome}: {text}")
+    elif outcome == "fail":
+        why = "fails, as published" if published else f"fails; level {verdict['level']} stops no gate"
+        ET.SubElement(case, "system-out").text = _clean(f"{why}: {text}")
+
+
+def _say(case: ET.Element, kind: str, message: str, text: str = "") -> None:
+    element = ET.SubElement(case, kind, message=_clean(message))
+    if kind != "skipped":
+        element.set("type", kind)
+    element.text = _clean(text) or None
+
+
+def _count(suite: ET.Element) -> None:
+    suite.set("tests", str(len(suite.findall("testcase"))))
+    for name, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
+        suite.set(name, str(len(suite.findall(f"testcase/{tag}"))))
+
+
+def _clean(text: str) -> str:
+    """Without the characters that XML 1.0 has no way to write: a renderer's message may hold any."""
+    return NOT_XML.sub("\ufffd", text)

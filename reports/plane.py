@@ -1,0 +1,237 @@
+"""The plane of a figure: the model, where the hand was, where the tool was put, and the lines between."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from hapticeval.reports.marks import labels
+from hapticeval.reports.svg import drawn
+
+from hapticeval.geometry.model import Model
+from hapticeval.recordings.recording import Recording
+from hapticeval.types import Array, IntArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from shapely import Geometry
+
+MM = 1e3
+SAMPLES = 60
+OVERVIEW_BELOW = 0.35
+"""Share of the model in view below which a small picture of the whole is added."""
+LENS_BELOW = 0.025
+"""Depth as a share of the view below which the points cannot be told apart without a lens."""
+
+
+def draw_plane(
+    axes: Axes, recording: Recording, model: Model | None, *, ticks: Mapping[int, int], failed: Collection[int]
+) -> None:
+    """Draw into `axes`; `ticks` maps the numbers of marks to samples, `failed` are the numbers that failed."""
+    view = _view(recording, _aspect(axes))
+    body = None if model is None else solid(model, view)
+    _draw_body(axes, body, view)
+    chosen = along_path(recording, SAMPLES, keep=ticks.values())
+    _draw_samples(axes, recording, chosen)
+    for number, tick in ticks.items():
+        _draw_mark(axes, recording, tick, failed=number in failed)
+    places = [MM * recording.ihip[tick, :2] for tick in ticks.values()]
+    for where, text in labels(list(ticks), places, 0.05 * (view[2] - view[0])):
+        axes.annotate(
+            text,
+            (float(where[0]), float(where[1])),
+            xytext=(5.5, 3.5),
+            textcoords="offset points",
+            fontsize=7.5,
+            color=drawn("ink"),
+            zorder=6,
+        )
+    axes.set_xlabel("y₁ (mm)")
+    axes.set_ylabel("y₂ (mm)")
+    axes.yaxis.set_label_coords(-0.145, 0.5)
+    _show(axes, view)
+    _legend(axes)
+    corners = _emptiest_corners(recording, chosen, view)
+    if model is not None and model.curve.closed and view[2] - view[0] < OVERVIEW_BELOW * model.size * MM:
+        _draw_overview(axes, corners.pop(0), model, view)
+    depths = MM * np.linalg.norm(recording.ihip - recording.hip, axis=1)
+    if 0.0 < depths.max() < LENS_BELOW * (view[2] - view[0]):
+        deep = [ticks[number] for number in ticks if number in failed and depths[ticks[number]] > 0.3 * depths.max()]
+        tick = deep[0] if deep else int(np.argmax(depths))
+        _draw_lens(axes, corners.pop(0), recording, body, tick, float(depths.max()))
+
+
+Box = tuple[float, float, float, float]
+"""(xmin, ymin, xmax, ymax), mm."""
+
+
+def _aspect(axes: Axes) -> float:
+    """Width of the axes over their height, on paper."""
+    size = axes.get_window_extent()
+    return float(size.width / size.height)
+
+
+def _view(recording: Recording, aspect: float) -> Box:
+    """What the points cover and a margin, widened to the shape of the axes."""
+    points = MM * np.vstack([recording.hip[:, :2], recording.ihip[:, :2]])
+    return _box(0.5 * (points.min(axis=0) + points.max(axis=0)), 1.24 * np.ptp(points, axis=0), aspect)
+
+
+def _box(centre: Array, size: Array, aspect: float) -> Box:
+    height = max(float(size[1]), float(size[0]) / aspect, 0.02)
+    half = 0.5 * np.array([height * aspect, height])
+    (xmin, ymin), (xmax, ymax) = centre - half, centre + half
+    return float(xmin), float(ymin), float(xmax), float(ymax)
+
+
+def solid(model: Model, view: Box) -> Geometry:
+    """What the model fills of `view` and a bit around it, mm, as fine as can be seen."""
+    import shapely
+
+    xmin, ymin, xmax, ymax = view
+    width, height = xmax - xmin, ymax - ymin
+    area = shapely.make_valid(shapely.Polygon(_ring(model, view)))
+    clipped = shapely.clip_by_rect(
+        area, xmin - 0.1 * width, ymin - 0.1 * height, xmax + 0.1 * width, ymax + 0.1 * height
+    )
+    return shapely.simplify(clipped, width / 1500.0)
+
+
+def _ring(model: Model, view: Box) -> Array:
+    curve = model.curve
+    if curve.closed:
+        points = int(np.clip(curve.length * MM / (view[2] - view[0]) * 400.0, 400, 40_000))
+        return MM * curve.outline(max(points, 8 * len(curve.corners)))
+    centre = np.array([view[0] + view[2], view[1] + view[3]]) / 2.0
+    point, tangent = MM * curve.position(0.0), curve.tangent(0.0)
+    left = np.array([-tangent[1], tangent[0]])
+    far = 3.0 * (np.linalg.norm(centre - point) + view[2] - view[0] + view[3] - view[1])
+    return np.array(
+        [point - far * tangent, point + far * tangent, point + far * (tangent + left), point + far * (left - tangent)]
+    )
+
+
+def _draw_body(axes: Axes, body: Geometry | None, view: Box, *, linewidth: float = 1.1) -> None:
+    import shapely
+    from matplotlib.patches import Polygon
+
+    for part in () if body is None else shapely.get_parts(body):
+        if part.geom_type == "Polygon" and not part.is_empty:
+            ring = shapely.get_coordinates(part.exterior)
+            axes.add_patch(
+                Polygon(
+                    ring, closed=True, facecolor=drawn("model"), edgecolor=drawn("ink"), linewidth=linewidth, zorder=1
+                )
+            )
+    _show(axes, view)
+
+
+def _show(axes: Axes, view: Box) -> None:
+    axes.set_xlim(view[0], view[2])
+    axes.set_ylim(view[1], view[3])
+
+
+def along_path(recording: Recording, count: int, *, keep: Collection[int] = ()) -> IntArray:
+    """About `count` samples, evenly spaced by how far HIP and IHIP travel, with the samples `keep` and those before."""
+    points = np.hstack([recording.hip, recording.ihip])
+    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    even = np.searchsorted(travelled, np.linspace(0.0, travelled[-1], count))
+    beside = [tick + offset for tick in keep for offset in (-1, 0)]
+    chosen = np.unique(np.concatenate([even, [0, len(recording) - 1], np.array(beside, dtype=int)]).astype(np.int64))
+    return chosen[(chosen >= 0) & (chosen < len(recording))]
+
+
+def _draw_samples(axes: Axes, recording: Recording, chosen: IntArray, *, size: float = 3.0) -> None:
+    hip, ihip = MM * recording.hip[chosen, :2], MM * recording.ihip[chosen, :2]
+    touching = recording.contact[chosen]
+    gap = np.full_like(hip, np.nan)
+    rays = np.stack([hip, ihip, gap], axis=1)[touching].reshape(-1, 2)
+    axes.plot(*rays.T, color=drawn("ray"), linewidth=0.7, zorder=2, label="projection")
+    axes.plot(
+        *hip.T, linestyle="none", marker="o", markersize=size, markerfacecolor="none", markeredgewidth=0.8,
+        color=drawn("hip"), zorder=3, label="HIP",
+    )  # fmt: skip
+    axes.plot(
+        *ihip[touching].T, linestyle="none", marker="o", markersize=0.85 * size, markeredgewidth=0.0,
+        color=drawn("ihip"), zorder=4, label="IHIP",
+    )  # fmt: skip
+
+
+def _draw_mark(axes: Axes, recording: Recording, tick: int, *, failed: bool) -> None:
+    """The marked sample ringed, with the IHIP's way there from the sample before."""
+    hip, ihip = MM * recording.hip[tick, :2], MM * recording.ihip[tick, :2]
+    if tick > 0:
+        way = MM * recording.ihip[tick - 1 : tick + 1, :2]
+        axes.plot(*way.T, color=drawn("mark"), linewidth=1.6, zorder=2.5)
+    axes.plot(*np.stack([hip, ihip]).T, color=drawn("mark"), linewidth=1.2 if failed else 0.8, zorder=2.4)
+    axes.plot(
+        *ihip, marker="o", markersize=8.0, markerfacecolor="none", markeredgewidth=1.3 if failed else 0.8,
+        color=drawn("mark"), zorder=5,
+    )  # fmt: skip
+
+
+def _legend(axes: Axes) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    order = [labels.index(name) for name in ("HIP", "IHIP", "projection")]
+    axes.legend(
+        [handles[index] for index in order], [labels[index] for index in order], loc="lower left",
+        bbox_to_anchor=(0.0, 0.985), ncols=3, frameon=False, handlelength=1.4, columnspacing=1.2, borderaxespad=0.0,
+        handletextpad=0.4,
+    )  # fmt: skip
+
+
+INSET = 0.31
+Corner = tuple[float, float]
+
+
+def _emptiest_corners(recording: Recording, chosen: IntArray, view: Box) -> list[Corner]:
+    """Places for insets, as shares of the axes, those that hide the fewest points first."""
+    points = MM * np.vstack([recording.hip[chosen, :2], recording.ihip[chosen, :2]])
+    share = (points - view[:2]) / (np.array(view[2:]) - view[:2])
+    high = 0.985 - INSET
+    places = [(high, high), (0.015, high), (high, 0.015), (0.015, 0.015)]
+    return sorted(
+        places, key=lambda place: int(np.sum(np.all((share > place) & (share < np.add(place, INSET)), axis=1)))
+    )
+
+
+def _inset(axes: Axes, corner: Corner) -> Axes:
+    inset = axes.inset_axes((*corner, INSET, INSET))
+    inset.set_facecolor(drawn("paper"))
+    inset.set_xticks([])
+    inset.set_yticks([])
+    for side in ("top", "right"):
+        inset.spines[side].set_visible(True)
+    return inset
+
+
+def _draw_overview(axes: Axes, corner: Corner, model: Model, view: Box) -> None:
+    """The whole model, with a rectangle round what the large picture shows of it."""
+    from matplotlib.patches import Rectangle
+
+    inset = _inset(axes, corner)
+    bounds = MM * np.array(model.curve.bounds)
+    whole = _box(0.5 * (bounds[:2] + bounds[2:]), 1.15 * (bounds[2:] - bounds[:2]), _aspect(axes))
+    _draw_body(inset, solid(model, whole), whole, linewidth=0.8)
+    width, height = view[2] - view[0], view[3] - view[1]
+    inset.add_patch(Rectangle(view[:2], width, height, fill=False, edgecolor=drawn("ihip"), linewidth=1.0, zorder=3))
+
+
+def _draw_lens(
+    axes: Axes, corner: Corner, recording: Recording, body: Geometry | None, tick: int, depth: float
+) -> None:
+    """The neighbourhood of one sample, enlarged until its depth can be seen."""
+    inset = _inset(axes, corner)
+    centre = MM * 0.5 * (recording.hip[tick, :2] + recording.ihip[tick, :2])
+    box = _box(centre, np.full(2, 3.2 * depth), _aspect(axes))
+    _draw_body(inset, body, box)
+    points = MM * recording.hip[:, :2]
+    inside = np.flatnonzero(np.all((points > box[:2]) & (points < box[2:]), axis=1))
+    near = inside[np.linspace(0, inside.size - 1, min(7, inside.size)).astype(int)]
+    _draw_samples(inset, recording, near.astype(np.int64), size=4.0)
+    times = (axes.get_xlim()[1] - axes.get_xlim()[0]) * INSET / (box[2] - box[0])
+    magnification = f"× {float(f'{times:.2g}'):g}"  # noqa: RUF001
+    paper = {"facecolor": drawn("paper"), "edgecolor": "none", "pad": 1.0}
+    inset.text(0.05, 0.95, magnification, fontsize=7.5, va="top", transform=inset.transAxes, zorder=6, bbox=paper)
+    axes.indicate_inset((box[0], box[1], box[2] - box[0], box[3] - box[1]), inset, edgecolor=drawn("quiet"), alpha=1.0)

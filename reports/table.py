@@ -1,0 +1,159 @@
+"""The two tables of a report, as plain data and as markdown: the summary, and every check by every renderer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from hapticeval.results import Results
+
+SYMBOLS: Mapping[str, str] = MappingProxyType(
+    {"pass": "✓", "fail": "✗", "inconclusive": "?", "not-applicable": "-", "error": "!"}
+)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One verdict in the matrix.
+
+    `standing` says how it compares: "as published", "differs" (from what is published), "unexpected" (an error or
+    a failed check of level must, with nothing published), or "" for nothing to say.
+    """
+
+    outcome: str
+    published: str | None
+    as_expected: bool
+    verdict: Mapping[str, Any]
+
+    @property
+    def symbol(self) -> str:
+        """The outcome as one character."""
+        return SYMBOLS[self.outcome]
+
+    @property
+    def standing(self) -> str:
+        """How the outcome compares with what was to be expected."""
+        if self.published is not None:
+            return "as published" if self.outcome == self.published else "differs"
+        return "" if self.as_expected else "unexpected"
+
+
+@dataclass(frozen=True)
+class MatrixRow:
+    """A check of a case; `cells` has a cell a renderer, None where it has no verdict."""
+
+    suite: str
+    case: str
+    check: str
+    level: str
+    cells: tuple[Cell | None, ...]
+
+
+@dataclass(frozen=True)
+class SummaryRow:
+    """A row of the summary table; `cells` pairs what was found with what is in print, None where unknown."""
+
+    title: str
+    cells: tuple[tuple[str | None, str | None], ...]
+
+
+def renderers(results: Results) -> list[str]:
+    """Every renderer of the results, in the order in which they ran."""
+    tables = (name for row in results.table.values() for name in row)
+    return list(dict.fromkeys([*(run["renderer"] for run in results.runs), *_named(results.verdicts), *tables]))
+
+
+def _named(verdicts: Iterable[Mapping[str, Any]]) -> Iterable[str]:
+    return (verdict["renderer"] for verdict in verdicts)
+
+
+def cell_of(verdict: Mapping[str, Any]) -> Cell:
+    """A verdict document as a cell."""
+    return Cell(verdict["outcome"], verdict["published"], verdict["as_expected"], verdict)
+
+
+def matrix(results: Results) -> list[MatrixRow]:
+    """Every (suite, case, check) that has a verdict, in the order in which they ran."""
+    names = renderers(results)
+    found: dict[tuple[str, str, str], dict[str, Mapping[str, Any]]] = {}
+    for verdict in results.verdicts:
+        found.setdefault((verdict["suite"], verdict["case"], verdict["check"]), {})[verdict["renderer"]] = verdict
+    return [
+        MatrixRow(
+            *key,
+            next(iter(given.values()))["level"],
+            tuple(cell_of(given[name]) if name in given else None for name in names),
+        )
+        for key, given in found.items()
+    ]
+
+
+def summary(results: Results) -> list[SummaryRow]:
+    """The rows that the suites define (Table 6.3), with the printed values where the suites carry them."""
+    names = renderers(results)
+    return [
+        SummaryRow(title, tuple((row.get(name), results.published_table.get(title, {}).get(name)) for name in names))
+        for title, row in results.table.items()
+    ]
+
+
+def ran(results: Results) -> str:
+    """How much ran, in one sentence: never fewer than planned without the reason."""
+    sentence = f"{results.ran} of {results.planned} planned verdicts ran"
+    return sentence if results.complete else f"{sentence}: incomplete, {results.reason}"
+
+
+def markdown(results: Results) -> str:
+    """Both tables, for a pull request or a wiki."""
+    names = renderers(results)
+    parts = ["# hapticeval", f"{ran(results)}; seed {results.seed}."]
+    rows = [[row.title, *(_summary_text(*cell) for cell in row.cells)] for row in summary(results)]
+    if rows:
+        parts += ["## Summary of the renderers' performance", _table(["", *names], rows)]
+    cells = [
+        [f"{row.suite}/{row.case}", row.check, *(_cell_text(cell) for cell in row.cells)] for row in matrix(results)
+    ]
+    if cells:
+        parts += ["## Every check", _table(["case", "check", *names], cells)]
+    broken = [
+        _escape(f"- {run['renderer']} on {run['suite']}/{run['case']}: {run['error']['what']}")
+        for run in results.runs
+        if run["error"]
+    ]
+    if broken:
+        parts += ["## Errors", "\n".join(broken)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _summary_text(value: str | None, published: str | None) -> str:
+    text = value or "-"
+    if published is None or value is None:
+        return text
+    return text if value == published else f"**{text}** (published: {published})"
+
+
+def _cell_text(cell: Cell | None) -> str:
+    if cell is None:
+        return ""
+    text = f"{cell.symbol} {cell.outcome}"
+    if cell.standing == "differs":
+        return f"**{text}** (published: {cell.published})"
+    if cell.standing == "unexpected":
+        return f"**{text}**"
+    return f"{text} (as published)" if cell.standing else text
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Pipes aligned, so that the file reads well as text too."""
+    lines = [[_escape(text) for text in header], *([_escape(text) for text in row] for row in rows)]
+    widths = [max(3, *(len(line[column]) for line in lines)) for column in range(len(header))]
+    padded = [" | ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)) for line in lines]
+    rule = " | ".join("-" * width for width in widths)
+    return "\n".join(f"| {line} |" for line in [padded[0], rule, *padded[1:]])
+
+
+def _escape(text: str) -> str:
+    """Text that cannot end its cell, nor start HTML."""
+    return " ".join(text.replace("|", "\\|").replace("<", "&lt;").split())

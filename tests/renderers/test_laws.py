@@ -1,0 +1,148 @@
+"""What holds for every projective renderer: run is its steps, symmetry, scaling, and where the IHIP lies."""
+
+import math
+
+import numpy as np
+import pytest
+from hand_paths import star_shaped, ticked, touching, walks
+from hapticeval.renderers import constraint, minimum_distance
+from hapticeval.renderers.regulation import REGULATIONS
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
+from hapticeval.scene import Scene
+
+MODELS = {m.name: m for m in (star(), cassinian(), circle(), ellipse(), dumbbell(), line())}
+VARIANTS = [
+    (family, representation) for family in (minimum_distance, constraint) for representation in family.representations
+]
+IDS = [f"{'md' if family is minimum_distance else 'constraint'}@{rep}" for family, rep in VARIANTS]
+each_variant = pytest.mark.parametrize(("family", "representation"), VARIANTS, ids=IDS)
+each_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+quick = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@each_variant
+@each_model
+@quick
+@given(hips=walks(), scheme=st.sampled_from(sorted(REGULATIONS)), bilateral=st.booleans())
+def test_run_is_reset_and_steps(family, representation, model, hips, scheme, bilateral):
+    scene = Scene(model=model, damping=3.0, bilateral=bilateral)
+    renderer = family.variant(regulation=scheme, representation=representation)(scene)
+    ihips, forces = renderer.run(hips, 1e-3)
+    stepped_ihips, stepped_forces = ticked(renderer, hips)
+    np.testing.assert_array_equal(ihips, stepped_ihips)
+    np.testing.assert_array_equal(forces, stepped_forces)
+
+
+@each_variant
+@each_model
+@quick
+@given(hips=walks(), bilateral=st.booleans())
+def test_pp_is_a_spring_from_hip_to_ihip(family, representation, model, hips, bilateral):
+    renderer = family.variant(representation=representation)(Scene(model=model, stiffness=700.0, bilateral=bilateral))
+    ihips, forces = renderer.run(hips, 1e-3)
+    np.testing.assert_allclose(forces, -700.0 * (hips - ihips), rtol=1e-12)
+    if bilateral:
+        assert np.all(np.any(hips != ihips, axis=1))
+
+
+@each_variant
+@each_model
+@quick
+@given(hips=walks(), bilateral=st.booleans())
+def test_the_ihip_lies_on_the_renderers_own_surface(family, representation, model, hips, bilateral):
+    renderer = family.variant(representation=representation)(Scene(model=model, bilateral=bilateral))
+    ihips, forces = renderer.run(hips, 1e-3)
+    on = touching(hips, ihips, forces)
+    blur = 5e-6 if representation == "level-set" and model.curve.closed else 1e-15
+    if on.any():
+        assert np.max(np.abs(renderer.surface.signed_distance(ihips[on]))) <= blur
+    # a hand that is felt nowhere is inside nothing
+    if not on.all():
+        assert np.min(renderer.surface.signed_distance(hips[~on])) >= -blur
+
+
+@each_variant
+@each_model
+@quick
+@given(hips=walks())
+def test_pp_pd_and_transversal_agree_on_straight_normal_projections(family, representation, model, hips):
+    scene = Scene(model=model, damping=5.0)
+    answers = [
+        family.variant(regulation=name, representation=representation)(scene).run(hips, 1e-3)[1]
+        for name in ("pp-pd", "transversal")
+    ]
+    np.testing.assert_allclose(*answers, atol=1e-7)
+
+
+def moved(points, angle, mirror, scale):
+    c, s = math.cos(angle), math.sin(angle)
+    turned = points @ np.array([[c, s], [-s, c]]) * scale
+    return turned * (-1.0, 1.0) if mirror else turned
+
+
+@pytest.mark.parametrize("family", [minimum_distance, constraint])
+@settings(max_examples=50, deadline=None)
+@given(
+    vertices=star_shaped(),
+    hips=walks(),
+    angle=st.floats(0.0, 6.28),
+    mirror=st.booleans(),
+    scale=st.sampled_from([1.0, 0.5, 1e-3, 4.0, 1e3]),
+)
+def test_a_moved_model_and_path_give_the_moved_answer(family, vertices, hips, angle, mirror, scale):
+    there = moved(vertices, angle, mirror, scale)
+    model, other = from_vertices(vertices), from_vertices(there[::-1] if mirror else there)
+    make = family.variant(representation="polygon")
+    ihips, forces = make(Scene(model=model)).run(hips, 1e-3)
+    ihips_there, forces_there = make(Scene(model=other)).run(moved(hips, angle, mirror, scale), 1e-3)
+    np.testing.assert_allclose(ihips_there, moved(ihips, angle, mirror, scale), atol=1e-9 * scale)
+    np.testing.assert_allclose(forces_there, moved(forces, angle, mirror, scale), atol=1e-6 * scale)
+
+
+@each_variant
+@quick
+@given(hips=walks(), quarter=st.integers(0, 3), mirror=st.booleans())
+def test_the_cassinian_answers_alike_in_each_of_its_lobes(family, representation, hips, quarter, mirror):
+    renderer = family.variant(representation=representation)(Scene(model=MODELS["cassinian"]))
+    ihips, _ = renderer.run(hips, 1e-3)
+    there, _ = renderer.run(moved(hips, quarter * math.pi / 2.0, mirror, 1.0), 1e-3)
+    # level set: rounding turns into 1e-11 of tangential play
+    np.testing.assert_allclose(there, moved(ihips, quarter * math.pi / 2.0, mirror, 1.0), atol=1e-9)
+
+
+@each_variant
+def test_free_space_is_free(family, representation):
+    renderer = family.variant(regulation="pp-v", representation=representation)(
+        Scene(model=MODELS["circle"], damping=5.0)
+    )
+    hip = np.array([0.11, 0.0])
+    renderer.reset(hip)
+    response = renderer.step(hip, np.array([1.0, 2.0]), 1e-3)
+    np.testing.assert_array_equal(response.ihip, hip)
+    np.testing.assert_array_equal(response.force, (0.0, 0.0))
+    hip[0] = 5.0
+    assert response.ihip[0] == 0.11
+
+
+@each_variant
+def test_the_error_rate_starts_at_zero_with_each_contact(family, representation):
+    renderer = family.variant(regulation="pp-d", representation=representation)(
+        Scene(model=line(), stiffness=1000.0, damping=1.0)
+    )
+    ys = np.array([1e-3, -1e-3, -3e-3, 1e-3, -2e-3, -1e-3])
+    _, forces = renderer.run(np.column_stack([np.zeros(6), ys]), 1e-3)
+    np.testing.assert_allclose(forces[:, 1], [0.0, 1.0, 3.0 + 2.0, 0.0, 2.0, 1.0 - 1.0], atol=1e-12)
+
+
+@each_variant
+def test_damping_is_not_clipped_and_may_pull(family, representation):
+    renderer = family.variant(regulation="pp-v", representation=representation)(
+        Scene(model=line(), stiffness=1000.0, damping=10.0)
+    )
+    hip = np.array([0.0, -1e-3])
+    renderer.reset(hip)
+    response = renderer.step(hip, np.array([0.0, 1.0]), 1e-3)
+    np.testing.assert_allclose(response.force, (0.0, 1.0 - 10.0), atol=1e-12)

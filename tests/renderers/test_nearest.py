@@ -1,0 +1,117 @@
+"""The minimum distance projection on curve, polygon and level set."""
+
+import math
+
+import numpy as np
+import pytest
+from hand_paths import star_shaped, walks
+from hapticeval.renderers import minimum_distance
+from hapticeval.renderers.bilinear import contour_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, star
+from hapticeval.scene import Scene
+
+MODELS = [star(), cassinian(), circle(), dumbbell()]
+exact = minimum_distance.variant(representation="curve")
+on_grid = minimum_distance.variant(representation="level-set")
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda m: m.name)
+@settings(max_examples=25, deadline=None)
+@given(hips=walks())
+def test_it_is_the_nearest_point_of_the_model(model, hips):
+    ihips, _ = exact(Scene(model=model, bilateral=True)).run(hips, 1e-3)
+    distances = np.abs(model.curve.signed_distance(hips))
+    np.testing.assert_allclose(np.hypot(*(hips - ihips).T), distances, atol=1e-15)
+
+
+@settings(max_examples=50, deadline=None)
+@given(vertices=star_shaped(), hips=walks())
+def test_it_is_the_nearest_point_of_a_polygon(vertices, hips):
+    model = from_vertices(vertices)
+    ihips, _ = exact(Scene(model=model)).run(hips, 1e-3)
+    depth = np.maximum(-model.curve.signed_distance(hips), 0.0)
+    np.testing.assert_allclose(np.hypot(*(hips - ihips).T), depth, atol=1e-15)
+
+
+def test_a_polygon_of_4000_edges_is_almost_the_curve():
+    model = cassinian()
+    u = np.linspace(0.0, 2.0 * math.pi, 2001)
+    hips = model.curve.position(u) - 3e-3 * model.curve.normal(u)
+    fine = from_vertices(model.polygon(4000).vertices)
+    ihips, _ = exact(Scene(model=fine)).run(hips, 1e-3)
+    np.testing.assert_allclose(ihips, model.curve.position(u), atol=5e-5)
+
+
+def test_a_convex_corner_pops_at_its_bisector():
+    model, depth = star(), 1e-3
+    tip = next(corner for corner in model.curve.corners if corner.convex)
+    along = np.linspace(-0.01, 0.0, 2001)
+    hips = tip.position + along[:, None] * tip.tangent_pre - depth * tip.normal_pre
+    ihips, _ = exact(Scene(model=model)).run(hips, 1e-3)
+    jumps = np.hypot(*np.diff(ihips, axis=0).T)
+    # the bisector of a 60 degree tip is met at depth d where the tip is d / tan 30 degrees away
+    assert along[np.argmax(jumps)] == pytest.approx(-depth / math.tan(math.pi / 6.0), abs=1e-5)
+    assert np.max(jumps) == pytest.approx(math.sqrt(3.0) * depth, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("model", "off"), [(cassinian(), 3e-5), (circle(), 1e-5), (star(), 2.4e-3)], ids=lambda m: getattr(m, "name", "")
+)
+def test_the_level_set_lies_off_the_model_by_what_it_declares(model, off):
+    renderer = on_grid(Scene(model=model, bilateral=True))
+    rng = np.random.default_rng(3)
+    ihips, _ = renderer.run(rng.uniform(-0.1, 0.1, (20_000, 2)), 1e-3)
+    assert np.max(np.abs(model.curve.signed_distance(ihips))) <= renderer.standoff * 1.001
+    # at the sharpest place of the model, a tip, its own surface is farthest from the contour
+    points = model.curve.outline(20_000)
+    farthest = np.max(np.abs(renderer.surface.signed_distance(points)))
+    assert farthest == pytest.approx(renderer.standoff, rel=0.2)
+    assert renderer.standoff < off
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda m: m.name)
+def test_the_contour_is_the_zero_of_the_interpolant_and_the_nearest_one(model):
+    level_set = model.level_set()
+    renderer = on_grid(Scene(model=model, bilateral=True))
+    rng = np.random.default_rng(4)
+    hips = rng.uniform(-0.09, 0.09, (3000, 2))
+    ihips, _ = renderer.run(hips, 1e-3)
+    assert np.max(np.abs(level_set.value(ihips))) < 1e-15
+    _, outline = contour_of(level_set)
+    far = np.hypot(*(hips - ihips).T)
+    # cutting arcs into chords takes a corner off: the outline is no nearer, but for what the chords stray
+    np.testing.assert_allclose(far, np.abs(outline.signed_distance(hips)), atol=5e-6)
+    # and between the ends of each arc the interpolant is level: nothing on it is nearer
+    points = outline.vertices
+    nearest = np.min(np.hypot(points[:, 0] - hips[:200, :1], points[:, 1] - hips[:200, 1:]), axis=1)
+    assert np.all(far[:200] <= nearest + 5e-6)
+
+
+def test_contact_on_the_level_set_begins_where_the_interpolant_is_negative():
+    model = star()
+    renderer = on_grid(Scene(model=model))
+    rng = np.random.default_rng(5)
+    hips = rng.uniform(-0.1, 0.1, (5000, 2))
+    hips = hips[model.level_set().inside_grid(hips)]
+    ihips, _ = renderer.run(hips, 1e-3)
+    np.testing.assert_array_equal(np.any(hips != ihips, axis=1), model.level_set().value(hips) < 0.0)
+
+
+def test_a_hand_off_the_grid_is_in_free_space():
+    renderer = on_grid(Scene(model=star()))
+    response = renderer.step(np.array([5.0, -7.0]), np.zeros(2), 1e-3)
+    np.testing.assert_array_equal(response.ihip, (5.0, -7.0))
+    np.testing.assert_array_equal(response.force, (0.0, 0.0))
+
+
+@given(st.floats(0.0, 6.28), st.floats(0.001, 0.03))
+@settings(max_examples=50, deadline=None)
+def test_on_a_circle_the_force_is_radial(angle, depth):
+    ray = np.array([math.cos(angle), math.sin(angle)])
+    renderer = exact(Scene(model=circle()))
+    response = renderer.step((0.1 - depth) * ray, np.zeros(2), 1e-3)
+    np.testing.assert_allclose(response.ihip, 0.1 * ray, atol=1e-15)
+    np.testing.assert_allclose(response.force, 1000.0 * depth * ray, atol=1e-9)

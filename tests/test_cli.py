@@ -1,0 +1,431 @@
+"""The command line from outside: what it prints, what it writes, and the exit code that a gate reads."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hapticeval import __version__, cli, terminal
+from hapticeval.cli import main
+from hapticeval.errors import HapticevalError, RendererError
+from hapticeval.events import Event, JobFinished, RunFinished, RunStarted
+from hapticeval.phenomena.registry import CHECKS
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
+from hapticeval.results import FILE, Results, read_results, verdict_document
+
+SUITE = """
+title = "Two slides"
+[[case]]
+name = "flat"
+title = "Along a plane"
+model = { kind = "line" }
+checks = ["continuous-contact", "memoryless"]
+trajectory = { kind = "points", points = [[0.0, -0.001], [0.02, -0.001]], duration = 0.2 }
+[case.published."local_mine:Differs"]
+continuous-contact = "fail"
+
+[[case]]
+name = "flat-back"
+title = "And back"
+model = { kind = "line" }
+checks = ["continuous-contact"]
+trajectory = { kind = "points", points = [[0.02, -0.001], [0.0, -0.001]], duration = 0.2 }
+"""
+
+MINE = """
+import time
+import numpy as np
+from pathlib import Path
+
+class Good:
+    def __init__(self, scene):
+        self.stiffness = scene.stiffness
+    def reset(self, hip):
+        pass
+    def step(self, hip, velocity, dt):
+        ihip = np.array([hip[0], max(hip[1], 0.0)])
+        return ihip, self.stiffness * (ihip - hip)
+
+class Differs(Good):
+    pass
+
+class Jumps(Good):
+    def step(self, hip, velocity, dt):
+        ihip = np.array([0.0 if hip[0] < 0.0101 else 0.02, 0.0])
+        return ihip, self.stiffness * (ihip - hip)
+
+class Breaks(Good):
+    def step(self, hip, velocity, dt):
+        if hip[0] > 0.01:
+            raise OSError("the sensor is gone")
+        return super().step(hip, velocity, dt)
+
+class Waits(Good):
+    def step(self, hip, velocity, dt):
+        if hip[0] == 0.02:
+            Path("waiting").touch()
+            time.sleep(3600)
+        return super().step(hip, velocity, dt)
+
+def nothing(scene):
+    return 3
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A current directory with a renderer module and a suite, and no trace of them afterwards."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setenv("COLUMNS", "100")
+    (tmp_path / "local_mine.py").write_text(MINE)
+    (tmp_path / "slides.toml").write_text(SUITE)
+    yield tmp_path
+    sys.modules.pop("local_mine", None)
+
+
+def run(*arguments: str) -> int:
+    return main(["run", "slides.toml", *arguments])
+
+
+def words(text: str) -> str:
+    return " ".join(text.split())
+
+
+def test_help_teaches_by_examples_and_lists_the_exit_codes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    text = capsys.readouterr().out
+    assert "hapticeval run -r mymodule:factory" in text
+    assert [line.split()[0] for line in text.splitlines() if line[:5].strip().isdigit()] == list("01234")
+
+
+def test_the_version_is_the_package_s(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"hapticeval {__version__}\n"
+
+
+def test_a_good_renderer_passes(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("-r", "local_mine:Good") == 0
+    told = capsys.readouterr()
+    assert "3 of 3 planned verdicts ran: 3 pass; none not as expected" in told.out
+    assert "times real time" in told.out
+    assert "[2/2] local_mine:Good on slides/flat-back: 1 pass" in told.err
+    results = read_results(here / "results")
+    assert (results.ran, results.planned, results.complete) == (3, 3, True)
+    written = [Path(line.removeprefix("wrote ")) for line in told.out.splitlines() if line.startswith("wrote ")]
+    assert written
+    assert all(path.is_file() for path in written)
+
+
+def test_a_failure_is_exit_code_1_with_metric_and_bound(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("-r", "local_mine:Jumps", "-k", "flat/continuous-contact") == 1
+    out = capsys.readouterr().out
+    assert "fail: local_mine:Jumps on slides/flat/continuous-contact" in out
+    assert "IHIP jump that refinement leaves = 0.02 m, bound 0.0003 m" in out
+
+
+def test_a_pass_where_a_failure_is_published_differs(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("-r", "local_mine:Differs") == 1
+    out = capsys.readouterr().out
+    assert "differs: local_mine:Differs on slides/flat/continuous-contact: pass, published fail" in out
+    assert "1 not as expected" in out
+
+
+def test_a_broken_renderer_outranks_a_failure(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("-r", "local_mine:Jumps", "-r", "local_mine:Breaks") == 3
+    out = capsys.readouterr().out
+    assert "broke: local_mine:Breaks on slides/flat\n" in out
+    assert "OSError: the sensor is gone at tick 101, HIP (0.0101, -0.001) m" in out
+    assert "error: local_mine:Breaks" not in out, "a run that broke is told once, not once a check"
+    assert "fail: local_mine:Jumps on slides/flat/continuous-contact" in out
+
+
+def test_what_is_no_renderer_is_wrong_input(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("-r", "local_mine:nothing") == 2
+    assert "which is no renderer" in capsys.readouterr().out
+
+
+def test_a_selection_that_leaves_nothing(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("-r", "local_mine:Good", "-k", "nothing-*") == 4
+    assert "what to do" in capsys.readouterr().err
+    assert not (here / "results").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        (["run", "thesi", "-r", "local_mine:Good"], "unknown suite 'thesi'"),
+        (["run", "absent.toml", "-r", "local_mine:Good"], "absent.toml"),
+        (["run", "slides.toml", "-r", "constrait"], "unknown renderer 'constrait'"),
+        (["run", "slides.toml", "-r", "local_mine:Absent"], "has no 'Absent'"),
+        (["run", "slides.toml", "-r", "local_mine:Good", "-o", "."], "'.' is not empty"),
+        (["run", "slides.toml", "-r", "local_mine:Good", "-o", "slides.toml"], "'slides.toml' is a file"),
+        (["run", "slides.toml", "-r", "local_mine:Good", "-o", "slides.toml/below"], "cannot make the folder"),
+        (["run", "--seed", "-1"], "--seed"),
+        (["explain", "continuous-contct"], "continuous-contact"),
+        (["report", "absent"], "absent"),
+        (["list", "everything"], "everything"),
+    ],
+)
+def test_wrong_usage_and_input_is_exit_code_2(
+    here: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], what: str
+) -> None:
+    assert main(arguments) == 2
+    told = capsys.readouterr()
+    assert what in told.err
+    assert told.out == ""
+
+
+def test_only_an_earlier_run_is_overwritten(here: Path) -> None:
+    assert run("-r", "local_mine:Jumps", "-o", "out") == 1
+    assert run("-r", "local_mine:Good", "-o", "out") == 0
+    assert [run["renderer"] for run in read_results(here / "out").runs] == ["local_mine:Good"] * 2
+    foreign = here / "foreign"
+    foreign.mkdir()
+    (foreign / FILE).write_text('{"score": 3}')
+    assert run("-r", "local_mine:Good", "-o", "foreign") == 2
+    assert (foreign / FILE).read_text() == '{"score": 3}'
+
+
+def test_the_same_command_gives_the_same_verdicts(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    documents = []
+    for cores in (1, 2):
+        monkeypatch.setattr(cli, "_cores", lambda cores=cores: cores)
+        run("-r", "local_mine:Jumps", "-r", "local_mine:Good", "--seed", "7")
+        documents.append(read_results(here / "results"))
+    assert documents[0].verdicts == documents[1].verdicts
+    assert documents[0].seed == documents[1].seed == 7
+
+
+def test_reports_are_written_anew(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("-r", "local_mine:Good") == 0
+    first = [line for line in capsys.readouterr().out.splitlines() if line.startswith("wrote ")]
+    reports = [Path(line.removeprefix("wrote ")) for line in first if not line.endswith(FILE)]
+    assert reports
+    for path in reports:
+        path.unlink()
+    assert main(["report", "results"]) == 0
+    assert capsys.readouterr().out.splitlines() == [f"wrote {path}" for path in reports]
+    assert all(path.is_file() for path in reports)
+
+
+@pytest.mark.parametrize(
+    ("what", "entry"),
+    [
+        ("renderers", "minimum-distance"),
+        ("suites", "thesis"),
+        ("cases", "thesis/cassinian-deep-slide"),
+        ("checks", "continuous-contact"),
+    ],
+)
+def test_there_is_a_list_of_everything(capsys: pytest.CaptureFixture[str], what: str, entry: str) -> None:
+    assert main(["list", what]) == 0
+    out = capsys.readouterr().out
+    assert any(line.split()[0] == entry for line in out.splitlines())
+    assert "broken:" not in out
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_explain_prints_all_that_a_check_says(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["explain", name]) == 0
+    out = capsys.readouterr().out
+    check = CHECKS[name]
+    for text in (check.asks, check.formula, check.citation, check.bound, check.metric, check.siblings, *check.channels):
+        assert words(text) in words(out)
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_an_interrupted_run_keeps_its_verdicts(here: Path) -> None:
+    """`flat` finishes; `flat-back` starts, and would wait for an hour."""
+    command = [sys.executable, "-m", "hapticeval", "run", "slides.toml", "-r", "local_mine:Waits", "-k", "flat*"]
+    (here / "slides.toml").write_text(SUITE.replace("[[0.0, -0.001], [0.02,", "[[0.0, -0.001], [0.019,"))
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if line.startswith("[1/2]"):
+                break
+        while not (here / "waiting").exists() and process.poll() is None:
+            time.sleep(0.02)
+        os.killpg(process.pid, signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    assert process.returncode == 1, err
+    assert "2 of 3 planned verdicts ran (incomplete: interrupted by the user)" in out
+    assert "Traceback" not in err
+    results = read_results(here / "results")
+    assert not results.complete
+    assert [verdict["case"] for verdict in results.verdicts] == ["flat", "flat"]
+
+
+@pytest.mark.parametrize("arguments", [["list", "checks"], ["--version"]])
+def test_a_reader_that_has_gone_away_is_no_error(arguments: list[str]) -> None:
+    command = [sys.executable, "-m", "hapticeval", *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0
+
+
+# The sink of events, without a run.
+
+
+def finding(outcome: Outcome, metric: Metric | None = None, bound: float | None = None) -> Finding:
+    return Finding(outcome, "what was seen", metric=metric, bound=bound)
+
+
+def verdict(outcome: Outcome, **more: Any) -> Verdict:
+    names = {"renderer": "r", "suite": "s", "case": "c", "check": "memoryless", "level": Level.MUST}
+    return Verdict(**{**names, "finding": finding(outcome), **more})
+
+
+def results(*verdicts: Verdict, **more: Any) -> Results:
+    whole: dict[str, Any] = {
+        "planned": len(verdicts),
+        "ran": len(verdicts),
+        "complete": True,
+        "reason": None,
+        "environment": {},
+        "seed": 0,
+        "command": {},
+        "runs": [],
+        "verdicts": [verdict_document(verdict) for verdict in verdicts],
+        "table": {},
+        "timing": {"simulated_seconds": 6.0, "wall_seconds": 2.0, "times_real_time": 3.0},
+    }
+    return Results(**{**whole, **more})
+
+
+def job(*verdicts: Verdict, error: HapticevalError | None = None) -> JobFinished:
+    return JobFinished("s", "c", "r", verdicts, error, 1.0, 0.1)
+
+
+BROKE = RendererError("it raised", tick=3, hip=(0.0, 0.1))
+
+
+@pytest.mark.parametrize(
+    ("done", "errors", "code"),
+    [
+        (results(verdict(Outcome.PASS)), [], 0),
+        (results(verdict(Outcome.INCONCLUSIVE), verdict(Outcome.NOT_APPLICABLE)), [], 0),
+        (results(verdict(Outcome.FAIL, level=Level.SHOULD)), [], 0),
+        (results(verdict(Outcome.FAIL, published=Outcome.FAIL)), [], 0),
+        (results(verdict(Outcome.FAIL)), [], 1),
+        (results(verdict(Outcome.ERROR)), [], 1),
+        (results(verdict(Outcome.PASS, published=Outcome.FAIL)), [], 1),
+        (results(verdict(Outcome.PASS), planned=2, complete=False, reason="interrupted"), [], 1),
+        (results(verdict(Outcome.FAIL)), [BROKE], 3),
+        (results(verdict(Outcome.ERROR)), [HapticevalError("no such file")], 2),
+        (results(verdict(Outcome.ERROR)), [HapticevalError("no such file"), BROKE], 3),
+    ],
+)
+def test_exit_codes(done: Results, errors: list[HapticevalError], code: int) -> None:
+    assert terminal.exit_code(done, errors) == code
+
+
+def test_the_summary_says_what_is_not_as_it_must_be() -> None:
+    jump = finding(Outcome.FAIL, Metric("jump", 0.0123456, "m"), 0.001)
+    done = results(
+        verdict(Outcome.PASS),
+        verdict(Outcome.FAIL, finding=jump),
+        planned=5,
+        complete=False,
+        reason="interrupted by the user",
+        table={"Resists": {"one": "Yes", "another": "No"}, "Suitable": {"one": "No"}},
+        published_table={"Resists": {"another": "Yes"}, "Suitable": {"one": "No"}},
+    )
+    assert terminal.summary(done, [Path("out/report.html")]).splitlines() == [
+        "          one  another",
+        "Resists   Yes  No (published Yes)",
+        "Suitable  No   -",
+        "",
+        "fail: r on s/c/memoryless",
+        "  jump = 0.01235 m, bound 0.001 m",
+        "  what was seen",
+        "",
+        "2 of 5 planned verdicts ran (incomplete: interrupted by the user): 1 pass, 1 fail; 1 not as expected",
+        "simulated 6.0 s in 2.0 s: 3.0 times real time",
+        "",
+        "wrote out/report.html",
+    ]
+
+
+def test_a_metric_that_json_cannot_hold_is_left_to_the_message() -> None:
+    endless = finding(Outcome.FAIL, Metric("jump", float("inf"), "m"), 0.001)
+    assert "jump =" not in terminal.summary(results(verdict(Outcome.FAIL, finding=endless)), [])
+
+
+def test_lines_where_there_is_no_terminal() -> None:
+    stream = io.StringIO()
+    with terminal.Terminal(stream) as sink:
+        sink(RunStarted(2, 2))
+        sink(job(verdict(Outcome.PASS)))
+        sink(job(verdict(Outcome.ERROR), error=BROKE))
+    assert stream.getvalue().splitlines() == [
+        "2 runs, 2 verdicts planned",
+        "[1/2] r on s/c: 1 pass",
+        "[2/2] r on s/c: broke: it raised at tick 3, HIP (0, 0.1) m",
+    ]
+    assert sink.errors == [BROKE]
+
+
+class Tty(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(("patience", "shown"), [(0.0, True), (3600.0, False)])
+def test_a_bar_on_a_terminal_when_it_takes_long(monkeypatch: pytest.MonkeyPatch, patience: float, shown: bool) -> None:
+    monkeypatch.setattr(terminal, "PATIENCE", patience)
+    monkeypatch.setenv("TERM", "xterm")
+    stream = Tty()
+    with terminal.Terminal(stream) as sink:
+        sink(RunStarted(2, 2))
+        sink(job(verdict(Outcome.PASS)))
+        sink.drawn(3, 7)
+    assert ("1/2" in stream.getvalue()) is shown
+    assert ("3/7" in stream.getvalue()) is shown
+
+
+def test_an_interrupt_while_an_event_is_shown_reaches_the_run() -> None:
+    seen: list[object] = []
+
+    def stream() -> Iterator[Event]:
+        try:
+            yield RunStarted(1, 1)
+            yield job(verdict(Outcome.PASS))
+        except KeyboardInterrupt:
+            seen.append("interrupted")
+        yield RunFinished(results())
+
+    class Interrupted(terminal.Terminal):
+        def __call__(self, event: Event) -> None:
+            raise KeyboardInterrupt
+
+    with Interrupted(io.StringIO()) as sink:
+        assert cli._watch(stream(), sink) == results()
+    assert seen == ["interrupted"]
+
+
+def test_results_of_ours_are_known_by_their_entries(tmp_path: Path) -> None:
+    file = tmp_path / FILE
+    for text, ours in (("", False), ("[]", False), ('{"verdicts": []}', False)):
+        file.write_text(text)
+        assert cli._ours(file) is ours
+    file.write_text(json.dumps({"format_version": 0, "planned": 1, "verdicts": []}))
+    assert cli._ours(file)

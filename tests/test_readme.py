@@ -1,0 +1,112 @@
+"""The README's words put to the test: its renderer, suite, commands and table of exit codes."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hapticeval.cli import EXIT_CODES, main
+from hapticeval.discovery import resolve
+from hapticeval.phenomena.registry import CHECKS
+from hapticeval.results import read_results
+
+README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+
+
+def section(title: str) -> str:
+    """The text under a heading of the second level."""
+    return README.split(f"\n## {title}\n", 1)[1].split("\n## ", 1)[0]
+
+
+def block(text: str, language: str, number: int = 0) -> str:
+    """A fenced block of code."""
+    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)[number]
+
+
+RENDERER = block(section("Judge your own renderer"), "python")
+
+
+def command(text: str) -> list[str]:
+    """The arguments of the one command in a shell block."""
+    program, *arguments = shlex.split(text)
+    assert program == "hapticeval"
+    return arguments
+
+
+@pytest.fixture(scope="module")
+def judged(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, int]]:
+    """A current directory in which the README's renderer was judged by its command; the exit code."""
+    folder = tmp_path_factory.mktemp("readme")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr(sys, "path", list(sys.path))
+        (folder / "mine.py").write_text(RENDERER)
+        yield folder, main(command(block(section("Judge your own renderer"), "sh")))
+    sys.modules.pop("mine", None)
+
+
+def test_a_renderer_takes_ten_lines() -> None:
+    assert len(RENDERER.splitlines()) <= 10
+
+
+def test_the_renderer_is_judged_by_the_command(judged: tuple[Path, int]) -> None:
+    folder, code = judged
+    results = read_results(folder / "results")
+    outcomes = {(verdict["case"], verdict["check"]): verdict["outcome"] for verdict in results.verdicts}
+    assert results.complete
+    assert outcomes["star-convex-corner", "continuous-contact"] == "fail", "as the README says"
+    assert code == 1
+
+
+def test_the_results_are_read_as_told(judged: tuple[Path, int], capsys: pytest.CaptureFixture[str]) -> None:
+    # The README leaves the closing of the file to the end of the program.
+    source = block(section("What is written"), "python").replace("json.load(open(", "json.load(opened(")
+    with (judged[0] / "results" / "results.json").open(encoding="utf-8") as file:
+        exec(source, {"opened": lambda name, encoding: file})
+    out = capsys.readouterr().out
+    assert "complete" in out
+    assert "mine:Nearest star-convex-corner continuous-contact fail" in out
+
+
+def test_every_entry_of_the_results_is_told(judged: tuple[Path, int]) -> None:
+    names = set(vars(read_results(judged[0] / "results"))) - {"format_version"}
+    assert names <= set(re.findall(r"`(\w+)`", section("What is written")))
+
+
+def test_every_file_that_is_told_is_written(judged: tuple[Path, int]) -> None:
+    told = re.findall(r"^    (results/\S+)", section("What is written"), re.MULTILINE)
+    assert len(told) >= 5
+    assert [name for name in told if not (judged[0] / name).exists()] == []
+
+
+def test_the_suite_runs(judged: tuple[Path, int]) -> None:
+    (judged[0] / "mysuite.toml").write_text(block(section("Suites"), "toml"))
+    assert main([*command(block(section("Suites"), "sh")), "-o", "suite"]) == 0
+    assert {run["case"] for run in read_results(judged[0] / "suite").runs} == {"along-the-circle", "press"}
+
+
+def test_the_names_that_it_gives_are_renderers() -> None:
+    names = re.findall(r"`([a-z-]+[+@][a-z+@-]+)`", section("Names of renderers"))
+    assert len(names) >= 2
+    assert all(callable(resolve(name)) for name in names)
+
+
+def test_every_check_is_in_the_table() -> None:
+    assert set(CHECKS) <= set(re.findall(r"`([a-z-]+)`", section("What is judged")))
+
+
+def test_the_exit_codes_are_those_of_the_help() -> None:
+    told = re.findall(r"^\| (\d) \|", section("Gate a merge on it"), re.MULTILINE)
+    assert told == re.findall(r"^  (\d)  ", EXIT_CODES, re.MULTILINE)
+
+
+def test_the_files_that_it_links_exist() -> None:
+    root = Path(__file__).parents[1]
+    links = re.findall(r"\]\(([^)]+)\)", README) + re.findall(r"`(suites/[\w.]+)`", README)
+    assert links
+    assert [link for link in links if not (root / link).is_file()] == []
