@@ -4,13 +4,14 @@ The two names that the framework finds are factories. Each has variants by regul
 are written into a renderer's name as BASE[+SCHEME][@REPRESENTATION], such as `constraint+pp-pd@curve`.
 """
 
-from hapticeval.renderers.family import ProjectiveFamily, by_constraint, by_minimum_distance
+from hapticeval.renderers.family import GRID_KNOB, VERTICES_KNOB, ProjectiveFamily, by_constraint, by_minimum_distance
 
 minimum_distance = ProjectiveFamily(
     summary="nearest surface point, thesis (4.2), on the exact curve; pops through medial axes",
     project=by_minimum_distance,
     representations=("curve", "polygon", "level-set"),
     representation="curve",
+    offered_knobs={"polygon": {"vertices": VERTICES_KNOB}, "level-set": {"grid": GRID_KNOB}},
 )
 """The minimum distance renderer."""
 
@@ -20,6 +21,7 @@ constraint = ProjectiveFamily(
     representations=("curve", "polygon"),
     representation="polygon",
     refused="the constraint projection needs a boundary to slide on, and a level set has none",
+    offered_knobs={"polygon": {"vertices": VERTICES_KNOB}},
 )
 """The constraint renderer."""
 

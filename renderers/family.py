@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from hapticeval.renderers.regulation import REGULATIONS
 
 from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.knob import Knob, Settings, refuse_unknown
 
 if TYPE_CHECKING:
     from hapticeval.renderers.projection import Projection
@@ -22,6 +23,19 @@ VERTICES = 40
 GRID = (100, 100)
 """Nodes of the level set representation (thesis 4.1.1)."""
 
+VERTICES_KNOB = Knob(
+    values=(20, 40, 80, 160, 320, 640, 1280, 2560),
+    quick=(40, 160, 640),
+    unit="",
+    meaning="vertices of the polygon, at equal steps of the curve's parameter",
+)
+GRID_KNOB = Knob(
+    values=(50, 100, 200, 400, 800),
+    quick=(50, 100, 200),
+    unit="",
+    meaning="nodes of the level set along each side",
+)
+
 REPRESENTATIONS = ("curve", "polygon", "level-set")
 
 
@@ -29,21 +43,34 @@ REPRESENTATIONS = ("curve", "polygon", "level-set")
 class ProjectiveFamily:
     """A factory of projective renderers, and, by `variant`, of those with another scheme or representation.
 
-    Calling it with a scene builds the renderer. A model of straight edges is its own polygon: there polygon and curve
+    Calling it with a scene builds the renderer, with `project(scene, representation, **settings)` as its projection.
+    `offered_knobs` are the knobs of each representation, and `settings` those that are set. A model of straight edges is its own polygon: there polygon and curve
     coincide. The line is unbounded and has no finite polygon or grid: there every representation means the exact line.
     """
 
     summary: str
-    project: Callable[[Scene, str], Projection]
+    project: Callable[..., Projection]
     representations: tuple[str, ...]
     representation: str
     regulation: str = "pp"
     refused: str = ""
+    offered_knobs: Mapping[str, Mapping[str, Knob]] = field(default_factory=dict)
+    settings: Settings = field(default_factory=dict)
 
     @property
     def regulations(self) -> tuple[str, ...]:
         """The names of the regulation schemes that `variant` takes."""
         return tuple(REGULATIONS)
+
+    @property
+    def knobs(self) -> Mapping[str, Knob]:
+        """What can be set finer or coarser on this representation, by name."""
+        return self.offered_knobs.get(self.representation, {})
+
+    def with_knobs(self, **values: float) -> ProjectiveFamily:
+        """The same with some knobs set. Raises `UnknownNameError` for one that this representation does not have."""
+        refuse_unknown(values, self.knobs, name=f"the {self.representation} representation")
+        return replace(self, settings={**self.settings, **values})
 
     def variant(self, *, regulation: str | None = None, representation: str | None = None) -> ProjectiveFamily:
         """The same projection with another regulation scheme or on another representation; None keeps this one's.
@@ -61,33 +88,33 @@ class ProjectiveFamily:
                     todo=f"use one of: {', '.join(self.representations)}",
                 )
             raise UnknownNameError("representation", representation, self.representations)
-        return replace(
-            self,
-            regulation=regulation or self.regulation,
-            representation=representation or self.representation,
-        )
+        chosen = representation or self.representation
+        kept = {name: value for name, value in self.settings.items() if name in self.offered_knobs.get(chosen, {})}
+        return replace(self, regulation=regulation or self.regulation, representation=chosen, settings=kept)
 
     def __call__(self, scene: Scene) -> ProjectiveRenderer:
         """The renderer for a scene; its gains are the scene's."""
         from hapticeval.renderers.projective import ProjectiveRenderer
 
         return ProjectiveRenderer(
-            self.project(scene, self.representation),
+            self.project(scene, self.representation, **self.settings),
             REGULATIONS[self.regulation],
             stiffness=scene.stiffness,
             damping=scene.damping,
         )
 
 
-def by_constraint(scene: Scene, representation: str) -> Projection:
+def by_constraint(scene: Scene, representation: str, *, vertices: float = VERTICES) -> Projection:
     """The constraint projection (4.3) on a representation of the scene's model."""
     from hapticeval.renderers.god_object import ConstraintProjection
     from hapticeval.renderers.outline import outline_of
 
-    return ConstraintProjection(outline_of(scene.model, representation), bilateral=scene.bilateral)
+    return ConstraintProjection(outline_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)
 
 
-def by_minimum_distance(scene: Scene, representation: str) -> Projection:
+def by_minimum_distance(
+    scene: Scene, representation: str, *, vertices: float = VERTICES, grid: float = GRID[0]
+) -> Projection:
     """The minimum distance projection (4.2) on a representation of the scene's model."""
     from hapticeval.renderers.nearest_point import MinimumDistanceProjection
     from hapticeval.renderers.outline import outline_of
@@ -95,5 +122,5 @@ def by_minimum_distance(scene: Scene, representation: str) -> Projection:
     if representation == "level-set" and scene.model.curve.closed:
         from hapticeval.renderers.nearest_contour import LevelSetProjection
 
-        return LevelSetProjection(scene.model, GRID, bilateral=scene.bilateral)
-    return MinimumDistanceProjection(outline_of(scene.model, representation), bilateral=scene.bilateral)
+        return LevelSetProjection(scene.model, (int(grid), int(grid)), bilateral=scene.bilateral)
+    return MinimumDistanceProjection(outline_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)

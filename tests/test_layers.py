@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 
 LAYERS = (
     {"types", "errors", "compiled"},
-    {"files", "geometry"},
+    {"files", "geometry", "knob"},
     {"devices", "recordings"},
     {"scene", "stimulus"},
     {"renderer", "trajectories"},
