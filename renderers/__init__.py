@@ -1,10 +1,18 @@
 """The reference renderers: projections of thesis chapter 4 with the regulation schemes of 4.2 and (5.21).
 
-The two names that the framework finds are factories. Each has variants by regulation scheme and representation, which
+The names that the framework finds are factories. Each has variants by regulation scheme and representation, which
 are written into a renderer's name as BASE[+SCHEME][@REPRESENTATION], such as `constraint+pp-pd@curve`.
 """
 
-from hapticeval.renderers.family import GRID_KNOB, VERTICES_KNOB, ProjectiveFamily, by_constraint, by_minimum_distance
+from hapticeval.renderers.family import (
+    GRID_KNOB,
+    NODES_KNOB,
+    VERTICES_KNOB,
+    ProjectiveFamily,
+    by_conformal,
+    by_constraint,
+    by_minimum_distance,
+)
 
 minimum_distance = ProjectiveFamily(
     summary="nearest surface point, thesis (4.2), on the exact curve; pops through medial axes",
@@ -25,4 +33,15 @@ constraint = ProjectiveFamily(
 )
 """The constraint renderer."""
 
-__all__ = ["constraint", "minimum_distance"]
+conformal = ProjectiveFamily(
+    summary="through the conformal map to the disk, thesis (5.17) and 8.2.1, with (5.21); no pop-through inside",
+    project=by_conformal,
+    representations=("curve",),
+    representation="curve",
+    regulation="transversal",
+    refused="the conformal map is that of the exact boundary",
+    offered_knobs={"curve": {"nodes": NODES_KNOB}},
+)
+"""The conformal renderer."""
+
+__all__ = ["conformal", "constraint", "minimum_distance"]

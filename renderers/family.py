@@ -35,6 +35,13 @@ GRID_KNOB = Knob(
     unit="",
     meaning="nodes of the level set along each side",
 )
+NODES_KNOB = Knob(
+    values=(80, 160, 320, 640, 1280),
+    quick=(80, 320, 1280),
+    finest=(1280, 2560),
+    unit="",
+    meaning="nodes of the conformal map's boundary integral",
+)
 
 REPRESENTATIONS = ("curve", "polygon", "level-set")
 
@@ -44,8 +51,9 @@ class ProjectiveFamily:
     """A factory of projective renderers, and, by `variant`, of those with another scheme or representation.
 
     Calling it with a scene builds the renderer, with `project(scene, representation, **settings)` as its projection.
-    `offered_knobs` are the knobs of each representation, and `settings` those that are set. A model of straight edges is its own polygon: there polygon and curve
-    coincide. The line is unbounded and has no finite polygon or grid: there every representation means the exact line.
+    `offered_knobs` are the knobs of each representation, and `settings` those that are set. A model of straight edges
+    is its own polygon: there polygon and curve coincide. The line is unbounded and has no finite polygon or grid:
+    there every representation means the exact line.
     """
 
     summary: str
@@ -124,3 +132,11 @@ def by_minimum_distance(
 
         return LevelSetProjection(scene.model, (int(grid), int(grid)), bilateral=scene.bilateral)
     return MinimumDistanceProjection(outline_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)
+
+
+def by_conformal(scene: Scene, representation: str, *, nodes: float | None = None) -> Projection:  # noqa: ARG001
+    """The projection through the conformal map of the scene's model to the disk (5.17), (8.2.1)."""
+    from hapticeval.renderers.conformal import conformal_projection
+
+    count = None if nodes is None else int(nodes)
+    return conformal_projection(scene.model, bilateral=scene.bilateral, nodes=count)

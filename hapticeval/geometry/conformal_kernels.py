@@ -14,6 +14,9 @@ from hapticeval.types import Array
 LANES = 16
 """Points that are mapped side by side, so that the processor's vector units take several at once."""
 
+AWAY = 1e-150
+"""Added to the offset from a node: too small to change one, but enough for a point on a node to be mapped as it is."""
+
 
 class Disk(NamedTuple):
     """What the loops walk: `nodes` (n, 6) with the rows x, y, x', y', cos Θ, sin Θ in units of `scale` about (cx, cy).
@@ -74,15 +77,16 @@ def to_disk(disk: Disk, points: Array) -> Array:
     ax, ay, bx, by = np.empty(LANES), np.empty(LANES), np.empty(LANES), np.empty(LANES)
     for first in range(0, count, LANES):
         last = min(first + LANES, count)
-        for lane in range(LANES):
-            i = min(first + lane, last - 1)
+        lanes = last - first
+        for lane in range(lanes):
+            i = first + lane
             xs[lane], ys[lane] = (points[i, 0] - disk.cx) / disk.scale, (points[i, 1] - disk.cy) / disk.scale
             ax[lane] = ay[lane] = bx[lane] = by[lane] = 0.0
         for j in range(nodes.shape[0]):
             x, y, tx, ty, fx, fy = nodes[j, 0], nodes[j, 1], nodes[j, 2], nodes[j, 3], nodes[j, 4], nodes[j, 5]
-            for lane in range(LANES):
-                dx, dy = x - xs[lane], y - ys[lane]
-                near = 1.0 / (dx * dx + dy * dy + TINY)
+            for lane in range(lanes):
+                dx, dy = x - xs[lane] + AWAY, y - ys[lane]
+                near = 1.0 / (dx * dx + dy * dy)
                 wx, wy = (tx * dx + ty * dy) * near, (ty * dx - tx * dy) * near
                 ax[lane] += wx * fx - wy * fy
                 ay[lane] += wx * fy + wy * fx
@@ -104,6 +108,25 @@ def to_angle(disk: Disk, points: Array) -> Array:
     for i in range(out.shape[0]):
         out[i] = math.atan2(images[i, 1], images[i, 0])
     return out
+
+
+@compiled
+def angle_of(disk: Disk, px: float, py: float) -> float:
+    """`to_angle` of one point, to the last bit: the same sums in the same order, kept in registers."""
+    nodes = disk.nodes
+    px, py = (px - disk.cx) / disk.scale, (py - disk.cy) / disk.scale
+    ax, ay, bx, by = 0.0, 0.0, 0.0, 0.0
+    for j in range(nodes.shape[0]):
+        dx, dy = nodes[j, 0] - px + AWAY, nodes[j, 1] - py
+        tx, ty, fx, fy = nodes[j, 2], nodes[j, 3], nodes[j, 4], nodes[j, 5]
+        near = 1.0 / (dx * dx + dy * dy)
+        wx, wy = (tx * dx + ty * dy) * near, (ty * dx - tx * dy) * near
+        ax += wx * fx - wy * fy
+        ay += wx * fy + wy * fx
+        bx += wx
+        by += wy
+    size = bx * bx + by * by
+    return math.atan2((ay * bx - ax * by) / size, (ax * bx + ay * by) / size)
 
 
 @compiled
@@ -145,3 +168,9 @@ def surface(disk: Disk, angles: Array) -> Array:
     for i in range(out.shape[0]):
         out[i] = surface_at(disk, angles[i])
     return out
+
+
+@compiled
+def parameter(disk: Disk, x: float, y: float) -> float:
+    """`surface` of `to_angle` at one point."""
+    return surface_at(disk, angle_of(disk, x, y))

@@ -102,3 +102,12 @@ def parameter_at(pieces: Array, n: int, per_piece: int, t: float) -> float:
     low, high = pieces[k, U0], pieces[k, U1]
     u = low + (high - low) * after if after < 0.5 else high - (high - low) * before
     return u if u < end else start
+
+
+@compiled
+def parameters_at(pieces: Array, n: int, per_piece: int, places: Array) -> Array:
+    """`parameter_at` for each of the places (m,)."""
+    out = np.empty(places.shape[0])
+    for i in range(out.shape[0]):
+        out[i] = parameter_at(pieces, n, per_piece, places[i])
+    return out
