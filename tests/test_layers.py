@@ -21,9 +21,9 @@ LAYERS = (
     {"renderer", "trajectories"},
     {"phenomena", "playback"},
     {"closed_loop", "discovery", "ideal", "suite"},
-    {"judging", "results", "table"},
+    {"costs", "judging", "results", "table"},
     {"events"},
-    {"runner"},
+    {"bench", "runner"},
     {"listing", "terminal"},
     {"cli"},
     {"__main__"},
@@ -34,6 +34,7 @@ RENDERERS_MAY = set().union(*LAYERS[:5])
 """The reference renderers know geometry, devices and the protocol: all that a third party's may know."""
 
 RUNNING = {
+    "bench",
     "judging",
     "runner",
     "playback",
