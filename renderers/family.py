@@ -136,7 +136,7 @@ def by_minimum_distance(
 
 def by_conformal(scene: Scene, representation: str, *, nodes: float | None = None) -> Projection:  # noqa: ARG001
     """The projection through the conformal map of the scene's model to the disk (5.17), (8.2.1)."""
-    from hapticeval.renderers.conformal import conformal_projection
+    from hapticeval.renderers.conformal_projection import conformal_projection
 
     count = None if nodes is None else int(nodes)
     return conformal_projection(scene.model, bilateral=scene.bilateral, nodes=count)

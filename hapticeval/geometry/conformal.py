@@ -105,8 +105,8 @@ class ConformalMap:
 def conformal_map(curve: Curve, *, nodes: int | None = None, centre: Sequence[float] | None = None) -> ConformalMap:
     """The conformal map of a closed curve's inside.
 
-    The `nodes` on the boundary are doubled until densities change by less than a twentieth of themselves, or are as many as
-    given (rounded down to a multiple of four on each piece). The `centre` (m) is the one singular point of the
+    The `nodes` on the boundary are doubled until densities change by less than a twentieth of themselves, or are as
+    many as given (rounded down to a multiple of four on each piece). The `centre` (m) is the one singular point of the
     projection; without it, it is the origin, if that is inside, or the pole of inaccessibility, whichever crowds less.
 
     Raises `CrowdingError` where double precision is exhausted, and `InputError` for an unbounded curve, for a centre

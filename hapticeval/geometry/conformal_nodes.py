@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.kernels import ARC, KIND, U0, U1, A, C, D, E, evaluate_many
+from hapticeval.geometry.kernels import ARC, KIND, U0, U1, C, D, E, evaluate_many
 from hapticeval.types import Array
 
 Complex: TypeAlias = NDArray[np.complex128]
