@@ -59,7 +59,7 @@ class DiskProjection:
         x, y = hip.tolist()
         inside, _ = _side(self._boundary, x, y)
         if inside:
-            return Projected(*_at(self._boundary, self.map.parameter(x, y), x, y), True)
+            return Projected(*_at(self._boundary.pieces, self._boundary.joints, self.map.parameter(x, y), x, y), True)
         if self._bilateral:
             return Projected(*_nearest(self._boundary, x, y), True)
         return Projected((x, y), (0.0, 0.0), False)
@@ -102,8 +102,8 @@ def _insides(b: Boundary, points: Array) -> BoolArray:
 
 
 @compiled
-def _at(b: Boundary, u: float, x: float, y: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    px, py, nx, ny = frame(b.pieces, b.joints, b.closed, piece_of(b.pieces, u), u, x, y)
+def _at(pieces: Array, joints: Array, u: float, x: float, y: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    px, py, nx, ny = frame(pieces, joints, True, piece_of(pieces, u), u, x, y)
     return (px, py), (nx, ny)
 
 
@@ -120,7 +120,7 @@ def _frames(b: Boundary, bilateral: bool, inside: BoolArray, parameters: Array, 
     for i in range(hips.shape[0]):
         x, y = hips[i, 0], hips[i, 1]
         if inside[i]:
-            (ihips[i, 0], ihips[i, 1]), (normals[i, 0], normals[i, 1]) = _at(b, parameters[i], x, y)
+            (ihips[i, 0], ihips[i, 1]), (normals[i, 0], normals[i, 1]) = _at(b.pieces, b.joints, parameters[i], x, y)
         elif bilateral:
             (ihips[i, 0], ihips[i, 1]), (normals[i, 0], normals[i, 1]) = _nearest(b, x, y)
     return ihips, normals
