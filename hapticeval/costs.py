@@ -69,7 +69,7 @@ class Costs:
 
 
 Samples = Mapping[str, IntArray]
-"""`<key>/step` (rounds, n), ns, and `<key>/batch` (rounds, n), ps a step, by entry; `yardstick` (rounds,), ns."""
+"""`<key>/step` (rounds, n), ns, and `<key>/batch` (rounds, n), ps a step, by an entry's key."""
 
 
 def write_costs(directory: Path, costs: Costs, samples: Samples) -> list[Path]:

@@ -1,11 +1,11 @@
 """Whether a setting has become better or worse since another bench: a rank test on blocks of the raw samples.
 
 Samples that follow one another are not independent: a slow stretch of the machine is slow for all of them. A round,
-in which every setting is measured once and in another order, is therefore one block, its median one observation. Each
-is divided by the time that a fixed piece of Python took in that round, so that a machine that is busier or clocked
-lower does not look like a slower renderer. Mann and Whitney's test is then exact at any number of rounds, Hodges and
-Lehmann's estimate with its own interval says by how much, and Holm's correction holds the chance of even one false
-alarm among all settings to five per cent.
+in which every setting is measured once and in another order, is therefore one block, its median one observation. Mann
+and Whitney's test is then exact at any number of rounds, Hodges and Lehmann's estimate with its own interval says by
+how much, and Holm's correction holds the chance of even one false alarm among all settings to five per cent. What no
+number of rounds can see is what differs from process to process, such as where arrays lie in memory: a shift must also
+be larger than two benches of the same code were found to differ by.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from hapticeval.costs import Costs, Samples
 from hapticeval.types import Array
 
 LEVEL = 0.05
-WORTH = 0.05
-"""A ratio of times closer to one than this is not called better or worse, however significant."""
+WORTH = {"step": 0.10, "batch": 0.25}
+"""A ratio of times closer to one than this is not called better or worse: the same code reached 0.03 and 0.22."""
 
 ERROR_WORTH = 1e-6
 """Errors are not random: they have changed where they differ by more than this share."""
@@ -84,9 +84,9 @@ def holm(ps: Sequence[float]) -> list[float]:
     return adjusted
 
 
-def verdict(found: Shift, adjusted: float) -> str:
-    """`better`, `worse` or `not significant`, of times."""
-    if adjusted >= LEVEL or abs(math.log(found.ratio)) <= math.log1p(WORTH):
+def verdict(found: Shift, adjusted: float, *, worth: float) -> str:
+    """`better`, `worse` or `not significant`, of times; `worth` is the least share that counts."""
+    if adjusted >= LEVEL or abs(math.log(found.ratio)) <= math.log1p(worth):
         return "not significant"
     return "better" if found.ratio < 1.0 else "worse"
 
@@ -115,7 +115,7 @@ def compare(now: Costs, samples: Samples, before: Costs, earlier: Samples) -> li
             "low": some.low,
             "high": some.high if math.isfinite(some.high) else None,
             "p": p,
-            "verdict": verdict(some, p),
+            "verdict": verdict(some, p, worth=WORTH[kind]),
         }
         for (each, kind, some), p in zip(found, adjusted, strict=True)
     ]
@@ -123,12 +123,9 @@ def compare(now: Costs, samples: Samples, before: Costs, earlier: Samples) -> li
 
 
 def _blocks(samples: Samples, key: str, kind: str) -> Array:
-    """The median of each round, over that round's yardstick."""
+    """The median of each round."""
     rounds = samples.get(f"{key}/{kind}")
-    if rounds is None:
-        return np.empty(0)
-    paced: Array = np.maximum(np.median(rounds, axis=1), 1.0) / samples["yardstick"][: rounds.shape[0]]
-    return paced
+    return np.empty(0) if rounds is None else np.maximum(np.median(rounds, axis=1), 1.0)
 
 
 def _error_change(now: Any, before: Any) -> list[dict[str, Any]]:

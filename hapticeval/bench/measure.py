@@ -98,21 +98,6 @@ def batch_times(renderer: Renderer, along: Track, count: int) -> IntArray | None
     return samples
 
 
-def yardstick() -> int:
-    """Nanoseconds of a fixed piece of Python: how fast the machine is now, to set times of another run beside."""
-    clock = time.perf_counter_ns
-    best = 0
-    with quiet():
-        for _ in range(5):
-            begun = clock()
-            total = 0.0
-            for k in range(20_000):
-                total += k * 0.5
-            took = clock() - begun
-            best = took if best == 0 else min(best, took)
-    return best
-
-
 def clock_cost() -> float:
     """Nanoseconds between two readings of the clock with nothing in between: the median of many."""
     clock = time.perf_counter_ns

@@ -145,7 +145,7 @@ class Sweep:
         return on_the_exact_curve(next(each.setting.factory for each in self.entries if each.setting.renderer == name))
 
     def _round(self, number: int, order: np.random.Generator) -> None:
-        """One block: every setting once, in an order of its own, with the machine's pace beside."""
+        """One block: every setting once, in an order of its own. One that is cut short is dropped whole."""
         live = [entry for entry in self.entries if entry.renderer is not None]
         pace = [yardstick()]
         took: dict[str, tuple[IntArray, IntArray | None]] = {}
@@ -239,7 +239,10 @@ def _document(entry: _Entry) -> dict[str, Any]:
 
 
 def _times(rounds: Sequence[IntArray], second: float) -> dict[str, float] | None:
-    """Statistics of a step's time, s, from samples of which each is so many seconds; `tick_share` is the 99.9 per cent quantile as a share of the tick of 1 ms."""
+    """Statistics of a step's time, s, from samples of which each is so many seconds.
+
+    `tick_share` is the 99.9 per cent quantile as a share of the tick of 1 ms.
+    """
     if not rounds:
         return None
     every = second * np.concatenate(rounds)
