@@ -31,6 +31,10 @@ MARGIN = 4
 SHARE_OF_BOUND = 0.9
 """Time step as a share of the stability bound, (5.12) corrected."""
 
+NOTCH = .5
+"""Cells by which the front of a model with corners that are hollow to the flow starts ahead of the surface. Between
+nodes the interpolant rounds such corners off outwards, and where the front hardly moves, levels would lie outside."""
+
 MOVE = 0.1
 """Cells that the front may move between two updates of the particles and of the average curvature."""
 
@@ -73,6 +77,11 @@ class FlowSettings:
             value = getattr(self, name)
             if not low <= value <= high:
                 raise InputError(f"{name} = {value!r}", why=f"it must lie between {low} and {high}")
+        if 2 * self.levels > self.cells:
+            raise InputError(
+                f"{self.levels} levels on {self.cells} cells", why="levels closer than a cell apart cannot be told apart",
+                todo="take at most half as many levels as cells",
+            )
         if self.cap is not None and not (math.isfinite(self.cap) and self.cap > 0.0):
             raise InputError(f"cap = {self.cap!r} 1/m", why="it must be finite and positive, so that the front advances")
 
@@ -127,7 +136,8 @@ class Front:
         x, y = self.x0 + h * np.arange(nx), self.y0 + h * np.arange(ny)
         nodes = np.column_stack([array.ravel() for array in np.meshgrid(x, y)])
         distance = model.curve.signed_distance(nodes).reshape(ny, nx)
-        self.values = np.ascontiguousarray(-distance if exterior else distance)
+        hollow = any(corner.convex == exterior for corner in model.curve.corners)
+        self.values = np.ascontiguousarray(-distance if exterior else distance) + (NOTCH * h if hollow else 0.0)
         self._spare = self.values.copy()
         self.kind = VELOCITIES[settings.velocity]
         self.gap = settings.gap
