@@ -5,6 +5,7 @@ are written into a renderer's name as BASE[+SCHEME][@REPRESENTATION], such as `c
 """
 
 from hapticeval.renderers.family import (
+    CELL_KNOB,
     GRID_KNOB,
     NODES_KNOB,
     VERTICES_KNOB,
@@ -17,9 +18,13 @@ from hapticeval.renderers.family import (
 minimum_distance = ProjectiveFamily(
     summary="nearest surface point, thesis (4.2), on the exact curve; pops through medial axes",
     project=by_minimum_distance,
-    representations=("curve", "polygon", "level-set"),
+    representations=("curve", "polygon", "level-set", "lut"),
     representation="curve",
-    offered_knobs={"polygon": {"vertices": VERTICES_KNOB}, "level-set": {"grid": GRID_KNOB}},
+    offered_knobs={
+        "polygon": {"vertices": VERTICES_KNOB},
+        "level-set": {"grid": GRID_KNOB},
+        "lut": {"cell": CELL_KNOB},
+    },
 )
 """The minimum distance renderer."""
 
@@ -36,11 +41,11 @@ constraint = ProjectiveFamily(
 conformal = ProjectiveFamily(
     summary="through the conformal map to the disk, thesis (5.17) and 8.2.1, with (5.21); no pop-through inside",
     project=by_conformal,
-    representations=("curve",),
+    representations=("curve", "lut"),
     representation="curve",
     regulation="transversal",
     refused="the conformal map is that of the exact boundary",
-    offered_knobs={"curve": {"nodes": NODES_KNOB}},
+    offered_knobs={"curve": {"nodes": NODES_KNOB}, "lut": {"cell": CELL_KNOB}},
 )
 """The conformal renderer."""
 

@@ -43,7 +43,19 @@ NODES_KNOB = Knob(
     meaning="nodes of the conformal map's boundary integral",
 )
 
-REPRESENTATIONS = ("curve", "polygon", "level-set")
+CELL_KNOB = Knob(
+    values=(4e-3, 2e-3, 1e-3, 0.5e-3, 0.25e-3),
+    quick=(2e-3, 1e-3, 0.5e-3),
+    unit="m",
+    meaning="side of a cell of the look-up table",
+)
+
+LUT = "lut"
+"""The representation that is a table of what the projection answers on its `TABULATED` one (thesis 6.2)."""
+
+TABULATED = "curve"
+
+REPRESENTATIONS = ("curve", "polygon", "level-set", LUT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,9 +63,10 @@ class ProjectiveFamily:
     """A factory of projective renderers, and, by `variant`, of those with another scheme or representation.
 
     Calling it with a scene builds the renderer, with `project(scene, representation, **settings)` as its projection.
-    `offered_knobs` are the knobs of each representation, and `settings` those that are set. A model of straight edges
-    is its own polygon: there polygon and curve coincide. The line is unbounded and has no finite polygon or grid:
-    there every representation means the exact line.
+    `offered_knobs` are the knobs of each representation, and `settings` those that are set. On `lut`, which a family
+    without memory may list, that projection is read from a table. A model of straight edges is its own polygon: there
+    polygon and curve coincide. The line is unbounded and has no finite polygon or grid: there every representation
+    means the exact line.
     """
 
     summary: str
@@ -92,7 +105,7 @@ class ProjectiveFamily:
             if representation in REPRESENTATIONS:
                 raise InputError(
                     f"representation '{representation}' is not for this projection",
-                    why=self.refused,
+                    why=self.refused if representation != LUT else "it remembers, and a table holds no past (6.2)",
                     todo=f"use one of: {', '.join(self.representations)}",
                 )
             raise UnknownNameError("representation", representation, self.representations)
@@ -105,11 +118,18 @@ class ProjectiveFamily:
         from hapticeval.renderers.projective import ProjectiveRenderer
 
         return ProjectiveRenderer(
-            self.project(scene, self.representation, **self.settings),
+            self._projection(scene),
             REGULATIONS[self.regulation],
             stiffness=scene.stiffness,
             damping=scene.damping,
         )
+
+    def _projection(self, scene: Scene) -> Projection:
+        if self.representation != LUT:
+            return self.project(scene, self.representation, **self.settings)
+        from hapticeval.renderers.lut import tabulated
+
+        return tabulated(self.project, scene, TABULATED, **self.settings)
 
 
 def by_constraint(scene: Scene, representation: str, *, vertices: float = VERTICES) -> Projection:
