@@ -108,6 +108,7 @@ def conformal_map(curve: Curve, *, nodes: int | None = None, centre: Sequence[fl
     The `nodes` on the boundary are doubled until densities change by less than a twentieth of themselves, or are as
     many as given (rounded down to a multiple of four on each piece). The `centre` (m) is the one singular point of the
     projection; without it, it is the origin, if that is inside, or the pole of inaccessibility, whichever crowds less.
+    Given numbers of nodes are used even where they resolve little; `error` and `blur` then say so.
 
     Raises `CrowdingError` where double precision is exhausted, and `InputError` for an unbounded curve, for a centre
     that is not inside, for numbers of nodes that are no use, and for outlines of more detail than 2560 nodes resolve.
@@ -124,10 +125,11 @@ def conformal_map(curve: Curve, *, nodes: int | None = None, centre: Sequence[fl
         if best.error <= TOLERANCE:
             break
         coarse = fine
+    resolved = best.error <= TOLERANCE
     xmin, ymin, xmax, ymax = curve.bounds
-    if best.blur > BLUR_SHARE * max(xmax - xmin, ymax - ymin):
+    if best.blur > BLUR_SHARE * max(xmax - xmin, ymax - ymin) and (resolved or nodes is None):
         raise CrowdingError(curve.name, best.crowding, best.blur, best.blurred_at)
-    if best.error > TOLERANCE and nodes is None:
+    if not resolved and nodes is None:
         raise InputError(
             f"the conformal map of '{curve.name}' is not resolved by {best.nodes} boundary nodes",
             why=f"the last doubling changed boundary densities by {best.error:.2g} of themselves",

@@ -50,7 +50,8 @@ def nodes_of(curve: Curve, n: int) -> Nodes:
         start, end = curve.u_range
         rows = evaluate_many(pieces, start + (end - start) * np.arange(n) / n)
         positions, derivatives = rows[:, 0] + 1j * rows[:, 1], rows[:, 2] + 1j * rows[:, 3]
-        return Nodes(np.zeros(n, dtype=complex), positions, derivatives * ((end - start) / n), 0)
+        slopes: Complex = np.asarray(derivatives * ((end - start) / n), dtype=complex)
+        return Nodes(np.zeros(n, dtype=complex), positions, slopes, 0)
     per = n // pieces.shape[0]
     after, before, slope = np.array([graded((i + 0.5) / per) for i in range(per)]).T
     early = np.arange(per) < per // 2
@@ -94,14 +95,14 @@ def parameter_at(pieces: Array, n: int, per_piece: int, t: float) -> float:
     if per_piece == 0:
         share = t / n
         u = start + (end - start) * (share - np.floor(share))
-        return u if u < end else start
+        return float(u if u < end else start)
     place = (t + 0.5) / per_piece
     place -= pieces.shape[0] * np.floor(place / pieces.shape[0])
     k = min(int(place), pieces.shape[0] - 1)
     after, before, _ = graded(place - k)
     low, high = pieces[k, U0], pieces[k, U1]
     u = low + (high - low) * after if after < 0.5 else high - (high - low) * before
-    return u if u < end else start
+    return float(u if u < end else start)
 
 
 @compiled
