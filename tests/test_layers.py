@@ -16,26 +16,30 @@ ROOT = Path(__file__).parents[1]
 LAYERS = (
     {"types", "errors", "compiled"},
     {"files", "geometry", "knob"},
+    {"fields"},
     {"devices", "recordings"},
     {"scene", "stimulus"},
     {"renderer", "trajectories"},
     {"phenomena", "playback"},
     {"closed_loop", "discovery", "ideal", "suite"},
-    {"costs", "judging", "results", "table"},
+    {"costs", "judging", "projecting", "results", "table"},
     {"events"},
     {"bench", "runner"},
+    {"picturing"},
     {"listing", "terminal"},
     {"cli"},
     {"__main__"},
 )
 """From the bottom up. A unit (a module or a subpackage) imports from lower layers, and from itself."""
 
-RENDERERS_MAY = set().union(*LAYERS[:5])
+RENDERERS_MAY = set().union(*LAYERS[:6])
 """The reference renderers know geometry, devices and the protocol: all that a third party's may know."""
 
 RUNNING = {
     "bench",
     "judging",
+    "picturing",
+    "projecting",
     "runner",
     "playback",
     "closed_loop",

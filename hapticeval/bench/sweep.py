@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hapticeval.bench.accuracy import answers, errors
-from hapticeval.bench.measure import array_bytes, batch_times, machine, step_times, timed_build, track, yardstick
+from hapticeval.bench.measure import array_bytes, batch_times, machine, step_times, timed_build, track
 from hapticeval.bench.reference import ROUNDING, Reference, on_the_exact_curve, reference_of
 from hapticeval.bench.settings import Setting
 from hapticeval.bench.workload import MODELS, Workload, fresh_scene, workload
@@ -71,7 +71,7 @@ class Sweep:
         pairs = [(work, setting) for work in self.works for setting in settings]
         self.entries = [_Entry(setting, work, f"s{k:03d}") for k, (work, setting) in enumerate(pairs)]
         self.references: dict[tuple[str, str], Reference | None] = {}
-        self.yardsticks: list[int] = []
+        self.rounds = 0
         self.reason: str | None = None
         self.wall = 0.0
         self.machine = machine()
@@ -147,7 +147,6 @@ class Sweep:
     def _round(self, number: int, order: np.random.Generator) -> None:
         """One block: every setting once, in an order of its own. One that is cut short is dropped whole."""
         live = [entry for entry in self.entries if entry.renderer is not None]
-        pace = [yardstick()]
         took: dict[str, tuple[IntArray, IntArray | None]] = {}
         tracks = {work.name: track(work.slide, work.dt) for work in self.works}
         for k in order.permutation(len(live)):
@@ -157,9 +156,7 @@ class Sweep:
             first = number * self.effort.steps % len(along.rows)
             steps = step_times(entry.renderer, along, self.effort.steps, first=first)
             took[entry.key] = steps, batch_times(entry.renderer, along, self.effort.batches)
-        pace.append(yardstick())
-        # a round that was cut short is no block: nothing of it is kept
-        self.yardsticks.append(min(pace))
+        self.rounds += 1
         for entry in live:
             steps, batches = took[entry.key]
             entry.steps.append(steps)
@@ -168,7 +165,7 @@ class Sweep:
 
     def samples(self) -> Samples:
         """The raw samples of the rounds that were finished."""
-        found: dict[str, IntArray] = {"yardstick": np.array(self.yardsticks, dtype=np.int64)}
+        found: dict[str, IntArray] = {}
         for entry in self.entries:
             for kind, rounds in (("step", entry.steps), ("batch", entry.batches)):
                 if rounds:
@@ -183,7 +180,7 @@ class Sweep:
             reason=self.reason,
             quick=self.quick,
             seed=self.seed,
-            rounds=len(self.yardsticks),
+            rounds=self.rounds,
             environment=environment(),
             machine=self.machine,
             command=self.command,
