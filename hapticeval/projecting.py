@@ -31,7 +31,7 @@ class Projector:
     def __call__(self, hips: Array) -> Array:
         """The IHIPs."""
         if self._origin is None and isinstance(self._renderer, Batch) and len(hips) > 1:
-            time = self._dt * np.arange(len(hips))
+            time = self._dt * np.arange(len(hips), dtype=np.float64)
             return play(self._renderer, Path(time, hips), self._dt).ihip
         ihips = np.empty_like(hips)
         still = np.zeros(hips.shape[1])

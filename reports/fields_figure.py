@@ -19,7 +19,7 @@ from hapticeval.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from shapely import Geometry
+    from shapely.geometry.base import BaseGeometry
 
 MM = 1e3
 COLOURS: Mapping[str, str] = MappingProxyType(
@@ -103,7 +103,7 @@ def draw_field(axes: Axes, field: Field) -> None:
     outline = MM * field.surface.outline(max(2000, 8 * len(field.surface.corners)))
     axes.fill(outline[:, 0], outline[:, 1], facecolor=COLOURS["model"], edgecolor="none")
     _draw_rests(axes, field)
-    lines = [MM * _simple(shapely.linestrings(line)) for line in field.lines if len(line) > 1]
+    lines = [MM * _simple(shapely.LineString(line)) for line in field.lines if len(line) > 1]
     axes.add_collection(LineCollection(lines, colors=COLOURS["line"], linewidths=0.7, label="constant projection"))
     axes.plot(outline[:, 0], outline[:, 1], color=COLOURS["ink"], linewidth=1.3, zorder=3)
     jumps = [MM * _simple(part) for part in shapely.get_parts(field.discontinuity) if part.geom_type == "LineString"]
@@ -123,7 +123,9 @@ def draw_field(axes: Axes, field: Field) -> None:
             label="previous IHIP",
         )  # fmt: skip
     axes.set_aspect("equal")
-    axes.margins(0.04)
+    pad = 0.03 * MM * field.lattice.size
+    xmin, ymin, xmax, ymax = (MM * each for each in field.surface.bounds)
+    axes.set(xlim=(xmin - pad, xmax + pad), ylim=(ymin - pad, ymax + pad))
     axes.set_xlabel("y₁ (mm)")
     axes.set_ylabel("y₂ (mm)")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.065), ncols=4, frameon=False, handlelength=1.6)
@@ -131,7 +133,9 @@ def draw_field(axes: Axes, field: Field) -> None:
 
 def _draw_rests(axes: Axes, field: Field) -> None:
     """A tint where all HIPs go to one corner: there the lines of constant projection are areas."""
-    resting = field.rests
+    from scipy.ndimage import binary_opening
+
+    resting = binary_opening(field.rests, np.ones((2, 2), dtype=bool))
     if not resting.any():
         return
     lattice = field.lattice
@@ -157,7 +161,7 @@ def _outline_patch(axes: Axes, field: Field) -> Any:
     return patch
 
 
-def _simple(line: Geometry) -> Array:
+def _simple(line: BaseGeometry) -> Array:
     import shapely
 
     return shapely.get_coordinates(shapely.simplify(line, PRECISION))

@@ -15,7 +15,7 @@ from hapticeval.geometry.curve import Curve
 from hapticeval.types import Array, BoolArray
 
 if TYPE_CHECKING:
-    from shapely import Geometry
+    from shapely.geometry.base import BaseGeometry
 
 CELLS = 300
 LINES = 96
@@ -53,7 +53,7 @@ class Field:
         return resting
 
     @cached_property
-    def body(self) -> Geometry:
+    def body(self) -> BaseGeometry:
         """The inside as an area, m^2."""
         import shapely
 
@@ -61,7 +61,7 @@ class Field:
         return shapely.make_valid(shapely.Polygon(self.surface.outline(count)))
 
     @cached_property
-    def discontinuity(self) -> Geometry:
+    def discontinuity(self) -> BaseGeometry:
         """The singular set as lines and points, m."""
         return geometry(self.singular)
 
@@ -114,13 +114,13 @@ def field_of(
     )
 
 
-def geometry(singular: Singular) -> Geometry:
+def geometry(singular: Singular) -> BaseGeometry:
     """A singular set as one geometry, its lines joined end to end."""
     import shapely
 
-    lines = shapely.line_merge(shapely.multilinestrings(shapely.linestrings(singular.segments)))
-    parts = [*shapely.get_parts(lines), *shapely.points(singular.points)]
-    return shapely.geometrycollections(parts)
+    drawn = [shapely.LineString(segment) for segment in singular.segments]
+    lines = shapely.line_merge(shapely.MultiLineString(drawn))
+    return shapely.GeometryCollection([*shapely.get_parts(lines), *map(shapely.Point, singular.points)])
 
 
 def _amplification(project: Project, lattice: Lattice, singular: Singular) -> Array:

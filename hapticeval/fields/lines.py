@@ -57,7 +57,7 @@ def _merged(pieces: Array) -> list[Array]:
 
     if len(pieces) == 0:
         return []
-    joined = shapely.line_merge(shapely.multilinestrings(shapely.linestrings(pieces)))
+    joined = shapely.line_merge(shapely.MultiLineString(list(pieces)))
     return [shapely.get_coordinates(part) for part in shapely.get_parts(joined)]
 
 
