@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -50,25 +51,27 @@ def judged(costs: Costs, *, within: float | None = None, budget: float | None = 
 
 
 def orders(settings: Sequence[Entry]) -> Iterator[dict[str, Any]]:
-    """The order of each error by each knob, the other knobs at their finest; from proven errors only."""
-    groups: dict[tuple[str, str], list[Entry]] = {}
+    """The order of each error by each knob, from the proven errors of settings that differ in it alone."""
+    groups: dict[tuple[str, str, str, str], list[Entry]] = {}
     for each in settings:
         if each["proven"]:
-            groups.setdefault((each["renderer"], each["model"]), []).append(each)
-    for (renderer, model), group in groups.items():
-        finest = group[-1]["settings"]
-        for knob in finest:
-            line = [
-                each for each in group if all(each["settings"][name] == finest[name] for name in finest if name != knob)
-            ]
-            found = {
-                metric: order(
-                    [each["settings"][knob] for each in line], [each["errors"][metric]["rms"] for each in line]
-                )
-                for metric in line[0]["errors"]
+            for knob in each["settings"]:
+                rest = json.dumps({name: value for name, value in each["settings"].items() if name != knob})
+                groups.setdefault((each["renderer"], each["model"], knob, rest), []).append(each)
+    for (renderer, model, knob, rest), group in groups.items():
+        values = [each["settings"][knob] for each in group]
+        found = {
+            metric: order(values, [each["errors"][metric]["rms"] for each in group]) for metric in group[0]["errors"]
+        }
+        if any(each is not None for each in found.values()):
+            yield {
+                "renderer": renderer,
+                "model": model,
+                "knob": knob,
+                "others": json.loads(rest),
+                "values": values,
+                "orders": found,
             }
-            if any(each is not None for each in found.values()):
-                yield {"renderer": renderer, "model": model, "knob": knob, "orders": found, "settings": len(line)}
 
 
 def unproven(costs: Costs) -> Iterator[str]:
@@ -86,11 +89,11 @@ def unproven(costs: Costs) -> Iterator[str]:
         elif refused:
             apart = reference["disagreement"]["ihip"]["p99"]
             yield (
-                f"{name}: the reference ({reference['what']}) has not converged: its last refinement still moves the "
-                f"IHIP by {1e3 * apart:.2g} mm, so no setting is called more accurate than {1e4 * apart:.2g} mm "
+                f"{name}: the reference ({reference['what']}) has not converged far enough: its last refinement still "
+                f"moves the IHIP by {apart:.2g} m, so no setting is called more accurate than {10.0 * apart:.2g} m "
                 f"(held back: {', '.join(_values(each) for each in refused)})"
             )
 
 
 def _values(entry: Entry) -> str:
-    return " ".join(f"{knob} {value:g}" for knob, value in entry["settings"].items()) or "its one setting"
+    return str(entry["label"]).removeprefix(str(entry["renderer"])).strip() or "its one setting"

@@ -1,12 +1,13 @@
-"""What is benched: every renderer at every combination of the values of its knobs."""
+"""What is benched: every renderer at every value of its knobs."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from typing import cast
 
+from hapticeval.bench.quantity import length
 from hapticeval.bench.reference import swept
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import InputError, UnknownNameError
@@ -21,11 +22,17 @@ class Setting:
     renderer: str
     values: Settings
     factory: RendererFactory
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def label(self) -> str:
-        """For instance `constraint@polygon vertices 80`."""
-        return " ".join([self.renderer, *(f"{knob} {value:g}" for knob, value in self.values.items())])
+        """For instance `constraint@polygon vertices 80`, `minimum-distance@lut cell 0.5mm`."""
+        return " ".join([self.renderer, *(told(knob, value, self.units[knob]) for knob, value in self.values.items())])
+
+
+def told(knob: str, value: float, unit: str) -> str:
+    """A knob's value in words; lengths in millimetres."""
+    return f"{knob} {1e3 * value:g}mm" if unit == "m" else f"{knob} {value:g}{unit}"
 
 
 def own_variants() -> list[str]:
@@ -42,7 +49,8 @@ def settings_of(
 ) -> list[Setting]:
     """Every setting of the renderers, in the order given, coarse before fine.
 
-    `chosen` replaces the values of knobs by name, on the renderers that have them. Raises `UnknownNameError` for a
+    Each knob is swept alone, the others as the renderer itself has them. `chosen` says which knobs to sweep instead,
+    and over which values, on the renderers that have them: then in every combination. Raises `UnknownNameError` for a
     knob that none of them has, and as `resolve` does.
     """
     factories = {name: resolve(name) for name in dict.fromkeys(renderers)}
@@ -54,21 +62,25 @@ def settings_of(
             raise UnknownNameError(f"knob of {', '.join(factories)}", knob, known)
     found = []
     for name, factory in factories.items():
-        sweep = {knob: asked.get(knob) or swept(each, quick=quick) for knob, each in knobs[name].items()}
-        for values in product(*sweep.values()):
-            setting = dict(zip(sweep, values, strict=True))
-            found.append(Setting(name, setting, cast("RendererFactory", turned(factory, setting, name=name))))
+        wanted = {knob: values for knob, values in asked.items() if knob in knobs[name]}
+        if wanted:
+            every = [dict(zip(wanted, values, strict=True)) for values in product(*wanted.values())]
+        else:
+            every = [{knob: value} for knob, each in knobs[name].items() for value in swept(each, quick=quick)]
+        units = {knob: each.unit for knob, each in knobs[name].items()}
+        for setting in every or [{}]:
+            found.append(Setting(name, setting, cast("RendererFactory", turned(factory, setting, name=name)), units))
     return found
 
 
 def chosen_values(options: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    """The values of `--knob vertices=40,80,160`, by knob. Raises `InputError` for anything else."""
+    """The values of `--knob vertices=40,80,160` or `--knob cell=1mm,0.5mm`, by knob. Raises `InputError` for anything else."""
     chosen: dict[str, tuple[float, ...]] = {}
     for option in options:
         knob, equals, text = option.partition("=")
         try:
-            values = tuple(float(each) for each in text.split(","))
-        except ValueError:
+            values = tuple(_number(each) for each in text.split(","))
+        except (ValueError, InputError):
             values = ()
         if not knob or not equals or not values or not all(0.0 < value < float("inf") for value in values):
             raise InputError(
@@ -78,3 +90,11 @@ def chosen_values(options: Sequence[str]) -> dict[str, tuple[float, ...]]:
             )
         chosen[knob.strip()] = values
     return chosen
+
+
+def _number(text: str) -> float:
+    """A plain number, or a length with its unit in metres."""
+    try:
+        return float(text)
+    except ValueError:
+        return length(text, option="--knob")

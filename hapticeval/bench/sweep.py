@@ -214,9 +214,12 @@ def _same(one: Any, other: Any) -> bool:
 def _document(entry: _Entry) -> dict[str, Any]:
     found, reference = entry.errors, entry.reference
     if found is not None:
-        size = entry.work.scene.model.size
-        ihip = {each: value if value > ROUNDING * size else 0.0 for each, value in found["ihip"].items()}
-        found = {**found, "ihip": ihip}
+        scene = entry.work.scene
+        floors = {"ihip": scene.model.size, "normal": 180.0, "force": scene.model.size * scene.stiffness}
+        found = {
+            metric: {each: value if value > ROUNDING * floors[metric] else 0.0 for each, value in every.items()}
+            for metric, every in found.items()
+        }
     return {
         "renderer": entry.setting.renderer,
         "model": entry.work.name,
