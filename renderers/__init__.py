@@ -6,12 +6,14 @@ are written into a renderer's name as BASE[+SCHEME][@REPRESENTATION], such as `c
 
 from hapticeval.renderers.family import (
     CELL_KNOB,
+    FLOW_KNOBS,
     GRID_KNOB,
     NODES_KNOB,
     VERTICES_KNOB,
     ProjectiveFamily,
     by_conformal,
     by_constraint,
+    by_mapping,
     by_minimum_distance,
 )
 
@@ -49,4 +51,15 @@ conformal = ProjectiveFamily(
 )
 """The conformal renderer."""
 
-__all__ = ["conformal", "constraint", "minimum_distance"]
+mapping = ProjectiveFamily(
+    summary="through the curve shortening flow's map to the disk, thesis chapter 5; refuses models that it cannot map",
+    project=by_mapping,
+    representations=("curve", "lut"),
+    representation="curve",
+    regulation="transversal",
+    refused="the flow is that of the exact boundary",
+    offered_knobs={"curve": FLOW_KNOBS, "lut": {"cell": CELL_KNOB}},
+)
+"""The mapping renderer."""
+
+__all__ = ["conformal", "constraint", "mapping", "minimum_distance"]

@@ -50,6 +50,32 @@ CELL_KNOB = Knob(
     meaning="side of a cell of the look-up table",
 )
 
+CELLS = 200
+"""Cells of the flow grid along the model's longer side."""
+
+GAP = 1e-6
+"""Least distance of transversal lines as a share of their mean: enough to keep their order, and no more."""
+
+FLOW_KNOBS = {
+    "cells": Knob(
+        values=(50, 100, 150, 200, 300),
+        quick=(50, 100, 200),
+        finest=(300, 400),
+        unit="",
+        meaning="cells of the flow grid along the model's longer side",
+    ),
+    "lines": Knob(
+        values=(50, 100, 200, 400, 800), quick=(100, 400), unit="", meaning="transversal lines of the flow grid"
+    ),
+    "gap": Knob(
+        values=(0.2, 0.05, 0.01, 1e-3, 1e-6),
+        quick=(0.05, 1e-6),
+        unit="",
+        meaning="least distance of transversal lines as a share of their mean; 0.05 makes the map of a star continuous",
+    ),
+    "levels": Knob(values=(10, 20, 40, 80, 100), quick=(20, 80), unit="", meaning="tangential levels of the flow grid"),
+}
+
 LUT = "lut"
 """The representation that is a table of what the projection answers on its `TABULATED` one (thesis 6.2)."""
 
@@ -160,3 +186,26 @@ def by_conformal(scene: Scene, representation: str, *, nodes: float | None = Non
 
     count = None if nodes is None else int(nodes)
     return conformal_projection(scene.model, bilateral=scene.bilateral, nodes=count)
+
+
+def by_mapping(
+    scene: Scene,
+    representation: str,  # noqa: ARG001
+    *,
+    cells: float = CELLS,
+    lines: float | None = None,
+    levels: float | None = None,
+    gap: float = GAP,
+) -> Projection:
+    """The projection through the flow map of the scene's model to the disk (5.17)."""
+    from hapticeval.renderers.mapping_projection import mapping_projection
+
+    from hapticeval.geometry.flow import FlowSettings
+
+    settings = FlowSettings(
+        cells=int(cells),
+        lines=None if lines is None else int(lines),
+        levels=None if levels is None else int(levels),
+        gap=gap,
+    )
+    return mapping_projection(scene.model, bilateral=scene.bilateral, settings=settings)

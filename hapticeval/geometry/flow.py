@@ -31,7 +31,7 @@ MARGIN = 4
 SHARE_OF_BOUND = 0.9
 """Time step as a share of the stability bound, (5.12) corrected."""
 
-NOTCH = .5
+NOTCH = 0.5
 """Cells by which the front of a model with corners that are hollow to the flow starts ahead of the surface. Between
 nodes the interpolant rounds such corners off outwards, and where the front hardly moves, levels would lie outside."""
 
@@ -52,38 +52,59 @@ LAST_ASPECT = 1.5
 class FlowSettings:
     """The knobs of a flow, with the values that the renderer `mapping` takes.
 
-    `velocity` one of `VELOCITIES`; `cells` along the model's longer side; `lines` transversal lines; `levels` steps in
-    the root of the area from the whole model to nothing; `gap` the least distance of neighbouring lines as a share of
-    their mean distance on the same level: where a flow drives lines closer together (on the bisectors of sharp tips)
-    they are held this far apart, or they would cross; `cap` is K_cap (1/m) of (5.13), the average curvature of the
-    model if None.
+    `velocity` one of `VELOCITIES`; `cells` along the model's longer side and a margin; `lines` transversal lines, twice
+    as many as cells if None; `levels` steps in the root of the area from the whole model to nothing, two for five cells
+    if None; `cap` is K_cap (1/m) of (5.13), the average curvature of the model if None.
+
+    `gap` is the least distance of neighbouring lines as a share of their mean distance on the same level. Where a flow
+    drives lines closer together, on the bisectors of sharp tips, they are held this far apart, or they would cross. The
+    IHIP then moves about 1 / gap times as far as the HIP: a tiny gap keeps the order of the lines and no more, and the
+    flow's own jumps; 0.05 makes a continuous map of them.
 
     Raises `UnknownNameError` for another velocity and `InputError` for numbers out of range.
     """
 
     velocity: str = "arc"
     cells: int = 200
-    lines: int = 400
-    levels: int = 80
-    gap: float = 0.05
+    lines: int | None = None
+    levels: int | None = None
+    gap: float = 1e-6
     cap: float | None = None
 
     def __post_init__(self) -> None:
         if self.velocity not in VELOCITIES:
             raise UnknownNameError("velocity function", self.velocity, VELOCITIES)
         for name, low, high in (
-            ("cells", 24, 2000), ("lines", 16, 20_000), ("levels", 4, 2000), ("gap", 0.0, 0.5)
+            ("cells", 24, 2000),
+            ("line_count", 16, 20_000),
+            ("level_count", 4, 2000),
+            ("gap", 0.0, 0.5),
         ):
             value = getattr(self, name)
             if not low <= value <= high:
-                raise InputError(f"{name} = {value!r}", why=f"it must lie between {low} and {high}")
-        if 2 * self.levels > self.cells:
+                raise InputError(
+                    f"{name.removesuffix('_count')} = {value!r}", why=f"it must lie between {low} and {high}"
+                )
+        if 2 * self.level_count > self.cells:
             raise InputError(
-                f"{self.levels} levels on {self.cells} cells", why="levels closer than a cell apart cannot be told apart",
+                f"{self.level_count} levels on {self.cells} cells",
+                why="levels closer than a cell apart cannot be told apart",
                 todo="take at most half as many levels as cells",
             )
         if self.cap is not None and not (math.isfinite(self.cap) and self.cap > 0.0):
-            raise InputError(f"cap = {self.cap!r} 1/m", why="it must be finite and positive, so that the front advances")
+            raise InputError(
+                f"cap = {self.cap!r} 1/m", why="it must be finite and positive, so that the front advances"
+            )
+
+    @property
+    def line_count(self) -> int:
+        """The transversal lines that are asked for; corners may add to them."""
+        return 2 * self.cells if self.lines is None else self.lines
+
+    @property
+    def level_count(self) -> int:
+        """The steps from the whole model to nothing."""
+        return 2 * self.cells // 5 if self.levels is None else self.levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +139,14 @@ def flow(model: Model, settings: FlowSettings, *, exterior: bool = False, reach:
     records = list(_levels(front, settings))
     times, lengths, areas, held, points = zip(*records, strict=True)
     return Flow(
-        np.array(points), front.u, np.array(times), np.array(lengths), np.array(areas), np.array(held), front.h, exterior
+        np.array(points),
+        front.u,
+        np.array(times),
+        np.array(lengths),
+        np.array(areas),
+        np.array(held),
+        front.h,
+        exterior,
     )
 
 
@@ -141,7 +169,7 @@ class Front:
         self._spare = self.values.copy()
         self.kind = VELOCITIES[settings.velocity]
         self.gap = settings.gap
-        self.u = starts(model, settings.lines)
+        self.u = starts(model, settings.line_count)
         self.points = model.curve.position(self.u)
         self.time = 0.0
         self.held = 0
@@ -155,7 +183,7 @@ class Front:
         return self._cap if self.kind == kernels.CAP else 2.0 * math.pi / self.length
 
     def update(self) -> None:
-        """Some steps of the level set, over which the front moves a tenth of a cell or one pair of steps; then the points."""
+        """Some steps of the level set, while the front moves a tenth of a cell, and the points with it."""
         scale = self.scale
         dt = SHARE_OF_BOUND * kernels.largest_step(self.kind, scale, self.h)
         steps = 2 * max(1, round(0.5 * MOVE * self.h / (self._speed * dt)))
@@ -202,7 +230,7 @@ class Front:
         first, second = (np.argwhere(labels == k)[:, ::-1] * self.h + (self.x0, self.y0) for k in (1, 2))
         distances, matches = cKDTree(first).query(second)
         k = int(np.argmin(distances))
-        x, y = 0.5 * (second[k] + first[matches[k]])
+        x, y = 0.5 * (second[k] + first[np.asarray(matches)[k]])
         return count, (float(x), float(y))
 
     @property
@@ -221,8 +249,7 @@ def starts(model: Model, lines: int) -> Array:
     for first, last in zip(cuts, [*cuts[1:], cuts[0] + curve.length], strict=True):
         count = max(1, round(lines * (last - first) / curve.length))
         runs.append(first + (last - first) * np.arange(count) / count)
-    u = np.unique(curve.parameter(np.concatenate(runs)))
-    return u
+    return np.unique(curve.parameter(np.concatenate(runs)))
 
 
 def _levels(front: Front, settings: FlowSettings) -> Iterator[tuple[float, float, float, int, Array]]:
@@ -237,7 +264,7 @@ def _levels(front: Front, settings: FlowSettings) -> Iterator[tuple[float, float
         held = max(held, front.held)
         roundest = max(roundest, front.roundness)
         lost = not front.exterior and front.roundness < ROUNDNESS_LOST * roundest
-        done = sign * (math.sqrt(max(front.area, 0.0) / whole) - 1.0) >= level / settings.levels
+        done = sign * (math.sqrt(max(front.area, 0.0) / whole) - 1.0) >= level / settings.level_count
         if done or lost:
             _check_parts(front)
         if lost:
@@ -249,7 +276,7 @@ def _levels(front: Front, settings: FlowSettings) -> Iterator[tuple[float, float
         _check_parts(front)
         if front.aspect > LAST_ASPECT:
             raise _collapse(front)
-        if math.sqrt(front.area / whole) < 1.0 - (level - 0.5) / settings.levels:
+        if math.sqrt(front.area / whole) < 1.0 - (level - 0.5) / settings.level_count:
             yield front.time, front.length, front.area, held, front.points.copy()
 
 
@@ -266,7 +293,9 @@ def _check_parts(front: Front) -> None:
     if count > 1:
         raise FlowSplitError(
             f"the flow of model '{front.model.name}' splits into {count} parts",
-            position=place, time=front.time, count=count,
+            position=place,
+            time=front.time,
+            count=count,
             why="the velocity knows the curvature alone, and a neck closes before the lobes have shrunk (Figure 5.9)",
         )
 
@@ -275,6 +304,8 @@ def _collapse(front: Front) -> FlowCollapseError:
     x, y = front.points.mean(axis=0)
     return FlowCollapseError(
         f"the flow of model '{front.model.name}' shrinks to a segment instead of a point",
-        position=(float(x), float(y)), time=front.time, count=1,
+        position=(float(x), float(y)),
+        time=front.time,
+        count=1,
         why=f"the last level is {front.aspect:.2g} times as long as wide, and 4 pi A / L^2 is {front.roundness:.2g}",
     )

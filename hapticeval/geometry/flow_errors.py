@@ -8,10 +8,7 @@ INSTEAD = "use the renderer 'conformal', which maps every model without holes"
 
 
 class FlowError(InputError):
-    """The flow gives no map; `position` (m) says where it was seen, `time` when (in units of the flow), `count` how often.
-
-    Caught as a whole where any map will do.
-    """
+    """The flow gives no map: `position` (m) says where that was seen, `time` when, `count` how often."""
 
     def __init__(self, what: str, *, position: tuple[float, float], time: float, count: int, why: str) -> None:
         self.position = position

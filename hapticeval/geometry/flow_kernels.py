@@ -20,7 +20,7 @@ BEHIND = 4.0
 """Cells behind the front beyond which a node is left alone: levels move independently of each other."""
 
 
-KINK = .8
+KINK = 0.8
 
 
 @compiled
@@ -144,7 +144,7 @@ def _arc_row(south: Array, here: Array, north: Array, out: Array, h: float, scal
         gxx, gyy = (e - 2.0 * c + w) * inverse, (n - 2.0 * c + s) * inverse
         gxy = (north[i + 2] - north[i] - south[i + 2] + south[i]) * (0.25 * inverse)
         kappa = (gx * gx * gyy - 2.0 * gx * gy * gxy + gy * gy * gxx) / (g2 * slope + 1e-300)
-        kappa = min(max(kappa, -2.0 * half), 2.0 * half)
+        kappa = 0.0 if g2 < 1e-16 else min(max(kappa, -2.0 * half), 2.0 * half)
         backx, aheadx, backy, aheady = min(c - w, 0.0), max(e - c, 0.0), min(c - s, 0.0), max(n - c, 0.0)
         steep = math.sqrt((backx * backx + aheadx * aheadx + backy * backy + aheady * aheady) * inverse)
         slope = steep if slope < KINK * steep else slope
@@ -223,7 +223,7 @@ def front(values: Array, h: float) -> tuple[float, float]:
 
 @compiled
 def components(values: Array, labels: IntArray) -> int:
-    """How many parts, joined along sides or corners of cells, the nodes below zero form; `labels` numbers them from 1."""
+    """How many parts, joined along sides or corners of cells, nodes below zero form; `labels` gets their numbers."""
     ny, nx = values.shape
     labels[:] = 0
     stack = np.empty(ny * nx, np.int64)
@@ -281,9 +281,7 @@ def pull_back(values: Array, h: float, x0: float, y0: float, points: Array) -> N
 
 
 @compiled
-def carry(
-    values: Array, h: float, x0: float, y0: float, kind: int, scale: float, dt: float, points: Array
-) -> float:
+def carry(values: Array, h: float, x0: float, y0: float, kind: int, scale: float, dt: float, points: Array) -> float:
     """One step of (5.16), its sign by (5.6) corrected: each point moves by v_f against the gradient.
 
     Returns the largest speed.

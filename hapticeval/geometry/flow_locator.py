@@ -28,7 +28,8 @@ class Chart(NamedTuple):
 
     `points` and `disk` (m, n, 2): where level and line cross in the model (m) and on the disk, from the outermost level
     inwards; level `surface` is the model's own, and has radius 1. `angles` (n + 1,) of the lines, from 0, and `us`
-    (n + 1,) the curve's parameters there, both one turn longer at the end. `heads` (buckets + 1,) and `cells` list the
+    (n + 1,) the curve's parameters there, both one turn longer at the end; the curve's own range is from `start` to
+    `end`. `heads` (buckets + 1,) and `cells` list the
     cells of each bucket, numbered k * n + i; buckets are `across` by `up` squares of side `side` (m) from (`x0`,
     `y0`). `inner` (n,) are the directions (rad, increasing) of the last level's points from the `centre`, and `outer`
     of the first level's, empty where points beyond it are in no cell.
@@ -49,6 +50,8 @@ class Chart(NamedTuple):
     inner: Array
     outer: Array
     surface: int
+    start: float
+    end: float
 
 
 @compiled
@@ -122,7 +125,7 @@ def to_disk(chart: Chart, x: float, y: float) -> tuple[int, float, float]:
     the direction from the centre. (OFF, 0, 0) for a point that is in no cell.
     """
     n, m = chart.points.shape[1], chart.points.shape[0]
-    i, j = int(math.floor((x - chart.x0) / chart.side)), int(math.floor((y - chart.y0) / chart.side))
+    i, j = math.floor((x - chart.x0) / chart.side), math.floor((y - chart.y0) / chart.side)
     if 0 <= i < chart.across and 0 <= j < chart.up:
         bucket = j * chart.across + i
         best, best_x, best_y, best_cell = -SLACK, 0.0, 0.0, -1
@@ -174,7 +177,8 @@ def surface_parameter(chart: Chart, angle: float) -> float:
     while line < n - 1 and chart.angles[line + 1] <= angle:
         line += 1
     share = (angle - chart.angles[line]) / (chart.angles[line + 1] - chart.angles[line])
-    return float(chart.us[line] + share * (chart.us[line + 1] - chart.us[line]))
+    u = chart.us[line] + share * (chart.us[line + 1] - chart.us[line])
+    return float(u if u < chart.end else max(u - (chart.end - chart.start), chart.start))
 
 
 @compiled
@@ -187,9 +191,17 @@ def to_disk_many(chart: Chart, points: Array) -> tuple[IntArray, Array]:
 
 
 @compiled
-def fill_buckets(
-    points: Array, x0: float, y0: float, side: float, across: int, up: int
-) -> tuple[IntArray, IntArray]:
+def angles_many(chart: Chart, points: Array) -> Array:
+    """The angles on the disk of rows of points (k, 2); NaN for one in no cell."""
+    out = np.empty(points.shape[0])
+    for row in range(points.shape[0]):
+        level, x, y = to_disk(chart, points[row, 0], points[row, 1])
+        out[row] = math.atan2(y, x) if level != OFF else np.nan
+    return out
+
+
+@compiled
+def fill_buckets(points: Array, x0: float, y0: float, side: float, across: int, up: int) -> tuple[IntArray, IntArray]:
     """The cells that touch each bucket by their bounding boxes: heads (buckets + 1,) and cells."""
     m, n = points.shape[0], points.shape[1]
     heads = np.zeros(across * up + 1, np.int64)
@@ -204,10 +216,10 @@ def fill_buckets(
                 low_y, high_y = min(low_y, y), max(high_y, y)
             pad = 1e-6 * side
             cell = k * n + i
-            boxes[0, cell] = max(int(math.floor((low_x - pad - x0) / side)), 0)
-            boxes[1, cell] = min(int(math.floor((high_x + pad - x0) / side)), across - 1)
-            boxes[2, cell] = max(int(math.floor((low_y - pad - y0) / side)), 0)
-            boxes[3, cell] = min(int(math.floor((high_y + pad - y0) / side)), up - 1)
+            boxes[0, cell] = max(math.floor((low_x - pad - x0) / side), 0)
+            boxes[1, cell] = min(math.floor((high_x + pad - x0) / side), across - 1)
+            boxes[2, cell] = max(math.floor((low_y - pad - y0) / side), 0)
+            boxes[3, cell] = min(math.floor((high_y + pad - y0) / side), up - 1)
             for j in range(boxes[2, cell], boxes[3, cell] + 1):
                 for h in range(boxes[0, cell], boxes[1, cell] + 1):
                     heads[j * across + h + 1] += 1

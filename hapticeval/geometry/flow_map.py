@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,7 +22,7 @@ from hapticeval.geometry.flow_errors import FoldedGridError
 from hapticeval.geometry.flow_locator import Chart
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.validate import checked_points
-from hapticeval.types import Array, BoolArray
+from hapticeval.types import Array, BoolArray, IntArray
 
 KEPT = 16
 """Maps kept in a process: the most recently used ones."""
@@ -48,7 +48,7 @@ class FlowMap:
         """The singular point (2,), m: where the front vanished."""
         return np.array(self.chart.centre)
 
-    @property
+    @cached_property
     def spacing(self) -> float:
         """The largest distance of two neighbouring lines on the surface (m): the map is linear over as much."""
         return float(np.max(np.diff(self.curve.arc_length(self.chart.us))))
@@ -58,24 +58,18 @@ class FlowMap:
         array = checked_points(points)
         levels, out = locator.to_disk_many(self.chart, array)
         off = np.flatnonzero(levels == locator.OFF)
-        if off.size:
-            u = self.curve.nearest(array[off])
-            far = np.hypot(*(self.curve.position(u) - array[off]).T) > self._sliver
-            if far.any():
-                row = off[np.argmax(far)]
-                x, y = array[row]
-                raise InputError(
-                    f"row {row}: the point ({x:g}, {y:g}) m lies off the map",
-                    why="the flow covers the model's inside" if self.outside is None else "no cell holds it",
-                )
-            angles = np.interp(u, self.chart.us, self.chart.angles)
-            out[off] = np.column_stack([np.cos(angles), np.sin(angles)])
+        angles = self._beside(array[off], off)
+        out[off] = np.column_stack([np.cos(angles), np.sin(angles)])
         return out
 
     def to_angle(self, points: Array) -> Array:
-        """Angles (n,), rad, on the disk, of points (n, 2), m."""
-        disk = self.to_disk(points)
-        return np.asarray(np.arctan2(disk[:, 1], disk[:, 0]))
+        """Angles (n,), rad, on the disk, of points (n, 2), m; raises as `to_disk` does."""
+        array = checked_points(points)
+        out = locator.angles_many(self.chart, array)
+        off = np.flatnonzero(np.isnan(out))
+        if off.size:
+            out[off] = self._beside(array[off], off)
+        return out
 
     def surface(self, angles: Array) -> Array:
         """The curve's parameters (n,) at angles (n,), rad, of any turn: the inverse on the surface."""
@@ -86,10 +80,18 @@ class FlowMap:
         u = locator.projected(self.chart, x, y)
         return u if not math.isnan(u) else float(self.surface(self.to_angle(np.array([[x, y]])))[0])
 
-    @property
-    def _sliver(self) -> float:
-        """A distance (m) that no chord of the first level strays from the curve."""
-        return 0.5 * self.spacing
+    def _beside(self, points: Array, rows: IntArray) -> Array:
+        """Angles of points between the curve and the chords of the grid: those of their nearest surface points."""
+        u = self.curve.nearest(points)
+        far = np.hypot(*(self.curve.position(u) - points).T) > 0.5 * self.spacing
+        if far.any():
+            x, y = points[np.argmax(far)]
+            raise InputError(
+                f"row {rows[np.argmax(far)]}: the point ({x:g}, {y:g}) m lies off the map",
+                why="the flow covers the inside of the model" if self.outside is None else "it is in none of its cells",
+            )
+        us = self.chart.us
+        return np.interp(np.where(u < us[0], u + us[-1] - us[0], u), us, self.chart.angles)
 
 
 def flow_map(model: Model, settings: FlowSettings | None = None, *, exterior: bool = False) -> FlowMap:
@@ -143,8 +145,23 @@ def chart_of(model: Model, inside: Flow, outside: Flow | None = None) -> Chart:
     across, up = math.floor((x1 - x0) / side) + 1, math.floor((y1 - y0) / side) + 1
     heads, cells = locator.fill_buckets(points, x0, y0, side, across, up)
     return Chart(
-        points, disk, angles, us, heads, cells, float(x0), float(y0), side, across, up,
-        (float(centre[0]), float(centre[1])), inner, outer, surface,
+        points,
+        disk,
+        angles,
+        us,
+        heads,
+        cells,
+        float(x0),
+        float(y0),
+        side,
+        across,
+        up,
+        (float(centre[0]), float(centre[1])),
+        inner,
+        outer,
+        surface,
+        start,
+        end,
     )
 
 
@@ -170,7 +187,9 @@ def _check_cells(model: Model, points: Array, times: Array) -> None:
         x, y = points[level, line]
         raise FoldedGridError(
             f"{count} of {folded.size} cells of the flow grid of model '{model.name}' are folded, the first",
-            position=(float(x), float(y)), time=float(times[level]), count=count,
+            position=(float(x), float(y)),
+            time=float(times[level]),
+            count=count,
             why="lines or levels cross there, and a point would have two surface points",
         )
 
@@ -184,7 +203,9 @@ def _directions(model: Model, ring: Array, centre: Array, time: float) -> Array:
         x, y = ring[np.argmin(steps)]
         raise FoldedGridError(
             f"a level of the flow of model '{model.name}' is not star-shaped, {int(np.sum(steps <= 0.0))} times, first",
-            position=(float(x), float(y)), time=float(time), count=int(np.sum(steps <= 0.0)),
+            position=(float(x), float(y)),
+            time=float(time),
+            count=int(np.sum(steps <= 0.0)),
             why="directions from the centre do not tell its points apart",
         )
     return np.asarray(angles)
