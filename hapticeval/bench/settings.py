@@ -74,7 +74,10 @@ def settings_of(
 
 
 def chosen_values(options: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    """The values of `--knob vertices=40,80,160` or `--knob cell=1mm,0.5mm`, by knob. Raises `InputError` for anything else."""
+    """The values of `--knob vertices=40,80,160` or `--knob cell=1mm,0.5mm`, by knob.
+
+    Raises `InputError` for anything else.
+    """
     chosen: dict[str, tuple[float, ...]] = {}
     for option in options:
         knob, equals, text = option.partition("=")
