@@ -131,7 +131,7 @@ def read_samples(directory: Path) -> dict[str, IntArray]:
     """The raw samples beside a bench.json. Raises `InputError` for a file that is not there or is damaged."""
     path = Path(directory) / SAMPLES
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             return {name: np.asarray(archive[name], dtype=np.int64) for name in archive.files}
     except FileNotFoundError as error:
         raise InputError(f"'{directory}' holds no {SAMPLES}", todo="run `hapticeval bench` again") from error

@@ -9,18 +9,23 @@ from typing import Any
 
 import numpy as np
 
+from hapticeval.fields.field import geometry
+from hapticeval.fields.lattice import sampled
+from hapticeval.fields.singular import singular_set
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Path
 from hapticeval.trajectories import build_path
-from hapticeval.types import Array, BoolArray
+from hapticeval.types import Array
 
 POINTS = 1000
-RING = 2e-3
-STRETCH = 5.0
-DIRECTIONS = 8
+AWAY = 2e-3
+"""Distance (m) of the points from discontinuities."""
+
+CELLS = 100
+"""Lattice steps in which these are looked for."""
+
 SLIDE_SECONDS = 2.0
 
 MODELS: Mapping[str, Mapping[str, Any]] = {
@@ -49,7 +54,7 @@ def workload(kind: str, *, seed: int) -> Workload:
     """The workload of a model of the catalogue.
 
     Its random points lie where a renderer's error means something: no discontinuity of the exact nearest point is
-    within 2 mm, which is so where all points of a ring of that radius have their nearest points within five radii.
+    within 2 mm.
     """
     scene = fresh_scene(kind)
     path = build_path({**MODELS[kind], "duration": SLIDE_SECONDS}, scene.model.curve, FilePath())
@@ -63,22 +68,19 @@ def fresh_scene(kind: str) -> Scene:
 
 def interior_points(model: Model, count: int, *, seed: int) -> Array:
     """`count` random points inside a closed model, away from discontinuities of the nearest point: (count, 2), m."""
+    import shapely
+
     curve = model.curve
+
+    def nearest(points: Array) -> Array:
+        return curve.position(curve.nearest(points))
+
+    jumps = geometry(singular_set(nearest, sampled(nearest, curve, cells=CELLS)))
     xmin, ymin, xmax, ymax = curve.bounds
     random = np.random.default_rng(seed)
     found = np.empty((0, 2))
     while found.shape[0] < count:
         drawn = random.uniform((xmin, ymin), (xmax, ymax), (2 * count, 2))
         drawn = drawn[curve.contains(drawn)]
-        found = np.vstack([found, drawn[_away(curve, drawn)]])
+        found = np.vstack([found, drawn[~shapely.dwithin(jumps, shapely.points(drawn), AWAY)]])
     return np.ascontiguousarray(found[:count])
-
-
-def _away(curve: Curve, points: Array) -> BoolArray:
-    feet = curve.position(curve.nearest(points))
-    away = np.ones(points.shape[0], dtype=bool)
-    for angle in 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS:
-        beside = points + RING * np.array([np.cos(angle), np.sin(angle)])
-        moved = curve.position(curve.nearest(beside)) - feet
-        away &= np.hypot(moved[:, 0], moved[:, 1]) <= STRETCH * RING
-    return away
