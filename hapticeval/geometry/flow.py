@@ -28,6 +28,9 @@ VELOCITIES = MappingProxyType(
 MARGIN = 4
 """Cells between the model and the edge of the grid."""
 
+REACH = 0.1
+"""How far the exterior flow goes, as a share of the model's size."""
+
 SHARE_OF_BOUND = 0.9
 """Time step as a share of the stability bound, (5.12) corrected."""
 
@@ -126,8 +129,8 @@ class Flow:
     exterior: bool
 
 
-def flow(model: Model, settings: FlowSettings, *, exterior: bool = False, reach: float = 0.1) -> Flow:
-    """The flow of a model inwards, or with `exterior` outwards until it nears `reach` times the model's size.
+def flow(model: Model, settings: FlowSettings, *, exterior: bool = False) -> Flow:
+    """The flow of a model inwards, or with `exterior` outwards until it nears a tenth of the model's size.
 
     The exterior flow carries -gamma, whose average curvature is taken by its size (it is negative). Raises
     `InputError` for an unbounded model, `FlowSplitError` where the front falls apart, and `FlowCollapseError` where it
@@ -135,7 +138,7 @@ def flow(model: Model, settings: FlowSettings, *, exterior: bool = False, reach:
     """
     if not model.curve.closed:
         raise InputError(f"model '{model.name}' is unbounded", why="its surface does not shrink to a point")
-    front = Front(model, settings, margin=reach if exterior else 0.0, exterior=exterior)
+    front = Front(model, settings, exterior=exterior)
     records = list(_levels(front, settings))
     times, lengths, areas, held, points = zip(*records, strict=True)
     return Flow(
@@ -153,12 +156,12 @@ def flow(model: Model, settings: FlowSettings, *, exterior: bool = False, reach:
 class Front:
     """A level set on its way, with the particles on it: the state of a flow."""
 
-    def __init__(self, model: Model, settings: FlowSettings, *, margin: float = 0.0, exterior: bool = False) -> None:
+    def __init__(self, model: Model, settings: FlowSettings, *, exterior: bool = False) -> None:
         xmin, ymin, xmax, ymax = model.curve.bounds
         self.model = model
         self.exterior = exterior
         self.h = h = model.size / (settings.cells - 2 * MARGIN)
-        extra = MARGIN + math.ceil(margin * model.size / h)
+        extra = MARGIN + math.ceil((REACH if exterior else 0.0) * model.size / h)
         nx, ny = (2 * extra + 1 + math.ceil(side / h) for side in (xmax - xmin, ymax - ymin))
         self.x0, self.y0 = 0.5 * (xmin + xmax - (nx - 1) * h), 0.5 * (ymin + ymax - (ny - 1) * h)
         x, y = self.x0 + h * np.arange(nx), self.y0 + h * np.arange(ny)
