@@ -1,7 +1,7 @@
 """The flow map: what it costs to build, and to look a point up in, each beside a yardstick of the same run.
 
 `extra_info` holds the build on 200 cells as a multiple of one numpy addition of 1e8 elements (the bound is 46: 3 s if
-the addition takes 65 ms; an idle core needs 18), the time a point for grids of more and more cells, which is to stay
+the addition takes 65 ms), the time a point for grids of more and more cells, which is to stay
 level, and the step of the renderer from Python.
 """
 
