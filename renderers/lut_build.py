@@ -1,6 +1,6 @@
 """Filling a look-up table, and finding the cells that must not be interpolated.
 
-A cell is marked where one of three rules says so.
+A cell is marked where one of four rules says so.
 
 1. The projection jumps across it. Where minimum distance is smooth it stretches distances by 1 / (1 - kappa d) at the
    most, at depth d under curvature kappa; a transformation stretches by its own factor. A side of a cell whose ends
@@ -12,6 +12,8 @@ A cell is marked where one of three rules says so.
    the cell marked if it does exceed it.
 3. The projection is too steep to be interpolated: a side is stretched by more than `STRETCH`, and the interpolated
    IHIP in the middle of the cell is more than `AMISS` sides off the projection's own.
+4. Two of its normals are more than a right angle apart: then a mean of them may vanish, else none is shorter than
+   2^(-N/2).
 
 What the rules cannot see: a discontinuity that enters a cell and leaves it by one and the same side without parting
 two nodes, or ends inside of it. The nodes are then on one sheet of the projection, and what is interpolated is that
@@ -193,7 +195,7 @@ def _amiss(points: Array, ihips: Array, candidates: BoolArray, source: Source, l
 
 
 def _off_surface(answers: Array, candidates: BoolArray, source: Source, limit: float) -> tuple[float, BoolArray]:
-    """Rule 2: the largest measured distance off the surface that is within the limit, and the cells beyond it."""
+    """Rules 2 and 4: the largest measured distance off the surface that is within the limit, and the cells beyond."""
     off = np.zeros(candidates.shape, bool)
     corners = _corners(answers)[:, candidates]
     dimension = answers.shape[-1] // 2
@@ -212,15 +214,15 @@ def _off_surface(answers: Array, candidates: BoolArray, source: Source, limit: f
             for bits in itertools.product((0, 1), repeat=dimension)
         ]
     ).reshape(len(probes), -1)
-    standoff, beyond = 0.0, np.zeros(estimate.size, bool)
+    standoff, beyond = 0.0, turn > 2.0**0.5
     for start in range(0, estimate.size, 1000):
         chosen = order[start : start + 1000]
         if estimate[chosen[0]] <= min(standoff, limit):
             break
         means = np.einsum("pc,ckd->kpd", weights, corners[:, chosen, :dimension])
         distance = np.abs(source.distance(means.reshape(-1, dimension))).reshape(chosen.size, -1).max(axis=1)
-        beyond[chosen] = distance > limit
-        standoff = max(standoff, float(np.max(distance, where=distance <= limit, initial=0.0)))
+        beyond[chosen] |= distance > limit
+        standoff = max(standoff, float(np.max(distance, where=~beyond[chosen], initial=0.0)))
     off[candidates] = beyond
     return MARGIN * standoff + source.stray * bool(standoff), off
 

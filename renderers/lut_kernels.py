@@ -21,6 +21,9 @@ from hapticeval.types import Array, ByteArray
 
 FREE, HELD, EDGE, MARKED = 0, 1, 2, 4
 
+BLOCK = 512
+"""HIPs that are looked up together."""
+
 OUT, TOUCHES, ASK = 0, 1, 2
 """Status of an answer: in free space, in contact, to be asked of the exact projection."""
 
@@ -37,34 +40,26 @@ def look_up(
     """
     rows, columns = cells.shape
     a, b = (x - frame[0]) * frame[2], (y - frame[1]) * frame[2]
-    kind, i, j = np.uint8(FREE), np.uint64(0), np.uint64(0)
     if 0.0 <= a <= columns and 0.0 <= b <= rows:
-        # unsigned, so that no index is tested for counting from the end
-        i, j = np.uint64(min(int(a), columns - 1)), np.uint64(min(int(b), rows - 1))
+        i, j = min(np.uint64(np.int64(a)), np.uint64(columns - 1)), min(np.uint64(np.int64(b)), np.uint64(rows - 1))
         kind = cells[j, i]
     elif everywhere and a == a and b == b:
-        kind = np.uint8(HELD + MARKED)
         a, b = min(max(a, 0.0), float(columns)), min(max(b, 0.0), float(rows))
-        i, j = np.uint64(min(int(a), columns - 1)), np.uint64(min(int(b), rows - 1))
+        i, j = min(np.uint64(np.int64(a)), np.uint64(columns - 1)), min(np.uint64(np.int64(b)), np.uint64(rows - 1))
+        kind = np.uint8(HELD + MARKED)
+    else:
+        return OUT, x, y, 0.0, 0.0
     if kind == FREE:
         return OUT, x, y, 0.0, 0.0
     a, b = a - np.int64(i), b - np.int64(j)
-    one = np.uint64(1)
     if kind < MARKED:
-        low, low_right, high, high_right = nodes[j, i], nodes[j, i + one], nodes[j + one, i], nodes[j + one, i + one]
-        w00, w10, w01, w11 = (1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b
-        px = w00 * low[0] + w10 * low_right[0] + w01 * high[0] + w11 * high_right[0]
-        py = w00 * low[1] + w10 * low_right[1] + w01 * high[1] + w11 * high_right[1]
-        nx = w00 * low[2] + w10 * low_right[2] + w01 * high[2] + w11 * high_right[2]
-        ny = w00 * low[3] + w10 * low_right[3] + w01 * high[3] + w11 * high_right[3]
-        size = 1.0 / math.sqrt(nx * nx + ny * ny)
-        nx, ny = nx * size, ny * size
+        px, py, nx, ny = _bilinear(nodes, i, j, a, b)
     elif ask:
         return ASK, x, y, 0.0, 0.0
     else:
-        node = nodes[j + np.uint64(b > 0.5), i + np.uint64(a > 0.5)]
-        px, py, nx, ny = node[0], node[1], node[2], node[3]
-    if kind & EDGE and (x - px) * nx + (y - py) * ny >= 0.0:
+        i, j = i + np.uint64(a > 0.5), j + np.uint64(b > 0.5)
+        px, py, nx, ny = nodes[j, i, 0], nodes[j, i, 1], nodes[j, i, 2], nodes[j, i, 3]
+    if kind & EDGE and not (x - px) * nx + (y - py) * ny < 0.0:
         return OUT, x, y, 0.0, 0.0
     return TOUCHES, px, py, nx, ny
 
@@ -73,14 +68,58 @@ def look_up(
 def look_up_many(
     nodes: Array, cells: ByteArray, frame: Array, everywhere: bool, ask: bool, hips: Array
 ) -> tuple[Array, Array, ByteArray]:
-    """`look_up` for each row of hips (n, 2): IHIPs (n, 2), normals (n, 2), status (n,)."""
+    """`look_up` for each row of hips (n, 2): IHIPs (n, 2), normals (n, 2), status (n,).
+
+    A block at a time: first the cells of its HIPs, without a branch that chance decides; then all that is interpolated,
+    in a row; what is left to the nearest node, last.
+    """
+    count, (rows, columns) = hips.shape[0], cells.shape
     ihips, normals = np.empty_like(hips), np.empty_like(hips)
-    status = np.empty(hips.shape[0], np.uint8)
-    for k in range(hips.shape[0]):
-        status[k], ihips[k, 0], ihips[k, 1], normals[k, 0], normals[k, 1] = look_up(
-            nodes, cells, frame, everywhere, ask, hips[k, 0], hips[k, 1]
-        )
+    status = np.empty(count, np.uint8)
+    x0, y0, per = frame[0], frame[1], frame[2]
+    last_column, last_row = np.uint64(columns - 1), np.uint64(rows - 1)
+    which, across, up = np.empty(BLOCK, np.uint64), np.empty(BLOCK, np.uint64), np.empty(BLOCK, np.uint64)
+    right, above, kinds = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK, np.uint8)
+    for start in range(0, count, BLOCK):
+        held = np.uint64(0)
+        for k in range(start, min(start + BLOCK, count)):
+            x, y = hips[k, 0], hips[k, 1]
+            a, b = (x - x0) * per, (y - y0) * per
+            ihips[k, 0], ihips[k, 1], normals[k, 0], normals[k, 1] = x, y, 0.0, 0.0
+            if 0.0 <= a <= columns and 0.0 <= b <= rows:
+                i, j = min(np.uint64(np.int64(a)), last_column), min(np.uint64(np.int64(b)), last_row)
+                kind = cells[j, i]
+                which[held], across[held], up[held], kinds[held] = np.uint64(k), i, j, kind
+                right[held], above[held] = a - np.int64(i), b - np.int64(j)
+                held += np.uint64((kind != FREE) & (kind < MARKED))
+                status[k] = (kind >> 1) & ASK
+            else:
+                status[k] = ASK if everywhere else OUT
+        for q in range(held):
+            m = which[q]
+            px, py, nx, ny = _bilinear(nodes, across[q], up[q], right[q], above[q])
+            if kinds[q] == HELD or (hips[m, 0] - px) * nx + (hips[m, 1] - py) * ny < 0.0:
+                ihips[m, 0], ihips[m, 1], normals[m, 0], normals[m, 1] = px, py, nx, ny
+                status[m] = TOUCHES
+    if not ask or everywhere:
+        for left in np.flatnonzero(status == ASK):
+            status[left], ihips[left, 0], ihips[left, 1], normals[left, 0], normals[left, 1] = look_up(
+                nodes, cells, frame, everywhere, ask, hips[left, 0], hips[left, 1]
+            )
     return ihips, normals, status
+
+
+@compiled
+def _bilinear(nodes: Array, i: np.uint64, j: np.uint64, a: float, b: float) -> tuple[float, float, float, float]:
+    """IHIP and unit normal at the shares (a, b) of cell (i, j): unsigned, so that no index counts from the end."""
+    right, above = i + np.uint64(1), j + np.uint64(1)
+    w00, w10, w01, w11 = (1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b
+    px = w00 * nodes[j, i, 0] + w10 * nodes[j, right, 0] + w01 * nodes[above, i, 0] + w11 * nodes[above, right, 0]
+    py = w00 * nodes[j, i, 1] + w10 * nodes[j, right, 1] + w01 * nodes[above, i, 1] + w11 * nodes[above, right, 1]
+    nx = w00 * nodes[j, i, 2] + w10 * nodes[j, right, 2] + w01 * nodes[above, i, 2] + w11 * nodes[above, right, 2]
+    ny = w00 * nodes[j, i, 3] + w10 * nodes[j, right, 3] + w01 * nodes[above, i, 3] + w11 * nodes[above, right, 3]
+    size = 1.0 / math.sqrt(nx * nx + ny * ny)
+    return px, py, nx * size, ny * size
 
 
 @compiled

@@ -1,10 +1,11 @@
 """Where a hierarchical look-up table is split: the error of the bilinear interpolant, probed, and 2:1 grading.
 
 A square is split while the interpolant of its corners is further than `SHARE` of the stated error from the projection
-at any of 5 x 5 points of it. Between them the error of a smooth projection is hardly larger. A discontinuity could
-hide between them, but not far from others of its kind: the squares that it crosses visibly are split down to the
-smallest, and no square is more than twice as large as its neighbours. An end of it that reaches unseen into the next
-square is then shorter than half of the smallest one's side. One that is connected to none that is seen is not found.
+at any of 5 x 5 points of it, or two of its normals are more than a right angle apart. Between the points the error of
+a smooth projection is hardly larger. A discontinuity could hide between them, but not far from others of its kind: the
+squares that it crosses visibly are split down to the smallest, and no square is more than twice as large as its
+neighbours. An end of it that reaches unseen into the next square is then shorter than half of the smallest one's side.
+One that is connected to none that is seen is not found.
 """
 
 from __future__ import annotations
@@ -79,9 +80,10 @@ def _probed(
         kinds[np.abs(distance) <= 0.5 * side * 2.0**0.5 + source.stray] = EDGE
     held = kinds != FREE
     points = corner[held][:, np.newaxis] + side * PROBES
-    ihips = source.project(points.reshape(-1, 2))[0].reshape(-1, PROBES.shape[0], 2)
+    ihips, normals = (part.reshape(-1, PROBES.shape[0], 2) for part in source.project(points.reshape(-1, 2)))
     means = np.einsum("pc,kcd->kpd", WEIGHTS, ihips[:, CORNERS, :])
-    amiss[held] = np.hypot(*(means - ihips).transpose(2, 0, 1)).max(axis=1, initial=0.0) > limit
+    apart = np.einsum("kcd,ked->kce", normals[:, CORNERS], normals[:, CORNERS]).min(axis=(1, 2), initial=1.0) < 0.0
+    amiss[held] = apart | (np.hypot(*(means - ihips).transpose(2, 0, 1)).max(axis=1, initial=0.0) > limit)
     return kinds, amiss
 
 
