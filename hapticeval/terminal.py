@@ -62,6 +62,13 @@ class Terminal:
                 count = f"[{self._finished_jobs}/{self._planned_jobs}]"
                 self._line(f"{count} {event.renderer} on {event.suite}/{event.case}: {_told(event)}")
 
+    def working(self, done: int, total: int, what: str) -> None:
+        """Take how much of a bench is done and what comes next: a bar on a terminal, elsewhere a line each."""
+        if self._stream.isatty():
+            self._advance(done, total, what)
+        elif what:
+            self._line(f"[{done + 1}/{total}] {what}")
+
     def drawn(self, done: int, total: int) -> None:
         """Take how many of the report's figures are drawn: only a bar shows it."""
         if self._stream.isatty():

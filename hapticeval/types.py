@@ -12,3 +12,4 @@ Array: TypeAlias = NDArray[np.float64]
 
 BoolArray: TypeAlias = NDArray[np.bool_]
 IntArray: TypeAlias = NDArray[np.int64]
+ByteArray: TypeAlias = NDArray[np.uint8]

@@ -1,16 +1,32 @@
 """The reference renderers: projections of thesis chapter 4 with the regulation schemes of 4.2 and (5.21).
 
-The two names that the framework finds are factories. Each has variants by regulation scheme and representation, which
+The names that the framework finds are factories. Each has variants by regulation scheme and representation, which
 are written into a renderer's name as BASE[+SCHEME][@REPRESENTATION], such as `constraint+pp-pd@curve`.
 """
 
-from hapticeval.renderers.family import ProjectiveFamily, by_constraint, by_minimum_distance
+from hapticeval.renderers.family import (
+    CELL_KNOB,
+    FLOW_KNOBS,
+    GRID_KNOB,
+    NODES_KNOB,
+    VERTICES_KNOB,
+    ProjectiveFamily,
+    by_conformal,
+    by_constraint,
+    by_mapping,
+    by_minimum_distance,
+)
 
 minimum_distance = ProjectiveFamily(
     summary="nearest surface point, thesis (4.2), on the exact curve; pops through medial axes",
     project=by_minimum_distance,
-    representations=("curve", "polygon", "level-set"),
+    representations=("curve", "polygon", "level-set", "lut"),
     representation="curve",
+    offered_knobs={
+        "polygon": {"vertices": VERTICES_KNOB},
+        "level-set": {"grid": GRID_KNOB},
+        "lut": {"cell": CELL_KNOB},
+    },
 )
 """The minimum distance renderer."""
 
@@ -20,7 +36,30 @@ constraint = ProjectiveFamily(
     representations=("curve", "polygon"),
     representation="polygon",
     refused="the constraint projection needs a boundary to slide on, and a level set has none",
+    offered_knobs={"polygon": {"vertices": VERTICES_KNOB}},
 )
 """The constraint renderer."""
 
-__all__ = ["constraint", "minimum_distance"]
+conformal = ProjectiveFamily(
+    summary="through the conformal map to the disk, thesis (5.17) and 8.2.1, with (5.21); no pop-through inside",
+    project=by_conformal,
+    representations=("curve", "lut"),
+    representation="curve",
+    regulation="transversal",
+    refused="the conformal map is that of the exact boundary",
+    offered_knobs={"curve": {"nodes": NODES_KNOB}, "lut": {"cell": CELL_KNOB}},
+)
+"""The conformal renderer."""
+
+mapping = ProjectiveFamily(
+    summary="through the curve shortening flow's map to the disk, thesis chapter 5; refuses models that it cannot map",
+    project=by_mapping,
+    representations=("curve", "lut"),
+    representation="curve",
+    regulation="transversal",
+    refused="the flow is that of the exact boundary",
+    offered_knobs={"curve": FLOW_KNOBS, "lut": {"cell": CELL_KNOB}},
+)
+"""The mapping renderer."""
+
+__all__ = ["conformal", "constraint", "mapping", "minimum_distance"]

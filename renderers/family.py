@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.knob import Knob, Settings, refuse_unknown
 from hapticeval.renderers.regulation import REGULATIONS
 
 if TYPE_CHECKING:
@@ -20,28 +21,101 @@ VERTICES = 40
 GRID = (100, 100)
 """Nodes of the level set representation (thesis 4.1.1)."""
 
-REPRESENTATIONS = ("curve", "polygon", "level-set")
+VERTICES_KNOB = Knob(
+    values=(20, 40, 80, 160, 320, 640, 1280, 2560),
+    quick=(40, 160, 640),
+    unit="",
+    meaning="vertices of the polygon, at equal steps of the curve's parameter",
+)
+GRID_KNOB = Knob(
+    values=(50, 100, 200, 400, 800),
+    quick=(50, 100, 200),
+    unit="",
+    meaning="nodes of the level set along each side",
+)
+NODES_KNOB = Knob(
+    values=(80, 160, 320, 640, 1280),
+    quick=(80, 320, 1280),
+    finest=(1280, 2560),
+    unit="",
+    meaning="nodes of the conformal map's boundary integral",
+)
+
+CELL_KNOB = Knob(
+    values=(4e-3, 2e-3, 1e-3, 0.5e-3, 0.25e-3),
+    quick=(2e-3, 1e-3, 0.5e-3),
+    unit="m",
+    meaning="side of a cell of the look-up table",
+)
+
+CELLS = 200
+"""Cells of the flow grid along the model's longer side."""
+
+GAP = 1e-6
+"""Least distance of transversal lines as a share of their mean: enough to keep their order, and no more."""
+
+FLOW_KNOBS = {
+    "cells": Knob(
+        values=(50, 100, 150, 200, 300),
+        quick=(50, 100, 200),
+        finest=(300, 400),
+        unit="",
+        meaning="cells of the flow grid along the model's longer side",
+    ),
+    "lines": Knob(
+        values=(50, 100, 200, 400, 800), quick=(100, 400), unit="", meaning="transversal lines of the flow grid"
+    ),
+    "gap": Knob(
+        values=(0.2, 0.05, 0.01, 1e-3, 1e-6),
+        quick=(0.05, 1e-6),
+        unit="",
+        meaning="least distance of transversal lines as a share of their mean; 0.05 makes the map of a star continuous",
+    ),
+    "levels": Knob(values=(10, 20, 40, 80, 100), quick=(20, 80), unit="", meaning="tangential levels of the flow grid"),
+}
+
+LUT = "lut"
+"""The representation that is a table of what the projection answers on its `TABULATED` one (thesis 6.2)."""
+
+TABULATED = "curve"
+
+REPRESENTATIONS = ("curve", "polygon", "level-set", LUT)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ProjectiveFamily:
     """A factory of projective renderers, and, by `variant`, of those with another scheme or representation.
 
-    Calling it with a scene builds the renderer. A model of straight edges is its own polygon: there polygon and curve
-    coincide. The line is unbounded and has no finite polygon or grid: there every representation means the exact line.
+    Calling it with a scene builds the renderer, with `project(scene, representation, **settings)` as its projection.
+    `offered_knobs` are the knobs of each representation, and `settings` those that are set. On `lut`, which a family
+    without memory may list, that projection is read from a table. A model of straight edges is its own polygon: there
+    polygon and curve coincide. The line is unbounded and has no finite polygon or grid: there every representation
+    means the exact line.
     """
 
     summary: str
-    project: Callable[[Scene, str], Projection]
+    project: Callable[..., Projection]
     representations: tuple[str, ...]
     representation: str
     regulation: str = "pp"
     refused: str = ""
+    offered_knobs: Mapping[str, Mapping[str, Knob]] = field(default_factory=dict)
+    settings: Settings = field(default_factory=dict)
 
     @property
     def regulations(self) -> tuple[str, ...]:
         """The names of the regulation schemes that `variant` takes."""
         return tuple(REGULATIONS)
+
+    @property
+    def knobs(self) -> Mapping[str, Knob]:
+        """What can be set finer or coarser on this representation, by name."""
+        return self.offered_knobs.get(self.representation, {})
+
+    def with_knobs(self, **values: float) -> ProjectiveFamily:
+        """The same with some knobs set. Raises `UnknownNameError` for one that this representation does not have."""
+        refuse_unknown(values, self.knobs, name=f"the {self.representation} representation")
+        return replace(self, settings={**self.settings, **values})
 
     def variant(self, *, regulation: str | None = None, representation: str | None = None) -> ProjectiveFamily:
         """The same projection with another regulation scheme or on another representation; None keeps this one's.
@@ -55,37 +129,44 @@ class ProjectiveFamily:
             if representation in REPRESENTATIONS:
                 raise InputError(
                     f"representation '{representation}' is not for this projection",
-                    why=self.refused,
+                    why=self.refused if representation != LUT else "it remembers, and a table holds no past (6.2)",
                     todo=f"use one of: {', '.join(self.representations)}",
                 )
             raise UnknownNameError("representation", representation, self.representations)
-        return replace(
-            self,
-            regulation=regulation or self.regulation,
-            representation=representation or self.representation,
-        )
+        chosen = representation or self.representation
+        kept = {name: value for name, value in self.settings.items() if name in self.offered_knobs.get(chosen, {})}
+        return replace(self, regulation=regulation or self.regulation, representation=chosen, settings=kept)
 
     def __call__(self, scene: Scene) -> ProjectiveRenderer:
         """The renderer for a scene; its gains are the scene's."""
         from hapticeval.renderers.projective import ProjectiveRenderer
 
         return ProjectiveRenderer(
-            self.project(scene, self.representation),
+            self._projection(scene),
             REGULATIONS[self.regulation],
             stiffness=scene.stiffness,
             damping=scene.damping,
         )
 
+    def _projection(self, scene: Scene) -> Projection:
+        if self.representation != LUT:
+            return self.project(scene, self.representation, **self.settings)
+        from hapticeval.renderers.lut import tabulated
 
-def by_constraint(scene: Scene, representation: str) -> Projection:
+        return tabulated(self.project, scene, TABULATED, **self.settings)
+
+
+def by_constraint(scene: Scene, representation: str, *, vertices: float = VERTICES) -> Projection:
     """The constraint projection (4.3) on a representation of the scene's model."""
     from hapticeval.renderers.god_object import ConstraintProjection
     from hapticeval.renderers.outline import outline_of
 
-    return ConstraintProjection(outline_of(scene.model, representation), bilateral=scene.bilateral)
+    return ConstraintProjection(outline_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)
 
 
-def by_minimum_distance(scene: Scene, representation: str) -> Projection:
+def by_minimum_distance(
+    scene: Scene, representation: str, *, vertices: float = VERTICES, grid: float = GRID[0]
+) -> Projection:
     """The minimum distance projection (4.2) on a representation of the scene's model."""
     from hapticeval.renderers.nearest_point import MinimumDistanceProjection
     from hapticeval.renderers.outline import outline_of
@@ -93,5 +174,35 @@ def by_minimum_distance(scene: Scene, representation: str) -> Projection:
     if representation == "level-set" and scene.model.curve.closed:
         from hapticeval.renderers.nearest_contour import LevelSetProjection
 
-        return LevelSetProjection(scene.model, GRID, bilateral=scene.bilateral)
-    return MinimumDistanceProjection(outline_of(scene.model, representation), bilateral=scene.bilateral)
+        return LevelSetProjection(scene.model, (int(grid), int(grid)), bilateral=scene.bilateral)
+    return MinimumDistanceProjection(outline_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)
+
+
+def by_conformal(scene: Scene, representation: str, *, nodes: float | None = None) -> Projection:  # noqa: ARG001
+    """The projection through the conformal map of the scene's model to the disk (5.17), (8.2.1)."""
+    from hapticeval.renderers.conformal_projection import conformal_projection
+
+    count = None if nodes is None else int(nodes)
+    return conformal_projection(scene.model, bilateral=scene.bilateral, nodes=count)
+
+
+def by_mapping(
+    scene: Scene,
+    representation: str,  # noqa: ARG001
+    *,
+    cells: float = CELLS,
+    lines: float | None = None,
+    levels: float | None = None,
+    gap: float = GAP,
+) -> Projection:
+    """The projection through the flow map of the scene's model to the disk (5.17)."""
+    from hapticeval.geometry.flow import FlowSettings
+    from hapticeval.renderers.mapping_projection import mapping_projection
+
+    settings = FlowSettings(
+        cells=int(cells),
+        lines=None if lines is None else int(lines),
+        levels=None if levels is None else int(levels),
+        gap=gap,
+    )
+    return mapping_projection(scene.model, bilateral=scene.bilateral, settings=settings)

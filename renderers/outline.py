@@ -21,24 +21,25 @@ class Outline:
     standoff: float
 
 
-def outline_of(model: Model, representation: str) -> Outline:
-    """The representation of a model, made once: its polygon of 40 vertices, or its exact curve.
+def outline_of(model: Model, representation: str, vertices: int = VERTICES) -> Outline:
+    """The representation of a model, made once: its polygon of so many vertices, or its exact curve.
 
     A model of straight edges is its own polygon; the unbounded line has no other representation than itself.
     """
     curve = model.curve
     kept = _KEPT.setdefault(model, {})
-    if representation not in kept:
+    key = f"{representation} {vertices}" if representation == "polygon" else representation
+    if key not in kept:
         if curve.closed and straight(curve):
-            kept[representation] = Outline(boundary_of(model.polygon()), curve, 0.0, 0.0)
+            kept[key] = Outline(boundary_of(model.polygon()), curve, 0.0, 0.0)
         elif curve.closed and representation == "polygon":
-            polygon = model.polygon(VERTICES)
-            kept[representation] = Outline(
+            polygon = model.polygon(vertices)
+            kept[key] = Outline(
                 boundary_of(polygon), polygon.as_curve(), polygon.resolution, polygon.standoff_from(curve)
             )
         else:
-            kept[representation] = Outline(boundary_of(curve), curve, 0.0, 0.0)
-    return kept[representation]
+            kept[key] = Outline(boundary_of(curve), curve, 0.0, 0.0)
+    return kept[key]
 
 
 _KEPT: WeakKeyDictionary[Model, dict[str, Outline]] = WeakKeyDictionary()

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
+from hapticeval.costs import Costs
+from hapticeval.reports.bench_section import COLUMNS, bench_section
 from hapticeval.reports.marks import Mark, marks_of
 from hapticeval.reports.quantity import quantity
 from hapticeval.reports.table import SYMBOLS, Cell, cell_of, matrix, ran, renderers, summary
@@ -68,8 +70,11 @@ class ShownCase:
     runs: Sequence[ShownRun]
 
 
-def render_html(results: Results, drawings: Mapping[RunKey, Drawing]) -> str:
-    """The page. Everything that comes from results is escaped; the drawings' SVG is put in as it is."""
+def render_html(results: Results, drawings: Mapping[RunKey, Drawing], *, costs: Costs | None = None) -> str:
+    """The page, with a section on `costs` where there is a bench.
+
+    Everything that comes from results is escaped; the drawings' SVG is put in as it is.
+    """
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
@@ -95,6 +100,8 @@ def render_html(results: Results, drawings: Mapping[RunKey, Drawing]) -> str:
         anchors=lambda cell: anchors[id(cell.verdict)],
         cases=_cases(results, names, drawings, anchors),
         checks=_checks(results),
+        bench=None if costs is None else bench_section(costs),
+        bench_columns=COLUMNS,
         versions={name: each for name, each in results.environment.get("versions", {}).items() if each},
     )
 

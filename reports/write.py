@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hapticeval.costs import FILE as BENCH
+from hapticeval.costs import Costs, read_costs
 from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
 from hapticeval.reports.figures import figure_svg
@@ -46,7 +48,7 @@ def write_reports(
     texts = {
         "table.md": markdown(results),
         "junit.xml": junit(results),
-        "report.html": render_html(results, _drawn(directory, results, progress, workers)),
+        "report.html": render_html(results, _drawn(directory, results, progress, workers), costs=_bench(directory)),
     }
     written = []
     for name, text in texts.items():
@@ -57,6 +59,11 @@ def write_reports(
             raise HapticevalError(f"cannot write {directory / name}", why=error.strerror or str(error)) from error
         written.append(directory / name)
     return written
+
+
+def _bench(directory: Path) -> Costs | None:
+    """The bench beside the results, where there is one."""
+    return read_costs(directory) if (directory / BENCH).exists() else None
 
 
 def _drawn(

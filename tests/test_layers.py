@@ -15,26 +15,31 @@ ROOT = Path(__file__).parents[1]
 
 LAYERS = (
     {"types", "errors", "compiled"},
-    {"files", "geometry"},
+    {"files", "geometry", "knob"},
+    {"fields"},
     {"devices", "recordings"},
     {"scene", "stimulus"},
     {"renderer", "trajectories"},
     {"phenomena", "playback"},
     {"closed_loop", "discovery", "ideal", "suite"},
-    {"judging", "results", "table"},
+    {"costs", "judging", "projecting", "results", "table"},
     {"events"},
-    {"runner"},
+    {"bench", "runner"},
+    {"picturing"},
     {"listing", "terminal"},
     {"cli"},
     {"__main__"},
 )
 """From the bottom up. A unit (a module or a subpackage) imports from lower layers, and from itself."""
 
-RENDERERS_MAY = set().union(*LAYERS[:5])
+RENDERERS_MAY = set().union(*LAYERS[:6])
 """The reference renderers know geometry, devices and the protocol: all that a third party's may know."""
 
 RUNNING = {
+    "bench",
     "judging",
+    "picturing",
+    "projecting",
     "runner",
     "playback",
     "closed_loop",

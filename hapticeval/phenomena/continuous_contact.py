@@ -25,6 +25,8 @@ from hapticeval.types import Array
 REFINEMENTS = (1, 2, 4, 8, 16, 32)
 MINI = 1.5
 """A jump up to this many edges or cells of the renderer's representation is a mini pop-through: between neighbours."""
+STILL = 1e-3
+"""HIP steps below this share of the largest one are no motion that could be amplified."""
 STAYS, SHRINKS = 0.15, 0.25
 """Slopes of log2(jump) against log2(step): a jump has 0, a Hoelder map of order a has a, a Lipschitz map 1."""
 
@@ -38,6 +40,16 @@ def largest_jump(recording: Recording, scene: Scene) -> tuple[float, int]:
     steps = np.where(both, np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1), 0.0)
     tick = int(np.argmax(steps)) + 1
     return float(steps[tick - 1]), tick
+
+
+def amplification(recording: Recording, scene: Scene) -> float:
+    """The largest ratio of IHIP step to HIP step between two samples in contact: how far a map stretches; 0 if none."""
+    contact = touching(recording, scene)
+    steps = hip_steps(recording)
+    both = contact[1:] & contact[:-1] & (steps > STILL * np.max(steps, initial=0.0))
+    if not both.any():
+        return 0.0
+    return float(np.max(np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1)[both] / steps[both]))
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -56,6 +68,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "ihip_before": [float(x) for x in base.ihip[tick - 1]],
         "jump_m": jump,
         "hip_step_m": step,
+        "amplification": amplification(base, scene),
         "jump_in_hip_steps": jump / float(max(hip_steps(base)[tick - 1], 1e-12)),
     }
     if runs.refine is None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hapticeval.geometry.catalogue import circle
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.continuous_contact import judge
+from hapticeval.phenomena.continuous_contact import amplification, judge
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -44,6 +44,21 @@ def test_a_jump_stays_whatever_its_size_and_place(size, where):
 def test_a_steep_but_continuous_map_passes(slope, where):
     finding = judge(runs(lambda x: x + slope * np.clip(x - where, 0.0, 1e-3)), SCENE)
     assert finding.outcome is Outcome.PASS
+
+
+@pytest.mark.parametrize("slope", [0.5, 1.0, 11.0])
+def test_the_amplification_is_the_steepest_stretch(slope):
+    finding = judge(runs(lambda x: 0.3 * x + slope * np.clip(x - 0.02, 0.0, 5e-3)), SCENE)
+    assert finding.evidence["amplification"] == pytest.approx(0.3 + slope)
+
+
+def test_a_hand_that_rests_amplifies_nothing():
+    """Where the HIP hardly moves the IHIP may still catch up; that is lag and no stretch."""
+    hip = np.array([[0.0, -1e-3], [1e-3, -1e-3], [1e-3, -1e-3], [2e-3, -1e-3]])
+    ihip = np.array([[0.0, 0.0], [0.5e-3, 0.0], [1e-3, 0.0], [2e-3, 0.0]])
+    recording = Recording(1e-3 * np.arange(4.0), {"hip": hip, "ihip": ihip, "force": 1e3 * (ihip - hip)}, {})
+    assert amplification(recording, SCENE) == pytest.approx(1.0)
+    assert amplification(Recording(recording.time, {"hip": hip, "ihip": hip, "force": 0.0 * hip}, {}), SCENE) == 0.0
 
 
 def test_the_steepest_map_met_in_practice_passes():

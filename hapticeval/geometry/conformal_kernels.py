@@ -1,0 +1,176 @@
+"""Compiled loops of the conformal map: the integral equation's matrix, the map of points, and the way back."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hapticeval.compiled import compiled
+from hapticeval.geometry.conformal_nodes import Complex, parameter_at
+from hapticeval.types import Array
+
+LANES = 16
+"""Points that are mapped side by side, so that the processor's vector units take several at once."""
+
+AWAY = 1e-150
+"""Added to the offset from a node: too small to change one, but enough for a point on a node to be mapped as it is."""
+
+
+class Disk(NamedTuple):
+    """What the loops walk: `nodes` (n, 6) with the rows x, y, x', y', cos Θ, sin Θ in units of `scale` about (cx, cy).
+
+    `angles` and `slopes` (m + 1,) are the boundary angle Θ (rad), never falling, and its derivative by table step,
+    of a table with `fine` steps from one node to the next, the last entry one turn after the first. `pieces` and
+    `per_piece` as in `conformal_nodes`.
+    """
+
+    nodes: Array
+    angles: Array
+    slopes: Array
+    pieces: Array
+    per_piece: int
+    fine: int
+    cx: float
+    cy: float
+    scale: float
+
+
+@compiled
+def matrix(anchors: Complex, offsets: Complex, steps: Complex) -> Array:
+    """The adjoint double layer on the nodes: (n, n), each column of which sums to one.
+
+    Row i, column j holds the turn at node i, in shares of a full one, of the direction from node j. Seen from a
+    boundary point the whole boundary turns by a half; adding the half that the jump of the layer gives, the diagonal
+    follows from the others, which makes the rule exact at corners too.
+    """
+    n = anchors.shape[0]
+    out = np.empty((n, n))
+    for j in range(n):
+        out[j, j] = 1.0
+    for i in range(n):
+        tx, ty = steps[i].real / (2.0 * math.pi), steps[i].imag / (2.0 * math.pi)
+        for j in range(n):
+            if i == j:
+                continue
+            dx = (anchors[i].real - anchors[j].real) + (offsets[i].real - offsets[j].real)
+            dy = (anchors[i].imag - anchors[j].imag) + (offsets[i].imag - offsets[j].imag)
+            turn = (dx * ty - dy * tx) / (dx * dx + dy * dy)
+            out[i, j] = turn
+            out[j, j] -= turn
+    return out
+
+
+@compiled
+def to_disk(disk: Disk, points: Array) -> Array:
+    """The images (n, 2) in the unit disk of points (n, 2), m, inside the curve: barycentric Cauchy's formula.
+
+    The quotient of two integrals by one rule is exact for a constant, and interpolates at the nodes: it holds its
+    accuracy up to the boundary, where each integral alone loses all of it. Every lane adds in the order of nodes, so
+    that a point's image is the same, bit for bit, in whatever batch it comes.
+    """
+    nodes = disk.nodes
+    count = points.shape[0]
+    out = np.empty((count, 2))
+    xs, ys = np.empty(LANES), np.empty(LANES)
+    ax, ay, bx, by = np.empty(LANES), np.empty(LANES), np.empty(LANES), np.empty(LANES)
+    for first in range(0, count, LANES):
+        last = min(first + LANES, count)
+        lanes = last - first
+        for lane in range(lanes):
+            i = first + lane
+            xs[lane], ys[lane] = (points[i, 0] - disk.cx) / disk.scale, (points[i, 1] - disk.cy) / disk.scale
+            ax[lane] = ay[lane] = bx[lane] = by[lane] = 0.0
+        for j in range(nodes.shape[0]):
+            x, y, tx, ty, fx, fy = nodes[j, 0], nodes[j, 1], nodes[j, 2], nodes[j, 3], nodes[j, 4], nodes[j, 5]
+            for lane in range(lanes):
+                dx, dy = x - xs[lane] + AWAY, y - ys[lane]
+                near = 1.0 / (dx * dx + dy * dy)
+                wx, wy = (tx * dx + ty * dy) * near, (ty * dx - tx * dy) * near
+                ax[lane] += wx * fx - wy * fy
+                ay[lane] += wx * fy + wy * fx
+                bx[lane] += wx
+                by[lane] += wy
+        for i in range(first, last):
+            k = i - first
+            size = bx[k] * bx[k] + by[k] * by[k]
+            out[i, 0] = (ax[k] * bx[k] + ay[k] * by[k]) / size
+            out[i, 1] = (ay[k] * bx[k] - ax[k] * by[k]) / size
+    return out
+
+
+@compiled
+def to_angle(disk: Disk, points: Array) -> Array:
+    """The arguments (n,), rad, of `to_disk`."""
+    images = to_disk(disk, points)
+    out = np.empty(points.shape[0])
+    for i in range(out.shape[0]):
+        out[i] = math.atan2(images[i, 1], images[i, 0])
+    return out
+
+
+@compiled
+def angle_of(disk: Disk, px: float, py: float) -> float:
+    """`to_angle` of one point, to the last bit: the same sums in the same order, kept in registers."""
+    nodes = disk.nodes
+    px, py = (px - disk.cx) / disk.scale, (py - disk.cy) / disk.scale
+    ax, ay, bx, by = 0.0, 0.0, 0.0, 0.0
+    for j in range(nodes.shape[0]):
+        dx, dy = nodes[j, 0] - px + AWAY, nodes[j, 1] - py
+        tx, ty, fx, fy = nodes[j, 2], nodes[j, 3], nodes[j, 4], nodes[j, 5]
+        near = 1.0 / (dx * dx + dy * dy)
+        wx, wy = (tx * dx + ty * dy) * near, (ty * dx - tx * dy) * near
+        ax += wx * fx - wy * fy
+        ay += wx * fy + wy * fx
+        bx += wx
+        by += wy
+    size = bx * bx + by * by
+    return math.atan2((ay * bx - ax * by) / size, (ax * bx + ay * by) / size)
+
+
+@compiled
+def surface_at(disk: Disk, angle: float) -> float:
+    """The curve's u at a boundary angle: the monotone cubic of the table, solved by safeguarded Newton."""
+    angles, slopes = disk.angles, disk.slopes
+    last = angles.shape[0] - 1
+    turns = math.floor((angle - angles[0]) / (2.0 * math.pi))
+    angle = min(max(angle - turns * 2.0 * math.pi, angles[0]), angles[last])
+    k = min(np.searchsorted(angles, angle, "right") - 1, last - 1)
+    rise, goal = angles[k + 1] - angles[k], angle - angles[k]
+    share = 0.5
+    if rise > 0.0:
+        share = goal / rise
+        start, end = slopes[k], slopes[k + 1]
+        c, d = 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise
+        low, high = 0.0, 1.0
+        for _ in range(60):
+            miss = share * (start + share * (c + share * d)) - goal
+            if miss > 0.0:
+                high = share
+            else:
+                low = share
+            slope = start + share * (2.0 * c + 3.0 * share * d)
+            following = share - miss / slope if slope > 0.0 else -1.0
+            if not (low <= following <= high):
+                following = 0.5 * (low + high)
+            if abs(following - share) <= 1e-15:
+                share = following
+                break
+            share = following
+    return parameter_at(disk.pieces, disk.nodes.shape[0], disk.per_piece, (k + share) / disk.fine)
+
+
+@compiled
+def surface(disk: Disk, angles: Array) -> Array:
+    """`surface_at` for each of the angles (n,)."""
+    out = np.empty(angles.shape[0])
+    for i in range(out.shape[0]):
+        out[i] = surface_at(disk, angles[i])
+    return out
+
+
+@compiled
+def parameter(disk: Disk, x: float, y: float) -> float:
+    """`surface` of `to_angle` at one point."""
+    return surface_at(disk, angle_of(disk, x, y))

@@ -1,0 +1,314 @@
+"""Curve shortening flow of a model by the level set method (thesis 5.2): tangential levels and transversal lines.
+
+The model's signed distance is carried by (5.4) until its zero level has shrunk to a small circle. Points that start on
+the surface are carried along by (5.16), each pulled back onto the zero level after every step, and are recorded on
+levels of equal steps in the square root of the enclosed area.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.geometry import flow_kernels as kernels
+from hapticeval.geometry.flow_errors import FlowCollapseError, FlowSplitError
+from hapticeval.geometry.model import Model
+from hapticeval.types import Array
+
+VELOCITIES = MappingProxyType(
+    {"curvature": kernels.CURVATURE, "unit": kernels.UNIT, "cap": kernels.CAP, "arc": kernels.ARC}
+)
+"""Velocity functions by name: kappa; 1; (5.13); (5.14)."""
+
+MARGIN = 4
+"""Cells between the model and the edge of the grid."""
+
+REACH = 0.1
+"""How far the exterior flow goes, as a share of the model's size."""
+
+SHARE_OF_BOUND = 0.9
+"""Time step as a share of the stability bound, (5.12) corrected."""
+
+NOTCH = 0.5
+"""Cells by which the front of a model with corners that are hollow to the flow starts ahead of the surface. Between
+nodes the interpolant rounds such corners off outwards, and where the front hardly moves, levels would lie outside."""
+
+MOVE = 0.1
+"""Cells that the front may move between two updates of the particles and of the average curvature."""
+
+LAST_RADIUS = 4.0
+"""The flow stops at a length of 2 pi times this many cells: smaller fronts have no curvature on the grid."""
+
+ROUNDNESS_LOST = 0.8
+"""A front whose 4 pi A / L^2 falls below this share of its least so far above it is on its way to a segment."""
+
+LAST_ASPECT = 1.5
+"""Largest ratio of the extents of the last front: beyond it the front was not about to become a point."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlowSettings:
+    """The knobs of a flow, with the values that the renderer `mapping` takes.
+
+    `velocity` one of `VELOCITIES`; `cells` along the model's longer side and a margin; `lines` transversal lines, twice
+    as many as cells if None; `levels` steps in the root of the area from the whole model to nothing, two for five cells
+    if None; `cap` is K_cap (1/m) of (5.13), the average curvature of the model if None.
+
+    `gap` is the least distance of neighbouring lines as a share of their mean distance on the same level. Where a flow
+    drives lines closer together, on the bisectors of sharp tips, they are held this far apart, or they would cross. The
+    IHIP then moves about 1 / gap times as far as the HIP: a tiny gap keeps the order of the lines and no more, and the
+    flow's own jumps; 0.05 makes a continuous map of them.
+
+    Raises `UnknownNameError` for another velocity and `InputError` for numbers out of range.
+    """
+
+    velocity: str = "arc"
+    cells: int = 200
+    lines: int | None = None
+    levels: int | None = None
+    gap: float = 1e-6
+    cap: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.velocity not in VELOCITIES:
+            raise UnknownNameError("velocity function", self.velocity, VELOCITIES)
+        for name, low, high in (
+            ("cells", 24, 2000),
+            ("line_count", 16, 20_000),
+            ("level_count", 4, 2000),
+            ("gap", 0.0, 0.5),
+        ):
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise InputError(
+                    f"{name.removesuffix('_count')} = {value!r}", why=f"it must lie between {low} and {high}"
+                )
+        if 2 * self.level_count > self.cells:
+            raise InputError(
+                f"{self.level_count} levels on {self.cells} cells",
+                why="levels closer than a cell apart cannot be told apart",
+                todo="take at most half as many levels as cells",
+            )
+        if self.cap is not None and not (math.isfinite(self.cap) and self.cap > 0.0):
+            raise InputError(
+                f"cap = {self.cap!r} 1/m", why="it must be finite and positive, so that the front advances"
+            )
+
+    @property
+    def line_count(self) -> int:
+        """The transversal lines that are asked for; corners may add to them."""
+        return 2 * self.cells if self.lines is None else self.lines
+
+    @property
+    def level_count(self) -> int:
+        """The steps from the whole model to nothing."""
+        return 2 * self.cells // 5 if self.levels is None else self.levels
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """What a flow recorded: m levels, the first the surface itself, and n lines, anticlockwise.
+
+    `points` (m, n, 2), m; `u` (n,) the curve's parameters of the lines' starts; `times` (m,), in m for velocities
+    without unit and m^2 for curvature; `lengths` (m,), m, and `areas` (m,), m^2, of the levels on the grid; `held`
+    (m,) how many gaps between lines were held open at the level; `cell` (m).
+    """
+
+    points: Array
+    u: Array
+    times: Array
+    lengths: Array
+    areas: Array
+    held: Array
+    cell: float
+    exterior: bool
+
+
+def flow(model: Model, settings: FlowSettings, *, exterior: bool = False) -> Flow:
+    """The flow of a model inwards, or with `exterior` outwards until it nears a tenth of the model's size.
+
+    The exterior flow carries -gamma, whose average curvature is taken by its size (it is negative). Raises
+    `InputError` for an unbounded model, `FlowSplitError` where the front falls apart, and `FlowCollapseError` where it
+    shrinks to a segment.
+    """
+    if not model.curve.closed:
+        raise InputError(f"model '{model.name}' is unbounded", why="its surface does not shrink to a point")
+    front = Front(model, settings, exterior=exterior)
+    records = list(_levels(front, settings))
+    times, lengths, areas, held, points = zip(*records, strict=True)
+    return Flow(
+        np.array(points),
+        front.u,
+        np.array(times),
+        np.array(lengths),
+        np.array(areas),
+        np.array(held),
+        front.h,
+        exterior,
+    )
+
+
+class Front:
+    """A level set on its way, with the particles on it: the state of a flow."""
+
+    def __init__(self, model: Model, settings: FlowSettings, *, exterior: bool = False) -> None:
+        xmin, ymin, xmax, ymax = model.curve.bounds
+        self.model = model
+        self.exterior = exterior
+        self.h = h = model.size / (settings.cells - 2 * MARGIN)
+        extra = MARGIN + math.ceil((REACH if exterior else 0.0) * model.size / h)
+        nx, ny = (2 * extra + 1 + math.ceil(side / h) for side in (xmax - xmin, ymax - ymin))
+        self.x0, self.y0 = 0.5 * (xmin + xmax - (nx - 1) * h), 0.5 * (ymin + ymax - (ny - 1) * h)
+        x, y = self.x0 + h * np.arange(nx), self.y0 + h * np.arange(ny)
+        nodes = np.column_stack([array.ravel() for array in np.meshgrid(x, y)])
+        distance = model.curve.signed_distance(nodes).reshape(ny, nx)
+        hollow = any(corner.convex == exterior for corner in model.curve.corners)
+        self.values = np.ascontiguousarray(-distance if exterior else distance) + (NOTCH * h if hollow else 0.0)
+        self._spare = self.values.copy()
+        self.kind = VELOCITIES[settings.velocity]
+        self.gap = settings.gap
+        self.u = starts(model, settings.line_count)
+        self.points = model.curve.position(self.u)
+        self.time = 0.0
+        self.held = 0
+        self._cap = settings.cap if settings.cap is not None else 2.0 * math.pi / model.curve.length
+        self._speed = 1.0 / h if self.kind in (kernels.CURVATURE, kernels.CAP) else 1.0
+        self._measure()
+
+    @property
+    def scale(self) -> float:
+        """K_cap, or the average curvature 2 pi / L by (5.15); its size for the exterior."""
+        return self._cap if self.kind == kernels.CAP else 2.0 * math.pi / self.length
+
+    def update(self) -> None:
+        """Some steps of the level set, while the front moves a tenth of a cell, and the points with it."""
+        scale = self.scale
+        dt = SHARE_OF_BOUND * kernels.largest_step(self.kind, scale, self.h)
+        steps = 2 * max(1, round(0.5 * MOVE * self.h / (self._speed * dt)))
+        if self.kind == kernels.UNIT:
+            dt, steps = 0.5 * MOVE * self.h, 2
+        self._speed = max(
+            kernels.carry(self.values, self.h, self.x0, self.y0, self.kind, scale, steps * dt, self.points), 1e-3
+        )
+        kernels.advance_many(self.values, self._spare, self.h, self.kind, scale, True, dt, steps)
+        kernels.pull_back(self.values, self.h, self.x0, self.y0, self.points)
+        self.time += steps * dt
+        self._measure()
+        if self.gap > 0.0:
+            held = kernels.keep_apart(self.points, self.gap * self.length / self.points.shape[0])
+            if held:
+                kernels.pull_back(self.values, self.h, self.x0, self.y0, self.points)
+            self.held = held
+
+    def _measure(self) -> None:
+        self.length, area = kernels.front(self.values, self.h)
+        ny, nx = self.values.shape
+        self.area = (nx - 1) * (ny - 1) * self.h**2 - area if self.exterior else area
+
+    @property
+    def roundness(self) -> float:
+        """4 pi A / L^2: 1 for a circle."""
+        return 4.0 * math.pi * self.area / self.length**2 if self.length > 0.0 else 0.0
+
+    @property
+    def aspect(self) -> float:
+        """The ratio of the extents of the points along their principal axes."""
+        centred = self.points - self.points.mean(axis=0)
+        long, short = np.ptp(centred @ np.linalg.svd(centred, full_matrices=False)[2].T, axis=0)
+        return float(max(long, short) / max(min(long, short), 1e-300))
+
+    def parts(self) -> tuple[int, tuple[float, float]]:
+        """How many parts the inside has, and the middle (m) between the two nearest nodes of the first two."""
+        labels = np.zeros(self.values.shape, dtype=np.int64)
+        count = kernels.components(self.values, labels)
+        if count < 2:
+            return count, (math.nan, math.nan)
+        from scipy.spatial import cKDTree
+
+        first, second = (np.argwhere(labels == k)[:, ::-1] * self.h + (self.x0, self.y0) for k in (1, 2))
+        distances, matches = cKDTree(first).query(second)
+        k = int(np.argmin(distances))
+        x, y = 0.5 * (second[k] + first[np.asarray(matches)[k]])
+        return count, (float(x), float(y))
+
+    @property
+    def near_edge(self) -> bool:
+        """Whether a point is within the margin of the grid's edge."""
+        low = np.array([self.x0, self.y0]) + MARGIN * self.h
+        high = np.array([self.x0, self.y0]) + (np.array(self.values.shape[::-1]) - 1 - MARGIN) * self.h
+        return bool(np.any(self.points < low) or np.any(self.points > high))
+
+
+def starts(model: Model, lines: int) -> Array:
+    """Where lines start: parameters at every corner, and at equal arc lengths between."""
+    curve = model.curve
+    cuts = [corner.s for corner in curve.corners] or [0.0]
+    runs = []
+    for first, last in zip(cuts, [*cuts[1:], cuts[0] + curve.length], strict=True):
+        count = max(1, round(lines * (last - first) / curve.length))
+        runs.append(first + (last - first) * np.arange(count) / count)
+    return np.unique(curve.parameter(np.concatenate(runs)))
+
+
+def _levels(front: Front, settings: FlowSettings) -> Iterator[tuple[float, float, float, int, Array]]:
+    """Run a flow to its end: a record a level."""
+    whole = front.area
+    yield front.time, front.length, front.area, 0, front.points.copy()
+    roundest, level = front.roundness, 1
+    sign = 1.0 if front.exterior else -1.0
+    held = 0
+    while not _ended(front):
+        front.update()
+        held = max(held, front.held)
+        roundest = max(roundest, front.roundness)
+        lost = not front.exterior and front.roundness < ROUNDNESS_LOST * roundest
+        done = sign * (math.sqrt(max(front.area, 0.0) / whole) - 1.0) >= level / settings.level_count
+        if done or lost:
+            _check_parts(front)
+        if lost:
+            raise _collapse(front)
+        if done:
+            yield front.time, front.length, front.area, held, front.points.copy()
+            level, held = level + 1, 0
+    if not front.exterior:
+        _check_parts(front)
+        if front.aspect > LAST_ASPECT:
+            raise _collapse(front)
+        if math.sqrt(front.area / whole) < 1.0 - (level - 0.5) / settings.level_count:
+            yield front.time, front.length, front.area, held, front.points.copy()
+
+
+def _ended(front: Front) -> bool:
+    if front.exterior:
+        return front.near_edge
+    return front.length < 2.0 * math.pi * LAST_RADIUS * front.h
+
+
+def _check_parts(front: Front) -> None:
+    if front.exterior:
+        return
+    count, place = front.parts()
+    if count > 1:
+        raise FlowSplitError(
+            f"the flow of model '{front.model.name}' splits into {count} parts",
+            position=place,
+            time=front.time,
+            count=count,
+            why="the velocity knows the curvature alone, and a neck closes before the lobes have shrunk (Figure 5.9)",
+        )
+
+
+def _collapse(front: Front) -> FlowCollapseError:
+    x, y = front.points.mean(axis=0)
+    return FlowCollapseError(
+        f"the flow of model '{front.model.name}' shrinks to a segment instead of a point",
+        position=(float(x), float(y)),
+        time=front.time,
+        count=1,
+        why=f"the last level is {front.aspect:.2g} times as long as wide, and 4 pi A / L^2 is {front.roundness:.2g}",
+    )

@@ -1,0 +1,253 @@
+"""Compiled lookup in a grid of levels and lines: which cell holds a point, and where it goes on the disk (5.18)-(5.20).
+
+A cell has the corners a, b on a level and d, e on the next, a and d on one line and b and e on the following one, so
+that a, b, e, d run anticlockwise. Where its diagonals cross it is cut into four triangles at the crossing
+(Figure 5.13); a cell that is not convex has no crossing and is cut into two along the diagonal inside it. Buckets of
+equal squares list the cells that touch them: a lookup costs the same wherever the point is.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hapticeval.compiled import compiled
+from hapticeval.types import Array, IntArray
+
+OFF = -1
+"""The level of a point that lies in no cell."""
+
+SLACK = 1e-9
+"""Share of its size by which a cell is widened, so that rounding leaves no gaps between cells."""
+
+
+class Chart(NamedTuple):
+    """A grid for the compiled lookup.
+
+    `points` and `disk` (m, n, 2): where level and line cross in the model (m) and on the disk, from the outermost level
+    inwards; level `surface` is the model's own, and has radius 1. `angles` (n + 1,) of the lines, from 0, and `us`
+    (n + 1,) the curve's parameters there, both one turn longer at the end; the curve's own range is from `start` to
+    `end`. `heads` (buckets + 1,) and `cells` list the
+    cells of each bucket, numbered k * n + i; buckets are `across` by `up` squares of side `side` (m) from (`x0`,
+    `y0`). `inner` (n,) are the directions (rad, increasing) of the last level's points from the `centre`, and `outer`
+    of the first level's, empty where points beyond it are in no cell.
+    """
+
+    points: Array
+    disk: Array
+    angles: Array
+    us: Array
+    heads: IntArray
+    cells: IntArray
+    x0: float
+    y0: float
+    side: float
+    across: int
+    up: int
+    centre: tuple[float, float]
+    inner: Array
+    outer: Array
+    surface: int
+    start: float
+    end: float
+
+
+@compiled
+def cross(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> float:
+    """Twice the area of the triangle a, b, p: positive where p is left of a to b."""
+    return (bx - ax) * (py - ay) - (by - ay) * (px - ax)
+
+
+@compiled
+def crossing(a: Array, b: Array, e: Array, d: Array) -> float:
+    """How far along the diagonal from a to e it meets the one from b to d; outside [0, 1] or NaN where it does not."""
+    before, after = cross(b[0], b[1], d[0], d[1], a[0], a[1]), cross(b[0], b[1], d[0], d[1], e[0], e[1])
+    t = before / (before - after)
+    left, right = cross(a[0], a[1], e[0], e[1], b[0], b[1]), cross(a[0], a[1], e[0], e[1], d[0], d[1])
+    return t if before > 0.0 > after and left < 0.0 < right else np.nan
+
+
+@compiled
+def _in_triangle(
+    p: Array, q: Array, cx: float, cy: float, v: Array, w: Array, zx: float, zy: float, x: float, y: float
+) -> tuple[float, float, float]:
+    """Barycentric map (5.20) of (x, y) from the triangle p, q, c to v, w, z; and its least coordinate."""
+    area = cross(p[0], p[1], q[0], q[1], cx, cy)
+    third = cross(p[0], p[1], q[0], q[1], x, y) / area
+    first = cross(q[0], q[1], cx, cy, x, y) / area
+    second = 1.0 - first - third
+    out_x = first * v[0] + second * w[0] + third * zx
+    out_y = first * v[1] + second * w[1] + third * zy
+    return out_x, out_y, min(first, second, third)
+
+
+@compiled
+def in_cell(points: Array, disk: Array, cell: int, x: float, y: float) -> tuple[float, float, float]:
+    """Where a point goes on the disk by the triangle of the cell nearest to it, and its least coordinate there.
+
+    The coordinate is negative outside the cell.
+    """
+    n = points.shape[1]
+    k, i = cell // n, cell % n
+    after = i + 1 if i + 1 < n else 0
+    a, b, d, e = points[k, i], points[k, after], points[k + 1, i], points[k + 1, after]
+    v, w, z, s = disk[k, i], disk[k, after], disk[k + 1, i], disk[k + 1, after]
+    t = crossing(a, b, e, d)
+    if not math.isnan(t):
+        cx, cy = a[0] + t * (e[0] - a[0]), a[1] + t * (e[1] - a[1])
+        r = crossing(v, w, s, z)
+        zx, zy = v[0] + r * (s[0] - v[0]), v[1] + r * (s[1] - v[1])
+        over_ae = cross(a[0], a[1], e[0], e[1], x, y) > 0.0
+        over_bd = cross(b[0], b[1], d[0], d[1], x, y) >= 0.0
+        if over_bd:
+            if over_ae:
+                return _in_triangle(d, a, cx, cy, z, v, zx, zy, x, y)
+            return _in_triangle(a, b, cx, cy, v, w, zx, zy, x, y)
+        if over_ae:
+            return _in_triangle(e, d, cx, cy, s, z, zx, zy, x, y)
+        return _in_triangle(b, e, cx, cy, w, s, zx, zy, x, y)
+    if cross(a[0], a[1], b[0], b[1], e[0], e[1]) > 0.0 and cross(a[0], a[1], e[0], e[1], d[0], d[1]) > 0.0:
+        if cross(a[0], a[1], e[0], e[1], x, y) > 0.0:
+            return _in_triangle(e, d, a[0], a[1], s, z, v[0], v[1], x, y)
+        return _in_triangle(a, b, e[0], e[1], v, w, s[0], s[1], x, y)
+    if cross(b[0], b[1], d[0], d[1], x, y) > 0.0:
+        return _in_triangle(d, a, b[0], b[1], z, v, w[0], w[1], x, y)
+    return _in_triangle(b, e, d[0], d[1], w, s, z[0], z[1], x, y)
+
+
+@compiled
+def to_disk(chart: Chart, x: float, y: float) -> tuple[int, float, float]:
+    """The level just outside a point, and the point on the disk by (5.20).
+
+    Within the last level, and beyond the first where `outer` is given, the point on the disk is that of this level in
+    the direction from the centre. (OFF, 0, 0) for a point that is in no cell.
+    """
+    n, m = chart.points.shape[1], chart.points.shape[0]
+    i, j = math.floor((x - chart.x0) / chart.side), math.floor((y - chart.y0) / chart.side)
+    if 0 <= i < chart.across and 0 <= j < chart.up:
+        bucket = j * chart.across + i
+        best, best_x, best_y, best_cell = -SLACK, 0.0, 0.0, -1
+        for entry in range(chart.heads[bucket], chart.heads[bucket + 1]):
+            cell = chart.cells[entry]
+            disk_x, disk_y, least = in_cell(chart.points, chart.disk, cell, x, y)
+            if least >= best:
+                best, best_x, best_y, best_cell = least, disk_x, disk_y, cell
+                if least > 0.0:
+                    break
+        if best_cell >= 0:
+            return best_cell // n, best_x, best_y
+    line, share, within = towards(chart.points[m - 1], chart.inner, chart.centre, x, y)
+    level = m - 1
+    if not within:
+        if chart.outer.shape[0] == 0:
+            return OFF, 0.0, 0.0
+        line, share, _ = towards(chart.points[0], chart.outer, chart.centre, x, y)
+        level = 0
+    v, w = chart.disk[level, line], chart.disk[level, line + 1 if line + 1 < n else 0]
+    return level, v[0] + share * (w[0] - v[0]), v[1] + share * (w[1] - v[1])
+
+
+@compiled
+def towards(ring: Array, polar: Array, centre: tuple[float, float], x: float, y: float) -> tuple[int, float, bool]:
+    """Where the ray from the centre to a point meets a ring (n, 2): line, share of the way to the next, and whether the
+    point lies within the ring."""
+    n = ring.shape[0]
+    cx, cy = centre
+    angle = math.atan2(y - cy, x - cx)
+    angle -= 2.0 * math.pi * math.floor((angle - polar[0]) / (2.0 * math.pi))
+    line = min(max(np.searchsorted(polar, angle, "right") - 1, 0), n - 1)
+    p, q = ring[line], ring[line + 1 if line + 1 < n else 0]
+    first, second = cross(x, y, q[0], q[1], cx, cy), cross(p[0], p[1], x, y, cx, cy)
+    total = first + second
+    share = second / total if total > 0.0 else 0.0
+    return line, min(max(share, 0.0), 1.0), total <= cross(p[0], p[1], q[0], q[1], cx, cy)
+
+
+@compiled
+def surface_parameter(chart: Chart, angle: float) -> float:
+    """The curve's parameter at an angle on the disk: linear between the lines' starts, the inverse in (5.17)."""
+    n = chart.points.shape[1]
+    turn = 2.0 * math.pi
+    angle -= turn * math.floor(angle / turn)
+    line = min(int(angle / turn * n), n - 1)
+    while line > 0 and chart.angles[line] > angle:
+        line -= 1
+    while line < n - 1 and chart.angles[line + 1] <= angle:
+        line += 1
+    share = (angle - chart.angles[line]) / (chart.angles[line + 1] - chart.angles[line])
+    u = chart.us[line] + share * (chart.us[line + 1] - chart.us[line])
+    return float(u if u < chart.end else max(u - (chart.end - chart.start), chart.start))
+
+
+@compiled
+def to_disk_many(chart: Chart, points: Array) -> tuple[IntArray, Array]:
+    """`to_disk` for rows of points (k, 2): levels (k,) and points on the disk (k, 2)."""
+    levels, out = np.empty(points.shape[0], np.int64), np.empty_like(points)
+    for row in range(points.shape[0]):
+        levels[row], out[row, 0], out[row, 1] = to_disk(chart, points[row, 0], points[row, 1])
+    return levels, out
+
+
+@compiled
+def angles_many(chart: Chart, points: Array) -> Array:
+    """The angles on the disk of rows of points (k, 2); NaN for one in no cell."""
+    out = np.empty(points.shape[0])
+    for row in range(points.shape[0]):
+        level, x, y = to_disk(chart, points[row, 0], points[row, 1])
+        out[row] = math.atan2(y, x) if level != OFF else np.nan
+    return out
+
+
+@compiled
+def fill_buckets(points: Array, x0: float, y0: float, side: float, across: int, up: int) -> tuple[IntArray, IntArray]:
+    """The cells that touch each bucket by their bounding boxes: heads (buckets + 1,) and cells."""
+    m, n = points.shape[0], points.shape[1]
+    heads = np.zeros(across * up + 1, np.int64)
+    boxes = np.empty((4, (m - 1) * n), np.int64)
+    for k in range(m - 1):
+        for i in range(n):
+            after = i + 1 if i + 1 < n else 0
+            low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
+            for row, column in ((k, i), (k, after), (k + 1, i), (k + 1, after)):
+                x, y = points[row, column, 0], points[row, column, 1]
+                low_x, high_x = min(low_x, x), max(high_x, x)
+                low_y, high_y = min(low_y, y), max(high_y, y)
+            pad = 1e-6 * side
+            cell = k * n + i
+            boxes[0, cell] = max(math.floor((low_x - pad - x0) / side), 0)
+            boxes[1, cell] = min(math.floor((high_x + pad - x0) / side), across - 1)
+            boxes[2, cell] = max(math.floor((low_y - pad - y0) / side), 0)
+            boxes[3, cell] = min(math.floor((high_y + pad - y0) / side), up - 1)
+            for j in range(boxes[2, cell], boxes[3, cell] + 1):
+                for h in range(boxes[0, cell], boxes[1, cell] + 1):
+                    heads[j * across + h + 1] += 1
+    for bucket in range(across * up):
+        heads[bucket + 1] += heads[bucket]
+    cells = np.empty(heads[-1], np.int64)
+    filled = heads[:-1].copy()
+    for cell in range(boxes.shape[1]):
+        for j in range(boxes[2, cell], boxes[3, cell] + 1):
+            for h in range(boxes[0, cell], boxes[1, cell] + 1):
+                cells[filled[j * across + h]] = cell
+                filled[j * across + h] += 1
+    return heads, cells
+
+
+@compiled
+def projected(chart: Chart, x: float, y: float) -> float:
+    """The parameter of the surface point that a point is projected to by (5.17); NaN for one in no cell."""
+    level, disk_x, disk_y = to_disk(chart, x, y)
+    if level == OFF:
+        return np.nan
+    return surface_parameter(chart, math.atan2(disk_y, disk_x))
+
+
+@compiled
+def surface_parameters(chart: Chart, angles: Array) -> Array:
+    """`surface_parameter` of each angle."""
+    out = np.empty(angles.shape[0])
+    for row in range(angles.shape[0]):
+        out[row] = surface_parameter(chart, angles[row])
+    return out

@@ -1,0 +1,126 @@
+"""The projection through a transformation to the disk (5.17): what the mapping and conformal renderers share."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import numpy as np
+
+from hapticeval.compiled import compiled
+from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.kernels import piece_of
+from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
+from hapticeval.renderers.boundary import Boundary, boundary_of, nearest_on
+from hapticeval.renderers.projection import Projected
+from hapticeval.renderers.slide import frame
+from hapticeval.types import Array, BoolArray
+
+
+class DiskMap(Protocol):
+    """A one-to-one transformation of the inside of a closed curve to the unit disk, and back on the boundary.
+
+    Every point that is strictly inside the exact curve has an answer, finite, also where a table or grid ends short
+    of the boundary. The three methods agree to the last bit: `parameter(x, y)` is `surface(to_angle([[x, y]]))[0]`.
+    """
+
+    def to_angle(self, points: Array) -> Array:
+        """The boundary angles (n,), rad, arg f(z), of points (n, 2), m, inside the curve."""
+
+    def surface(self, angles: Array) -> Array:
+        """The curve's parameters u (n,), inside its `u_range`, at boundary angles (n,), rad, of any turn."""
+
+    def parameter(self, x: float, y: float) -> float:
+        """The scalar path for one tick, in compiled code: the u at the boundary angle of one point inside, m."""
+
+
+class DiskProjection:
+    """Maps the hand to the disk, moves it radially onto the circle, and maps that point back to the surface (5.17).
+
+    Only the boundary is mapped back, so that the IHIP lies on the exact curve: `standoff` is zero. The side of the
+    hand is the exact curve's too. Outside, the hand is free; with `bilateral` it goes to the nearest surface point
+    there, for the map covers the inside alone. Without memory. `resolution` (m) is the length of surface over which
+    the map itself is blurred. Lines of projection are curved: regulate with (5.21), `transversal`.
+    """
+
+    def __init__(self, disk: DiskMap, curve: Curve, *, bilateral: bool, resolution: float = 0.0) -> None:
+        self.surface = curve
+        self.resolution = resolution
+        self.standoff = 0.0
+        self.map = disk
+        self._boundary = boundary_of(curve)
+        self._bilateral = bilateral
+
+    def reset(self, hip: Array) -> None:
+        """Nothing is remembered."""
+
+    def project(self, hip: Array) -> Projected:
+        """One tick."""
+        x, y = hip.tolist()
+        inside, _ = _side(self._boundary, x, y)
+        if inside:
+            return Projected(*_at(self._boundary.pieces, self._boundary.joints, self.map.parameter(x, y), x, y), True)
+        if self._bilateral:
+            return Projected(*_nearest(self._boundary, x, y), True)
+        return Projected((x, y), (0.0, 0.0), False)
+
+    def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
+        """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""
+        inside = _insides(self._boundary, hips)
+        held = np.ascontiguousarray(hips[inside])
+        parameters = np.full(inside.size, np.nan)
+        parameters[inside] = self.map.surface(self.map.to_angle(held))
+        ihips, normals = _frames(self._boundary, self._bilateral, inside, parameters, hips)
+        return ihips, normals, np.ones_like(inside) if self._bilateral else inside
+
+
+@compiled
+def _side(b: Boundary, x: float, y: float) -> tuple[bool, float]:
+    """Whether a point is inside the curve, and a distance to which every point is on the same side as it."""
+    edge, along, distance2 = nearest_kernel(b.vertices, b.tree, x, y)
+    distance = math.sqrt(distance2)
+    if distance > b.stray:
+        return side_kernel(b.vertices, edge, along, x, y) < 0.0, distance - b.stray
+    if b.stray == 0.0:
+        return False, 0.0
+    _, _, distance, side = nearest_on(b, x, y)
+    return side < 0.0, distance
+
+
+@compiled
+def _insides(b: Boundary, points: Array) -> BoolArray:
+    """Whether each point is inside: one close to the point before it, for its distance, need not be looked up."""
+    out = np.empty(points.shape[0], np.bool_)
+    inside, clear, x0, y0 = False, -1.0, 0.0, 0.0
+    for i in range(points.shape[0]):
+        x, y = points[i, 0], points[i, 1]
+        if math.hypot(x - x0, y - y0) >= 0.999999 * clear:
+            inside, clear = _side(b, x, y)
+            x0, y0 = x, y
+        out[i] = inside
+    return out
+
+
+@compiled
+def _at(pieces: Array, joints: Array, u: float, x: float, y: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    px, py, nx, ny = frame(pieces, joints, True, piece_of(pieces, u), u, x, y)
+    return (px, py), (nx, ny)
+
+
+@compiled
+def _nearest(b: Boundary, x: float, y: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    piece, u, _, _ = nearest_on(b, x, y)
+    px, py, nx, ny = frame(b.pieces, b.joints, b.closed, piece, u, x, y)
+    return (px, py), (nx, ny)
+
+
+@compiled
+def _frames(b: Boundary, bilateral: bool, inside: BoolArray, parameters: Array, hips: Array) -> tuple[Array, Array]:
+    ihips, normals = hips.copy(), np.zeros_like(hips)
+    for i in range(hips.shape[0]):
+        x, y = hips[i, 0], hips[i, 1]
+        if inside[i]:
+            (ihips[i, 0], ihips[i, 1]), (normals[i, 0], normals[i, 1]) = _at(b.pieces, b.joints, parameters[i], x, y)
+        elif bilateral:
+            (ihips[i, 0], ihips[i, 1]), (normals[i, 0], normals[i, 1]) = _nearest(b, x, y)
+    return ihips, normals

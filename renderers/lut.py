@@ -1,0 +1,92 @@
+"""Any projection without memory as a look-up table (thesis 6.2): the representation `@lut`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace as with_
+from typing import Any, Protocol
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.model import Model
+from hapticeval.renderers.lut_build import tabulate
+from hapticeval.renderers.lut_kernels import ASK, TOUCHES
+from hapticeval.renderers.lut_table import CELL
+from hapticeval.renderers.projection import Projected, Projection
+from hapticeval.scene import Scene
+from hapticeval.types import Array, BoolArray, ByteArray
+
+
+class Lookup(Protocol):
+    """A table of a plane projection, dense or hierarchical."""
+
+    @property
+    def standoff(self) -> float:
+        """The largest distance (m) off the surface of an interpolated IHIP."""
+
+    def look(self, x: float, y: float, *, ask: bool) -> tuple[int, float, float, float, float]:
+        """One HIP (m): (status, IHIP x, y, normal x, y)."""
+
+    def look_many(self, hips: Array, *, ask: bool) -> tuple[Array, Array, ByteArray]:
+        """`look` for each row of hips (n, 2): IHIPs, normals, status."""
+
+
+class LutProjection:
+    """Interpolates in a table; where the table does not interpolate, the `exact` projection answers.
+
+    Without `exact`, as for a table that was loaded from a file, the nearest node answers there. `surface` is the curve
+    that was tabulated, `resolution` (m) what is blurred: the side of a cell. `standoff` (m) is the table's, or the
+    exact projection's where that is larger. Without memory.
+    """
+
+    def __init__(self, table: Lookup, surface: Curve, *, resolution: float, exact: Projection | None = None) -> None:
+        self.table = table
+        self.surface = surface
+        self.resolution = resolution
+        self.standoff = max(table.standoff, 0.0 if exact is None else exact.standoff)
+        self._exact = exact
+        self._ask = exact is not None
+
+    def reset(self, hip: Array) -> None:
+        """Nothing is remembered."""
+
+    def project(self, hip: Array) -> Projected:
+        """One tick."""
+        x, y = hip.tolist()
+        status, px, py, nx, ny = self.table.look(x, y, ask=self._ask)
+        if status == ASK and self._exact is not None:
+            return self._exact.project(hip)
+        return Projected((px, py), (nx, ny), status == TOUCHES)
+
+    def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
+        """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""
+        ihips, normals, status = self.table.look_many(hips, ask=self._ask)
+        contact = status == TOUCHES
+        asked = np.flatnonzero(status == ASK)
+        if asked.size and self._exact is not None:
+            ihips[asked], normals[asked], contact[asked] = self._exact.trace(np.ascontiguousarray(hips[asked]))
+        return ihips, normals, contact
+
+
+def tabulated(
+    project: Callable[..., Projection], scene: Scene, representation: str, *, cell: float = CELL, **settings: Any
+) -> Projection:
+    """The projection `project(scene, representation, **settings)` through a table with cells of side `cell` (m).
+
+    The table is made once for a model, and shared. The unbounded line has no finite table, and is answered exactly.
+    Raises `InputError` for a cell that is not positive, or so small that the table would not fit in memory.
+    """
+    exact = project(scene, representation, **settings)
+    if not scene.model.curve.closed:
+        return exact
+    kept = _KEPT.setdefault(scene.model, {})
+    key = (project, representation, cell, scene.bilateral, *sorted(settings.items()))
+    if key not in kept:
+        both_sides = project(with_(scene, bilateral=True), representation, **settings)
+        kept[key] = tabulate(both_sides, cell=cell, everywhere=scene.bilateral)
+    return LutProjection(kept[key], exact.surface, resolution=max(cell, exact.resolution), exact=exact)
+
+
+_KEPT: WeakKeyDictionary[Model, dict[object, Lookup]] = WeakKeyDictionary()

@@ -1,0 +1,263 @@
+"""Filling a look-up table, and finding the cells that must not be interpolated.
+
+A cell is marked where one of four rules says so.
+
+1. The projection jumps across it. Where minimum distance is smooth it stretches distances by 1 / (1 - kappa d) at the
+   most, at depth d under curvature kappa; a transformation stretches by its own factor. A side of a cell whose ends
+   have IHIPs more than `STRETCH` sides apart is bisected `BISECTIONS` times, always on into the half with the larger
+   difference. A map that is Hoelder continuous of order p brings that down by 2^-p at each bisection, a jump not at
+   all: below order `ORDER` it is a jump, and every cell with that side is marked.
+2. The interpolated IHIP leaves the surface. Of nodes that lie on one arc of length l, which turns by t, no mean lies
+   further off than about l t / 4. Where that exceeds `OFF` sides of a cell the distance is measured at 5^N points, and
+   the cell marked if it does exceed it.
+3. The projection is too steep to be interpolated: a side is stretched by more than `STRETCH`, and the interpolated
+   IHIP in the middle of the cell is more than `AMISS` sides off the projection's own.
+4. Two of its normals are more than a right angle apart: then a mean of them may vanish, else none is shorter than
+   2^(-N/2).
+
+What the rules cannot see: a discontinuity that enters a cell and leaves it by one and the same side without parting
+two nodes, or ends inside of it. The nodes are then on one sheet of the projection, and what is interpolated is that
+sheet: a point of the surface, where the jump is displaced by less than a cell. Jumps under `STRETCH` sides are
+interpolated too, as long as they stay within the other rules.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hapticeval.geometry.polygon_kernels import nearest_many
+from hapticeval.renderers.boundary import boundary_of
+from hapticeval.renderers.lut_kernels import EDGE, HELD, MARKED
+from hapticeval.renderers.lut_table import CELL, Table, empty, grid_over
+from hapticeval.renderers.projection import Projection
+from hapticeval.types import Array, BoolArray
+
+STRETCH = 2.0
+BISECTIONS = 10
+ORDER = 0.2
+OFF = 0.05
+AMISS = 0.1
+
+PROBES = 5
+MARGIN = 1.1
+"""A probed maximum is raised by this much."""
+
+SLAB = 200_000
+"""Nodes that are filled at a time."""
+
+BLOCK = 8
+"""Nodes along the side of a block whose distance from the surface is asked for once, if it is far enough."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """What is tabulated, for any number of dimensions: both functions take points (n, N), m, on either side.
+
+    `project` gives IHIPs (n, N) and outward unit normals (n, N); `distance` the signed distance (n,), m, from the
+    surface, or from one that strays from it by no more than `stray` (m).
+    """
+
+    project: Callable[[Array], tuple[Array, Array]]
+    distance: Callable[[Array], Array]
+    stray: float = 0.0
+
+
+def source_of(projection: Projection) -> Source:
+    """The source of a projection without memory; it must be bilateral, for cells at the surface have outer nodes."""
+
+    def project(points: Array) -> tuple[Array, Array]:
+        ihips, normals, _ = projection.trace(np.ascontiguousarray(points))
+        return ihips, normals
+
+    outline = boundary_of(projection.surface)
+
+    def distance(points: Array) -> Array:
+        return nearest_many(outline.vertices, outline.tree, points)[2]
+
+    return Source(project=project, distance=distance, stray=outline.stray)
+
+
+def tabulate(projection: Projection, *, cell: float = CELL, everywhere: bool = False) -> Table:
+    """The table of a bilateral projection over its surface and a margin of one cell.
+
+    With `everywhere` it answers in contact throughout, else where the HIP is inside. Raises `InputError` as
+    `grid_over` and `empty` do.
+    """
+    xmin, ymin, xmax, ymax = projection.surface.bounds
+    table = empty(grid_over((xmin, ymin), (xmax, ymax), cell), everywhere=everywhere)
+    return replace(table, standoff=fill(table, source_of(projection)))
+
+
+def fill(
+    table: Table, source: Source, *, first: Sequence[int] | None = None, last: Sequence[int] | None = None
+) -> float:
+    """Fill the box of cells from `first` up to `last`, along x, y, (z), or the whole of a table; in slabs.
+
+    Returns the largest distance (m) off the surface of what is interpolated in it.
+    """
+    low = tuple(first or (0,) * table.grid.dimension)[::-1]
+    high = tuple(last or table.grid.cells)[::-1]
+    across = int(np.prod([b - a + 1 for a, b in zip(low[1:], high[1:], strict=True)]))
+    thickness = max(1, SLAB // across)
+    standoff = 0.0
+    for start in range(low[0], high[0], thickness):
+        box = ((start, *low[1:]), (min(start + thickness, high[0]), *high[1:]))
+        standoff = max(standoff, _fill_box(table, source, *box))
+    return standoff
+
+
+def _fill_box(table: Table, source: Source, low: tuple[int, ...], high: tuple[int, ...]) -> float:
+    """One box of cells, `low` and `high` in the order of the arrays' axes."""
+    dimension, side = table.grid.dimension, table.grid.cell
+    counts = tuple(b - a + 1 for a, b in zip(low, high, strict=True))
+    axes = [side * np.arange(a, b + 1) for a, b in zip(low, high, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij")[::-1], axis=-1) + np.array(table.grid.origin)
+    kinds = np.full(tuple(count - 1 for count in counts), HELD, np.uint8)
+    needed = np.ones(counts, bool)
+    if not table.everywhere:
+        # no point of a cell is further than half its diagonal from a node
+        reach = 0.5 * side * dimension**0.5 + source.stray
+        distance = _distances(points, source, reach)
+        near = _any(np.abs(distance) <= reach)
+        kinds = np.where(near, np.uint8(EDGE), np.where(_any(distance < 0.0), np.uint8(HELD), np.uint8(0)))
+        needed = _around(kinds != 0)
+    answers = np.zeros((*counts, 2 * dimension))
+    answers[needed] = np.concatenate(source.project(points[needed]), axis=1)
+    marked, steep = _jumps(points, answers[..., :dimension], needed, source, side)
+    marked |= _amiss(points, answers[..., :dimension], (kinds != 0) & steep & ~marked, source, AMISS * side)
+    standoff, off = _off_surface(answers, (kinds != 0) & ~marked, source, OFF * side)
+    table.nodes[tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))][needed] = answers[needed]
+    kinds = kinds + np.uint8(MARKED) * ((kinds != 0) & (marked | off))
+    table.cells[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = kinds
+    return standoff
+
+
+def _distances(points: Array, source: Source, reach: float) -> Array:
+    """The signed distance of each node (..., N), or, where both are beyond `reach`, a smaller one of the same sign."""
+    shape, dimension = points.shape[:-1], points.shape[-1]
+    middles = points[(slice(BLOCK // 2, None, BLOCK),) * dimension]
+    if middles.size == 0:
+        return source.distance(points.reshape(-1, dimension)).reshape(shape)
+    there = source.distance(middles.reshape(-1, dimension)).reshape(middles.shape[:-1])
+    blocks = [np.minimum(np.arange(count) // BLOCK, most - 1) for count, most in zip(shape, there.shape, strict=True)]
+    middle, known = middles[np.ix_(*blocks)], there[np.ix_(*blocks)]
+    least = np.abs(known) - np.linalg.norm(points - middle, axis=-1) - 2.0 * source.stray
+    distance: Array = np.copysign(least, known)
+    unsure = least <= reach
+    distance[unsure] = source.distance(points[unsure])
+    return distance
+
+
+def _jumps(points: Array, ihips: Array, needed: BoolArray, source: Source, side: float) -> tuple[BoolArray, BoolArray]:
+    """Rule 1: the cells of a box with a side across which the projection jumps, and with one that is stretched."""
+    marked = np.zeros(tuple(count - 1 for count in needed.shape), bool)
+    steep = np.zeros_like(marked)
+    for axis in range(needed.ndim):
+        here, there = _ends(needed.ndim, axis)
+        span = np.linalg.norm(ihips[there] - ihips[here], axis=-1)
+        suspect = needed[here] & needed[there] & (span > STRETCH * side)
+        steep |= _shared(suspect, axis)
+        left, right = points[here][suspect], points[there][suspect]
+        at_left, at_right = ihips[here][suspect], ihips[there][suspect]
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (left + right)
+            at_middle = source.project(middle)[0] if middle.size else middle
+            lower = np.linalg.norm(at_middle - at_left, axis=1) >= np.linalg.norm(at_right - at_middle, axis=1)
+            chosen = lower[:, np.newaxis]
+            left, at_left = np.where(chosen, left, middle), np.where(chosen, at_left, at_middle)
+            right, at_right = np.where(chosen, middle, right), np.where(chosen, at_middle, at_right)
+        jumps = np.zeros(span.shape, bool)
+        jumps[suspect] = np.linalg.norm(at_right - at_left, axis=1) > 2.0 ** (-ORDER * BISECTIONS) * span[suspect]
+        marked |= _shared(jumps, axis)
+    return marked, steep
+
+
+def _shared(sides: BoolArray, axis: int) -> BoolArray:
+    """The cells with one of their sides along an axis where it is true: those on either hand along every other axis."""
+    for other in range(sides.ndim):
+        if other != axis:
+            one, two = _ends(sides.ndim, other)
+            sides = sides[one] | sides[two]
+    return sides
+
+
+def _amiss(points: Array, ihips: Array, candidates: BoolArray, source: Source, limit: float) -> BoolArray:
+    """Rule 3: the candidates whose interpolated IHIP in the middle is off by more than the limit."""
+    amiss = np.zeros(candidates.shape, bool)
+    if candidates.any():
+        middles, means = (_corners(values)[:, candidates].mean(axis=0) for values in (points, ihips))
+        amiss[candidates] = np.linalg.norm(source.project(middles)[0] - means, axis=1) > limit
+    return amiss
+
+
+def _off_surface(answers: Array, candidates: BoolArray, source: Source, limit: float) -> tuple[float, BoolArray]:
+    """Rules 2 and 4: the largest measured distance off the surface that is within the limit, and the cells beyond."""
+    off = np.zeros(candidates.shape, bool)
+    corners = _corners(answers)[:, candidates]
+    dimension = answers.shape[-1] // 2
+    length, turn = np.zeros(corners.shape[1]), np.zeros(corners.shape[1])
+    for one, two in itertools.combinations(corners, 2):
+        length = np.maximum(length, np.linalg.norm(one[:, :dimension] - two[:, :dimension], axis=1))
+        turn = np.maximum(turn, np.linalg.norm(one[:, dimension:] - two[:, dimension:], axis=1))
+    estimate = 0.25 * length * turn
+    order = np.argsort(-estimate)
+    shares = np.linspace(0.0, 1.0, PROBES)
+    probes = np.array(list(itertools.product(shares, repeat=dimension)))
+    weights = np.array(
+        [
+            np.prod([share if bit else 1.0 - share for share, bit in zip(probe, bits, strict=True)])
+            for probe in probes
+            for bits in itertools.product((0, 1), repeat=dimension)
+        ]
+    ).reshape(len(probes), -1)
+    standoff, beyond = 0.0, turn > 2.0**0.5
+    for start in range(0, estimate.size, 1000):
+        chosen = order[start : start + 1000]
+        if estimate[chosen[0]] <= min(standoff, limit):
+            break
+        means = np.einsum("pc,ckd->kpd", weights, corners[:, chosen, :dimension])
+        distance = np.abs(source.distance(means.reshape(-1, dimension))).reshape(chosen.size, -1).max(axis=1)
+        beyond[chosen] |= distance > limit
+        standoff = max(standoff, float(np.max(distance, where=~beyond[chosen], initial=0.0)))
+    off[candidates] = beyond
+    return MARGIN * standoff + source.stray * bool(standoff), off
+
+
+def _ends(dimension: int, axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+    """Slices of all nodes but the last, and of all but the first, along an axis."""
+    before = tuple(slice(None, -1) if k == axis else slice(None) for k in range(dimension))
+    after = tuple(slice(1, None) if k == axis else slice(None) for k in range(dimension))
+    return before, after
+
+
+def _corners(nodes: Array) -> Array:
+    """The values (2^N, ..., m) at the corners of each cell, of values (..., m) at the nodes."""
+    return np.stack([nodes[part] for part in _parts(nodes.shape[:-1])])
+
+
+def _any(nodes: BoolArray) -> BoolArray:
+    """The cells with a corner where it is true."""
+    found = np.zeros(tuple(count - 1 for count in nodes.shape), bool)
+    for part in _parts(nodes.shape):
+        found |= nodes[part]
+    return found
+
+
+def _around(cells: BoolArray) -> BoolArray:
+    """The nodes at a corner of a cell where it is true."""
+    nodes = np.zeros(tuple(count + 1 for count in cells.shape), bool)
+    for part in _parts(nodes.shape):
+        nodes[part] |= cells
+    return nodes
+
+
+def _parts(shape: tuple[int, ...]) -> list[tuple[slice, ...]]:
+    """The slices of nodes of this shape that are one and the same corner of every cell, corner by corner."""
+    return [
+        tuple(slice(bit, count - 1 + bit) for bit, count in zip(bits, shape, strict=True))
+        for bits in itertools.product((0, 1), repeat=len(shape))
+    ]

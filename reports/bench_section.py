@@ -1,0 +1,170 @@
+"""What accuracy costs in time, as a section of the page: plots, a table a model, and which setting will do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hapticeval.costs import Costs
+from hapticeval.reports.bench_figure import TITLES, bench_svg
+
+COLUMNS = (
+    "renderer and setting",
+    "IHIP error, 99 %",
+    "largest",
+    "normal, 99 %",
+    "force, 99 %",
+    "a step, median",
+    "99.9 %",
+    "of the 1 ms tick",
+    "in batch",
+    "memory",
+    "build",
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One setting; `mark` says that it lies on the Pareto front, `unproven` that the reference does not reach it."""
+
+    cells: Sequence[str]
+    mark: bool
+    unproven: bool
+
+
+@dataclass(frozen=True)
+class Section:
+    """Everything that the page shows of a bench."""
+
+    plots: Sequence[tuple[str, str]]
+    answers: Sequence[tuple[str, str, str, str, str]]
+    tables: Mapping[str, Sequence[Row]]
+    left_out: Sequence[tuple[str, str]]
+    references: Sequence[str]
+    orders: Sequence[str]
+    comparison: Sequence[str]
+    machine: str
+    incomplete: str
+
+
+def bench_section(costs: Costs) -> Section:
+    """The section of a bench document."""
+    measured = any(each["claims"] and each["step"] for each in costs.settings)
+    return Section(
+        plots=[(TITLES[kind], bench_svg(costs, kind, prefix=f"b{kind}")) for kind in TITLES] if measured else [],
+        answers=list(_answers(costs)),
+        tables={
+            model: [_row(each) for each in costs.settings if each["model"] == model and not each["problem"]]
+            for model in dict.fromkeys(each["model"] for each in costs.settings)
+        },
+        left_out=[
+            (f"{each['label']} on the {each['model']}", each["problem"]) for each in costs.settings if each["problem"]
+        ],
+        references=list(_references(costs)),
+        orders=list(_orders(costs)),
+        comparison=[_compared(each) for each in costs.comparison if each["verdict"] != "not significant"],
+        machine=_machine(costs),
+        incomplete="" if costs.complete else str(costs.reason),
+    )
+
+
+def _answers(costs: Costs) -> Iterator[tuple[str, str, str, str, str]]:
+    by_key = {each["key"]: each for each in costs.settings}
+    for each in costs.answers:
+        asked = length(each["within_m"]) + (f" within {duration(each['budget_s'])}" if each["budget_s"] else "")
+        if each["key"] is None:
+            yield each["model"], TITLES[each["what"]], asked, "no setting", ""
+            continue
+        entry = by_key[each["key"]]
+        error, took = entry["claims"]["ihip"]["p99"], entry[each["what"]]["median"]
+        yield each["model"], TITLES[each["what"]], asked, each["label"], f"{length(error)} in {duration(took)}"
+
+
+def _row(entry: Mapping[str, Any]) -> Row:
+    claims, step, batch = entry["claims"], entry["step"], entry["batch"]
+    errors = (
+        ["–"] * 4  # noqa: RUF001
+        if claims is None
+        else [
+            length(claims["ihip"]["p99"]),
+            length(claims["ihip"]["max"]),
+            f"{claims['normal']['p99']:.2g}°",
+            f"{claims['force']['p99']:.2g} N",
+        ]
+    )
+    times = (
+        ["–"] * 3  # noqa: RUF001
+        if step is None
+        else [duration(step["median"]), duration(step["p999"]), f"{100 * step['tick_share']:.2g} %"]
+    )
+    rest = [
+        "–" if batch is None else duration(batch["median"]),  # noqa: RUF001
+        size(entry["memory_bytes"]),
+        duration(min(entry["build_seconds"])),
+    ]
+    return Row([entry["label"], *errors, *times, *rest], "step" in entry["front"], entry["proven"] is False)
+
+
+def _references(costs: Costs) -> Iterator[str]:
+    """What errors count from, renderers with the same words together."""
+    words: dict[str, list[str]] = {}
+    for each in costs.references:
+        if each["what"] is None:
+            text = "no reference: neither an exact form nor a knob to refine it by"
+        elif each["disagreement"] is None:
+            text = each["what"]
+        else:
+            text = f"{each['what']}; the last refinement moved the IHIP by {each['disagreement']['ihip']['p99']:.1e} m"
+        words.setdefault(text, []).append(f"{each['renderer']} on the {each['model']}")
+    for text, names in words.items():
+        yield f"{text}: {', '.join(names)}"
+
+
+def _orders(costs: Costs) -> Iterator[str]:
+    for each in costs.orders:
+        found = ", ".join(f"{name} {value:.2f}" for name, value in each["orders"].items() if value is not None)
+        yield f"{each['renderer']} on the {each['model']}, by {each['knob']}: {found}"
+
+
+def _compared(each: Mapping[str, Any]) -> str:
+    by = "" if each["ratio"] is None else f", {each['ratio']:.3g} times what it was"
+    return f"{each['verdict']}: {each['label']} on the {each['model']}, {each['what']}{by}"
+
+
+def _machine(costs: Costs) -> str:
+    machine, environment = costs.machine, costs.environment
+    parts = [
+        str(machine.get("processor", "")),
+        f"{machine.get('cores', '?')} cores",
+        f"Python {environment.get('python', '?')}",
+        *(f"{name} {each}" for name, each in environment.get("versions", {}).items() if each),
+        f"reading the clock takes {machine.get('clock_ns', 0.0):.0f} ns, which is in every step",
+        f"load average {machine['load_average']:.2g} when it began" if machine.get("load_average") is not None else "",
+        f"{costs.rounds} rounds",
+        f"seed {costs.seed}",
+    ]
+    return ", ".join(part for part in parts if part)
+
+
+def length(metres: float) -> str:
+    """For instance `0.12 mm`, `3.1 µm`, `exact` for zero."""
+    if metres == 0.0:
+        return "exact"
+    units = (("mm", 1e3), ("µm", 1e6), ("nm", 1e9))
+    unit, scale = next(((u, s) for u, s in units if metres * s >= 0.0995), ("pm", 1e12))
+    return f"{metres * scale:.2g} {unit}"
+
+
+def duration(seconds: float) -> str:
+    """For instance `2.4 µs`."""
+    units = (("s", 1.0), ("ms", 1e3), ("µs", 1e6))
+    unit, scale = next(((u, s) for u, s in units if seconds * s >= 0.995), ("ns", 1e9))
+    return f"{seconds * scale:.3g} {unit}"
+
+
+def size(count: int) -> str:
+    """For instance `1.2 MB`."""
+    units = (("GB", 1e9), ("MB", 1e6), ("kB", 1e3))
+    unit, scale = next(((u, s) for u, s in units if count >= s), ("B", 1.0))
+    return f"{count / scale:.3g} {unit}"

@@ -1,0 +1,167 @@
+"""A projection field as a picture, in the manner of thesis Figures 4.5 to 4.8 and 5.14."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hapticeval.errors import HapticevalError
+from hapticeval.fields.field import Field
+from hapticeval.files import replacing
+from hapticeval.reports.figures import STYLE
+from hapticeval.reports.quantity import quantity
+from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from shapely.geometry.base import BaseGeometry
+
+MM = 1e3
+COLOURS: Mapping[str, str] = MappingProxyType(
+    {
+        "ink": "#1c1f23",
+        "quiet": "#6b7280",
+        "model": "#f3f5f7",
+        "rests": "#d5dee8",
+        "line": "#0072b2",
+        "jump": "#d1350f",
+        "tool": "#8e3fa8",
+    }
+)
+PRECISION = 2e-5
+"""How far (m) a drawn line may be from the computed one."""
+
+
+def write_field(directory: Path, field: Field, document: Mapping[str, Any]) -> list[Path]:
+    """Draw a field into `directory`, as SVG and PNG, with its numbers as JSON beside it; the paths written.
+
+    `document` is `Field.summary`'s with a `title` and the files' `stem`. The same field gives the same files. Raises
+    `HapticevalError` where a file cannot be written.
+    """
+    paths = [directory / f"{document['stem']}.{kind}" for kind in ("svg", "png", "json")]
+    try:
+        with replacing(paths[2]) as temporary:
+            temporary.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        _draw(field, document, paths[:2])
+    except OSError as error:
+        raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
+    return paths
+
+
+def _draw(field: Field, document: Mapping[str, Any], paths: Sequence[Path]) -> None:
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    settings: Any = {**STYLE, "axes.spines.top": True, "axes.spines.right": True, "axes.edgecolor": COLOURS["quiet"]}
+    with rc_context(settings):
+        figure = Figure(figsize=(6.2, 6.9), facecolor="white")
+        FigureCanvasAgg(figure)
+        axes = figure.add_axes((0.1, 0.21, 0.87, 0.75))
+        draw_field(axes, field)
+        axes.set_title(document["title"], fontsize=10, color=COLOURS["ink"])
+        figure.text(0.1, 0.1, caption(document), fontsize=8, color=COLOURS["ink"], va="top", linespacing=1.5)
+        for path in paths:
+            vector = path.suffix == ".svg"
+            with replacing(path) as temporary:
+                figure.savefig(temporary, format=path.suffix[1:], dpi=160, metadata={"Date": None} if vector else None)
+
+
+def caption(summary: Mapping[str, Any]) -> str:
+    """What the picture cannot say: the numbers, in three lines."""
+    singular, amplification = summary["singular"], summary["amplification"]
+    if singular["length_m"] > 0.0 or singular["points"]:
+        parts = [f"{quantity(singular['length_m'], 'm')} of lines"] if singular["length_m"] > 0.0 else []
+        count = len(singular["points"])
+        parts += [f"{count} single point{'' if count == 1 else 's'}"] if count else []
+        jump = f", jumps up to {quantity(singular['largest_jump_m'], 'm')}" if singular["length_m"] > 0.0 else ""
+        near = quantity(singular["within_m"], "m")
+        share = f"{100 * singular['share_within']:.3g} % of the inside within {near} of it"
+        first = f"Discontinuous: {' and '.join(parts)}{jump}; {share}"
+    else:
+        first = "No discontinuity found"
+    rates = " / ".join(f"{amplification[name]:.3g}" for name in ("median", "p95", "max"))
+    second = f"Amplification |dIHIP| / |dHIP|: {rates} (median / 95 % / largest on the lattice)"
+    third = []
+    if amplification["rest_share"] > 0.0:
+        third.append(f"the IHIP rests at a corner in {100 * amplification['rest_share']:.3g} %")
+    if summary["contact_share"] < 1.0:
+        third.append(f"the tool is free in {100 * (1 - summary['contact_share']):.3g} %")
+    return "\n".join([first, second, *([f"Of the inside, {' and '.join(third)}"] if third else [])])
+
+
+def draw_field(axes: Axes, field: Field) -> None:
+    """The model, the lines of constant projection, where the IHIP rests, and the singular set, mm."""
+    import shapely
+    from matplotlib.collections import LineCollection
+
+    outline = MM * field.surface.outline(max(2000, 8 * len(field.surface.corners)))
+    axes.fill(outline[:, 0], outline[:, 1], facecolor=COLOURS["model"], edgecolor="none")
+    _draw_rests(axes, field)
+    lines = [MM * _simple(shapely.LineString(line)) for line in field.lines if len(line) > 1]
+    axes.add_collection(LineCollection(lines, colors=COLOURS["line"], linewidths=0.7, label="constant projection"))
+    axes.plot(outline[:, 0], outline[:, 1], color=COLOURS["ink"], linewidth=1.3, zorder=3)
+    jumps = [MM * _simple(part) for part in shapely.get_parts(field.discontinuity) if part.geom_type == "LineString"]
+    if jumps:
+        axes.add_collection(
+            LineCollection(jumps, colors=COLOURS["jump"], linewidths=1.6, zorder=4, label="discontinuity")
+        )
+    points = MM * field.singular.points
+    if len(points):
+        axes.plot(
+            points[:, 0], points[:, 1], "o", color=COLOURS["jump"], markersize=5, zorder=4, linestyle="none",
+            label="single point" if not jumps else None,
+        )  # fmt: skip
+    if field.start is not None:
+        axes.plot(
+            *(MM * field.start[:2]), "D", color=COLOURS["tool"], markersize=7, zorder=6, linestyle="none",
+            label="previous IHIP",
+        )  # fmt: skip
+    axes.set_aspect("equal")
+    pad = 0.03 * MM * field.lattice.size
+    xmin, ymin, xmax, ymax = (MM * each for each in field.surface.bounds)
+    axes.set(xlim=(xmin - pad, xmax + pad), ylim=(ymin - pad, ymax + pad))
+    axes.set_xlabel("y₁ (mm)")
+    axes.set_ylabel("y₂ (mm)")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.065), ncols=4, frameon=False, handlelength=1.6)
+
+
+def _draw_rests(axes: Axes, field: Field) -> None:
+    """A tint where all HIPs go to one corner: there the lines of constant projection are areas."""
+    from scipy.ndimage import binary_opening
+
+    resting = binary_opening(field.rests, np.ones((2, 2), dtype=bool))
+    if not resting.any():
+        return
+    lattice = field.lattice
+    half = 0.5 * lattice.h
+    edges = [MM * np.append(each - half, each[-1] + half) for each in (lattice.x, lattice.y)]
+    from matplotlib.colors import ListedColormap
+
+    shown = np.ma.masked_array(np.ones(resting.shape), mask=~resting)
+    mesh = axes.pcolormesh(*edges, shown, cmap=ListedColormap([COLOURS["rests"]]), rasterized=True, zorder=1.1)
+    mesh.set_clip_path(_outline_patch(axes, field))
+    axes.fill([], [], facecolor=COLOURS["rests"], label="rests at a corner")
+
+
+def _outline_patch(axes: Axes, field: Field) -> Any:
+    """The outline as something to clip by."""
+    from matplotlib.patches import Polygon
+
+    patch = Polygon(
+        MM * field.surface.outline(max(2000, 8 * len(field.surface.corners))),
+        closed=True, facecolor="none", edgecolor="none",
+    )  # fmt: skip
+    axes.add_patch(patch)
+    return patch
+
+
+def _simple(line: BaseGeometry) -> Array:
+    import shapely
+
+    return shapely.get_coordinates(shapely.simplify(line, PRECISION))

@@ -1,0 +1,363 @@
+"""The conformal map: against closed forms, its analytic properties, its convergence, and where it must give up."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import ellipj, ellipk
+
+from hapticeval.errors import InputError
+from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
+from hapticeval.geometry.conformal import ConformalMap, CrowdingError, conformal_map
+from hapticeval.geometry.conformal_kernels import matrix
+from hapticeval.geometry.conformal_nodes import nodes_of
+from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.model import Model
+from hapticeval.types import Array
+
+SHAPES = {
+    "cassinian": cassinian(),
+    "star": star(),
+    "star of 6": star(points=6),
+    "dumbbell": dumbbell(neck=0.1),
+    "ellipse 8:1": ellipse(ratio=8.0),
+    "square": from_vertices([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]]),
+    "L": from_vertices([[0.0, 0.0], [0.1, 0.0], [0.1, 0.02], [0.02, 0.02], [0.02, 0.1], [0.0, 0.1]]),
+}
+MAPS = {name: conformal_map(model.curve) for name, model in SHAPES.items()}
+
+all_shapes = pytest.mark.parametrize("name", SHAPES)
+
+
+def inside(curve: Curve, count: int, *, depth: float = 0.0, seed: int = 3) -> Array:
+    """Random points at least `depth` (m) inside."""
+    xmin, ymin, xmax, ymax = curve.bounds
+    points = np.random.default_rng(seed).uniform((xmin, ymin), (xmax, ymax), (20 * count, 2))
+    chosen = points[curve.signed_distance(points) < -depth][:count]
+    assert len(chosen) == count
+    return chosen
+
+
+def as_complex(points: Array) -> np.ndarray:
+    return points[:, 0] + 1j * points[:, 1]
+
+
+def cassinian_form(model: Model, points: Array) -> np.ndarray:
+    """f(z) = z (b / (b^2 - 1 + z^n))^(1/n), b^2 = a_n / a_d, on the Cassinian whose interior is |z^n - 1| < b."""
+    lobes = int(model.parameters["lobes"])
+    b = math.sqrt(model.parameters["a_n"] / model.parameters["a_d"])
+    z = as_complex(points) * (1.0 + b) ** (1.0 / lobes) / (model.parameters["size"] / 2.0)
+    return np.asarray(z * (b / (b * b - 1.0 + z**lobes)) ** (1.0 / lobes))
+
+
+@pytest.mark.parametrize(
+    ("nodes", "bound"),
+    [(64, 2e-5), (128, 6e-9), (256, 2e-14), (512, 5e-14)],
+)
+def test_the_cassinian_has_a_closed_form(nodes: int, bound: float) -> None:
+    model = cassinian()
+    made = conformal_map(model.curve, nodes=nodes)
+    points = inside(model.curve, 3000)
+    assert np.max(np.abs(as_complex(made.to_disk(points)) - cassinian_form(model, points))) < bound
+    u, angles = made.correspondence()
+    assert np.max(np.abs(np.exp(1j * angles) - cassinian_form(model, model.curve.position(u)))) < bound
+
+
+def test_the_cassinian_up_to_the_boundary() -> None:
+    model = cassinian()
+    u = np.random.default_rng(5).uniform(0.0, 2.0 * math.pi, 500)
+    for depth in (1e-3, 1e-6, 1e-9, 1e-12):
+        points = model.curve.position(u) - depth * model.curve.normal(u)
+        error = np.abs(as_complex(MAPS["cassinian"].to_disk(points)) - cassinian_form(model, points))
+        assert np.max(error) < 5e-14
+
+
+@given(st.integers(2, 5), st.floats(1.5, 8.0))
+@settings(max_examples=10, deadline=None)
+def test_every_cassinian_has_a_closed_form(lobes: int, ratio: float) -> None:
+    model = cassinian(lobes=lobes, a_n=ratio)
+    made = conformal_map(model.curve)
+    points = inside(model.curve, 200)
+    error = np.max(np.abs(as_complex(made.to_disk(points)) - cassinian_form(model, points)))
+    assert error < max(1e-12, 0.2 * made.error**2)
+
+
+def test_the_way_back_meets_the_closed_form() -> None:
+    model = cassinian()
+    u = np.linspace(0.0, 2.0 * math.pi, 1001)[:-1]
+    angles = np.angle(cassinian_form(model, model.curve.position(u)))
+    found = MAPS["cassinian"].surface(angles)
+    assert np.max(np.abs(np.exp(1j * (found - u)) - 1.0)) < 1e-10
+    turned = MAPS["cassinian"].surface(angles + 6.0 * math.pi)
+    assert np.max(np.abs(np.exp(1j * (turned - found)) - 1.0)) < 1e-13
+
+
+def test_a_circle_is_mapped_as_it_is() -> None:
+    made = conformal_map(circle(size=0.2).curve)
+    points = inside(made.curve, 500)
+    np.testing.assert_allclose(made.to_disk(points), points / 0.1, atol=5e-15)
+    assert made.crowding == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_circle_about_another_point_is_a_moebius_map() -> None:
+    made = conformal_map(circle(size=0.2).curve, centre=(0.03, -0.04))
+    points = inside(made.curve, 500)
+    z, c = as_complex(points) / 0.1, 0.3 - 0.4j
+    expected = (z - c) / (1.0 - np.conj(c) * z)
+    np.testing.assert_allclose(as_complex(made.to_disk(points)), expected, atol=2e-14)
+
+
+def test_an_ellipse_against_schwarz() -> None:
+    """H. A. Schwarz: f(z) = sqrt(k) sn((2K/π) arcsin(z / c)), with the nome q = ((a - b) / (a + b))^2 and foci at ±c.
+
+    Along the long axis; sn's parameter m from the nome by the theta functions.
+    """
+    a, b = 0.1, 0.05
+    q = ((a - b) / (a + b)) ** 2
+    j = np.arange(-12, 13)
+    root = (np.sum(q ** ((j + 0.5) ** 2)) / np.sum(q ** (j.astype(float) ** 2))) ** 2
+    share = np.linspace(0.0, 0.999, 50)
+    expected = math.sqrt(root) * ellipj(2.0 * ellipk(root**2) / math.pi * np.arcsin(share), root**2)[0]
+    x = share * math.sqrt(a * a - b * b)
+    found = conformal_map(ellipse(ratio=2.0, size=0.2).curve).to_disk(np.column_stack([x, 0.0 * x]))
+    np.testing.assert_allclose(found[:, 0], expected, atol=1e-13)
+    np.testing.assert_allclose(found[:, 1], 0.0, atol=1e-14)
+
+
+def test_a_square_against_schwarz_and_christoffel() -> None:
+    """The inverse map is the integral of (1 + w^4)^(-1/2) where the corners lie at odd multiples of 45 degrees."""
+    made = MAPS["square"]
+    r = np.array([0.1, 0.5, 0.9, 0.99])
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    along = [0.5 * x * np.sum(weights / np.sqrt(1.0 + (0.5 * x * (nodes + 1.0)) ** 4)) for x in (*r, 1.0)]
+    points = np.column_stack([0.05 + 0.05 * np.array(along[:-1]) / along[-1], np.full(4, 0.05)])
+    np.testing.assert_allclose(made.to_disk(points), np.column_stack([r, 0.0 * r]), atol=1e-7)
+
+
+@all_shapes
+def test_it_is_analytic(name: str) -> None:
+    """The Cauchy-Riemann equations, by central differences."""
+    made = MAPS[name]
+    points = inside(made.curve, 300, depth=5e-4)
+    step = 1e-6
+    along = [
+        (as_complex(made.to_disk(points + step * d)) - as_complex(made.to_disk(points - step * d))) / (2.0 * step)
+        for d in np.eye(2)
+    ]
+    np.testing.assert_allclose(along[1], 1j * along[0], atol=2e-6 * np.max(np.abs(along[0])))
+
+
+@all_shapes
+def test_the_centre_is_the_one_singular_point(name: str) -> None:
+    made = MAPS[name]
+    assert np.hypot(*made.to_disk([made.centre])[0]) < 1e-7
+    beside = as_complex(made.to_disk(made.centre + np.array([[1e-6, 0.0], [0.0, 1e-6]])))
+    np.testing.assert_allclose(np.angle(beside), [0.0, math.pi / 2.0], atol=1e-4)
+    # the winding of f along a loop near the boundary counts its zeros
+    deep = made.curve.position(np.linspace(*made.curve.u_range, 4001)[:-1])
+    loop = made.centre + 0.98 * (deep - made.centre)
+    if np.all(made.curve.contains(loop)):
+        angles = np.unwrap(made.to_angle(loop))
+        assert (angles[-1] - angles[0]) / (2.0 * math.pi) == pytest.approx(1.0, abs=0.01)
+
+
+@all_shapes
+def test_it_is_one_to_one_into_the_disk(name: str) -> None:
+    """f' never vanishes and no two random points share an image: distances obey Koebe's distortion bounds.
+
+    For f into the disk and a point at distance d from the boundary, (1 - |f|^2) / (4 d) <= |f'| <= (1 - |f|^2) / d.
+    """
+    made = MAPS[name]
+    points = inside(made.curve, 400, depth=1e-4)
+    images = as_complex(made.to_disk(points))
+    assert np.all(np.abs(images) < 1.0)
+    depth = -made.curve.signed_distance(points)
+    step = 1e-4 * depth[:, np.newaxis] * np.array([1.0, 0.0])
+    slope = np.abs(as_complex(made.to_disk(points + step)) - as_complex(made.to_disk(points - step)))
+    slope /= 2e-4 * depth
+    room = (1.0 - np.abs(images) ** 2) / depth
+    noticeable = room * depth > 1e-10
+    assert np.mean(noticeable) > 0.5
+    assert np.all(slope[noticeable] >= 0.249 * room[noticeable])
+    assert np.all(slope[noticeable] <= 1.001 * room[noticeable])
+    apart = np.abs(images[:, np.newaxis] - images) + np.eye(400)
+    assert np.min(apart) > 0.0
+
+
+@all_shapes
+def test_the_boundary_angle_rises_once_around(name: str) -> None:
+    made = MAPS[name]
+    u, angles = made.correspondence()
+    assert np.all(np.diff(angles) >= 0.0)
+    assert angles[-1] - angles[0] <= 2.0 * math.pi + 1e-12
+    fine = np.linspace(-math.pi, math.pi, 20_001)
+    start, end = made.curve.u_range
+    back = made.surface(fine)
+    assert np.all((back >= start) & (back < end))
+    falls = np.diff(back) < 0.0
+    assert np.count_nonzero(falls) == 1  # where u starts again
+    np.testing.assert_allclose(
+        made.to_angle(made.curve.position(u[::7])), np.angle(np.exp(1j * angles[::7])), atol=1e-7
+    )
+
+
+@pytest.mark.parametrize("name", ["cassinian", "dumbbell", "ellipse 8:1"])
+def test_shallow_points_go_to_the_nearest_point_and_ever_straighter(name: str) -> None:
+    """On a smooth boundary the angle between error vector and normal falls linearly with the depth."""
+    made = MAPS[name]
+    start, end = made.curve.u_range
+    u = np.random.default_rng(2).uniform(start, end, 300)
+    foot, normal = made.curve.position(u), made.curve.normal(u)
+    angles = []
+    for depth in (4e-5, 2e-5, 1e-5):
+        points = foot - depth * normal
+        vectors = made.curve.position(made.surface(made.to_angle(points))) - points
+        across = vectors[:, 0] * normal[:, 1] - vectors[:, 1] * normal[:, 0]
+        angles.append(np.median(np.abs(np.arctan2(across, np.sum(vectors * normal, axis=1)))))
+    assert angles[2] < 1e-2
+    assert angles[0] / angles[1] == pytest.approx(2.0, rel=0.05)
+    assert angles[1] / angles[2] == pytest.approx(2.0, rel=0.05)
+
+
+@pytest.mark.parametrize(("name", "fold"), [("cassinian", 4), ("star", 5), ("star of 6", 6), ("dumbbell", 2)])
+def test_a_symmetric_shape_has_a_symmetric_map(name: str, fold: int) -> None:
+    made = MAPS[name]
+    points = inside(made.curve, 300)
+    turn = 2.0 * math.pi / fold
+    c, s = math.cos(turn), math.sin(turn)
+    turned = as_complex(made.to_disk(points @ np.array([[c, s], [-s, c]])))
+    np.testing.assert_allclose(turned, as_complex(made.to_disk(points)) * np.exp(1j * turn), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["star", "square", "L"])
+def test_polygons_converge_fast(name: str) -> None:
+    """Twice the nodes are worth an order of five and more, down to rounding."""
+    curve = SHAPES[name].curve
+    pieces = curve.pieces.shape[0]
+    centre = MAPS[name].centre
+    points = inside(curve, 500)
+    images = [conformal_map(curve, nodes=n * pieces, centre=centre).to_disk(points) for n in (32, 64, 96)]
+    errors = [np.max(np.abs(image - images[-1])) for image in images[:-1]]
+    assert math.log2(errors[0] / errors[1]) > 5.0
+    assert errors[1] < (1e-4 if name == "L" else 1e-8)
+
+
+def test_smooth_shapes_converge_like_powers_of_a_number() -> None:
+    curve = SHAPES["ellipse 8:1"].curve
+    points = inside(curve, 500)
+    images = [conformal_map(curve, nodes=n).to_disk(points) for n in (128, 256, 512, 1024)]
+    errors = [np.max(np.abs(image - images[-1])) for image in images[:-1]]
+    assert errors[1] < 20.0 * errors[0] ** 2
+    assert errors[2] < max(20.0 * errors[1] ** 2, 1e-12)
+
+
+def test_crowding_of_ellipses_grows_like_a_power_of_e_squared() -> None:
+    """The strip's estimate: between the ends of a body of ratio r the density falls like exp(-π r / 2) and squared."""
+    crowding = [conformal_map(ellipse(ratio=r).curve).crowding for r in (2.0, 4.0, 6.0, 8.0)]
+    assert crowding[1] == pytest.approx(980.0, rel=0.01)
+    growth = np.diff(np.log(crowding))
+    np.testing.assert_allclose(growth[1:], math.pi * 2.0 * 0.75, rtol=0.03)
+
+
+def test_crowding_is_where_the_far_ends_are() -> None:
+    made = MAPS["ellipse 8:1"]
+    assert abs(made.crowded_at[0]) == pytest.approx(0.1, abs=1e-3)
+    assert abs(MAPS["dumbbell"].crowded_at[0]) == pytest.approx(0.1, abs=1e-3)
+    assert made.blur < 1e-8
+
+
+@pytest.mark.parametrize("neck", [0.25, 0.1, 0.05])
+def test_a_dumbbell_that_the_flow_splits_is_mapped(neck: float) -> None:
+    model = dumbbell(neck=neck)
+    made = conformal_map(model.curve)
+    np.testing.assert_array_equal(made.centre, 0.0)
+    points = inside(model.curve, 300, depth=1e-3)
+    ihips = model.curve.position(made.surface(made.to_angle(points)))
+    far = np.abs(points[:, 0]) > 0.05
+    assert np.all(np.sign(ihips[far, 0]) == np.sign(points[far, 0]))
+
+
+@pytest.mark.parametrize(
+    "model",
+    [dumbbell(neck=0.01), ellipse(ratio=20.0), star(tip_angle=10.0)],
+    ids=["long neck", "long body", "sharp tips"],
+)
+def test_exhausted_precision_is_refused_with_number_and_place(model: Model) -> None:
+    with pytest.raises(CrowdingError, match="crowds by") as caught:
+        conformal_map(model.curve)
+    error = caught.value
+    assert error.crowding > 1e10
+    assert error.blur > 0.002
+    assert abs(model.curve.signed_distance([error.place])[0]) < 1e-9
+    assert "minimum-distance" in error.todo
+
+
+def test_the_centre_that_crowds_less_is_taken() -> None:
+    shifted = from_vertices(np.array([[-0.008, -0.05], [0.1, -0.05], [0.1, 0.05], [-0.008, 0.05]]))
+    made = conformal_map(shifted.curve)
+    assert made.centre[0] > 0.02
+    forced = conformal_map(shifted.curve, centre=(0.0, 0.0))
+    assert forced.crowding > 10.0 * made.crowding
+
+
+def test_size_and_place_do_not_matter() -> None:
+    points = inside(SHAPES["square"].curve, 100)
+    expected = MAPS["square"].to_disk(points)
+    for scale in (1e-60, 1e60):
+        far = from_vertices(scale * np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]]))
+        np.testing.assert_allclose(conformal_map(far.curve).to_disk(scale * points), expected, atol=1e-9)
+
+
+def test_a_point_is_mapped_alike_in_every_batch() -> None:
+    made = MAPS["star"]
+    points = inside(made.curve, 70)
+    images, parameters = made.to_disk(points), made.surface(made.to_angle(points))
+    for i in range(70):
+        np.testing.assert_array_equal(made.to_disk(points[i : i + 1])[0], images[i])
+        assert made.parameter(*points[i]) == parameters[i]
+    np.testing.assert_array_equal(made.to_disk(points[5:38]), images[5:38])
+
+
+def test_points_on_nodes_are_mapped() -> None:
+    made = MAPS["cassinian"]
+    u, angles = made.correspondence()
+    found = made.to_angle(made.curve.position(u))
+    assert np.max(np.abs(np.exp(1j * (found - angles)) - 1.0)) < 1e-13
+
+
+def test_the_matrix_keeps_the_whole_charge() -> None:
+    nodes = nodes_of(SHAPES["star"].curve, 160)
+    np.testing.assert_allclose(matrix(nodes.anchors, nodes.offsets, nodes.steps).sum(axis=0), 1.0, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("curve", "options", "what"),
+    [
+        (line().curve, {}, "unbounded"),
+        (cassinian().curve, {"centre": (0.2, 0.0)}, "not inside"),
+        (cassinian().curve, {"centre": (math.nan, 0.0)}, "centre"),
+        (cassinian().curve, {"nodes": 4}, "nodes = 4"),
+        (cassinian().curve, {"nodes": 100_000}, "nodes = 100000"),
+        (star().curve, {"nodes": 40}, "nodes = 40"),
+        (from_vertices(cassinian().polygon(400).vertices).curve, {}, "400 pieces"),
+    ],
+)
+def test_bad_input_is_named(curve: Curve, options: dict[str, object], what: str) -> None:
+    with pytest.raises(InputError, match=what):
+        conformal_map(curve, **options)  # type: ignore[arg-type]
+
+
+def test_a_point_that_is_not_finite_is_named() -> None:
+    with pytest.raises(InputError, match="row 1"):
+        MAPS["cassinian"].to_disk([[0.0, 0.0], [0.0, math.inf]])
+
+
+def test_a_map_knows_what_it_is() -> None:
+    made = MAPS["cassinian"]
+    assert isinstance(made, ConformalMap)
+    assert made.nodes == 256
+    assert made.error < 1e-5

@@ -1,0 +1,220 @@
+"""The map of a flow: barycentric cells, the locator, one-to-one, refusals, and the four properties of 5.1."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hapticeval.errors import InputError
+from hapticeval.geometry import flow_locator as locator
+from hapticeval.geometry.catalogue import cassinian, circle, ellipse, star
+from hapticeval.geometry.flow import Flow, FlowSettings
+from hapticeval.geometry.flow_errors import FoldedGridError
+from hapticeval.geometry.flow_map import chart_of, flow_map, folded_cells
+from hapticeval.geometry.flow_properties import properties
+
+COARSE = FlowSettings(cells=60, lines=100, levels=20)
+MODELS = {"cassinian": cassinian(), "star": star(), "hexagram": star(6), "ellipse": ellipse(2.0)}
+
+
+def inside(model, count, seed=0):
+    points = np.random.default_rng(seed).uniform(-0.1, 0.1, (count, 2))
+    return points[model.curve.contains(points)]
+
+
+def grid_of(points, disk):
+    """One cell as a grid for `in_cell`: two levels of three lines, of which cell 0 is looked at."""
+    full, image = np.zeros((2, 3, 2)), np.zeros((2, 3, 2))
+    full[0, :2], full[1, :2] = points[:2], (points[3], points[2])
+    image[0, :2], image[1, :2] = disk[:2], (disk[3], disk[2])
+    return full, image
+
+
+@settings(max_examples=40)
+@given(
+    corners=st.lists(st.floats(-0.4, 0.4), min_size=8, max_size=8),
+    affine=st.lists(st.floats(-2.0, 2.0), min_size=6, max_size=6),
+    place=st.tuples(st.floats(0.05, 0.95), st.floats(0.05, 0.95)),
+)
+def test_the_map_of_a_cell_is_exact_for_affine_maps(corners, affine, place):
+    """Convex cells or not: an affine image maps barycentric coordinates to themselves."""
+    cell = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]) + np.array(corners).reshape(4, 2)
+    matrix = np.array(affine[:4]).reshape(2, 2)
+    if folded_cells(grid_of(cell, cell)[0])[0, 0] or abs(np.linalg.det(matrix)) < 0.1:
+        return
+    image = cell @ matrix.T + affine[4:]
+    if np.linalg.det(matrix) < 0.0:
+        return
+    points, disk = grid_of(cell, image)
+    low, high = cell.min(axis=0), cell.max(axis=0)
+    x, y = low + np.array(place) * (high - low)
+    out_x, out_y, least = locator.in_cell(points, disk, 0, x, y)
+    if least >= 0.0:
+        assert (out_x, out_y) == pytest.approx(tuple(matrix @ (x, y) + affine[4:]), abs=1e-9)
+
+
+def test_a_cell_that_is_not_convex_is_cut_inside():
+    cell = np.array([[0.0, 0.0], [1.0, 0.0], [0.3, 0.3], [0.0, 1.0]])  # an arrow: e is pushed in
+    disk = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    points, image = grid_of(cell, disk)
+    assert not folded_cells(points)[0, 0]
+    for corner, expected in zip(cell, disk, strict=True):
+        assert locator.in_cell(points, image, 0, *corner)[:2] == pytest.approx(tuple(expected), abs=1e-12)
+    assert locator.in_cell(points, image, 0, 0.5, 0.5)[2] < 0.0
+    assert locator.in_cell(points, image, 0, 0.1, 0.6)[2] > 0.0
+
+
+def test_a_bow_tie_is_folded():
+    crossed = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+    assert folded_cells(grid_of(crossed, crossed)[0])[0, 0]
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_locator_finds_what_brute_force_finds(name):
+    chart = flow_map(MODELS[name], COARSE).chart
+    cells = (chart.points.shape[0] - 1) * chart.points.shape[1]
+    for x, y in inside(MODELS[name], 150, seed=1).tolist():
+        level, disk_x, disk_y = locator.to_disk(chart, x, y)
+        found = [locator.in_cell(chart.points, chart.disk, cell, x, y) for cell in range(cells)]
+        best = max(found, key=lambda each: each[2])
+        if best[2] > 1e-7:
+            assert (disk_x, disk_y) == pytest.approx(best[:2], abs=1e-9)
+        else:
+            assert level in (locator.OFF, chart.points.shape[0] - 1)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_valid_grid_is_one_to_one(name):
+    """Every point of the disk within the cells has one preimage, found by walking its circle: the cells tile."""
+    made = flow_map(MODELS[name], COARSE)
+    points, disk = made.chart.points, made.chart.disk
+    assert not folded_cells(points).any()
+    centres = 0.25 * (points[:-1] + points[1:] + np.roll(points[:-1], -1, 1) + np.roll(points[1:], -1, 1))
+    flat = centres.reshape(-1, 2)
+    held = [
+        sum(locator.in_cell(points, disk, cell, x, y)[2] > 1e-6 for cell in range(flat.shape[0]))
+        for x, y in flat[:: flat.shape[0] // 40].tolist()
+    ]
+    assert max(held) == 1
+    area = 0.5 * np.abs(
+        np.sum(points[0, :, 0] * np.roll(points[0, :, 1], -1) - points[0, :, 1] * np.roll(points[0, :, 0], -1))
+    )
+    a, b, e, d = points[:-1], np.roll(points[:-1], -1, 1), np.roll(points[1:], -1, 1), points[1:]
+    cells = 0.5 * ((e - a)[..., 0] * (d - b)[..., 1] - (e - a)[..., 1] * (d - b)[..., 0])
+    last = points[-1] - made.centre
+    core = 0.5 * np.sum(last[:, 0] * np.roll(last[:, 1], -1) - last[:, 1] * np.roll(last[:, 0], -1))
+    assert cells.sum() + core == pytest.approx(area, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_surface_is_mapped_to_itself(name):
+    made = flow_map(MODELS[name], COARSE)
+    curve = MODELS[name].curve
+    u = curve.parameter((np.arange(300) + 0.37) * curve.length / 300)
+    hips = curve.position(u) - 1e-7 * curve.normal(u)
+    ihips = curve.position(made.surface(made.to_angle(hips)))
+    assert np.hypot(*(ihips - hips).T).max() < 0.02 * made.spacing
+
+
+def test_a_circle_is_projected_radially():
+    made = flow_map(circle(), COARSE)
+    points = inside(circle(), 300)
+    points = points[np.hypot(*points.T) > 0.02]
+    ihips = circle().curve.position(made.surface(made.to_angle(points)))
+    radial = 0.1 * points / np.hypot(*points.T)[:, np.newaxis]
+    assert np.hypot(*(ihips - radial).T).max() < 1e-3
+
+
+def test_the_ways_to_ask_agree_to_the_last_bit():
+    for model in (cassinian(), star()):
+        made = flow_map(model, COARSE)
+        points = inside(model, 400)
+        points = np.vstack([points, model.curve.position(made.chart.us[:50] + 1e-3) * (1.0 - 1e-7)])
+        points = np.ascontiguousarray(points[model.curve.contains(points)])
+        us = made.surface(made.to_angle(points))
+        assert us.tolist() == [made.parameter(x, y) for x, y in points.tolist()]
+        start, end = model.curve.u_range
+        assert np.all((us >= start) & (us < end))
+        disk = made.to_disk(points)
+        assert np.arctan2(disk[:, 1], disk[:, 0]) == pytest.approx(made.to_angle(points), abs=1e-12)
+
+
+def test_a_map_is_built_once_for_models_alike():
+    assert flow_map(cassinian(), COARSE) is flow_map(cassinian(), COARSE)
+    assert flow_map(cassinian(), COARSE) is not flow_map(cassinian(size=0.1), COARSE)
+
+
+def test_points_off_the_map_are_named():
+    made = flow_map(cassinian(), COARSE)
+    for bad, message in (([[0.0, 0.01], [0.3, 0.0]], "row 1"), ([[math.nan, 0.0]], "row 0")):
+        with pytest.raises(InputError, match=message):
+            made.to_angle(np.array(bad))
+
+
+def test_outside_is_mapped_by_the_exterior_flow():
+    made = flow_map(ellipse(2.0), COARSE, exterior=True)
+    curve = ellipse(2.0).curve
+    u = np.linspace(0.05, 6.2, 200)
+    for depth in (1e-6, 2e-3, 0.5):
+        disk = made.to_disk(curve.position(u) + depth * curve.normal(u))
+        assert np.all(np.hypot(*disk.T) > 1.0 - 1e-3)
+        turns = np.diff(np.unwrap(np.arctan2(disk[:, 1], disk[:, 0])))
+        assert np.all(turns > 0.0)
+
+
+def folded_flow(points):
+    times = np.arange(points.shape[0], dtype=float)
+    areas = np.linspace(1.0, 0.1, points.shape[0])
+    zeros = np.zeros(points.shape[0])
+    return Flow(
+        points, np.linspace(0, 2 * math.pi, points.shape[1], endpoint=False), times, areas, areas, zeros, 0.01, False
+    )
+
+
+def test_folded_cells_are_refused_with_their_place():
+    angles = np.linspace(0.0, 2.0 * math.pi, 40, endpoint=False)
+    rays = np.column_stack([np.cos(angles), np.sin(angles)])
+    points = 0.1 * np.linspace(1.0, 0.2, 6)[:, np.newaxis, np.newaxis] * rays
+    assert chart_of(circle(), folded_flow(points)).points.shape == (6, 40, 2)
+    points[3, [7, 9]] = points[3, [9, 7]]
+    with pytest.raises(FoldedGridError, match=r"(?s)of 200 cells.*conformal") as caught:
+        chart_of(circle(), folded_flow(points))
+    assert caught.value.count >= 2
+    assert caught.value.time == 2.0
+    assert math.hypot(*caught.value.position) == pytest.approx(0.068)
+
+
+def test_a_last_level_that_is_no_star_shape_is_refused():
+    angles = np.linspace(0.0, 2.0 * math.pi, 40, endpoint=False)
+    bean = np.column_stack([np.cos(angles), np.sin(angles) * 0.3 + 0.9 * np.cos(angles) ** 2])
+    points = np.array([0.1 * bean, 0.099 * bean])
+    with pytest.raises(FoldedGridError):
+        chart_of(circle(), folded_flow(points))
+
+
+def test_the_error_vector_is_nearly_normal_where_it_is_shallow():
+    """Depths .005, .05 and .2 of the radius; 200 cells give 1.0, 4.1 and 12.5 degrees."""
+    found = properties(flow_map(cassinian(), FlowSettings(cells=100, lines=400, levels=50)), depths=(5e-4, 5e-3, 2e-2))
+    assert [angle.median for angle in found.angles] == pytest.approx([1.3, 4.1, 12.4], rel=0.1)
+    assert [angle.most for angle in found.angles] == pytest.approx([4.2, 9.0, 26.8], rel=0.2)
+
+
+def test_the_properties_of_a_smooth_model():
+    found = properties(flow_map(cassinian(), COARSE), depths=())
+    assert found.singular == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert found.forgets == 0.0
+    assert found.held == 0.0
+    assert 1.0 < found.steepest < 20.0
+    finer = properties(flow_map(cassinian(), FlowSettings(cells=60, lines=300, levels=20)), depths=())
+    assert finer.kink < 0.7 * found.kink
+
+
+def test_the_gap_bounds_how_steep_a_star_is():
+    steep = [
+        properties(flow_map(star(), FlowSettings(cells=60, gap=gap)), depths=()).steepest for gap in (0.2, 0.05, 1e-6)
+    ]
+    assert steep[0] < 30.0
+    assert steep[1] < 100.0
+    assert steep[2] > 1e5
