@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 from hapticeval.closed_loop import drive
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.errors import HapticevalError, InputError, RendererError
+from hapticeval.errors import HapticevalError, RendererError
 from hapticeval.geometry.curve import Curve
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
-from hapticeval.playback import play
+from hapticeval.playback import origin, play
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Renderer, RendererFactory, SelfDriven
 from hapticeval.scene import Scene
@@ -72,7 +72,9 @@ def _built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
     except HapticevalError:
         raise
     except (Exception, SystemExit) as error:
-        raise RendererError(f"the renderer's factory raised {type(error).__name__}: {error}") from error
+        raise RendererError(
+            f"the renderer's factory raised {type(error).__name__}: {error}", why=origin(error)
+        ) from error
     surface = getattr(renderer, "surface", None)
     if surface is not None and not isinstance(surface, Curve):
         raise RendererError(
@@ -80,7 +82,7 @@ def _built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
             todo="give the hapticeval.geometry Curve that it renders, or leave surface out",
         )
     if not isinstance(renderer, Renderer | SelfDriven):
-        raise InputError(
+        raise RendererError(
             f"the factory made a {type(renderer).__name__}, which is no renderer",
             why="a renderer has reset(hip) and step(hip, velocity, dt) -> (ihip, force)",
             todo="see 'Judge your own renderer' in the README",

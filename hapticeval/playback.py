@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import traceback
 from collections.abc import Mapping
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -40,7 +42,9 @@ def answered(renderer: SelfDriven, stimulus: Stimulus, dt: float) -> Recording:
     except HapticevalError:
         raise
     except (Exception, SystemExit) as error:
-        raise RendererError(f"the renderer's answer() raised {type(error).__name__}: {error}") from error
+        raise RendererError(
+            f"the renderer's answer() raised {type(error).__name__}: {error}", why=origin(error)
+        ) from error
     if not isinstance(recording, Recording):
         raise RendererError(
             f"the renderer's answer() gave a {type(recording).__name__}", todo="return a hapticeval.Recording"
@@ -110,6 +114,15 @@ def _step_by_step(renderer: Renderer, hips: Array, velocity: Array, dt: float) -
     return ihips, forces
 
 
+def origin(error: BaseException) -> str:
+    """Where in the renderer's code an exception came from: the innermost frame, for the `why` of an error."""
+    frames = traceback.extract_tb(error.__traceback__)
+    if not frames:
+        return ""
+    last = frames[-1]
+    return f"in {PurePath(last.filename).name}, line {last.lineno}, in {last.name}: {last.line}"
+
+
 def start(renderer: Renderer, hip: Array) -> None:
     """`renderer.reset(hip)`, with what it raises told as a `RendererError`."""
     try:
@@ -118,7 +131,7 @@ def start(renderer: Renderer, hip: Array) -> None:
         raise
     except (Exception, SystemExit) as error:
         raise RendererError(
-            f"the renderer's reset() raised {type(error).__name__}: {error}", tick=0, hip=hip
+            f"the renderer's reset() raised {type(error).__name__}: {error}", tick=0, hip=hip, why=origin(error)
         ) from error
 
 
@@ -128,13 +141,13 @@ def ask(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -
     The renderer gets copies: what it does to its arguments must not reach the recording.
     """
     try:
-        answer, push = renderer.step(hip.copy(), velocity.copy(), dt)
+        answer, push = renderer.step(hip.copy(), velocity.copy(), dt)  # an (ihip, force) pair of any kind
         ihip, force = np.asarray(answer, dtype=np.float64), np.asarray(push, dtype=np.float64)
     except HapticevalError:
         raise
     except (Exception, SystemExit) as error:
         raise RendererError(
-            f"the renderer's step() raised {type(error).__name__}: {error}", tick=tick, hip=hip
+            f"the renderer's step() raised {type(error).__name__}: {error}", tick=tick, hip=hip, why=origin(error)
         ) from error
     if ihip.shape != hip.shape or force.shape != hip.shape:
         raise RendererError(

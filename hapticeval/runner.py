@@ -62,8 +62,8 @@ class Plan:
 def plan(suites: Sequence[str], renderers: Sequence[str], *, select: str | None = None, seed: int = 0) -> Plan:
     """Load the suites, see that every renderer can be found, and apply the selection.
 
-    `select` is a glob on case names, or on `case/check`. Raises `NothingSelectedError` when nothing is left, and
-    what `load_suite` and `resolve` raise.
+    `select` is a glob on case names, on `suite/case`, or on `case/check`. Raises `NothingSelectedError` when nothing
+    is left, and what `load_suite` and `resolve` raise.
     """
     loaded = tuple(load_suite(name) for name in dict.fromkeys(suites))
     _refuse_namesakes(loaded)
@@ -74,7 +74,7 @@ def plan(suites: Sequence[str], renderers: Sequence[str], *, select: str | None 
         Job(suite.name, selected, name)
         for suite in loaded
         for case in suite.cases
-        for selected in _selected(case, select)
+        for selected in _selected(case, suite.name, select)
         for name in names
     )
     if not jobs:
@@ -97,8 +97,9 @@ def _refuse_namesakes(suites: Sequence[Suite]) -> None:
             raise InputError(f"two suites are named '{name}'", todo="rename one of the files, or run them apart")
 
 
-def _selected(case: Case, select: str | None) -> Iterator[Case]:
-    if select is None or fnmatchcase(case.name, select):
+def _selected(case: Case, suite: str, select: str | None) -> Iterator[Case]:
+    whole = f"{suite}/{case.name}" if select is not None and "/" in select else case.name
+    if select is None or fnmatchcase(whole, select):
         yield case
         return
     checks = tuple(check for check in case.checks if fnmatchcase(f"{case.name}/{check}", select))

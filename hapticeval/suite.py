@@ -177,12 +177,24 @@ def _validate(document: Mapping[str, Any], file: str) -> None:
     error = jsonschema.exceptions.best_match(jsonschema.Draft202012Validator(schema).iter_errors(document))
     if error is None:
         return
+    error = _of_the_kind(error)
     place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in error.absolute_path)
     path = list(error.absolute_path)
     if len(path) >= 2 and path[0] == "case":
         name = document["case"][path[1]].get("name", f"number {path[1]}")
         place = f" case '{name}'" + "".join(f".{part}" for part in path[2:])
     raise InputError(f"{file}:{place or ' the file'} does not fit: {error.message}", todo="see 'Suites' in the README")
+
+
+def _of_the_kind(error: Any) -> Any:
+    """Of the ways in which a table fits none of several kinds, the one about the kind that it says it is."""
+    if error.validator != "oneOf" or not isinstance(error.instance, dict) or "kind" not in error.instance:
+        return error
+    wrong_kind = {part.schema_path[0] for part in error.context if list(part.relative_path) == ["kind"]}
+    of_its_kind = [part for part in error.context if part.schema_path[0] not in wrong_kind]
+    # A misspelt name is both unknown and missing: the unknown one is what the user wrote.
+    of_its_kind.sort(key=lambda part: part.validator != "additionalProperties")
+    return of_its_kind[0] if of_its_kind else error
 
 
 def _refuse_repeats(names: list[str], file: str) -> None:

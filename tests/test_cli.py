@@ -150,8 +150,8 @@ def test_a_broken_renderer_outranks_a_failure(here: Path, capsys: pytest.Capture
     assert "fail: local_mine:Jumps on slides/flat/continuous-contact" in out
 
 
-def test_what_is_no_renderer_is_wrong_input(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("-r", "local_mine:nothing") == 2
+def test_what_is_no_renderer_is_a_broken_one(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("-r", "local_mine:nothing") == 3
     assert "which is no renderer" in capsys.readouterr().out
 
 

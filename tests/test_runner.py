@@ -124,6 +124,7 @@ def test_a_renderer_that_breaks_does_not_take_the_others_along(short, tmp_path):
     jobs = {(event.case, event.renderer): event for event in events if isinstance(event, JobFinished)}
     broken = jobs["slide", "thirdparty:Raises"]
     assert "out of its depth" in str(broken.error)
+    assert "in thirdparty.py, line 19, in step" in broken.error.why
     assert broken.error.exit_code == 3
     assert broken.error.hip[0] < -0.03
     assert {verdict.outcome for verdict in broken.verdicts} == {Outcome.ERROR}
@@ -176,7 +177,7 @@ def test_a_stimulus_that_cannot_be_is_told_once_and_before_anything_runs(short, 
 def test_what_is_no_renderer_is_said(short, tmp_path):
     events = run(short, ["thirdparty:no_renderer"], tmp_path / "out")
     assert "int" in str(events[1].error)
-    assert events[1].error.exit_code == 2
+    assert events[1].error.exit_code == 3
 
 
 def test_a_renderer_that_ends_its_process_breaks_alone(short, tmp_path):
@@ -216,7 +217,8 @@ def test_the_seed_makes_a_random_renderer_repeatable(short, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("select", "planned"), [("slide", 1), ("s*", 1), ("*", 3), ("*/continuous-contact", 2), ("press/*", 2)]
+    ("select", "planned"),
+    [("slide", 1), ("s*", 1), ("*", 3), ("*/continuous-contact", 2), ("press/*", 2), ("short/slide", 1)],
 )
 def test_a_selection_is_by_case_or_by_check(short, select, planned):
     assert plan([short], ["constraint"], select=select).planned == planned

@@ -39,7 +39,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return Finding(Outcome.INCONCLUSIVE, "the tool hardly touches the surface")
     largest = float(np.max(np.abs(cost)))
     if largest <= 1e-12:
-        return Finding(Outcome.NOT_APPLICABLE, "the surface has no curvature where the tool slides")
+        return Finding(Outcome.NOT_APPLICABLE, "the tool does not slide over a curved surface")
     share, deviation = _share(np.concatenate(errors), np.concatenate(pushes), cost)
     bound = HOLD_TICKS * max(sizes) * base.dt
     contact = np.flatnonzero(touching(base, scene))

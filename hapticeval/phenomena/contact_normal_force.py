@@ -38,7 +38,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return Finding(Outcome.FAIL, message, metric, bound, evidence)
     balance = _static_balance(base, scene)
     if balance is None:
-        return Finding(Outcome.PASS, "the force is along the surface normal throughout", metric, bound, evidence)
+        message = "the force is along the surface normal throughout"
+        if "operator_force" in base.channels and not scene.bilateral:
+            message += "; the tool is not at rest at the end, so the size of the force is not judged"
+        return Finding(Outcome.PASS, message, metric, bound, evidence)
     difference, static_bound, push = balance
     depth = float(np.linalg.norm(base.hip[-1] - base.ihip[-1]))
     evidence |= {

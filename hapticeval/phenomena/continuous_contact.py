@@ -10,15 +10,17 @@ from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     NO_IHIP,
+    believed_standoff,
     hip_step,
     hip_steps,
     lacks_ihip,
+    off_surface,
     place,
     standoff,
     touching,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -27,6 +29,7 @@ MINI = 1.5
 """A jump up to this many edges or cells of the renderer's representation is a mini pop-through: between neighbours."""
 STILL = 1e-3
 """HIP steps below this share of the largest one are no motion that could be amplified."""
+TENTH = math.log2(1.1)
 STAYS, SHRINKS = 0.15, 0.25
 """Slopes of log2(jump) against log2(step): a jump has 0, a Hoelder map of order a has a, a Lipschitz map 1."""
 
@@ -61,6 +64,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if lacks_ihip(base, scene):
         return Finding(Outcome.INCONCLUSIVE, NO_IHIP, evidence=place(base, tick))
     step = hip_step(base, scene)
+    stray = _off_the_surface(base, scene)
+    if stray is not None:
+        return stray
     off = standoff(base, scene)
     bound = LAG_TICKS * step + off
     evidence: dict[str, object] = {
@@ -85,7 +91,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             break
     slope = _slope(jumps)
     evidence |= {"jumps_m": jumps, "refinements": list(REFINEMENTS[: len(jumps)]), "slope": slope}
-    left = jumps[-1] if slope < STAYS or jumps[-1] <= bound else _limit(*jumps[-3:])
+    left = jumps[-1] if slope < STAYS or jumps[-1] <= bound else _limit(jumps)
     metric = Metric("IHIP jump that refinement leaves", left, "m")
     where = f"{1e3 * left:.3g} mm at t = {base.time[tick]:.4g} s"
     if left > bound:
@@ -108,6 +114,18 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     return Finding(Outcome.PASS, message, metric, bound, evidence)
 
 
+def _off_the_surface(base: Recording, scene: Scene) -> Finding | None:
+    """A failure where the IHIP leaves the surface: a path through the solid is no contact point's, however smooth."""
+    distance, tick = off_surface(base, scene)
+    rounding = 4.0 * SINGLE * scene.model.size
+    allowed = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene) + rounding
+    if distance <= allowed:
+        return None
+    message = f"the IHIP in contact lies {1e3 * distance:.3g} mm off the surface at t = {base.time[tick]:.4g} s"
+    metric = Metric("distance of the IHIP in contact from the surface", distance, "m")
+    return Finding(Outcome.FAIL, message, metric, allowed, place(base, tick))
+
+
 def _slope(jumps: list[float]) -> float:
     """How fast the jump shrinks with the step: log2 a halving, fitted over all refinements.
 
@@ -119,12 +137,20 @@ def _slope(jumps: list[float]) -> float:
     return -float(np.polyfit(halvings, np.log2(jumps), 1)[0])
 
 
-def _limit(coarse: float, middle: float, fine: float) -> float:
-    """What is left at infinite refinement if jump = limit + c r^k (Aitken), kept within [0, fine]."""
+def _limit(jumps: list[float]) -> float:
+    """What is left at infinite refinement if jump = limit + c r^k (Aitken on the last three), within [0, finest].
+
+    Where the last three do not fall ever more slowly, the phase of sampling beside a steep place has moved them: then a
+    law jump = c r^k that fits all refinements to a tenth leaves nothing.
+    """
+    coarse, middle, fine = jumps[-3:]
     curvature = coarse + fine - 2.0 * middle
-    if curvature <= 0.0:
-        return fine
-    return min(max((coarse * fine - middle * middle) / curvature, 0.0), fine)
+    if curvature > 0.0:
+        return min(max((coarse * fine - middle * middle) / curvature, 0.0), fine)
+    halvings = np.arange(len(jumps))
+    logs = np.log2(jumps)
+    spread = float(np.std(logs - np.polyval(np.polyfit(halvings, logs, 1), halvings)))
+    return 0.0 if spread < TENTH else fine
 
 
 def _judge_fixed(
@@ -164,12 +190,14 @@ CHECK = Check(
     unit="m",
     bound=(
         "3 HIP steps of the finest run + standoff. Three ticks of lag are allowed to a proxy, and shrink with the "
-        "step; a surface known to within a standoff places the IHIP no better than that (the declared standoff counts "
-        "as far as the IHIPs really lie off the model). A jump up to 1.5 of the renderer's declared edges or cells is "
-        "reported as mini pop-through (4.1.2): from one facet to the next; a longer one as major. "
-        "Where the largest jump stays above that, its slope under refinement decides: log2 J falls by 0 a halving for "
-        "a jump, by 1 for a Lipschitz map and by 1/3 for the steepest continuous map met (a conformal map at a "
-        "60-degree tip); below 0.15 it is a jump, above 0.25 the jump's limit is extrapolated (Aitken)."
+        "step; a surface known to within a standoff places the IHIP no better than that (the declared standoff "
+        "counts as far as the IHIPs really lie off the model, and up to a fiftieth of its size; an IHIP in contact "
+        "that lies farther off fails at once, for a smooth path through the solid is none along its surface). A "
+        "jump up to 1.5 of the renderer's declared edges or cells is reported as mini pop-through (4.1.2): from one"
+        " facet to the next; a longer one as major. Where the largest jump stays above that, its slope under "
+        "refinement decides: log2 J falls by 0 a halving for a jump, by 1 for a Lipschitz map and by 1/3 for the "
+        "steepest continuous map met (a conformal map at a 60-degree tip); below 0.15 it is a jump, above 0.25 the "
+        "jump's limit is extrapolated (Aitken)."
     ),
     judge=judge,
 )

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.sampling import LAG_TICKS, NO_IHIP, hip_step, lacks_ihip, place, placement, touching
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
@@ -78,4 +78,5 @@ CHECK = Check(
         "lag by three ticks, in opposite directions on the two paths, and a jump only shifted in time is no memory."
     ),
     judge=judge,
+    level=Level.INFO,
 )

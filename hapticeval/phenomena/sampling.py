@@ -14,6 +14,9 @@ LAG_TICKS = 3
 FORCE_DEPTH = 1e-6
 """Depth (m) whose spring force is the floor under which a force has no direction worth judging."""
 
+FARTHEST = 1.0 / 50.0
+"""Share of the model's size beyond which a declared standoff is not believed: 4 mm of the usual 200 mm."""
+
 COARSEST = 1.0 / 16.0
 """Share of the outline beyond which a declared resolution is not believed: 16 facets are no smooth surface."""
 
@@ -41,14 +44,26 @@ def hip_step(recording: Recording, scene: Scene) -> float:
     return float(steps.max()) if steps.size else 0.0
 
 
+def off_surface(recording: Recording, scene: Scene) -> tuple[float, int]:
+    """How far the IHIP in contact lies off the model at the most, m, and at which tick (0 without contact)."""
+    contact = np.flatnonzero(touching(recording, scene))
+    if contact.size == 0:
+        return 0.0, 0
+    distance = np.abs(scene.model.curve.signed_distance(recording.ihip[contact]))
+    worst = int(np.argmax(distance))
+    return float(distance[worst]), int(contact[worst])
+
+
+def believed_standoff(recording: Recording, scene: Scene) -> float:
+    """The declared standoff, m, at most a fiftieth of the model: beyond that another object is rendered."""
+    return min(recording.standoff, FARTHEST * scene.model.size)
+
+
 def standoff(recording: Recording, scene: Scene) -> float:
     """The declared standoff, m, as far as the IHIPs in contact really lie off the model: no licence beyond that."""
     if recording.standoff == 0.0:
         return 0.0
-    ihips = recording.ihip[touching(recording, scene)]
-    if ihips.shape[0] == 0:
-        return 0.0
-    return min(recording.standoff, float(np.max(np.abs(scene.model.curve.signed_distance(ihips)))))
+    return min(believed_standoff(recording, scene), off_surface(recording, scene)[0])
 
 
 def resolution(recording: Recording, scene: Scene) -> float:

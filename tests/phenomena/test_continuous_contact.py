@@ -7,14 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.geometry.catalogue import circle
+from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.continuous_contact import amplification, judge
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 
-SCENE = Scene(model=circle())
+SCENE = Scene(model=line())
+ROUND = Scene(model=circle())
 
 
 def runs(answer, *, refinable=True, meta=None):
@@ -96,9 +97,29 @@ def test_a_jump_between_neighbouring_facets_is_a_mini_pop_through():
 
 
 def test_a_jump_within_the_declared_standoff_passes_and_is_reported():
-    finding = judge(runs(lambda x: x + 1e-3 * (x > 0.02), meta={"standoff": 0.0012}), SCENE)
+    def record(factor, meta):
+        base = runs(lambda x: x + 1e-3 * (x > 0.02)).refine(factor)
+        ihip = base.ihip + 1.2e-3 * np.array([0.0, 1.0])  # and the surface stands off as far as it says
+        return Recording(base.time, {**base.channels, "ihip": ihip}, meta)
+
+    declared = {"standoff": 0.0012}
+    finding = judge(Runs(record(1, declared), refine=lambda k: record(k, declared)), SCENE)
     assert finding.outcome is Outcome.PASS
     assert "standoff" in finding.message
+    silent = judge(Runs(record(1, {}), refine=lambda k: record(k, {})), SCENE)
+    assert silent.outcome is Outcome.FAIL
+    assert "off the surface" in silent.message
+
+
+def test_a_smooth_path_through_the_solid_is_no_contact():
+    """The chord that a smeared table draws across a circle is continuous, and not on the surface."""
+    x = np.linspace(-0.08, 0.08, 4001)
+    ihip = np.column_stack([x, np.full_like(x, 0.06)])
+    hip = np.column_stack([x, np.full_like(x, 0.05)])
+    chord = Recording(np.arange(x.size) * 1e-3, {"hip": hip, "ihip": ihip, "force": 1e3 * (ihip - hip)})
+    finding = judge(Runs(chord, refine=lambda factor: chord), ROUND)
+    assert finding.outcome is Outcome.FAIL
+    assert finding.metric.value == pytest.approx(0.04, abs=1e-4)
 
 
 def test_a_jump_between_two_contacts_is_no_pop_through():
@@ -129,4 +150,4 @@ def test_a_fixed_recording_near_the_medial_axis_is_inconclusive():
     angle = np.linspace(0.0, 2.0, 50)
     ihip = 0.1 * np.column_stack([np.cos(angle), np.sin(angle)])
     base = Recording(np.linspace(0, 1, 50), {"hip": 1e-3 * ihip, "ihip": ihip, "force": ihip})
-    assert judge(Runs(base), SCENE).outcome is Outcome.INCONCLUSIVE
+    assert judge(Runs(base), ROUND).outcome is Outcome.INCONCLUSIVE
