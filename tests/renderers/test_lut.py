@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hand_paths import star_shaped, walks
 from hapticeval.renderers import conformal, constraint, minimum_distance
-from hapticeval.renderers.family import by_conformal, by_minimum_distance
+from hapticeval.renderers.family import by_conformal, by_mapping, by_minimum_distance
 from hapticeval.renderers.lut import LutProjection, tabulated
 from hapticeval.renderers.lut_build import MARGIN, OFF, fill, tabulate
 from hapticeval.renderers.lut_kernels import ASK, EDGE, HELD, MARKED, OUT, TOUCHES
@@ -219,6 +219,30 @@ def test_a_table_is_made_once_for_a_model_and_its_settings():
     assert table_of("minimum-distance", "dumbbell").table is made.table
     assert table_of("minimum-distance", "dumbbell", bilateral=True).table is not made.table
     assert table_of("conformal", "dumbbell").table is not made.table
+
+
+def test_a_flow_map_in_a_table():
+    scene, settings = Scene(model=MODELS["cassinian"]), {"cells": 60}
+    made = tabulated(by_mapping, scene, "curve", cell=COARSE, **settings)
+    exact, hips = by_mapping(scene, "curve", **settings), scattered()
+    ihips, _, contact = made.trace(hips)
+    truth, _, _ = exact.trace(hips)
+    assert np.max(np.abs(scene.model.curve.signed_distance(ihips[contact]))) <= made.standoff
+    assert np.sqrt(np.mean(np.sum((ihips - truth)[contact] ** 2, axis=1))) < 1e-4
+    assert made.resolution == max(COARSE, exact.resolution)
+
+
+def test_at_shallow_depth_the_transversal_scheme_is_the_more_normal_one():
+    angle, depth = np.linspace(0.0, 2.0 * math.pi, 997), 2e-4
+    rays = np.column_stack([np.cos(angle), np.sin(angle)])
+    off = {}
+    for regulation in ("pp", "transversal"):
+        family = minimum_distance.variant(representation="lut", regulation=regulation)
+        _, forces = family(Scene(model=CIRCLE)).run((0.1 - depth) * rays, 1e-3)
+        across = np.abs(forces[:, 0] * rays[:, 1] - forces[:, 1] * rays[:, 0])
+        off[regulation] = math.degrees(float(np.max(across / np.hypot(*forces.T))))
+    assert off["transversal"] < 1e-3
+    assert off["pp"] > 100.0 * off["transversal"]
 
 
 @pytest.mark.parametrize("family", [minimum_distance, conformal])
