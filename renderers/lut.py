@@ -39,6 +39,9 @@ class LutProjection:
     Without `exact`, as for a table that was loaded from a file, the nearest node answers there. `surface` is the curve
     that was tabulated, `resolution` (m) what is blurred: the side of a cell. `standoff` (m) is the table's, or the
     exact projection's where that is larger. Without memory.
+
+    An IHIP that is off by e turns the position error (4.5) by e / d at depth d, so that a spring along it, `pp`, is off
+    the normal when shallow. The `transversal` scheme (5.21) pushes along the interpolated normal, which is not.
     """
 
     def __init__(self, table: Lookup, surface: Curve, *, resolution: float, exact: Projection | None = None) -> None:

@@ -13,7 +13,7 @@ A cell is marked where one of four rules says so.
 3. The projection is too steep to be interpolated: a side is stretched by more than `STRETCH`, and the interpolated
    IHIP in the middle of the cell is more than `AMISS` sides off the projection's own.
 4. Two of its normals are more than a right angle apart: then a mean of them may vanish, else none is shorter than
-   2^(-N/2).
+   2^(-N/2). In a cell that the surface may pass, where IHIP and normal also decide the contact, `TURN` is enough.
 
 What the rules cannot see: a discontinuity that enters a cell and leaves it by one and the same side without parting
 two nodes, or ends inside of it. The nodes are then on one sheet of the projection, and what is interpolated is that
@@ -34,17 +34,19 @@ from hapticeval.renderers.boundary import boundary_of
 from hapticeval.renderers.lut_kernels import EDGE, HELD, MARKED
 from hapticeval.renderers.lut_table import CELL, Table, empty, grid_over
 from hapticeval.renderers.projection import Projection
-from hapticeval.types import Array, BoolArray
+from hapticeval.types import Array, BoolArray, ByteArray
 
 STRETCH = 2.0
 BISECTIONS = 10
 ORDER = 0.2
 OFF = 0.05
 AMISS = 0.1
+TURN = 0.5
 
 PROBES = 5
-MARGIN = 1.1
-"""A probed maximum is raised by this much."""
+MARGIN = 4.0 / 3.0
+"""A probed maximum is raised by this much: where nodes lie on both faces of a corner the distance rises to a ridge in
+the cell as on a roof, and the next probe may be a quarter of the way down."""
 
 SLAB = 200_000
 """Nodes that are filled at a time."""
@@ -129,7 +131,7 @@ def _fill_box(table: Table, source: Source, low: tuple[int, ...], high: tuple[in
     answers[needed] = np.concatenate(source.project(points[needed]), axis=1)
     marked, steep = _jumps(points, answers[..., :dimension], needed, source, side)
     marked |= _amiss(points, answers[..., :dimension], (kinds != 0) & steep & ~marked, source, AMISS * side)
-    standoff, off = _off_surface(answers, (kinds != 0) & ~marked, source, OFF * side)
+    standoff, off = _off_surface(answers, kinds, (kinds != 0) & ~marked, source, OFF * side)
     table.nodes[tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))][needed] = answers[needed]
     kinds = kinds + np.uint8(MARKED) * ((kinds != 0) & (marked | off))
     table.cells[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = kinds
@@ -194,7 +196,9 @@ def _amiss(points: Array, ihips: Array, candidates: BoolArray, source: Source, l
     return amiss
 
 
-def _off_surface(answers: Array, candidates: BoolArray, source: Source, limit: float) -> tuple[float, BoolArray]:
+def _off_surface(
+    answers: Array, kinds: ByteArray, candidates: BoolArray, source: Source, limit: float
+) -> tuple[float, BoolArray]:
     """Rules 2 and 4: the largest measured distance off the surface that is within the limit, and the cells beyond."""
     off = np.zeros(candidates.shape, bool)
     corners = _corners(answers)[:, candidates]
@@ -214,7 +218,7 @@ def _off_surface(answers: Array, candidates: BoolArray, source: Source, limit: f
             for bits in itertools.product((0, 1), repeat=dimension)
         ]
     ).reshape(len(probes), -1)
-    standoff, beyond = 0.0, turn > 2.0**0.5
+    standoff, beyond = 0.0, turn > np.where(kinds[candidates] == EDGE, TURN, 2.0**0.5)
     for start in range(0, estimate.size, 1000):
         chosen = order[start : start + 1000]
         if estimate[chosen[0]] <= min(standoff, limit):

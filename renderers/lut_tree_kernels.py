@@ -44,20 +44,20 @@ def descend(
     a = (a - ((i >> left) << left)) / (1 << left)
     b = (b - ((j >> left) << left)) / (1 << left)
     if on and kind < MARKED:
-        low, low_right = nodes[corners[leaf, 0]], nodes[corners[leaf, 1]]
-        high, high_right = nodes[corners[leaf, 2]], nodes[corners[leaf, 3]]
+        p, q = np.uint64(corners[leaf, 0]), np.uint64(corners[leaf, 1])
+        r, s = np.uint64(corners[leaf, 2]), np.uint64(corners[leaf, 3])
         w00, w10, w01, w11 = (1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b
-        px = w00 * low[0] + w10 * low_right[0] + w01 * high[0] + w11 * high_right[0]
-        py = w00 * low[1] + w10 * low_right[1] + w01 * high[1] + w11 * high_right[1]
-        nx = w00 * low[2] + w10 * low_right[2] + w01 * high[2] + w11 * high_right[2]
-        ny = w00 * low[3] + w10 * low_right[3] + w01 * high[3] + w11 * high_right[3]
+        px = w00 * nodes[p, 0] + w10 * nodes[q, 0] + w01 * nodes[r, 0] + w11 * nodes[s, 0]
+        py = w00 * nodes[p, 1] + w10 * nodes[q, 1] + w01 * nodes[r, 1] + w11 * nodes[s, 1]
+        nx = w00 * nodes[p, 2] + w10 * nodes[q, 2] + w01 * nodes[r, 2] + w11 * nodes[s, 2]
+        ny = w00 * nodes[p, 3] + w10 * nodes[q, 3] + w01 * nodes[r, 3] + w11 * nodes[s, 3]
         size = 1.0 / math.sqrt(nx * nx + ny * ny)
         nx, ny = nx * size, ny * size
     elif ask:
         return ASK, x, y, 0.0, 0.0
     else:
-        node = nodes[corners[leaf, int(a > 0.5) + 2 * int(b > 0.5)]]
-        px, py, nx, ny = node[0], node[1], node[2], node[3]
+        p = np.uint64(corners[leaf, int(a > 0.5) + 2 * int(b > 0.5)])
+        px, py, nx, ny = nodes[p, 0], nodes[p, 1], nodes[p, 2], nodes[p, 3]
     if kind & EDGE and (x - px) * nx + (y - py) * ny >= 0.0:
         return OUT, x, y, 0.0, 0.0
     return TOUCHES, px, py, nx, ny

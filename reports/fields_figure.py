@@ -33,6 +33,12 @@ COLOURS: Mapping[str, str] = MappingProxyType(
         "tool": "#8e3fa8",
     }
 )
+PAD = 0.03
+"""Room around the model, as a share of its size."""
+
+LEFT, PLOT, RIGHT, BELOW, ABOVE = 0.65, 5.5, 0.15, 1.4, 0.35
+"""Inches: beside and above the axes, and their width."""
+
 PRECISION = 2e-5
 """How far (m) a drawn line may be from the computed one."""
 
@@ -60,12 +66,24 @@ def _draw(field: Field, document: Mapping[str, Any], paths: Sequence[Path]) -> N
 
     settings: Any = {**STYLE, "axes.spines.top": True, "axes.spines.right": True, "axes.edgecolor": COLOURS["quiet"]}
     with rc_context(settings):
-        figure = Figure(figsize=(6.2, 6.9), facecolor="white")
+        xmin, ymin, xmax, ymax = field.surface.bounds
+        pad = 2.0 * PAD * field.lattice.size
+        tall = PLOT * (ymax - ymin + pad) / (xmax - xmin + pad)
+        height = BELOW + tall + ABOVE
+        figure = Figure(figsize=(LEFT + PLOT + RIGHT, height), facecolor="white")
         FigureCanvasAgg(figure)
-        axes = figure.add_axes((0.1, 0.21, 0.87, 0.75))
+        width = LEFT + PLOT + RIGHT
+        axes = figure.add_axes((LEFT / width, BELOW / height, PLOT / width, tall / height))
         draw_field(axes, field)
         axes.set_title(document["title"], fontsize=10, color=COLOURS["ink"])
-        figure.text(0.1, 0.1, caption(document), fontsize=8, color=COLOURS["ink"], va="top", linespacing=1.5)
+        axes.legend(
+            loc="upper center", bbox_to_anchor=(0.5, -0.42 / tall), ncols=4, frameon=False, handlelength=1.6,
+            borderaxespad=0.0,
+        )  # fmt: skip
+        figure.text(
+            0.35 / width, (BELOW - 0.78) / height, caption(document), fontsize=8, color=COLOURS["ink"], va="top",
+            linespacing=1.5,
+        )  # fmt: skip
         for path in paths:
             vector = path.suffix == ".svg"
             with replacing(path) as temporary:
@@ -123,12 +141,11 @@ def draw_field(axes: Axes, field: Field) -> None:
             label="previous IHIP",
         )  # fmt: skip
     axes.set_aspect("equal")
-    pad = 0.03 * MM * field.lattice.size
+    pad = PAD * MM * field.lattice.size
     xmin, ymin, xmax, ymax = (MM * each for each in field.surface.bounds)
     axes.set(xlim=(xmin - pad, xmax + pad), ylim=(ymin - pad, ymax + pad))
     axes.set_xlabel("y₁ (mm)")
     axes.set_ylabel("y₂ (mm)")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.065), ncols=4, frameon=False, handlelength=1.6)
 
 
 def _draw_rests(axes: Axes, field: Field) -> None:

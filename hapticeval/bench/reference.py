@@ -54,7 +54,7 @@ def on_the_exact_curve(factory: RendererFactory) -> RendererFactory:
     return cast("RendererFactory", variant(representation="curve"))
 
 
-def reference_of(name: str, factory: RendererFactory, work: Workload, *, quick: bool) -> Reference | None:
+def reference_of(name: str, factory: RendererFactory, work: Workload) -> Reference | None:
     """The reference of a renderer on a workload; None for one that has neither an exact form nor a knob.
 
     With knobs the finest setting is the reference and the one before it the check: both are built here.
@@ -64,7 +64,7 @@ def reference_of(name: str, factory: RendererFactory, work: Workload, *, quick: 
     if not knobs:
         known = getattr(exact, "representation", None) == "curve"
         return Reference("the exact curve", _asked(exact, work), None) if known else None
-    before, last = refinements(knobs, quick=quick)
+    before, last = refinements(knobs)
     coarse, fine = (_asked(cast("Any", turned(exact, each, name=name)), work) for each in (before, last))
     return Reference(
         f"itself at {', '.join(f'{knob} {value:g}' for knob, value in last.items())}",
@@ -73,14 +73,12 @@ def reference_of(name: str, factory: RendererFactory, work: Workload, *, quick: 
     )
 
 
-def refinements(knobs: Mapping[str, Knob], *, quick: bool) -> tuple[Settings, Settings]:
+def refinements(knobs: Mapping[str, Knob]) -> tuple[Settings, Settings]:
     """The last but one and the last refinement of all knobs together.
 
     Raises `InputError` for a knob with one value only: nothing shows then whether it has converged.
     """
-    chosen = {
-        name: knob.finest or (knob.quick if quick and knob.quick else knob.values) for name, knob in knobs.items()
-    }
+    chosen = {name: knob.finest or knob.values for name, knob in knobs.items()}
     for name, values in chosen.items():
         if len(values) < 2:
             raise InputError(
@@ -89,11 +87,6 @@ def refinements(knobs: Mapping[str, Knob], *, quick: bool) -> tuple[Settings, Se
                 todo="give the knob at least two values",
             )
     return {name: values[-2] for name, values in chosen.items()}, {name: values[-1] for name, values in chosen.items()}
-
-
-def swept(knob: Knob, *, quick: bool) -> tuple[float, ...]:
-    """The values of a knob in a full or a quick sweep."""
-    return knob.quick if quick and knob.quick else knob.values
 
 
 def _asked(factory: Callable[..., object], work: Workload) -> Answers:

@@ -8,7 +8,6 @@ from itertools import product
 from typing import cast
 
 from hapticeval.bench.quantity import length
-from hapticeval.bench.reference import swept
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.knob import Settings, knobs_of, turned
@@ -66,7 +65,11 @@ def settings_of(
         if wanted:
             every = [dict(zip(wanted, values, strict=True)) for values in product(*wanted.values())]
         else:
-            every = [{knob: value} for knob, each in knobs[name].items() for value in swept(each, quick=quick)]
+            every = [
+                {knob: value}
+                for knob, each in knobs[name].items()
+                for value in (each.quick if quick and each.quick else each.values)
+            ]
         units = {knob: each.unit for knob, each in knobs[name].items()}
         for setting in every or [{}]:
             found.append(Setting(name, setting, cast("RendererFactory", turned(factory, setting, name=name)), units))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,7 @@ class Sweep:
         self.entries = [_Entry(setting, work, f"s{k:03d}") for k, (work, setting) in enumerate(pairs)]
         self.references: dict[tuple[str, str], Reference | None] = {}
         self.rounds = 0
+        self._fresh = count(1)
         self.reason: str | None = None
         self.wall = 0.0
         self.machine = machine()
@@ -106,7 +108,7 @@ class Sweep:
             entry.failure = error
             entry.problem = " ".join(part for part in (f"{error.what}.", error.why) if part)
         except Exception as error:
-            entry.failure = RendererError(f"the factory raised {type(error).__name__}: {error}", tick=0, hip=())
+            entry.failure = RendererError(f"measuring it raised {type(error).__name__}: {error}", tick=0, hip=())
             entry.problem = entry.failure.what
 
     def _measure(self, entry: _Entry) -> None:
@@ -121,7 +123,7 @@ class Sweep:
         found = answers(warm, work)
         if entry.reference is not None:
             entry.errors = errors(found, entry.reference.answers, stiffness=work.scene.stiffness)
-        scenes = (fresh_scene(work.name) for _ in range(self.effort.builds))
+        scenes = (fresh_scene(work.name, next(self._fresh)) for _ in range(self.effort.builds))
         entry.renderer, entry.builds = timed_build(setting.factory, scenes, self.effort.builds)
         entry.memory = array_bytes(entry.renderer)
 
@@ -135,9 +137,7 @@ class Sweep:
                 if model == work.name and _same(base, self._factory_of(name))
             ]
             self.references[key] = (
-                self.references[shared[0]]
-                if shared
-                else reference_of(setting.renderer, setting.factory, work, quick=self.quick)
+                self.references[shared[0]] if shared else reference_of(setting.renderer, setting.factory, work)
             )
         return self.references[key]
 

@@ -20,6 +20,7 @@ from hapticeval.trajectories import build_path
 from hapticeval.types import Array
 
 POINTS = 1000
+SIZE = 0.2
 AWAY = 2e-3
 """Distance (m) of the points from discontinuities."""
 
@@ -56,14 +57,18 @@ def workload(kind: str, *, seed: int) -> Workload:
     Its random points lie where a renderer's error means something: no discontinuity of the exact nearest point is
     within 2 mm.
     """
-    scene = fresh_scene(kind)
+    scene = Scene(model=make_model(kind, size=SIZE))
     path = build_path({**MODELS[kind], "duration": SLIDE_SECONDS}, scene.model.curve, FilePath())
     return Workload(kind, scene, interior_points(scene.model, POINTS, seed=seed), path)
 
 
-def fresh_scene(kind: str) -> Scene:
-    """A scene of a model that nothing has been prepared for yet."""
-    return Scene(model=make_model(kind))
+def fresh_scene(kind: str, number: int) -> Scene:
+    """A scene of a model that nothing has been prepared for yet, not even for one that is equal to it.
+
+    Model number n is n parts in 1e12 larger than the others: a renderer that keeps what it made of a model, by the
+    model or by its values, builds anew.
+    """
+    return Scene(model=make_model(kind, size=SIZE * (1.0 + 1e-12 * number)))
 
 
 def interior_points(model: Model, count: int, *, seed: int) -> Array:

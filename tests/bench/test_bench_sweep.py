@@ -14,10 +14,10 @@ from hapticeval.bench.reference import Reference, reference_of, refinements
 from hapticeval.bench.settings import Setting, chosen_values, settings_of
 from hapticeval.bench.sweep import Effort, Sweep
 from hapticeval.bench.tell import summary
-from hapticeval.bench.workload import interior_points, workload
+from hapticeval.bench.workload import fresh_scene, interior_points, workload
 from hapticeval.costs import ENTRY, FILE, SAMPLES, read_costs, read_samples, write_costs
 from hapticeval.errors import InputError, UnknownNameError
-from hapticeval.geometry.catalogue import cassinian, circle, star
+from hapticeval.geometry.catalogue import cassinian, star
 from hapticeval.knob import Knob
 from hapticeval.renderer import Response
 from hapticeval.renderers import constraint, minimum_distance
@@ -107,7 +107,7 @@ def test_errors_of_a_known_offset(work):
 
 def test_a_projection_is_measured_against_itself_on_the_exact_curve(work):
     on_polygon = minimum_distance.variant(representation="polygon")
-    reference = reference_of("minimum-distance@polygon", on_polygon, work, quick=True)
+    reference = reference_of("minimum-distance@polygon", on_polygon, work)
     assert reference.what == "the exact curve"
     assert reference.disagreement is None
     coarse, fine = (
@@ -120,7 +120,7 @@ def test_a_projection_is_measured_against_itself_on_the_exact_curve(work):
 
 
 def test_a_reference_that_has_converged_proves_the_errors_above_it(work):
-    reference = reference_of("blurred", Blurred(lambda n: 1e-3 * 100.0**-n), work, quick=False)
+    reference = reference_of("blurred", Blurred(lambda n: 1e-3 * 100.0**-n), work)
     assert "n 4" in reference.what
     coarse = errors(answers(Blurred(lambda n: 1e-3 * 100.0**-n)(work.scene), work), reference.answers, stiffness=1.0)
     assert coarse["ihip"]["max"] == pytest.approx(1e-5, rel=1e-3)
@@ -130,7 +130,7 @@ def test_a_reference_that_has_converged_proves_the_errors_above_it(work):
 
 def test_a_reference_that_has_not_converged_is_not_called_accurate(work):
     factory = Blurred(lambda n: 1e-3 / n)
-    reference = reference_of("blurred", factory, work, quick=False)
+    reference = reference_of("blurred", factory, work)
     apart = 1e-3 / 2.0 - 1e-3 / 4.0
     finest = errors(answers(factory.with_knobs(n=4.0)(work.scene), work), reference.answers, stiffness=1.0)
     assert finest["ihip"]["max"] == 0.0
@@ -139,9 +139,9 @@ def test_a_reference_that_has_not_converged_is_not_called_accurate(work):
 
 
 def test_a_renderer_without_exact_form_or_knob_has_no_reference(work):
-    assert reference_of("mine", lambda scene: minimum_distance(scene), work, quick=True) is None
+    assert reference_of("mine", lambda scene: minimum_distance(scene), work) is None
     with pytest.raises(InputError, match="one value only"):
-        refinements({"n": Knob(values=(1.0,), unit="", meaning="")}, quick=True)
+        refinements({"n": Knob(values=(1.0,), unit="", meaning="")})
 
 
 def test_the_bench_says_so_and_holds_back_its_answer(monkeypatch):
@@ -254,10 +254,10 @@ def test_timing_asks_for_as_many_steps_as_it_says(work):
 
 def test_a_build_is_timed_on_a_fresh_model_each_time():
     seen = []
-    scenes = (Scene(model=circle()) for _ in range(3))
+    scenes = (fresh_scene("star", k) for k in range(3))
     made, taken = timed_build(lambda scene: seen.append(scene.model) or len(seen), scenes, 3)
     assert made == 1
-    assert len(taken) == len({id(model) for model in seen}) == 3
+    assert len(taken) == len({model.parameters["size"] for model in seen}) == 3
 
 
 def test_memory_counts_every_buffer_once():

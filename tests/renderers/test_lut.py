@@ -1,0 +1,301 @@
+"""Look-up tables (thesis 6.2): near the exact projection, and never between two of its sheets."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hand_paths import star_shaped, walks
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lut_sources import sphere
+
+from hapticeval.errors import InputError
+from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, line, star
+from hapticeval.renderers import conformal, constraint, minimum_distance
+from hapticeval.renderers.family import by_conformal, by_mapping, by_minimum_distance
+from hapticeval.renderers.lut import LutProjection, tabulated
+from hapticeval.renderers.lut_build import MARGIN, OFF, fill, tabulate
+from hapticeval.renderers.lut_kernels import ASK, EDGE, HELD, MARKED, OUT, TOUCHES
+from hapticeval.renderers.lut_table import Grid, Table, empty, grid_over, memory
+from hapticeval.scene import Scene
+
+MODELS = {"cassinian": cassinian(), "star": star(), "dumbbell": dumbbell()}
+PROJECTIONS = {"minimum-distance": by_minimum_distance, "conformal": by_conformal}
+COARSE = 2e-3
+everything = pytest.mark.parametrize(("projection", "model"), [(p, m) for p in PROJECTIONS for m in MODELS])
+
+
+def table_of(projection, model, *, cell=COARSE, bilateral=False):
+    return tabulated(PROJECTIONS[projection], Scene(model=MODELS[model], bilateral=bilateral), "curve", cell=cell)
+
+
+def exact_of(projection, model, *, bilateral=False):
+    return PROJECTIONS[projection](Scene(model=MODELS[model], bilateral=bilateral), "curve")
+
+
+def scattered(count=20_000, reach=0.12, seed=1):
+    return np.random.default_rng(seed).uniform(-reach, reach, (count, 2))
+
+
+@everything
+def test_no_ihip_is_further_off_the_surface_than_declared(projection, model):
+    made = table_of(projection, model)
+    assert 0.0 < made.standoff <= MARGIN * OFF * COARSE + 1e-6
+    ihips, normals, contact = made.trace(scattered())
+    off = np.abs(MODELS[model].curve.signed_distance(ihips[contact]))
+    assert np.max(off) <= made.standoff
+    np.testing.assert_allclose(np.hypot(*normals[contact].T), 1.0, atol=1e-12)
+
+
+@everything
+def test_a_table_without_the_exact_projection_stays_on_the_surface_too(projection, model):
+    made = table_of(projection, model)
+    ihips, _, contact = made.table.answers(scattered())
+    off = np.abs(MODELS[model].curve.signed_distance(ihips[contact]))
+    assert np.max(off) <= made.standoff
+    alone = LutProjection(made.table, made.surface, resolution=COARSE)
+    np.testing.assert_array_equal(alone.trace(scattered())[0], ihips)
+
+
+@settings(max_examples=25, deadline=None)
+@given(vertices=star_shaped(), hips=walks())
+def test_on_any_polygon_too(vertices, hips):
+    model = from_vertices(vertices)
+    made = tabulated(by_minimum_distance, Scene(model=model), "curve", cell=4e-3)
+    for ihips, normals, contact in (made.trace(hips), made.table.answers(hips)):
+        assert np.all(np.abs(model.curve.signed_distance(ihips[contact])) <= made.standoff + 1e-12)
+        np.testing.assert_allclose(np.hypot(*normals[contact].T), 1.0, atol=1e-12)
+
+
+def test_a_naive_table_smears_between_the_sheets():
+    made = table_of("minimum-distance", "cassinian")
+    table = made.table
+    naive = Table(table.grid, table.nodes, table.cells & (HELD + EDGE), standoff=table.standoff)
+    ihips, _, contact = naive.answers(scattered(200_000, 0.1))
+    off = np.abs(MODELS["cassinian"].curve.signed_distance(ihips[contact]))
+    assert np.max(off) > 0.02
+    assert np.max(off) > 200.0 * made.standoff
+
+
+@everything
+def test_contact_is_decided_as_by_the_exact_surface(projection, model):
+    made, hips = table_of(projection, model), scattered(50_000, 0.1)
+    distance = MODELS[model].curve.signed_distance(hips)
+    _, _, contact = made.trace(hips)
+    differs = contact != (distance < 0.0)
+    assert np.all(np.abs(distance[differs]) <= made.standoff)
+    _, _, alone = made.table.answers(hips)
+    assert np.all(np.abs(distance[alone != (distance < 0.0)]) <= COARSE)
+
+
+@everything
+def test_where_the_table_does_not_interpolate_the_exact_projection_answers(projection, model):
+    made, exact = table_of(projection, model), exact_of(projection, model)
+    hips = scattered()
+    asked = made.table.look_many(hips, ask=True)[2] == ASK
+    assert 0.01 < np.mean(asked) < 0.25
+    for ours, theirs in zip(made.trace(hips), exact.trace(hips), strict=True):
+        np.testing.assert_array_equal(ours[asked], theirs[asked])
+
+
+@pytest.mark.parametrize("bilateral", [False, True])
+def test_step_and_run_agree_to_the_last_bit(bilateral):
+    family = minimum_distance.variant(representation="lut").with_knobs(cell=COARSE)
+    hips = np.concatenate([scattered(2000), [[5.0, -7.0], [-0.3, 0.0], [0.102, 0.102]]])
+    batch, single = (family(Scene(model=MODELS["star"], bilateral=bilateral)) for _ in range(2))
+    ihips, forces = batch.run(hips, 1e-3)
+    single.reset(hips[0])
+    velocities = np.diff(hips, axis=0, prepend=hips[:1]) / 1e-3
+    for k, hip in enumerate(hips):
+        ihip, force = single.step(hip, velocities[k], 1e-3)
+        np.testing.assert_array_equal(ihip, ihips[k])
+        np.testing.assert_array_equal(force, forces[k])
+
+
+def test_the_error_falls_with_the_square_of_the_cell():
+    model, cells = MODELS["cassinian"], (4e-3, 2e-3, 1e-3)
+    hips = scattered(40_000, 0.1)
+    exact, normals, contact = exact_of("minimum-distance", "cassinian").trace(hips)
+    # away from the focal points, where the projection stretches by less than 2
+    stretched = -model.curve.signed_distance(hips) * model.curve.curvature(model.curve.nearest(hips))
+    counted = contact & (stretched < 0.5)
+    tables = [table_of("minimum-distance", "cassinian", cell=cell).table for cell in cells]
+    answers = [table.look_many(hips, ask=True) for table in tables]
+    for _, _, status in answers:
+        counted &= status == TOUCHES
+    assert np.count_nonzero(counted) > 0.7 * np.count_nonzero(contact)
+    errors = [float(np.sqrt(np.mean(np.sum((ihips - exact)[counted] ** 2, axis=1)))) for ihips, _, _ in answers]
+    angles = []
+    for _, ours, _ in answers:
+        cross = ours[:, 0] * normals[:, 1] - ours[:, 1] * normals[:, 0]
+        angles.append(math.degrees(float(np.quantile(np.abs(np.arcsin(cross[counted])), 0.99))))
+    orders = -np.diff(np.log2([errors, angles]), axis=1)
+    np.testing.assert_allclose(orders, 2.0, atol=0.2)
+    assert errors[1] < 2e-5
+    assert angles[1] < 0.3
+
+
+def test_what_is_far_outside_or_no_number_is_free_space():
+    far = np.array([[5.0, -7.0], [1e300, 1e300], [-1e300, 0.0], [math.inf, 0.0], [math.nan, 0.0], [0.0, math.nan]])
+    for table in (table_of("minimum-distance", "star").table, empty(Grid((0.0, 0.0), 1.0, (3, 2)))):
+        ihips, normals, contact = table.answers(far)
+        assert not contact.any()
+        np.testing.assert_array_equal(ihips, far)
+        np.testing.assert_array_equal(normals, 0.0)
+        for x, y in far:
+            assert table.look(x, y, ask=True)[0] == OUT
+
+
+def test_the_last_node_belongs_to_the_last_cell():
+    table = empty(Grid((0.0, 0.0), 1.0, (3, 2)))
+    table.cells[:] = HELD
+    table.nodes[..., 0] = np.arange(4.0)
+    table.nodes[..., 1] = np.arange(3.0)[:, None]
+    table.nodes[..., 2] = 1.0
+    corners = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 2.0], [3.0, 2.0], [1.25, 0.75]])
+    ihips, _, contact = table.answers(corners)
+    assert contact.all()
+    np.testing.assert_allclose(ihips, corners, atol=1e-15)
+
+
+def test_bilateral_contact_is_everywhere_and_smooth_across_the_surface():
+    made = table_of("minimum-distance", "cassinian", bilateral=True)
+    exact = exact_of("minimum-distance", "cassinian", bilateral=True)
+    model = MODELS["cassinian"]
+    u = np.linspace(0.0, 2.0 * math.pi, 300)
+    across = [model.curve.position(u) + t * model.curve.normal(u) for t in (-1e-6, 1e-6)]
+    hips = np.concatenate([*across, [[0.4, 0.1], [-1.0, -1.0]]])
+    ihips, _, contact = made.trace(hips)
+    assert contact.all()
+    np.testing.assert_array_equal(ihips[-2:], exact.trace(hips[-2:])[0])
+    assert np.max(np.hypot(*(ihips[:300] - ihips[300:600]).T)) < 1e-5
+    ihips, _, contact = made.table.answers(hips)
+    assert contact.all()
+    assert np.max(np.abs(model.curve.signed_distance(ihips))) <= made.standoff
+
+
+def test_in_space_between_eight_nodes():
+    table = empty(grid_over((-0.1,) * 3, (0.1,) * 3, 8e-3))
+    standoff = fill(table, sphere(0.1))
+    table = replace(table, standoff=standoff)
+    hips = np.random.default_rng(2).uniform(-0.13, 0.13, (20_000, 3))
+    ihips, normals, contact = table.answers(hips)
+    radius = np.linalg.norm(hips, axis=1)
+    differs = contact != (radius < 0.1)
+    assert np.all(np.abs(radius[differs] - 0.1) <= standoff)
+    assert np.max(np.abs(np.linalg.norm(ihips[contact], axis=1) - 0.1)) <= standoff <= MARGIN * OFF * 8e-3
+    shallow = contact & (radius > 0.08)
+    np.testing.assert_allclose(normals[shallow], hips[shallow] / radius[shallow, None], atol=2e-3)
+    np.testing.assert_array_equal(ihips[~contact], hips[~contact])
+    np.testing.assert_array_equal(table.answers(np.full((1, 3), math.nan))[2], False)
+    # the centre, where every direction is as near as any other, is not interpolated
+    assert table.cells[tuple(count // 2 for count in table.cells.shape)] & MARKED
+
+
+def test_a_slab_at_a_time_or_box_by_box_gives_the_same_table():
+    source = sphere(0.1)
+    whole, boxes = (empty(grid_over((-0.1,) * 3, (0.1,) * 3, 2e-2)) for _ in range(2))
+    fill(whole, source)
+    for first, last in (((0, 0, 0), (12, 12, 5)), ((0, 0, 5), (7, 12, 12)), ((7, 0, 5), (12, 12, 12))):
+        fill(boxes, source, first=first, last=last)
+    np.testing.assert_array_equal(whole.cells, boxes.cells)
+    np.testing.assert_array_equal(whole.nodes, boxes.nodes)
+
+
+def test_memory_is_that_of_6_2():
+    assert memory((0.2, 0.2), 0.5e-3) == pytest.approx(5.12e6)
+    assert memory((0.2, 0.2, 0.2), 0.5e-3) == pytest.approx(3.072e9)
+    assert Grid((0.0, 0.0), 0.5e-3, (400, 400)).node_bytes == 5_145_632
+    assert Grid((0.0, 0.0, 0.0), 0.5e-3, (400, 400, 400)).node_bytes == 3_095_097_648
+    table = table_of("minimum-distance", "cassinian").table
+    assert table.nbytes == table.grid.node_bytes + table.grid.cell_bytes
+    assert table.nbytes == pytest.approx(memory((0.2, 0.2), COARSE), rel=0.1)
+    assert grid_over((-0.1, -0.1), (0.1, 0.1)).cells == (402, 402)
+
+
+def test_a_table_is_made_once_for_a_model_and_its_settings():
+    made = table_of("minimum-distance", "dumbbell")
+    assert table_of("minimum-distance", "dumbbell").table is made.table
+    assert table_of("minimum-distance", "dumbbell", bilateral=True).table is not made.table
+    assert table_of("conformal", "dumbbell").table is not made.table
+
+
+def test_a_flow_map_in_a_table():
+    scene, settings = Scene(model=MODELS["cassinian"]), {"cells": 60}
+    made = tabulated(by_mapping, scene, "curve", cell=COARSE, **settings)
+    exact, hips = by_mapping(scene, "curve", **settings), scattered()
+    ihips, _, contact = made.trace(hips)
+    truth, _, _ = exact.trace(hips)
+    assert np.max(np.abs(scene.model.curve.signed_distance(ihips[contact]))) <= made.standoff
+    assert np.sqrt(np.mean(np.sum((ihips - truth)[contact] ** 2, axis=1))) < 1e-4
+    assert made.resolution == max(COARSE, exact.resolution)
+
+
+def test_at_shallow_depth_the_transversal_scheme_is_the_more_normal_one():
+    angle, depth = np.linspace(0.0, 2.0 * math.pi, 997), 2e-4
+    rays = np.column_stack([np.cos(angle), np.sin(angle)])
+    off = {}
+    for regulation in ("pp", "transversal"):
+        family = minimum_distance.variant(representation="lut", regulation=regulation)
+        _, forces = family(Scene(model=CIRCLE)).run((0.1 - depth) * rays, 1e-3)
+        across = np.abs(forces[:, 0] * rays[:, 1] - forces[:, 1] * rays[:, 0])
+        off[regulation] = math.degrees(float(np.max(across / np.hypot(*forces.T))))
+    assert off["transversal"] < 1e-3
+    assert off["pp"] > 100.0 * off["transversal"]
+
+
+@pytest.mark.parametrize("family", [minimum_distance, conformal])
+def test_the_representation_lut_of_a_family_without_memory(family):
+    renderer = family.variant(representation="lut")(Scene(model=circle()))
+    assert (renderer.resolution, renderer.regulation.name) == (0.5e-3, family.regulation)
+    assert 0.0 < renderer.standoff < 4e-5
+    assert renderer.surface is renderer.projection.surface
+    coarse = family.variant(representation="lut").with_knobs(cell=4e-3)(Scene(model=circle()))
+    assert coarse.resolution == 4e-3
+    assert renderer.standoff < coarse.standoff
+
+
+def test_what_remembers_has_no_table():
+    with pytest.raises(InputError, match="'lut' is not for this projection") as caught:
+        constraint.variant(representation="lut")
+    assert "a table holds no past" in caught.value.why
+
+
+def test_the_line_is_exact_without_a_table():
+    renderer = minimum_distance.variant(representation="lut")(Scene(model=line()))
+    assert (renderer.resolution, renderer.standoff) == (0.0, 0.0)
+    np.testing.assert_allclose(renderer.step(np.array([3.0, -1e-3]), np.zeros(2), 1e-3).force, (0.0, 1.0))
+
+
+@pytest.mark.parametrize("cell", [0.0, -1e-3, math.nan, math.inf, 0.5])
+def test_a_cell_that_is_no_size_is_refused(cell):
+    with pytest.raises(InputError, match="a look-up table with cells of"):
+        tabulate(exact_of("minimum-distance", "star", bilateral=True), cell=cell)
+
+
+def test_a_table_that_would_not_fit_in_memory_is_refused():
+    with pytest.raises(InputError, match="2 GiB") as caught:
+        tabulate(exact_of("minimum-distance", "star", bilateral=True), cell=1e-6)
+    assert "file" in caught.value.todo
+
+
+def test_arrays_and_points_that_do_not_fit_are_refused():
+    table = empty(Grid((0.0, 0.0), 1.0, (3, 2)))
+    with pytest.raises(InputError, match="nodes of shape"):
+        Table(table.grid, table.nodes[1:], table.cells)
+    with pytest.raises(InputError, match="for a table of 2 dimensions"):
+        table.answers(np.zeros((4, 3)))
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(0.0, 2.0 * math.pi), st.floats(5e-3, 0.05))
+def test_on_a_circle_the_force_is_radial_to_within_the_interpolation_error(angle, depth):
+    ray = np.array([math.cos(angle), math.sin(angle)])
+    renderer = minimum_distance.variant(representation="lut").with_knobs(cell=COARSE)(Scene(model=CIRCLE))
+    ihip, force = renderer.step((0.1 - depth) * ray, np.zeros(2), 1e-3)
+    assert np.hypot(*(ihip - 0.1 * ray)) < 5e-5
+    assert abs(force[0] * ray[1] - force[1] * ray[0]) < 0.01 * np.hypot(*force)
+
+
+CIRCLE = circle()
