@@ -15,7 +15,10 @@ from hapticeval.scene import Scene
 
 MODELS = {m.name: m for m in (star(), cassinian(), circle(), ellipse(), dumbbell(), line())}
 VARIANTS = [
-    (family, representation) for family in (minimum_distance, constraint) for representation in family.representations
+    (family, representation)
+    for family in (minimum_distance, constraint)
+    for representation in family.representations
+    if representation != "lut"  # a table holds these laws to its declared standoff only: test_lut.py
 ]
 IDS = [f"{'md' if family is minimum_distance else 'constraint'}@{rep}" for family, rep in VARIANTS]
 each_variant = pytest.mark.parametrize(("family", "representation"), VARIANTS, ids=IDS)
