@@ -53,6 +53,15 @@ class UnknownNameError(InputError):
         super().__init__(f"unknown {kind} '{name}'", why=f"no {kind} has that name", todo=todo or suggestion)
 
 
+class RefusalError(InputError):
+    """A renderer's factory refuses a model that it cannot render; `position` (m) says where that was seen, if it was.
+
+    A refusal is no fault: the verdicts of that renderer and case are not applicable, and say why.
+    """
+
+    position: tuple[float, ...] | None = None
+
+
 class NothingSelectedError(HapticevalError):
     """A selection (-k, suites, renderers) that leaves nothing to run."""
 

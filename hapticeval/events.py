@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from hapticeval.errors import HapticevalError
+from hapticeval.errors import HapticevalError, RefusalError
 from hapticeval.phenomena.verdict import Verdict
 from hapticeval.results import Results
 
@@ -27,6 +27,7 @@ class JobFinished:
     renderer: str
     verdicts: tuple[Verdict, ...]
     error: HapticevalError | None
+    refusal: RefusalError | None
     simulated_seconds: float
     wall_seconds: float
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from hapticeval.closed_loop import drive
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.errors import HapticevalError, RendererError
+from hapticeval.errors import HapticevalError, RefusalError, RendererError
 from hapticeval.geometry.curve import Curve
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
@@ -28,6 +28,7 @@ class Judged:
     verdicts: tuple[Verdict, ...]
     recording: Recording | None
     error: HapticevalError | None
+    refusal: RefusalError | None
     simulated_seconds: float
     wall_seconds: float
 
@@ -99,6 +100,7 @@ def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Ju
     bench = None
     base = None
     error: HapticevalError | None = None
+    refusal: RefusalError | None = None
     findings: list[Finding] = []
     try:
         scene = case.build_scene()
@@ -107,18 +109,23 @@ def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Ju
         base = runs.base
         for check in case.checks:
             findings.append(_finding(check, runs, scene))
+    except RefusalError as raised:
+        refusal = raised
+        findings = [Finding(Outcome.NOT_APPLICABLE, f"the renderer refuses the model: {raised.what}")] * len(
+            case.checks
+        )
     except HapticevalError as raised:
         error = raised
         findings += [_error_finding(raised)] * (len(case.checks) - len(findings))
     verdicts = _verdicts(findings, renderer, suite, case)
     simulated = bench.simulated if bench is not None else 0.0
-    return Judged(verdicts, base, error, simulated, time.perf_counter() - started)
+    return Judged(verdicts, base, error, refusal, simulated, time.perf_counter() - started)
 
 
 def broken(error: HapticevalError, renderer: str, suite: str, case: Case) -> Judged:
     """What is left of a renderer in a case whose process is gone: every verdict an error."""
     findings = [_error_finding(error)] * len(case.checks)
-    return Judged(_verdicts(findings, renderer, suite, case), None, error, 0.0, 0.0)
+    return Judged(_verdicts(findings, renderer, suite, case), None, error, None, 0.0, 0.0)
 
 
 def _error_finding(error: HapticevalError) -> Finding:

@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hapticeval.discovery import resolve
-from hapticeval.errors import HapticevalError, InputError, NothingSelectedError, RendererError
+from hapticeval.errors import HapticevalError, InputError, NothingSelectedError, RefusalError, RendererError
 from hapticeval.events import Event, JobFinished, RunFinished, RunStarted
 from hapticeval.judging import Judged, broken, judge
 from hapticeval.phenomena.verdict import Verdict
@@ -208,6 +208,7 @@ class _Progress:
             renderer=job.renderer,
             verdicts=judged.verdicts,
             error=judged.error,
+            refusal=judged.refusal,
             simulated_seconds=judged.simulated_seconds,
             wall_seconds=judged.wall_seconds,
         )
@@ -272,7 +273,15 @@ def _run_document(job: Job, judged: Judged, file: Path | None) -> Mapping[str, A
             "sampling_time": scene.sampling_time,
         },
         "error": _error_document(judged.error),
+        "refusal": _refusal_document(judged.refusal),
     }
+
+
+def _refusal_document(refusal: RefusalError | None) -> Mapping[str, Any] | None:
+    if refusal is None:
+        return None
+    position = None if refusal.position is None else list(refusal.position)
+    return {"what": refusal.what, "why": refusal.why, "todo": refusal.todo, "position": position}
 
 
 def _error_document(error: HapticevalError | None) -> Mapping[str, str] | None:

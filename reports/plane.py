@@ -50,7 +50,7 @@ def draw_plane(
     axes.set_xlabel("y₁ (mm)")
     axes.set_ylabel("y₂ (mm)")
     axes.yaxis.set_label_coords(-0.145, 0.5)
-    _show(axes, view)
+    show(axes, view)
     _legend(axes)
     corners = _emptiest_corners(recording, chosen, view)
     if model is not None and model.curve.closed and view[2] - view[0] < OVERVIEW_BELOW * model.size * MM:
@@ -124,10 +124,16 @@ def _draw_body(axes: Axes, body: Geometry | None, view: Box, *, linewidth: float
                     ring, closed=True, facecolor=drawn("model"), edgecolor=drawn("ink"), linewidth=linewidth, zorder=1
                 )
             )
-    _show(axes, view)
+    show(axes, view)
 
 
-def _show(axes: Axes, view: Box) -> None:
+def draw_body(axes: Axes, model: Model, view: Box) -> None:
+    """Draw what the model fills of `view`, mm."""
+    _draw_body(axes, solid(model, view), view)
+
+
+def show(axes: Axes, view: Box) -> None:
+    """Show `view` and nothing else."""
     axes.set_xlim(view[0], view[2])
     axes.set_ylim(view[1], view[3])
 

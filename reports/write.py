@@ -16,6 +16,7 @@ from hapticeval.reports.figures import figure_svg
 from hapticeval.reports.html import Drawing, RunKey, render_html
 from hapticeval.reports.junit import junit
 from hapticeval.reports.marks import Mark, marks_of
+from hapticeval.reports.refusal import refusal_svg
 from hapticeval.reports.table import markdown
 from hapticeval.results import Results, read_results
 
@@ -28,10 +29,11 @@ class Order:
     """One figure to draw."""
 
     key: RunKey
-    file: Path
+    file: Path | None
     model: Mapping[str, Any]
     marks: tuple[Mark, ...]
     prefix: str
+    position: tuple[float, ...] | None = None
 
 
 def write_reports(
@@ -93,7 +95,11 @@ def _say_nothing(done: int, total: int) -> None:
 def _orders(directory: Path, results: Results) -> Iterator[Order]:
     for index, run in enumerate(results.runs):
         key = (run["suite"], run["case"], run["renderer"])
-        if run["recording"] is not None:
+        refusal = run.get("refusal")
+        if refusal is not None:
+            position = None if refusal["position"] is None else tuple(refusal["position"])
+            yield Order(key, None, run["model"], (), f"f{index}", position)
+        elif run["recording"] is not None:
             given = [
                 verdict
                 for verdict in results.verdicts
@@ -107,16 +113,19 @@ def draw(order: Order) -> Drawing:
     from hapticeval.geometry.catalogue import make_model
     from hapticeval.recordings.hdf5 import read_recording
 
+    suite, case, renderer = order.key
     try:
-        recording = read_recording(order.file)
+        recording = None if order.file is None else read_recording(order.file)
         rest = {name: each for name, each in order.model.items() if name != "kind"}
         model = make_model(order.model["kind"], **rest.get("parameters", rest))
     except HapticevalError as error:
         return Drawing(
             problem=" ".join(part for part in (f"{error.what}:", error.why) if part).replace(
-                str(order.file.parent) + "/", ""
+                f"{order.file.parent}/" if order.file else "", ""
             )
         )
-    suite, case, renderer = order.key
+    if recording is None:
+        title = f"{renderer} refuses the model of {suite}/{case}: its outline, and where the reason was seen"
+        return Drawing(svg=refusal_svg(model, order.position, prefix=order.prefix, title=title))
     title = f"{renderer} in {suite}/{case}: HIP, IHIP, response force and steps against time"
     return Drawing(svg=figure_svg(recording, model, marks=order.marks, prefix=order.prefix, title=title))

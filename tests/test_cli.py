@@ -322,7 +322,7 @@ def results(*verdicts: Verdict, **more: Any) -> Results:
 
 
 def job(*verdicts: Verdict, error: HapticevalError | None = None) -> JobFinished:
-    return JobFinished("s", "c", "r", verdicts, error, 1.0, 0.1)
+    return JobFinished("s", "c", "r", verdicts, error, None, 1.0, 0.1)
 
 
 BROKE = RendererError("it raised", tick=3, hip=(0.0, 0.1))

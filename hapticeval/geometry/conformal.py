@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.errors import InputError
+from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry import conformal_kernels as kernels
 from hapticeval.geometry.conformal_nodes import parameters_at, smooth
 from hapticeval.geometry.conformal_solver import ARCS, FINE, ROUNDING, Correspondence, change, correspondences
@@ -38,7 +38,7 @@ TIE = 1.1
 """The pole of inaccessibility takes the origin's place only if it crowds less by this factor."""
 
 
-class CrowdingError(InputError):
+class CrowdingError(RefusalError):
     """Distant parts of the boundary crowd on the circle, so close that double precision cannot tell them apart.
 
     `crowding` is the ratio of the largest to the smallest density, or the largest that can be told; `blur` (m) the
@@ -47,6 +47,7 @@ class CrowdingError(InputError):
 
     def __init__(self, name: str, crowding: float, blur: float, place: Array) -> None:
         self.crowding, self.blur, self.place = crowding, blur, place
+        self.position: tuple[float, ...] | None = (float(place[0]), float(place[1]))
         super().__init__(
             f"the conformal map of '{name}' crowds by {crowding:.2g}: {blur * 1e3:.3g} mm of the boundary at "
             f"({place[0]:.4g}, {place[1]:.4g}) m fall together on the circle",

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from hapticeval.errors import InputError
+from hapticeval.errors import RefusalError
 
 INSTEAD = "use the renderer 'conformal', which maps every model without holes"
 
 
-class FlowError(InputError):
+class FlowError(RefusalError):
     """The flow gives no map: `position` (m) says where that was seen, `time` when, `count` how often."""
 
     def __init__(self, what: str, *, position: tuple[float, float], time: float, count: int, why: str) -> None:
-        self.position = position
+        self.position: tuple[float, ...] | None = position
         self.time = time
         self.count = count
         x, y = position

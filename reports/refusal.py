@@ -1,0 +1,40 @@
+"""The figure of a refusal: the model that a renderer will not take, and where it saw why."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+
+from hapticeval.geometry.model import Model
+from hapticeval.reports.figures import COLOURS, STYLE
+from hapticeval.reports.plane import MM, draw_body, show
+from hapticeval.reports.svg import drawn, inlined
+
+
+def refusal_svg(model: Model, position: tuple[float, ...] | None, *, prefix: str = "f", title: str = "") -> str:
+    """The model's outline as an SVG element, with a cross at `position` (m) where there is one."""
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
+    xmin, ymin, xmax, ymax = (MM * bound for bound in model.curve.bounds)
+    edge = 0.06 * max(xmax - xmin, ymax - ymin)
+    view = (xmin - edge, ymin - edge, xmax + edge, ymax + edge)
+    settings: Any = {**STYLE, **{key: drawn(role) for key, role in COLOURS.items()}}
+    with rc_context(settings):
+        figure = Figure(figsize=(4.0, np.clip(4.0 * (view[3] - view[1]) / (view[2] - view[0]), 1.6, 4.0)))
+        FigureCanvasSVG(figure)
+        figure.patch.set_visible(False)
+        axes = figure.add_axes((0.16, 0.18, 0.8, 0.76))
+        axes.set_aspect("equal")
+        draw_body(axes, model, view)
+        if position is not None:
+            axes.plot(MM * position[0], MM * position[1], "x", color=drawn("ihip"), markersize=11, markeredgewidth=2.2)
+        axes.set_xlabel("y₁ (mm)")
+        axes.set_ylabel("y₂ (mm)")
+        show(axes, view)
+        buffer = io.StringIO()
+        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+    return inlined(buffer.getvalue(), prefix=prefix, title=title)
