@@ -127,8 +127,13 @@ def run(
         ),
     ] = None,
     select: Annotated[
-        str | None,
-        typer.Option("-k", metavar="GLOB", help="Only the cases, or case/check pairs, that match.", show_default=False),
+        list[str] | None,
+        typer.Option(
+            "-k",
+            metavar="GLOB",
+            help="Only the cases, or case/check pairs, that match; may be repeated.",
+            show_default=False,
+        ),
     ] = None,
     directory: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Where results and reports go.")
@@ -150,7 +155,7 @@ def run(
     from hapticeval.terminal import Terminal, exit_code, summary
 
     names = renderers or list(own_renderers())
-    planned = plan(suites or [DEFAULT_SUITE], names, select=select, seed=seed)
+    planned = plan(suites or [DEFAULT_SUITE], names, select=select or (), seed=seed)
     _prepare(directory)
     with Terminal() as terminal:
         results = _watch(execute(planned, directory, workers=_cores()), terminal)

@@ -50,7 +50,7 @@ class Plan:
     suites: tuple[Suite, ...]
     renderers: tuple[str, ...]
     jobs: tuple[Job, ...]
-    select: str | None
+    select: tuple[str, ...]
     seed: int
 
     @property
@@ -59,11 +59,12 @@ class Plan:
         return sum(len(job.case.checks) for job in self.jobs)
 
 
-def plan(suites: Sequence[str], renderers: Sequence[str], *, select: str | None = None, seed: int = 0) -> Plan:
+def plan(suites: Sequence[str], renderers: Sequence[str], *, select: Sequence[str] = (), seed: int = 0) -> Plan:
     """Load the suites, see that every renderer can be found, and apply the selection.
 
-    `select` is a glob on case names, on `suite/case`, or on `case/check`. Raises `NothingSelectedError` when nothing
-    is left, and what `load_suite` and `resolve` raise.
+    `select` holds globs on case names, on `suite/case`, or on `case/check`; what any of them matches is run, and
+    everything where there are none. Raises `NothingSelectedError` when nothing is left, and what `load_suite` and
+    `resolve` raise.
     """
     loaded = tuple(load_suite(name) for name in dict.fromkeys(suites))
     _refuse_namesakes(loaded)
@@ -80,13 +81,13 @@ def plan(suites: Sequence[str], renderers: Sequence[str], *, select: str | None 
     if not jobs:
         cases = sorted({case.name for suite in loaded for case in suite.cases})
         raise NothingSelectedError(
-            f"nothing matches -k '{select}'" if select else "no suites or no renderers are named",
+            f"nothing matches -k {' -k '.join(map(repr, select))}" if select else "no suites or no renderers are named",
             why=f"the cases are: {', '.join(cases)}" if cases else "",
             todo="a glob is matched against the whole name: try -k '*slide*' or -k '*/memoryless'",
         )
     for case in {(job.suite, job.case.name): job.case for job in jobs}.values():
         case.check_stimulus()
-    return Plan(loaded, names, jobs, select, seed)
+    return Plan(loaded, names, jobs, tuple(select), seed)
 
 
 def _refuse_namesakes(suites: Sequence[Suite]) -> None:
@@ -97,12 +98,11 @@ def _refuse_namesakes(suites: Sequence[Suite]) -> None:
             raise InputError(f"two suites are named '{name}'", todo="rename one of the files, or run them apart")
 
 
-def _selected(case: Case, suite: str, select: str | None) -> Iterator[Case]:
-    whole = f"{suite}/{case.name}" if select is not None and "/" in select else case.name
-    if select is None or fnmatchcase(whole, select):
+def _selected(case: Case, suite: str, select: Sequence[str]) -> Iterator[Case]:
+    if not select or any(fnmatchcase(f"{suite}/{case.name}" if "/" in glob else case.name, glob) for glob in select):
         yield case
         return
-    checks = tuple(check for check in case.checks if fnmatchcase(f"{case.name}/{check}", select))
+    checks = tuple(check for check in case.checks if any(fnmatchcase(f"{case.name}/{check}", glob) for glob in select))
     if checks:
         yield replace(case, checks=checks)
 
@@ -230,7 +230,7 @@ class _Progress:
             command={
                 "suites": [suite.name for suite in self.plan.suites],
                 "renderers": list(self.plan.renderers),
-                "select": self.plan.select,
+                "select": list(self.plan.select),
             },
             runs=list(self.runs),
             verdicts=[verdict_document(verdict) for verdict in self.verdicts],

@@ -5,8 +5,6 @@ from __future__ import annotations
 import io
 from typing import Any
 
-import numpy as np
-
 from hapticeval.geometry.model import Model
 from hapticeval.reports.figures import COLOURS, STYLE
 from hapticeval.reports.plane import MM, draw_body, show
@@ -24,10 +22,10 @@ def refusal_svg(model: Model, position: tuple[float, ...] | None, *, prefix: str
     view = (xmin - edge, ymin - edge, xmax + edge, ymax + edge)
     settings: Any = {**STYLE, **{key: drawn(role) for key, role in COLOURS.items()}}
     with rc_context(settings):
-        figure = Figure(figsize=(4.0, np.clip(4.0 * (view[3] - view[1]) / (view[2] - view[0]), 1.6, 4.0)))
+        figure = Figure(figsize=(8.0, 2.8))
         FigureCanvasSVG(figure)
         figure.patch.set_visible(False)
-        axes = figure.add_axes((0.16, 0.18, 0.8, 0.76))
+        axes = figure.add_axes((0.08, 0.18, 0.55, 0.77))
         axes.set_aspect("equal")
         draw_body(axes, model, view)
         if position is not None:

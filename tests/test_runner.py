@@ -221,12 +221,16 @@ def test_the_seed_makes_a_random_renderer_repeatable(short, tmp_path):
     [("slide", 1), ("s*", 1), ("*", 3), ("*/continuous-contact", 2), ("press/*", 2), ("short/slide", 1)],
 )
 def test_a_selection_is_by_case_or_by_check(short, select, planned):
-    assert plan([short], ["constraint"], select=select).planned == planned
+    assert plan([short], ["constraint"], select=[select]).planned == planned
+
+
+def test_selections_add_up(short):
+    assert plan([short], ["constraint"], select=["slide", "press/continuous-contact"]).planned == 2
 
 
 def test_nothing_selected_has_its_own_exit_code(short):
     with pytest.raises(NothingSelectedError) as caught:
-        plan([short], ["constraint"], select="glide")
+        plan([short], ["constraint"], select=["glide"])
     assert caught.value.exit_code == 4
     assert "press, slide" in str(caught.value)
 

@@ -14,7 +14,7 @@ class FlowError(RefusalError):
         self.position: tuple[float, ...] | None = position
         self.time = time
         self.count = count
-        x, y = position
+        x, y = (round(c, 9) + 0.0 for c in position)  # to a nanometre: a centre is at zero
         super().__init__(f"{what} at ({x:.4g}, {y:.4g}) m, flow time {time:.4g}", why=why, todo=INSTEAD)
 
 

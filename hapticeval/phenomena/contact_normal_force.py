@@ -39,7 +39,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     balance = _static_balance(base, scene)
     if balance is None:
         message = "the force is along the surface normal throughout"
-        if "operator_force" in base.channels and not scene.bilateral:
+        if base.meta.get("source") == "experiment" and not scene.bilateral:
             message += "; the tool is not at rest at the end, so the size of the force is not judged"
         return Finding(Outcome.PASS, message, metric, bound, evidence)
     difference, static_bound, push = balance
