@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast
 
@@ -13,6 +14,7 @@ from hapticeval.bench.settings import chosen_values
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.fields.field import Field, field_of
+from hapticeval.fields.shallow import shallow_angles
 from hapticeval.files import file_stem
 from hapticeval.geometry.catalogue import MODELS, from_geojson, from_wkt, make_model
 from hapticeval.geometry.model import Model
@@ -50,7 +52,10 @@ def pictured(
     surface = surface_of(made, shape.curve)
     start = _start(shape, origin, arc)
     at = None if start is None else surface.position(surface.nearest(start[np.newaxis]))[0]
-    found = field_of(projector(made, surface, dt=scene.sampling_time, origin=at), surface, cells=cells, start=at)
+    project = projector(made, surface, dt=scene.sampling_time, origin=at)
+    found = field_of(project, surface, cells=cells, start=at)
+    # From one previous IHIP the far side is out of reach, and its angles say nothing about the projection.
+    shallow = shallow_angles(project, surface) if at is None else ()
     label = " ".join([renderer, *(f"{knob} {value:g}" for knob, value in settings.items())])
     told = "" if at is None else f", previous IHIP at ({1e3 * at[0]:.3g}, {1e3 * at[1]:.3g}) mm"
     name = Path(model).stem if Path(model).is_file() else model
@@ -60,6 +65,8 @@ def pictured(
         "renderer": renderer,
         "settings": settings,
         "model": {"kind": shape.name, "parameters": dict(shape.parameters)},
+        "memoryless": at is None,
+        "shallow_angle_deg": [asdict(angles) for angles in shallow],
         **found.summary(within=within),
     }
     return found, document

@@ -91,7 +91,7 @@ def _draw(field: Field, document: Mapping[str, Any], paths: Sequence[Path]) -> N
 
 
 def caption(summary: Mapping[str, Any]) -> str:
-    """What the picture cannot say: the numbers, in three lines."""
+    """What the picture cannot say: the numbers of section 5.1, a line each."""
     singular, amplification = summary["singular"], summary["amplification"]
     if singular["length_m"] > 0.0 or singular["points"]:
         parts = [f"{quantity(singular['length_m'], 'm')} of lines"] if singular["length_m"] > 0.0 else []
@@ -110,7 +110,14 @@ def caption(summary: Mapping[str, Any]) -> str:
         third.append(f"the IHIP rests at a corner in {100 * amplification['rest_share']:.3g} %")
     if summary["contact_share"] < 1.0:
         third.append(f"the tool is free in {100 * (1 - summary['contact_share']):.3g} %")
-    return "\n".join([first, second, *([f"Of the inside, {' and '.join(third)}"] if third else [])])
+    lines = [first, second]
+    if summary.get("shallow_angle_deg"):
+        angles = ", ".join(
+            f"{each['median']:.3g} / {each['p95']:.3g} at {quantity(each['depth'], 'm')}"
+            for each in summary["shallow_angle_deg"]
+        )
+        lines.append(f"Error vector against the normal, degrees (median / 95 %): {angles}")
+    return "\n".join([*lines, *([f"Of the inside, {' and '.join(third)}"] if third else [])])
 
 
 def draw_field(axes: Axes, field: Field) -> None:

@@ -9,8 +9,9 @@ import pytest
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.fields.field import field_of
+from hapticeval.fields.shallow import shallow_angles
 from hapticeval.fields.singular import jumps_between
-from hapticeval.geometry.catalogue import cassinian, circle, ellipse, from_vertices, line, star
+from hapticeval.geometry.catalogue import cassinian, circle, ellipse, from_vertices, line, make_model, star
 from hapticeval.picturing import model_named, pictured
 from hapticeval.projecting import Projector, has_memory, projector, surface_of
 from hapticeval.scene import Scene
@@ -192,3 +193,25 @@ def test_the_picture_and_its_numbers(tmp_path):
     first = files[0].read_bytes()
     write_field(tmp_path, found, document)
     assert files[0].read_bytes() == first
+
+
+@pytest.mark.parametrize("name", ["circle", "ellipse", "cassinian"])
+def test_the_nearest_point_is_normal_at_every_depth(name):
+    surface = make_model(name).curve
+    angles = shallow_angles(lambda hips: surface.position(surface.nearest(hips)), surface)
+    assert [round(each.depth, 6) for each in angles] == [0.0005, 0.005]
+    assert max(each.p95 for each in angles) < 1e-3
+
+
+def test_a_projection_that_leans_is_told_by_its_angle():
+    """IHIPs moved along a circle by tan(20 degrees) of the depth lean by 20 degrees, less what the circle curves."""
+    surface = make_model("circle").curve
+
+    def leaning(hips):
+        depth = 0.1 - np.linalg.norm(hips, axis=1)
+        s = surface.arc_length(surface.nearest(hips)) + np.tan(np.radians(20.0)) * depth
+        return surface.position(surface.parameter(s))
+
+    shallow, deep = shallow_angles(leaning, surface)
+    assert shallow.median == pytest.approx(20.0, abs=0.2)
+    assert deep.median == pytest.approx(20.0, abs=1.5)
