@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from hapticeval import __version__, cli, terminal
+from hapticeval import __version__, cli, output, terminal
 from hapticeval.cli import main
 from hapticeval.errors import HapticevalError, RendererError
 from hapticeval.events import Event, JobFinished, RunFinished, RunStarted
@@ -437,6 +437,6 @@ def test_results_of_ours_are_known_by_their_entries(tmp_path: Path) -> None:
     file = tmp_path / FILE
     for text, ours in (("", False), ("[]", False), ('{"verdicts": []}', False)):
         file.write_text(text)
-        assert cli._ours(file) is ours
+        assert output._ours(file) is ours
     file.write_text(json.dumps({"format_version": 0, "planned": 1, "verdicts": []}))
-    assert cli._ours(file)
+    assert output._ours(file)

@@ -26,7 +26,8 @@ LAYERS = (
     {"events"},
     {"bench", "runner"},
     {"picturing"},
-    {"listing", "terminal"},
+    {"listing", "output", "terminal"},
+    {"studies"},
     {"cli"},
     {"__main__"},
 )
@@ -47,6 +48,8 @@ RUNNING = {
     "discovery",
     "listing",
     "terminal",
+    "output",
+    "studies",
     "cli",
     "__main__",
 }
@@ -101,7 +104,7 @@ def _lazy_reports(tree: ast.AST, text: str, unit: str) -> bool:
     inside = any(
         isinstance(node, ast.FunctionDef) and node.lineno < line <= (node.end_lineno or 0) for node in ast.walk(tree)
     )
-    return unit == "cli" and text.endswith(" imports reports") and inside
+    return unit in ("cli", "studies") and text.endswith(" imports reports") and inside
 
 
 @pytest.mark.parametrize(("file", "unit"), SOURCES, ids=[str(file.relative_to(ROOT)) for file, _ in SOURCES])
