@@ -29,7 +29,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     worst = int(np.argmax(deviation - allowed))
     angle, bound = math.degrees(float(deviation[worst])), math.degrees(float(allowed[worst]))
     tick = int(strong[worst])
-    evidence: dict[str, object] = {**place(base, tick), "samples": int(strong.size)}
+    evidence: dict[str, object] = {**place(base, tick), "samples": int(strong.size), **_error_angle(base, scene)}
     metric = Metric("angle of the force outside the true normals", angle, "deg")
     if angle > bound:
         message = (
@@ -60,6 +60,20 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         f"{1e3 * depth:.3g} mm deep"
     )
     return Finding(Outcome.PASS, message, metric, bound, evidence)
+
+
+def _error_angle(recording: Recording, scene: Scene) -> dict[str, float]:
+    """How far the error vector leans from the normal, degrees: what section 5.1 asks to vanish at shallow depth."""
+    error = recording.ihip - recording.hip
+    pressed = np.flatnonzero(loaded(recording, scene) & np.any(error != 0.0, axis=1))
+    if pressed.size == 0:
+        return {}
+    reach = placement(recording, scene) + resolution(recording, scene)
+    angles = np.degrees(NormalCone(scene.model.curve, reach).deviation(recording.ihip[pressed], error[pressed]))
+    return {
+        "error_vector_angle_median_deg": float(np.median(angles)),
+        "error_vector_angle_95_deg": float(np.percentile(angles, 95)),
+    }
 
 
 def _deviation(recording: Recording, scene: Scene, strong: IntArray) -> Array:

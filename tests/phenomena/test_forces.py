@@ -55,6 +55,16 @@ def test_a_force_of_the_wrong_size_at_rest_fails_by_the_difference(gain):
     assert finding.metric.value == pytest.approx(2.0 * abs(gain - 1.0), rel=1e-6)
 
 
+def test_an_error_vector_that_leans_is_reported_where_the_force_does_not():
+    """As under the transversal regulation (5.21): normal force, slanted projection."""
+    base = pressed()
+    hip = np.tile([2e-3 * np.tan(np.radians(30.0)), -2e-3], (len(base), 1))
+    leaning = Recording(base.time, {**base.channels, "hip": hip}, base.meta)
+    finding = contact_normal_force.judge(Runs(leaning), PLANE)
+    assert finding.outcome is Outcome.PASS
+    assert finding.evidence["error_vector_angle_median_deg"] == pytest.approx(30.0)
+
+
 def test_no_force_decides_nothing():
     assert contact_normal_force.judge(Runs(pressed(push=1e-6)), PLANE).outcome is Outcome.INCONCLUSIVE
 
