@@ -10,6 +10,15 @@ import typer
 from hapticeval.errors import RefusalError
 from hapticeval.output import DEFAULT_DIRECTORY, prepare, say
 
+ModelName = Annotated[
+    str,
+    typer.Argument(
+        metavar="MODEL",
+        help="A model of the catalogue, as in star or star:points=6,tip_angle=40, or a WKT or GeoJSON file.",
+        show_default=False,
+    ),
+]
+
 BENCH_EXIT_CODES = """\b
 Exit codes:
   0  measured; with --compare nothing is worse, with --within a setting meets it
@@ -105,14 +114,7 @@ def bench(
 
 def field(
     renderer: Annotated[str, typer.Argument(metavar="RENDERER", help="As in `run -r`.", show_default=False)],
-    model: Annotated[
-        str,
-        typer.Argument(
-            metavar="MODEL",
-            help="A model of the catalogue, as in star or star:points=6,tip_angle=40, or a WKT or GeoJSON file.",
-            show_default=False,
-        ),
-    ],
+    model: ModelName,
     within: Annotated[
         str, typer.Option(metavar="LENGTH", help="How far from a discontinuity the inside is measured.")
     ] = "1mm",
@@ -158,14 +160,7 @@ def field(
 
 
 def flow(
-    model: Annotated[
-        str,
-        typer.Argument(
-            metavar="MODEL",
-            help="A model of the catalogue, as in star or star:points=6,tip_angle=40, or a WKT or GeoJSON file.",
-            show_default=False,
-        ),
-    ],
+    model: ModelName,
     velocity: Annotated[
         str, typer.Option(metavar="NAME", help="Velocity function: arc, cap, unit or curvature.")
     ] = "arc",
