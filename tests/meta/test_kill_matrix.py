@@ -53,6 +53,8 @@ def test_the_ideal_contact_passes_each_check_somewhere():
 @pytest.mark.parametrize("name", MUTANTS)
 def test_a_mutant_fails_its_check_and_no_other(name):
     assert failed(name) == {MUTANTS[name][0]}
+    others = {place: outcome for place, outcome in findings(name).items() if place[1] != MUTANTS[name][0]}
+    assert others == {place: findings("ideal")[place] for place in others}, "and leaves no other check undecided"
 
 
 def test_no_check_is_without_a_mutant():
