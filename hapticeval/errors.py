@@ -43,6 +43,13 @@ class InputError(HapticevalError):
     """The input (a model, a trajectory, a suite, a recording) is not usable."""
 
 
+class DomainError(HapticevalError):
+    """A controller or a device was led out of where it is defined: a singular pose, a joint limit, a medial axis.
+
+    In a closed loop this ends the run at that tick; what was recorded up to there is kept and judged.
+    """
+
+
 class UnknownNameError(InputError):
     """A name that is not known, with the closest known ones."""
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -26,7 +26,10 @@ class Renderer(Protocol):
 
     - `run(hips, dt) -> (ihips, forces)`: the whole trajectory at once, when that is faster;
     - `resolution` and `standoff` (m): how coarse its own representation of the model is, see `Recording`;
-    - `surface`: the `Curve` that it really renders, where that is not the model's own.
+    - `surface`: the `Curve` that it really renders, where that is not the model's own;
+    - `law` and `feel`: see `Compiled` and `Feeling`.
+
+    A step that is led out of where the renderer is defined raises `DomainError`, which ends an experiment there.
     """
 
     def reset(self, hip: Array) -> None:
@@ -53,6 +56,39 @@ class SelfDriven(Protocol):
 
     def answer(self, stimulus: Stimulus, dt: float) -> Recording:
         """The whole run, sampled every `dt` seconds."""
+
+
+class CompiledLaw(NamedTuple):
+    """A renderer's step as compiled code, so that a whole closed loop runs without Python.
+
+    `function` is a kernel of signature `hapticeval.compiled.LAW`; `reals` (k,), `pieces` and `samples` (2D) are what
+    it is given at each tick, writable and contiguous, `memory` the size of what it keeps between ticks. `refusals`
+    words what its numbers other than 0 mean. It must answer as `step` does, to the last bit.
+    """
+
+    function: Callable[..., Any]
+    reals: Array
+    pieces: Array
+    samples: Array
+    memory: int
+    refusals: Mapping[int, str]
+
+
+@runtime_checkable
+class Compiled(Protocol):
+    """A renderer that offers its step as compiled code too; `law` is None where it cannot, in this scene."""
+
+    @property
+    def law(self) -> CompiledLaw | None:
+        """The step for compiled loops."""
+
+
+@runtime_checkable
+class Feeling(Protocol):
+    """A renderer that wants the hand's force, where the scene has a force sensor (8.6)."""
+
+    def feel(self, push: Array) -> None:
+        """Told before each step: the measured force of the hand on the tool (N,), N."""
 
 
 RendererFactory: TypeAlias = Callable[[Scene], Renderer | SelfDriven]

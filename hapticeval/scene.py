@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from hapticeval.devices.device import Device
+from hapticeval.devices.imperfections import Imperfections
+from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import InputError
 from hapticeval.geometry.model import Model
 
@@ -15,7 +19,11 @@ class Scene:
 
     `stiffness` K_p (N/m) and `damping` K_d (N s/m) are the gains of (4.6); `mass` (kg) is the virtual tool's;
     `restitution` is c_r of (3.5); `bilateral` holds the tool on the surface from both sides, as in section 6.3,
-    where a unilateral contact only pushes outwards; `sampling_time` (s) is that of the haptic thread.
+    where a unilateral contact only pushes outwards; `sampling_time` (s) is that of the haptic thread; `viscosity` b_d
+    (kg/s) is that of the surface (7.18), for renderers that assign tangential dynamics.
+
+    An experiment adds the robot: `device`, a point mass of the tool's `mass` where None, the `inner_loop` that turns
+    the renderer's force into joint torques, and the `imperfections` that the scene calls for.
 
     Raises `InputError` for a gain or a mass that is negative, zero where it may not be, or not finite.
     """
@@ -27,6 +35,10 @@ class Scene:
     restitution: float = 0.0
     bilateral: bool = False
     sampling_time: float = 1e-3
+    viscosity: float = 0.0
+    device: Device | None = None
+    inner_loop: InnerLoop = InnerLoop.STATIC
+    imperfections: Imperfections = field(default_factory=Imperfections)
 
     def __post_init__(self) -> None:
         for name, unit, zero_allowed in (
@@ -35,6 +47,7 @@ class Scene:
             ("mass", "kg", False),
             ("restitution", "", True),
             ("sampling_time", "s", False),
+            ("viscosity", "kg/s", True),
         ):
             value = getattr(self, name)
             if not math.isfinite(value) or value < 0.0 or (value == 0.0 and not zero_allowed):
@@ -47,3 +60,8 @@ class Scene:
                 f"restitution = {self.restitution!r}",
                 why="a collision that creates energy is not passive: c_r of (3.5) lies between 0 and 1",
             )
+
+    @property
+    def robot(self) -> Device:
+        """The device of an experiment: the scene's, or a point mass of the virtual tool's mass."""
+        return PointMass(self.mass, self.model.dimension) if self.device is None else self.device

@@ -69,12 +69,40 @@ class Path:
         return Path(self.time[-1] - self.time[::-1], self.points[::-1])
 
 
+@dataclass(frozen=True, kw_only=True)
+class Hand:
+    """An operator who draws the tool along a desired path: F_o = k (y_d - y) + b (ẏ_d - ẏ).
+
+    `stiffness` k (N/m) and `damping` b (N s/m) of the grip; `path` is y_d(t) from time 0 on, held after its end. With
+    the path at rest it is passive: it never gives more energy than it took.
+    """
+
+    path: Path
+    stiffness: float
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, unit in (("stiffness", "N/m"), ("damping", "N s/m")):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InputError(
+                    f"the hand's {name} = {value!r} {unit}",
+                    why="it must be finite and not negative: a hand that drives is not passive",
+                )
+
+    def at_speed(self, factor: float) -> Hand:
+        """The same hand along its path at `factor` times the pace."""
+        path = Path(self.path.time / factor, self.path.points)
+        return Hand(path=path, stiffness=self.stiffness, damping=self.damping)
+
+
 @dataclass(frozen=True)
 class Experiment:
     """A closed loop (Figure 6.17): the tool starts somewhere with a velocity, and the operator pushes.
 
     `position` (N,), m; `velocity` (N,), m/s; `force_time` (k,), s and `force` (k, N), N: the operator's force,
-    straight between the given rows and held before the first and after the last; `duration`, s.
+    straight between the given rows and held before the first and after the last; `duration`, s. A `hand` adds its
+    force to that.
     """
 
     duration: float
@@ -82,6 +110,7 @@ class Experiment:
     velocity: Array
     force_time: Array
     force: Array
+    hand: Hand | None = None
 
     def __post_init__(self) -> None:
         for name in ("position", "velocity", "force_time", "force"):
@@ -98,6 +127,11 @@ class Experiment:
                 f"an experiment has position, velocity and force of shapes {shapes}, "
                 f"with {self.force_time.size} force times",
                 why="all three need the same dimension, and a force row a time",
+            )
+        if self.hand is not None and self.hand.path.dimension != self.dimension:
+            raise InputError(
+                f"the hand's path is in {self.hand.path.dimension}D, the experiment in {self.dimension}D",
+                why="hand and tool move in the same space",
             )
 
     @property
@@ -117,6 +151,7 @@ class Experiment:
             self.velocity * factor,
             self.force_time / factor,
             self.force,
+            None if self.hand is None else self.hand.at_speed(factor),
         )
 
 

@@ -2,16 +2,67 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from hapticeval.devices.device import CompiledDevice
 
 
 @dataclass(frozen=True)
 class PointMass:
-    """m y'' = F_r + F_o (2.23), (3.1); `mass` in kg."""
+    """m y'' = F_r + F_o (2.23), (3.1) in `dimension` N = 2 or 3; `mass` in kg. Its joints are its position (2.24)."""
 
     mass: float
+    dimension: int = 2
+
+    name = "point-mass"
+
+    @property
+    def parameters(self) -> Array:
+        """The mass."""
+        return np.array([self.mass])
+
+    @property
+    def kernels(self) -> CompiledDevice:
+        """For compiled loops."""
+        from hapticeval.devices import point_mass_kernels as kernels
+        from hapticeval.devices.device import CompiledDevice
+
+        return CompiledDevice(kernels.kinematics, kernels.dynamics, kernels.margin)
+
+    def position(self, joints: Array) -> Array:
+        """The joints themselves, (N,), m."""
+        return np.array(joints, dtype=np.float64)
+
+    def joints(self, position: Array) -> Array:
+        """The position itself, (N,), m."""
+        return np.array(position, dtype=np.float64)
+
+    def jacobian(self, joints: Array) -> Array:  # noqa: ARG002 - the protocol's
+        """The identity (2.25), (N, N)."""
+        return np.eye(self.dimension)
+
+    def jacobian_rate(self, joints: Array, rates: Array) -> Array:  # noqa: ARG002 - the protocol's
+        """Zero, (N, N)."""
+        return np.zeros((self.dimension, self.dimension))
+
+    def inertia(self, joints: Array) -> Array:  # noqa: ARG002 - the protocol's
+        """m I, (N, N), kg."""
+        return self.mass * np.eye(self.dimension)
+
+    def bias(self, joints: Array, rates: Array) -> Array:  # noqa: ARG002 - the protocol's
+        """Zero (2.23), (N,), N."""
+        return np.zeros(self.dimension)
+
+    def margin(self, joints: Array) -> float:  # noqa: ARG002 - the protocol's
+        """Infinite: its functional workspace is all of space."""
+        return math.inf
 
     def advance(
         self, position: Array, velocity: Array, force: Array, push: Array, next_push: Array, dt: float

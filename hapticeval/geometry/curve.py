@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from hapticeval.errors import InputError
 from hapticeval.geometry import curve_kernels, polygon_kernels
+from hapticeval.geometry.frame import Frame
 from hapticeval.geometry.kernels import (
     ARC,
     CASSINIAN,
@@ -94,6 +95,11 @@ class Curve:
         object.__setattr__(self, "pieces", pieces)
 
     @property
+    def dimension(self) -> int:
+        """Of the plane: 2."""
+        return 2
+
+    @property
     def u_range(self) -> tuple[float, float]:
         """The parameter's start and end; infinite for an unbounded line."""
         return float(self.pieces[0, U0]), float(self.pieces[-1, U1])
@@ -172,6 +178,14 @@ class Curve:
         """Distances (n,), m, of points (n, 2) from the curve, negative inside."""
         rows = self._projected(points)
         return np.asarray(rows[:, 1] * rows[:, 2])
+
+    def frame(self, points: ArrayLike) -> Frame:
+        """Feet, normals, signed distances and shape operators for points (n, 2): see `Frame`."""
+        rows = self._projected(points)
+        u = rows[:, 0]
+        tangent = self.tangent(u)
+        bend = self.curvature(u)[:, np.newaxis, np.newaxis] * tangent[:, :, np.newaxis] * tangent[:, np.newaxis, :]
+        return Frame(self.position(u), self.normal(u), rows[:, 1] * rows[:, 2], bend)
 
     def contains(self, points: ArrayLike) -> BoolArray:
         """Whether each of points (n, 2) lies inside; points on the curve do not."""

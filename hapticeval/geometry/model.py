@@ -8,32 +8,60 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hapticeval.errors import InputError
+from hapticeval.errors import InputError, RefusalError
 
 if TYPE_CHECKING:
     from hapticeval.geometry.curve import Curve
     from hapticeval.geometry.level_set import LevelSet
     from hapticeval.geometry.polygon import Polygon
+    from hapticeval.geometry.surface import Surface
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A closed plane curve (an extruded cross-section) or a half-plane, with its representations.
+    """A closed plane curve (an extruded cross-section), a half-plane, or a closed surface in 3D.
 
-    `parameters` are the JSON values it was made from; `curve` is the exact boundary. Representations are made
-    on first use and kept.
+    `parameters` are the JSON values it was made from; `boundary` is the exact boundary, and `curve` or `surface` is
+    the same for what works in the plane or in space only. Representations are made on first use and kept.
     """
 
     name: str
     parameters: Mapping[str, Any]
-    curve: Curve
+    boundary: Curve | Surface
     _kept: dict[object, Any] = field(default_factory=dict, init=False, repr=False)
 
     @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return self.boundary.dimension
+
+    @property
+    def curve(self) -> Curve:
+        """The boundary in the plane. Raises `RefusalError` for a model in space: a plane renderer refuses it."""
+        from hapticeval.geometry.curve import Curve
+
+        if not isinstance(self.boundary, Curve):
+            raise RefusalError(
+                f"model '{self.name}' is a surface in space",
+                why="this works on plane curves only",
+                todo="choose a renderer for surfaces: minimum-distance, set-stabilisation",
+            )
+        return self.boundary
+
+    @property
+    def surface(self) -> Surface:
+        """The boundary in space. Raises `RefusalError` for a plane model."""
+        from hapticeval.geometry.surface import Surface
+
+        if not isinstance(self.boundary, Surface):
+            raise RefusalError(f"model '{self.name}' is a plane curve", why="this works on surfaces in space only")
+        return self.boundary
+
+    @property
     def size(self) -> float:
-        """The largest extent (m) along x or y; for a half-plane that of the window it is drawn in."""
-        xmin, ymin, xmax, ymax = self.curve.bounds
-        return max(xmax - xmin, ymax - ymin)
+        """The largest extent (m) along an axis; for a half-plane that of the window it is drawn in."""
+        bounds = self.boundary.bounds
+        return max(high - low for low, high in zip(bounds[: self.dimension], bounds[self.dimension :], strict=True))
 
     def polygon(self, n: int = 40) -> Polygon:
         """The polygon with vertices at n equal steps of the curve's own parameter, and at every corner.

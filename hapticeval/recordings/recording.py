@@ -19,6 +19,12 @@ CHANNELS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "force": ("N", "force on the hand, held (or its mean) from this sample to the next"),
         "velocity": ("m/s", "velocity of the HIP"),
         "operator_force": ("N", "force of the hand on the tool"),
+        "measured_hip": ("m", "HIP as the sensors gave it to the renderer; absent where they are exact"),
+        "measured_velocity": ("m/s", "velocity of the HIP as the renderer was given it; absent where it is exact"),
+        "measured_force": ("N", "force of the hand as the force sensor gave it"),
+        "joint_position": ("rad", "joint angles of the device"),
+        "joint_velocity": ("rad/s", "joint velocities of the device"),
+        "joint_torque": ("N m", "torque that the motors really give, held from this sample to the next"),
     }
 )
 """Every channel that a recording may have, with its unit and meaning. The first three are always there."""
