@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hapticeval import __version__
+from hapticeval.commands import bench, field, flow
 from hapticeval.errors import HapticevalError
 from hapticeval.output import DEFAULT_DIRECTORY, prepare, say
-from hapticeval.studies import BENCH_EXIT_CODES, bench, field, flow
 
 if TYPE_CHECKING:
     from hapticeval.events import Event
@@ -191,9 +191,9 @@ def report(
     say("\n".join(f"wrote {path}" for path in written))
 
 
-app.command(epilog=BENCH_EXIT_CODES)(bench)
-app.command()(field)
-app.command()(flow)
+app.command(epilog=bench.EXIT_CODES)(bench.bench)
+app.command()(field.field)
+app.command()(flow.flow)
 
 
 def _watch(stream: Iterator[Event], terminal: Terminal) -> Results:

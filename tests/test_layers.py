@@ -27,7 +27,7 @@ LAYERS = (
     {"bench", "runner"},
     {"picturing"},
     {"listing", "output", "terminal"},
-    {"studies"},
+    {"commands"},
     {"cli"},
     {"__main__"},
 )
@@ -49,7 +49,7 @@ RUNNING = {
     "listing",
     "terminal",
     "output",
-    "studies",
+    "commands",
     "cli",
     "__main__",
 }
@@ -104,7 +104,7 @@ def _lazy_reports(tree: ast.AST, text: str, unit: str) -> bool:
     inside = any(
         isinstance(node, ast.FunctionDef) and node.lineno < line <= (node.end_lineno or 0) for node in ast.walk(tree)
     )
-    return unit in ("cli", "studies") and text.endswith(" imports reports") and inside
+    return unit in ("cli", "commands") and text.endswith(" imports reports") and inside
 
 
 @pytest.mark.parametrize(("file", "unit"), SOURCES, ids=[str(file.relative_to(ROOT)) for file, _ in SOURCES])

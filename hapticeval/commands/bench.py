@@ -1,0 +1,102 @@
+"""`hapticeval bench`: what accuracy costs in time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hapticeval.output import DEFAULT_DIRECTORY, prepare, say
+
+EXIT_CODES = """\b
+Exit codes:
+  0  measured; with --compare nothing is worse, with --within a setting meets it
+  1  something is significantly worse, no setting meets --within, or the bench was interrupted
+  2  wrong usage or input, or a setting whose input was not usable
+  3  a renderer broke (outranks 1 and 2)
+"""
+
+
+def bench(
+    renderers: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="RENDERER",
+            help="As in `run -r`. Without one, those that come with hapticeval, on every representation.",
+            show_default=False,
+        ),
+    ] = None,
+    knobs: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--knob",
+            metavar="NAME=VALUE,...",
+            help="Values to sweep a knob over, such as vertices=40,80,160; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Few values and few samples: some minutes.")] = False,
+    within: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LENGTH",
+            help="Name the cheapest setting whose IHIP error is at most this, such as 0.1mm.",
+            show_default=False,
+        ),
+    ] = None,
+    budget: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME", help="Only settings whose step takes at most this, such as 10us.", show_default=False
+        ),
+    ] = None,
+    compare: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="The folder of an earlier bench: tell what is better or worse now.", show_default=False
+        ),
+    ] = None,
+    directory: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Where the measurements go.")
+    ] = DEFAULT_DIRECTORY,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of everything random.", min=0)] = 0,
+) -> None:
+    """Measure what accuracy costs in time: sweep the knobs of renderers.
+
+    \b
+    Examples:
+      hapticeval bench --quick
+      hapticeval bench constraint@polygon --knob vertices=40,80,160
+      hapticeval bench --within 0.1mm --budget 10us
+      hapticeval bench --quick -o new --compare old
+    """
+    from dataclasses import replace
+
+    from hapticeval.bench import compare as comparison
+    from hapticeval.bench import quantity, tell
+    from hapticeval.bench.judge import judged
+    from hapticeval.bench.settings import chosen_values, own_variants, settings_of
+    from hapticeval.bench.sweep import Sweep
+    from hapticeval.costs import read_costs, read_samples, write_costs
+    from hapticeval.terminal import Terminal
+
+    wanted = None if within is None else quantity.length(within, option="--within")
+    limit = None if budget is None else quantity.duration(budget, option="--budget")
+    before = None if compare is None else (read_costs(compare), read_samples(compare))
+    names = renderers or own_variants()
+    settings = settings_of(names, quick=quick, chosen=chosen_values(knobs or []))
+    prepare(directory)
+    command = {"renderers": names, "knobs": knobs or [], "within": within, "budget": budget}
+    sweep = Sweep(settings, quick=quick, seed=seed, command=command)
+    with Terminal() as terminal:
+        sweep.run(terminal.working)
+    samples = sweep.samples()
+    costs = judged(sweep.costs(), within=wanted, budget=limit)
+    if before is not None:
+        costs = replace(costs, comparison=comparison.compare(costs, samples, *before))
+    written = write_costs(directory, costs, samples)
+    say("\n".join([tell.summary(costs), "", *(f"wrote {path}" for path in written)]))
+    missed = within is not None and any(each["what"] == "step" and each["key"] is None for each in costs.answers)
+    worse = any(each["verdict"] == "worse" for each in costs.comparison)
+    raise typer.Exit(max([int(missed or worse or not costs.complete), *(each.exit_code for each in sweep.failures)]))
