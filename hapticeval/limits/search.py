@@ -1,0 +1,154 @@
+"""The largest stiffness that stays stable, by bisection: on the loop's eigenvalues, and on the loop itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hapticeval.closed_loop import drive
+from hapticeval.errors import InputError
+from hapticeval.limits.linear import Gains, Place, SampledLoop, gains_of
+from hapticeval.renderer import Renderer, RendererFactory
+from hapticeval.scene import Scene
+from hapticeval.stimulus import Experiment
+
+SOFTEST, STIFFEST = 1.0, 1e7
+"""N/m between which limits are looked for."""
+
+STEPS = 40
+"""Halvings: the limit to one part in a million of a decade."""
+
+PUSH = 1e-5
+"""Metres off the surface at which the loop is let go: small, so that the device stays at its pose."""
+
+TICKS = 20_000
+"""Ticks of a run: a mode that grows by 1e-6 a tick grows by 2 per cent."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """A renderer's gains at one place as a function of its stiffness, now(K) = offset + K slope, measured.
+
+    `damping` terms stay; `normal` (N,) is that of the place where they were measured.
+    """
+
+    offset: Gains
+    slope: Gains
+    place: Place
+
+    def at(self, stiffness: float) -> Gains:
+        """The gains at a stiffness, N/m."""
+        return Gains(
+            self.offset.now + stiffness * self.slope.now,
+            self.offset.before + stiffness * self.slope.before,
+            self.offset.rate + stiffness * self.slope.rate,
+        )
+
+    def facing(self, place: Place) -> Family:
+        """The same renderer's gains at another place: turned with the normal."""
+        turn = _rotation(self.place.normal, place.normal)
+
+        def turned(gains: Gains) -> Gains:
+            return Gains(*(turn @ part @ turn.T for part in (gains.now, gains.before, gains.rate)))
+
+        return Family(turned(self.offset), turned(self.slope), place)
+
+
+def family_of(factory: RendererFactory, scene: Scene, place: Place) -> Family:
+    """The gains of what `factory` makes, from two stiffnesses far below the scene's, and a third to see that they grow
+    in proportion. Raises `InputError` for a renderer whose gains do not, or that has no `step`.
+    """
+    found = []
+    for share in (1.0 / 64.0, 1.0 / 32.0, 1.0 / 16.0):
+        # Gains are the renderer's alone: they need no robot.
+        renderer = factory(replace(scene, device=None, stiffness=share * scene.stiffness, bilateral=True))
+        if not isinstance(renderer, Renderer):
+            raise InputError(
+                "the renderer has physics of its own, and no gains to look for a limit of",
+                todo="choose one that answers tick by tick, such as minimum-distance",
+            )
+        found.append(gains_of(renderer, place, scene.sampling_time))
+    low, high = scene.stiffness / 64.0, scene.stiffness / 32.0
+    slope = Gains(*((b - a) / (high - low) for a, b in zip(_parts(found[0]), _parts(found[1]), strict=True)))
+    offset = Gains(*(a - low * b for a, b in zip(_parts(found[0]), _parts(slope), strict=True)))
+    family = Family(offset, slope, place)
+    for told, measured in zip(_parts(family.at(2.0 * high)), _parts(found[2]), strict=True):
+        if np.max(np.abs(told - measured)) > 1e-3 * max(np.max(np.abs(measured)), scene.damping, 1e-9):
+            raise InputError(
+                "the renderer's force does not grow in proportion to the scene's stiffness",
+                why="a limit in terms of stiffness means nothing for it",
+                todo="choose a regulation scheme with a linear spring",
+            )
+    return family
+
+
+def eigenvalue_limit(loop: SampledLoop, family: Family, *, steps: int = STEPS) -> float:
+    """The stiffness (N/m) up to which all modes of the sampled loop decay; 0 where none does, inf beyond `STIFFEST`."""
+    return largest(lambda stiffness: loop.growth(family.at(stiffness)) < 1.0, steps=steps)
+
+
+def simulated_limit(factory: RendererFactory, scene: Scene, place: Place) -> float:
+    """The same by running the sampled closed loop itself, let go `PUSH` off the surface, to see whether it settles."""
+    return largest(lambda stiffness: _settles(factory, scene, place, stiffness), steps=14)
+
+
+def largest(stable: Callable[[float], bool], *, steps: int = STEPS) -> float:
+    """The end of the first stretch of stiffnesses that are stable, found on a grid of decades and by halving."""
+    grid = np.geomspace(SOFTEST, STIFFEST, 15)
+    verdicts = []
+    for value in grid:
+        verdicts.append(stable(float(value)))
+        if len(verdicts) > 1 and verdicts[-2] and not verdicts[-1]:
+            break
+    if not any(verdicts):
+        return 0.0
+    if verdicts[-1]:
+        return float("inf")
+    low, high = float(grid[len(verdicts) - 2]), float(grid[len(verdicts) - 1])
+    for _ in range(steps):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    return low
+
+
+def _settles(factory: RendererFactory, scene: Scene, place: Place, stiffness: float) -> bool:
+    """Whether the distance from the surface is smaller at the end of a run than after its first tenth."""
+    held = replace(scene, stiffness=stiffness, bilateral=True)
+    try:
+        renderer = factory(held)
+    except InputError:  # it refuses gains that it knows to be unstable
+        return False
+    dt = scene.sampling_time
+    still = np.zeros_like(place.point)
+    start = Experiment(TICKS * dt, place.point + PUSH * place.normal, still, np.zeros(1), still[None])
+    run = drive(renderer, start, held, dt)
+    if "ended" in run.meta:
+        return False
+    distance = scene.model.boundary.signed_distance(run.hip)
+    part = len(run) // 10
+    # Late against early, each over a tenth: an undamped loop keeps its size within the rounding of the two.
+    return float(np.std(distance[-part:])) < float(np.std(distance[part : 2 * part]))
+
+
+def _parts(gains: Gains) -> tuple[np.ndarray, ...]:
+    return gains.now, gains.before, gains.rate
+
+
+def _rotation(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """The rotation in the plane of two unit vectors that takes one to the other."""
+    count = start.size
+    across = end - (end @ start) * start
+    size = float(np.linalg.norm(across))
+    if size < 1e-12:
+        if end @ start > 0.0:
+            return np.eye(count)
+        across = np.eye(count)[int(np.argmin(np.abs(start)))]
+        across = across - (across @ start) * start
+        size = float(np.linalg.norm(across))
+    across = across / size
+    basis = np.column_stack([start, across])
+    cos, sin = float(end @ start), float(end @ across)
+    turn = np.array([[cos, -sin], [sin, cos]])
+    return np.asarray(np.eye(count) - basis @ basis.T + basis @ turn @ basis.T)

@@ -1,0 +1,111 @@
+"""The stability limits of a scene as a picture: Z-width, delay, and the workspace."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hapticeval.errors import HapticevalError
+from hapticeval.files import file_stem, replacing
+from hapticeval.reports.fields_figure import COLOURS
+from hapticeval.reports.figures import STYLE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SERIES = ("#56b4e9", "#0072b2", "#1c1f23", "#d55e00")
+"""One colour a sampling time, from the shortest."""
+
+
+def write_limits(directory: Path, document: Mapping[str, Any]) -> list[Path]:
+    """Draw `hapticeval.limits.study.study`'s document into `directory` as SVG and PNG, with the numbers as JSON; the
+    paths written. Raises `HapticevalError` where a file cannot be written.
+    """
+    stem = "limits-" + file_stem(f"{document['scene']}-{document['renderer']}-{document['device']}".replace("/", "-"))
+    paths = [directory / f"{stem}.{kind}" for kind in ("svg", "png", "json")]
+    try:
+        with replacing(paths[2]) as temporary:
+            temporary.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        _draw(document, paths[:2])
+    except OSError as error:
+        raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
+    return paths
+
+
+def _draw(document: Mapping[str, Any], paths: Sequence[Path]) -> None:
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    panels = 3 if document["workspace"] else 2
+    settings: Any = {**STYLE, "axes.edgecolor": COLOURS["quiet"]}
+    with rc_context(settings):
+        figure = Figure(figsize=(4.6 * panels, 4.4), facecolor="white", layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(1, panels)
+        _width(axes[0], document)
+        _delay(axes[1], document)
+        if document["workspace"]:
+            _workspace(axes[2], document)
+        figure.suptitle(
+            f"Stable stiffness: {document['scene']}, {document['renderer']} on {document['device']}",
+            fontsize=11, color=COLOURS["ink"],
+        )  # fmt: skip
+        for path in paths:
+            with replacing(path) as temporary:
+                metadata = {"Date": None} if path.suffix == ".svg" else None
+                figure.savefig(temporary, format=path.suffix[1:], dpi=160, metadata=metadata)
+
+
+def _width(axes: Axes, document: Mapping[str, Any]) -> None:
+    """K over B for several T: stable below the solid line, passive below the dashed one."""
+    for colour, curve in zip(SERIES, document["width"], strict=True):
+        label = f"T = {1e3 * curve['sampling_time']:.3g} ms"
+        axes.plot(curve["damping"], _kilo(curve["eigenvalues"]), color=colour, label=label)
+        axes.plot(curve["damping"], _kilo(curve["passive"]), color=colour, linestyle="--", linewidth=1.0)
+    axes.plot([], [], color=COLOURS["quiet"], linestyle="--", linewidth=1.0, label="passive (2.40)")
+    axes.plot(
+        [document["damping"]], [1e-3 * document["stiffness"]], "o", color=COLOURS["jump"], label="the scene", zorder=5
+    )
+    axes.set_yscale("symlog", linthresh=0.1)
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlim(left=0.0, right=max(document["width"][1]["damping"]))
+    axes.set(xlabel="damping B (N s/m)", ylabel="stiffness K (kN/m)", title="Z-width: stable below the line")
+    axes.legend(frameon=False, fontsize=8)
+
+
+def _delay(axes: Axes, document: Mapping[str, Any]) -> None:
+    curve = document["delay"]
+    axes.plot(1e3 * np.array(curve["delay"]), _kilo(curve["eigenvalues"]), color=SERIES[1], label="eigenvalues")
+    axes.axhline(1e-3 * document["stiffness"], color=COLOURS["jump"], linewidth=1.0, label="the scene")
+    axes.axhline(
+        1e-3 * document["passive"], color=COLOURS["quiet"], linestyle="--", linewidth=1.0, label="passive (2.40)"
+    )
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlim(left=0.0)
+    axes.set(xlabel="computation delay (ms)", ylabel="stiffness K (kN/m)", title="Delay")
+    axes.legend(frameon=False, fontsize=8)
+
+
+def _workspace(axes: Axes, document: Mapping[str, Any]) -> None:
+    """The limit at each pose, at a wall that faces the worst direction there."""
+    found = document["workspace"]
+    limits = np.array([[np.nan if value is None else value for value in row] for row in found["eigenvalues"]])
+    first, second = (1e3 * np.array(found[name]) for name in ("first", "second"))
+    mesh = axes.pcolormesh(first, second, 1e-3 * limits, cmap="cividis", shading="nearest", rasterized=True)
+    bar = axes.figure.colorbar(mesh, ax=axes, shrink=0.85)
+    bar.set_label("stiffness K (kN/m)")
+    point = 1e3 * np.array(document["point"])
+    axes.plot([point[0]], [point[-1]], "o", color=COLOURS["jump"], label="the place", zorder=5)
+    axes.set_aspect("equal")
+    names = found["axes"]
+    axes.set(xlabel=f"{names[0]} (mm)", ylabel=f"{names[1]} (mm)", title="Workspace, worst wall direction")
+    axes.legend(frameon=False, fontsize=8, loc="upper right")
+
+
+def _kilo(values: Sequence[float | None]) -> list[float]:
+    return [np.nan if value is None else 1e-3 * value for value in values]

@@ -1,0 +1,137 @@
+"""Stability limits against closed forms of the sampled mass and damper, and against the robot's golden numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hapticeval.devices.imperfections import Imperfections
+from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.devices.point_mass import PointMass
+from hapticeval.discovery import resolve
+from hapticeval.errors import InputError
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.limits.linear import Place, SampledLoop, robot_at
+from hapticeval.limits.passivity import passive_stiffness, port_damping
+from hapticeval.limits.search import eigenvalue_limit, family_of
+from hapticeval.scene import Scene
+
+WALL = Place(np.zeros(2), np.array([0.0, 1.0]))
+
+
+@dataclass(frozen=True)
+class Damped(PointMass):
+    """A mass on a viscous bed."""
+
+    viscosity: float = 0.3
+
+    def bias(self, joints, rates):
+        return self.viscosity * np.asarray(rates)
+
+
+class Crooked:
+    """A renderer whose force grows with the square of the scene's stiffness."""
+
+    def __init__(self, scene):
+        self.stiffness = scene.stiffness
+
+    def reset(self, hip):
+        pass
+
+    def step(self, hip, velocity, dt):
+        return np.array([hip[0], 0.0]), np.array([0.0, -1e-2 * self.stiffness**2 * hip[1]])
+
+
+def scene(mass=0.15, viscosity=0.3, **rest):
+    return Scene(model=make_model("line"), device=Damped(mass, 2, viscosity), **rest)
+
+
+def limit(scene, renderer="minimum-distance+pp", place=WALL):
+    family = family_of(resolve(renderer), scene, place)
+    return eigenvalue_limit(SampledLoop(scene, robot_at(scene.robot, place.point)), family)
+
+
+def held_spring_limit(mass, viscosity, dt):
+    """K at which the product of the poles of z^2 - (1 + e - K a) z + (e + K c) reaches one: (1 - e) / c."""
+    decay = math.exp(-viscosity * dt / mass)
+    return (1.0 - decay) / (mass / viscosity**2 * (1.0 - decay) - dt / viscosity * decay)
+
+
+@given(mass=st.floats(0.05, 5.0), viscosity=st.floats(0.05, 5.0), dt=st.sampled_from([2.5e-4, 1e-3, 4e-3]))
+def test_a_held_spring_on_a_damped_mass_has_its_textbook_limit(mass, viscosity, dt):
+    found = limit(scene(mass, viscosity, sampling_time=dt))
+    assert found == pytest.approx(held_spring_limit(mass, viscosity, dt), rel=1e-5)
+
+
+@given(mass=st.floats(0.05, 5.0), viscosity=st.floats(0.05, 5.0), dt=st.sampled_from([2.5e-4, 1e-3, 4e-3]))
+def test_passivity_is_stricter_than_stability_alone(mass, viscosity, dt):
+    sampled = scene(mass, viscosity, sampling_time=dt)
+    passive = passive_stiffness(sampled, robot_at(sampled.robot, WALL.point), WALL.normal)
+    assert passive == pytest.approx(2.0 * viscosity / dt, rel=1e-6)
+    assert passive <= limit(sampled) * (1.0 + 1e-6)
+
+
+@given(delay=st.floats(0.0, 3e-3))
+def test_delay_only_takes_away(delay):
+    late = replace(scene(), imperfections=Imperfections(delay=delay))
+    assert limit(late) <= limit(scene()) * (1.0 + 1e-6)
+
+
+def test_a_delay_of_one_tick_has_the_roots_of_its_cubic():
+    mass, viscosity, dt = 0.15, 0.3, 1e-3
+    late = replace(scene(mass, viscosity), imperfections=Imperfections(delay=dt))
+    found = limit(late)
+    decay = math.exp(-viscosity * dt / mass)
+    a = dt / viscosity - mass / viscosity**2 * (1.0 - decay)
+    c = mass / viscosity**2 * (1.0 - decay) - dt / viscosity * decay
+    roots = np.abs(np.roots([1.0, -(1.0 + decay), decay + found * a, found * c]))
+    assert max(roots) == pytest.approx(1.0, abs=1e-7)
+
+
+@given(mass=st.floats(0.05, 2.0), share=st.floats(0.05, 0.95) | st.floats(1.05, 1.5))
+def test_a_damped_wall_on_a_free_mass_fills_its_triangle(mass, share):
+    """Jury on z^2 - (2 - B T/m - K T^2/2m) z + (1 - B T/m + K T^2/2m): K < 2 B / T, and B < 2 m / T."""
+    dt = 1e-3
+    damping = share * 2.0 * mass / dt
+    free = Scene(model=make_model("line"), device=PointMass(mass), mass=mass, damping=damping)
+    expected = 2.0 * damping / dt if share < 1.0 else 0.0
+    assert limit(free, "minimum-distance+pp-pd") == pytest.approx(expected, rel=1e-4)
+
+
+def test_without_losses_no_held_spring_is_stable():
+    undamped = Scene(model=make_model("line"), device=PointMass(0.1))
+    assert limit(undamped) == 0.0
+    assert port_damping(robot_at(undamped.robot, WALL.point), WALL.normal, 1e-3) == 0.0
+
+
+def test_linearisation_replaces_the_device_by_the_tool():
+    """Whatever the device, what is left is the tool's mass: the same limit as a point mass of that mass has."""
+    shared = {"damping": 4.47, "mass": 0.1}
+    robot = scene(inner_loop=InnerLoop.LINEARISED, viscosity=1e-9, **shared)
+    ideal = Scene(model=make_model("line"), device=PointMass(0.1), **shared)
+    scheme = "minimum-distance+pp-pd"
+    assert limit(robot, scheme) == pytest.approx(limit(ideal, scheme), rel=1e-4)
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.2, 2.6])
+def test_gains_turn_with_the_wall(angle):
+    place = Place(np.zeros(2), np.array([math.cos(angle), math.sin(angle)]))
+    family = family_of(resolve("minimum-distance+pp-pd"), replace(scene(), damping=3.0), WALL)
+    turned = family.facing(place).at(1000.0)
+    np.testing.assert_allclose(turned.now, 1000.0 * np.outer(place.normal, place.normal), atol=1e-6)
+    np.testing.assert_allclose(turned.rate, 3.0 * np.outer(place.normal, place.normal), atol=1e-6)
+
+
+def test_a_renderer_with_physics_of_its_own_has_no_limit_to_look_for():
+    with pytest.raises(InputError, match="physics of its own"):
+        family_of(resolve("ideal"), scene(), WALL)
+
+
+def test_a_spring_that_is_not_linear_in_stiffness_is_refused():
+    with pytest.raises(InputError, match="proportion"):
+        family_of(Crooked, scene(), WALL)
