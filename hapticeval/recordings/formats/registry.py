@@ -1,0 +1,160 @@
+"""Which formats there are, and which of them a file is of: by its first bytes, then by its name."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import MappingProxyType
+
+from hapticeval.errors import HapticevalError, InputError, UnknownNameError
+from hapticeval.recordings.formats.magic import kind
+from hapticeval.recordings.formats.table import Table
+
+PACKAGE = "hapticeval.recordings.formats"
+GROUP = "hapticeval.formats"
+"""Entry points of this group are functions, told to `importer`, of other packages."""
+
+OWN = ("matlab5", "matlab73", "hdf5", "npz", "rosbag", "svc", "devicelog", "hdurecord", "delimited")
+"""The modules of this package that hold a format, the most particular first: delimited text fits much."""
+
+HEAD = 4096
+FOLDER = b"folder\n"
+
+Read = Callable[[Path], Table]
+Recognise = Callable[[bytes], bool]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format: how it is called, what it is, how it is told and how it is read."""
+
+    name: str
+    about: str
+    read: Read
+    suffixes: tuple[str, ...] = ()
+    recognises: Recognise | None = None
+
+    def fits(self, path: Path, head: bytes) -> bool:
+        """Whether a file is of this format, by its first bytes where the format knows them, else by its name."""
+        return path.suffix.lower() in self.suffixes if self.recognises is None else self.recognises(head)
+
+
+_KNOWN: dict[str, Format] = {}
+
+
+def importer(
+    name: str, *, about: str, suffixes: Iterable[str] = (), recognises: Recognise | None = None
+) -> Callable[[Read], Read]:
+    """Make a function `read(path) -> Table` known as the format `name`.
+
+    `recognises(first bytes)`, or where it is absent `suffixes` (".acme"), say which files are of it; with neither the
+    format is chosen by its name only. Raises `InputError` for a name that another function has.
+    """
+
+    def register(read: Read) -> Read:
+        known = _KNOWN.get(name)
+        if known is not None and (known.read.__module__, known.read.__qualname__) != (
+            read.__module__,
+            read.__qualname__,
+        ):
+            raise InputError(
+                f"the format '{name}' is there already",
+                why=f"{known.read.__module__} registered it",
+                todo="choose another name",
+            )
+        _KNOWN[name] = Format(name, about, read, tuple(suffix.lower() for suffix in suffixes), recognises)
+        return read
+
+    return register
+
+
+def formats() -> Mapping[str, Format]:
+    """Every format by name, in the order in which a file is offered to them: other people's before ours."""
+    for module in OWN:
+        import_module(f"{PACKAGE}.{module}")
+    for entry in entry_points(group=GROUP):
+        entry.load()
+    own = [each for each in _KNOWN.values() if each.read.__module__.startswith(f"{PACKAGE}.")]
+    own.sort(key=lambda each: OWN.index(each.read.__module__.rpartition(".")[2]))
+    others = [each for each in _KNOWN.values() if each not in own]
+    return MappingProxyType({each.name: each for each in (*others, *own)})
+
+
+def read_table(path: Path | str, *, format: str | None = None) -> Table:
+    """The columns of a file, as they stand in it.
+
+    `format` names one of `formats()`, or `package.module:function` of one that is not installed; without it the file's
+    first bytes and its name tell. Raises `InputError` where the file is missing, empty, damaged, or something else, and
+    then says what it is.
+    """
+    path = Path(path)
+    chosen = _detect(path) if format is None else _named(format)
+    try:
+        table = chosen.read(path)
+    except HapticevalError:
+        raise
+    except OSError as error:
+        raise InputError(f"cannot read {path}", why=error.strerror or str(error), todo="check the path") from error
+    if not table.columns:
+        raise InputError(
+            f"{path} holds no column of numbers",
+            why="; ".join(table.warnings) or f"it was read as {chosen.about}",
+            todo="name another format with --format" if len(_KNOWN) > 1 else "",
+        )
+    return replace(table, format=chosen.name)
+
+
+def _detect(path: Path) -> Format:
+    head = first_bytes(path)
+    for found in formats().values():
+        if found.fits(path, head):
+            return found
+    words = kind(head)
+    raise InputError(
+        f"{path} is {words}, no recording" if words else f"{path} is in no format that is known",
+        why=f"its name ends in '{path.suffix}', its first bytes are {head[:8]!r}",
+        todo=f"known formats: {', '.join(formats())}; choose one with --format, or write an importer",
+    )
+
+
+def first_bytes(path: Path) -> bytes:
+    """The start of a file; of a folder `FOLDER` and the names in it, a line each.
+
+    Raises `InputError` for a file that is missing or empty.
+    """
+    if path.is_dir():
+        return FOLDER + "\n".join(sorted(file.name for file in path.iterdir())).encode()
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+    except OSError as error:
+        raise InputError(f"cannot read {path}", why=error.strerror or str(error), todo="check the path") from error
+    if not head:
+        raise InputError(f"{path} is empty", why="a recording has at least one row", todo="record or copy it again")
+    return head
+
+
+def _named(name: str) -> Format:
+    module, colon, function = name.partition(":")
+    if not colon:
+        known = formats()
+        if name not in known:
+            raise UnknownNameError("format", name, known)
+        return known[name]
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.insert(0, here)
+    try:
+        read: Read = getattr(import_module(module), function)
+    except (ImportError, AttributeError) as error:
+        raise InputError(
+            f"cannot load the format '{name}'",
+            why=str(error),
+            todo=f"see that `python -c 'from {module} import {function}'` works",
+        ) from error
+    registered = next((each for each in _KNOWN.values() if each.read is read), None)
+    return registered or Format(name, f"the format {name}", read)

@@ -1,0 +1,85 @@
+"""ROS 1 bags (a .bag file) and ROS 2 bags (a folder with metadata.yaml), through the package `rosbags`.
+
+Every topic has columns of its own and clocks of its own: `/wrench.received` is when the bag took the message, ns, and
+`/wrench.header.stamp` when the sender made it, ns. Topics are never brought onto one clock here: the mapping says how.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hapticeval.errors import HapticevalError, InputError
+from hapticeval.recordings.formats.registry import FOLDER, importer
+from hapticeval.recordings.formats.table import Table
+
+LONGEST = 64
+"""Arrays in a message with more numbers than this are pictures and clouds, no channels of a device."""
+
+
+def _recognises(head: bytes) -> bool:
+    return head.startswith(b"#ROSBAG V") or (head.startswith(FOLDER) and b"metadata.yaml" in head.split(b"\n"))
+
+
+@importer("rosbag", about="a ROS 1 or ROS 2 bag", suffixes=(".bag",), recognises=_recognises)
+def read_rosbag(path: Path) -> Table:
+    """Columns `topic.field`; numbers in arrays as `topic.field[0]`. Raises `HapticevalError` without `rosbags`."""
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise HapticevalError(
+            f"{path} is a ROS bag, which needs the package 'rosbags'",
+            why=str(error),
+            todo="pip install 'hapticeval[ros]'",
+        ) from error
+    columns: dict[str, list[int | float]] = {}
+    units: dict[str, str] = {}
+    warnings: list[str] = []
+    rows: dict[str, int] = {}
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            for connection, received, raw in reader.messages():
+                topic = connection.topic
+                found: dict[str, int | float] = {f"{topic}.received": int(received)}
+                _flatten(topic, reader.deserialize(raw, connection.msgtype), found)
+                expected = rows.setdefault(topic, 0)
+                for name, value in found.items():
+                    if len(columns.setdefault(name, [])) == expected:
+                        columns[name].append(value)
+                rows[topic] += 1
+    except HapticevalError:
+        raise
+    except Exception as error:  # rosbags raises its own kinds for every store
+        if not rows:
+            raise InputError(
+                f"{path} cannot be read as a ROS bag", why=str(error), todo="see `ros2 bag info`"
+            ) from error
+        warnings.append(f"the bag breaks off after {sum(rows.values())} messages: {error}")
+    for name in [name for name in columns if len(columns[name]) != rows[_topic(name, rows)]]:
+        warnings.append(f"'{name}' is not in every message of its topic, and is left out")
+        del columns[name]
+    units = {name: "ns" for name in columns if name.endswith((".received", ".stamp"))}
+    made = {name: np.array(values) for name, values in columns.items()}
+    return Table(made, units=units, warnings=tuple(warnings))
+
+
+def _topic(name: str, topics: dict[str, int]) -> str:
+    return max((topic for topic in topics if name.startswith(f"{topic}.")), key=len)
+
+
+def _flatten(name: str, value: Any, found: dict[str, int | float]) -> None:
+    """The numbers of a message by their path; a stamp becomes nanoseconds."""
+    if isinstance(value, bool | int | float | np.number | np.bool_):
+        found[name] = value.item() if isinstance(value, np.generic) else value
+    elif hasattr(value, "nanosec") and hasattr(value, "sec"):
+        found[name] = int(value.sec) * 1_000_000_000 + int(value.nanosec)
+    elif isinstance(value, np.ndarray | list | tuple):
+        for place, item in enumerate(value if len(value) <= LONGEST else ()):
+            _flatten(f"{name}[{place}]", item, found)
+    elif hasattr(value, "__dataclass_fields__"):
+        for part in value.__dataclass_fields__:
+            if not part.startswith("__"):
+                _flatten(f"{name}.{part}", getattr(value, part), found)
