@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import io
-import os
 import sys
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from hapticeval import __version__
-from hapticeval.commands import bench, field, flow, limits
+from hapticeval.commands import bench, compare, field, flow, limits, replay
+from hapticeval.commands.running import cores as _cores
+from hapticeval.commands.running import report_on as _report
+from hapticeval.commands.running import watch as _watch
 from hapticeval.errors import HapticevalError
 from hapticeval.output import DEFAULT_DIRECTORY, prepare, say
-
-if TYPE_CHECKING:
-    from hapticeval.events import Event
-    from hapticeval.results import Results
-    from hapticeval.terminal import Terminal
 
 DEFAULT_SUITE = "thesis"
 
@@ -194,36 +191,6 @@ def report(
 app.command(epilog=bench.EXIT_CODES)(bench.bench)
 app.command()(field.field)
 app.command()(flow.flow)
+app.command(epilog=replay.EXIT_CODES)(replay.replay)
+app.command(epilog=compare.EXIT_CODES)(compare.compare)
 app.command(epilog=limits.EXIT_CODES)(limits.limits)
-
-
-def _watch(stream: Iterator[Event], terminal: Terminal) -> Results:
-    """Give every event to the terminal, and return the results that the last one brings.
-
-    Ctrl-C may come while an event is shown; the stream must learn of it to end the run in good order.
-    """
-    from hapticeval.events import RunFinished
-
-    results = None
-    for event in stream:
-        try:
-            terminal(event)
-        except KeyboardInterrupt:
-            if not isinstance(stream, Generator):
-                raise
-            event = stream.throw(KeyboardInterrupt)
-        if isinstance(event, RunFinished):
-            results = event.results
-    assert results is not None
-    return results
-
-
-def _report(directory: Path, terminal: Terminal) -> list[Path]:
-    from hapticeval.reports import write_reports
-
-    return write_reports(directory, progress=terminal.drawn, workers=_cores())
-
-
-def _cores() -> int:
-    """The cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from hapticeval.closed_loop import drive
 from hapticeval.devices.point_mass import PointMass
@@ -14,7 +15,7 @@ from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
 from hapticeval.playback import origin, play
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import REQUIRED, Recording
 from hapticeval.renderer import Renderer, RendererFactory, SelfDriven
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Experiment, Path, Stimulus
@@ -31,6 +32,8 @@ class Judged:
     refusal: RefusalError | None
     simulated_seconds: float
     wall_seconds: float
+    replay: Mapping[str, Any] | None = None
+    """What a replay has to say beside the verdicts: see `hapticeval.replay`."""
 
 
 class _Bench:
@@ -39,7 +42,7 @@ class _Bench:
     def __init__(self, factory: RendererFactory, scene: Scene, case: Case) -> None:
         self.scene = scene
         self.simulated = 0.0
-        self.renderer = _built(factory, scene)
+        self.renderer = built(factory, scene)
         self.stimulus = case.build_stimulus(scene, self.renderer)
 
     def record(self, stimulus: Stimulus, dt: float) -> Recording:
@@ -67,7 +70,8 @@ class _Bench:
         return Runs(base, refine=refine, reverse=lambda: self.record(sampled.reversed(), dt)).remembered()
 
 
-def _built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
+def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
+    """The renderer that a factory makes, refused with a `RendererError` unless it is one."""
     try:
         renderer = factory(scene)
     except HapticevalError:
@@ -120,6 +124,59 @@ def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Ju
     verdicts = _verdicts(findings, renderer, suite, case)
     simulated = bench.simulated if bench is not None else 0.0
     return Judged(verdicts, base, error, refusal, simulated, time.perf_counter() - started)
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What there is to judge where no case makes it: `whole` as it is kept, and the `runs` that checks may read.
+
+    There are several runs where a recording has gaps: each check judges every one, and `merge` makes one finding of
+    them. `replay` goes into the results.
+    """
+
+    whole: Recording
+    runs: tuple[Runs, ...]
+    replay: Mapping[str, Any]
+    simulated_seconds: float = 0.0
+
+
+def judge_recorded(
+    record: Callable[[Scene], Recorded],
+    merge: Callable[[Sequence[Finding]], Finding],
+    renderer: str,
+    suite: str,
+    case: Case,
+) -> Judged:
+    """Every check of `case` on what `record` gives; errors and refusals are told as `judge` tells them."""
+    started = time.perf_counter()
+    recorded: Recorded | None = None
+    error: HapticevalError | None = None
+    refusal: RefusalError | None = None
+    findings: list[Finding] = []
+    try:
+        scene = case.build_scene()
+        recorded = record(scene)
+        for check in case.checks:
+            findings.append(merge([_lacking(check, runs) or _finding(check, runs, scene) for runs in recorded.runs]))
+    except RefusalError as raised:
+        refusal = raised
+        findings = [Finding(Outcome.NOT_APPLICABLE, f"the renderer refuses: {raised.what}")] * len(case.checks)
+    except HapticevalError as raised:
+        error = raised
+        findings += [_error_finding(raised)] * (len(case.checks) - len(findings))
+    verdicts = _verdicts(findings, renderer, suite, case)
+    whole, replay, simulated = (
+        (None, None, 0.0) if recorded is None else (recorded.whole, recorded.replay, recorded.simulated_seconds)
+    )
+    return Judged(verdicts, whole, error, refusal, simulated, time.perf_counter() - started, replay)
+
+
+def _lacking(check: str, runs: Runs) -> Finding | None:
+    """What a check can say of a recording that lacks a channel which every simulated run has."""
+    lacks = [name for name in CHECKS[check].channels if name in REQUIRED and name not in runs.base.channels]
+    if not lacks:
+        return None
+    return Finding(Outcome.INCONCLUSIVE, f"the recording has no channel '{lacks[0]}', which this check reads")
 
 
 def broken(error: HapticevalError, renderer: str, suite: str, case: Case) -> Judged:

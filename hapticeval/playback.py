@@ -27,12 +27,21 @@ def play(renderer: Renderer | SelfDriven, path: Path, dt: float) -> Recording:
         return answered(renderer, path, dt)
     time, hips = path.sampled(dt)
     velocity = backward_difference(hips, time)
-    if isinstance(renderer, Batch):
-        ihips, forces = _all_at_once(renderer, hips, velocity, dt)
-    else:
-        ihips, forces = _step_by_step(renderer, hips, velocity, dt)
+    ihips, forces = lead(renderer, hips, velocity, dt)
     channels = {"hip": hips, "ihip": ihips, "force": forces, "velocity": velocity}
     return Recording(time, channels, meta={"source": "playback", "dt": dt, **declared(renderer)})
+
+
+def lead(renderer: Renderer, hips: Array, velocity: Array, dt: float | Array, *, first: int = 0) -> tuple[Array, Array]:
+    """IHIPs and forces, (n, N) each, of a renderer that is reset at the first row of `hips` (n, N) and led on.
+
+    With one `dt` (s) for all rows a batch renderer is asked at once, and takes the velocity from the HIPs itself; with
+    a step a row, `dt` (n,), every renderer is asked row by row and given `velocity` (n, N). Errors count ticks from
+    `first` on.
+    """
+    if isinstance(renderer, Batch) and not isinstance(dt, np.ndarray):
+        return _all_at_once(renderer, hips, velocity, dt, first)
+    return _step_by_step(renderer, hips, velocity, dt, first)
 
 
 def answered(renderer: SelfDriven, stimulus: Stimulus, dt: float) -> Recording:
@@ -70,7 +79,7 @@ def declared(renderer: object) -> Mapping[str, Any]:
     return said
 
 
-def _all_at_once(renderer: Batch, hips: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
+def _all_at_once(renderer: Batch, hips: Array, velocity: Array, dt: float, first: int) -> tuple[Array, Array]:
     try:
         ihips, forces = (np.asarray(part, dtype=np.float64) for part in renderer.run(hips.copy(), dt))
     except HapticevalError:
@@ -78,13 +87,13 @@ def _all_at_once(renderer: Batch, hips: Array, velocity: Array, dt: float) -> tu
     except (Exception, SystemExit) as error:
         if not isinstance(renderer, Renderer):
             raise RendererError(
-                f"the renderer's run() raised {type(error).__name__}: {error}", tick=0, hip=hips[0]
+                f"the renderer's run() raised {type(error).__name__}: {error}", tick=first, hip=hips[0]
             ) from error
         # A batch does not say where it broke; single steps do.
-        _step_by_step(renderer, hips, velocity, dt)
+        _step_by_step(renderer, hips, velocity, dt, first)
         raise RendererError(
             f"the renderer's run() raised {type(error).__name__}: {error}",
-            tick=0,
+            tick=first,
             hip=hips[0],
             why="its step() takes the same path without an error",
             todo="make run() equal to reset() and a step() a row",
@@ -94,23 +103,26 @@ def _all_at_once(renderer: Batch, hips: Array, velocity: Array, dt: float) -> tu
         if array.shape != hips.shape:
             raise RendererError(
                 f"the renderer's run() answered {name} of shape {array.shape}, not {hips.shape}",
-                tick=0,
+                tick=first,
                 hip=hips[0],
             )
         bad = ~np.isfinite(array).all(axis=1)
         if bad.any():
             tick = int(np.argmax(bad))
-            raise RendererError(f"{name} not finite: {array[tick]}", tick=tick, hip=hips[tick])
+            raise RendererError(f"{name} not finite: {array[tick]}", tick=first + tick, hip=hips[tick])
         answers.append(array)
     return answers[0], answers[1]
 
 
-def _step_by_step(renderer: Renderer, hips: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
+def _step_by_step(
+    renderer: Renderer, hips: Array, velocity: Array, dt: float | Array, first: int
+) -> tuple[Array, Array]:
     ihips = np.empty_like(hips)
     forces = np.empty_like(hips)
+    steps = np.broadcast_to(dt, hips.shape[0]).tolist()
     start(renderer, hips[0])
-    for tick in range(hips.shape[0]):
-        ihips[tick], forces[tick] = ask(renderer, tick, hips[tick], velocity[tick], dt)
+    for row, step in enumerate(steps):
+        ihips[row], forces[row] = ask(renderer, first + row, hips[row], velocity[row], step)
     return ihips, forces
 
 

@@ -7,7 +7,7 @@ import random
 import shutil
 import signal
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
@@ -23,7 +23,9 @@ from hapticeval.events import Event, JobFinished, RunFinished, RunStarted
 from hapticeval.judging import Judged, broken, judge
 from hapticeval.phenomena.verdict import Verdict
 from hapticeval.recordings.hdf5 import write_recording
+from hapticeval.recordings.recording import Recording
 from hapticeval.results import Results, environment, file_stem, verdict_document, write_results
+from hapticeval.scene import Scene
 from hapticeval.suite import Case, Suite, load_suite
 from hapticeval.table import fill_table
 
@@ -107,8 +109,14 @@ def _selected(case: Case, suite: str, select: Sequence[str]) -> Iterator[Case]:
         yield replace(case, checks=checks)
 
 
-def execute(plan: Plan, directory: Path, *, workers: int = 2) -> Iterator[Event]:
+Work: TypeAlias = Callable[[Job, Path, int], Done]
+"""What is done with a job, in a process of its own: a module's function, given the job, the folder and the seed."""
+
+
+def execute(plan: Plan, directory: Path, *, workers: int = 2, work: Work | None = None) -> Iterator[Event]:
     """Run the plan, in `workers` processes, and keep results.json in `directory` up to date while it goes on.
+
+    Each job is run and judged as its case says, or by `work` where that is given.
 
     Events come in the order of the plan. A renderer that ends its process makes its own verdicts errors. On Ctrl-C what
     has finished is kept, the results say that they are incomplete and why, and `RunFinished` is still the last event.
@@ -117,18 +125,19 @@ def execute(plan: Plan, directory: Path, *, workers: int = 2) -> Iterator[Event]
     shutil.rmtree(directory / "recordings", ignore_errors=True)  # of an earlier run, whose results go as well
     yield RunStarted(plan.planned, len(plan.jobs))
     progress = _Progress(plan, directory)
+    task = work or _run_job
     others = set(multiprocessing.active_children())
     reason = None
     futures: list[Future[Done]] = []
     pool = ProcessPoolExecutor(max_workers=workers, initializer=_ignore_interrupts)
     try:
-        futures = [pool.submit(_run_job, job, directory, plan.seed) for job in plan.jobs]
+        futures = [pool.submit(task, job, directory, plan.seed) for job in plan.jobs]
         for job, future in zip(plan.jobs, futures, strict=True):
             try:
                 done = future.result()
             except BrokenProcessPool:
                 # One process has died and taken the pool along: whose fault it was shows when each has its own.
-                done = _run_alone(job, directory, plan.seed)
+                done = _run_alone(task, job, directory, plan.seed)
             yield progress.add(job, *done)
     except KeyboardInterrupt:
         reason = "interrupted by the user"
@@ -150,11 +159,11 @@ def _ignore_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _run_alone(job: Job, directory: Path, seed: int) -> Done:
+def _run_alone(task: Work, job: Job, directory: Path, seed: int) -> Done:
     """A job in a process of its own; a renderer that ends the process is a broken renderer."""
     with ProcessPoolExecutor(max_workers=1, initializer=_ignore_interrupts) as pool:
         try:
-            return pool.submit(_run_job, job, directory, seed).result()
+            return pool.submit(task, job, directory, seed).result()
         except BrokenProcessPool:
             error = RendererError(
                 "the renderer ended the process that it ran in",
@@ -166,14 +175,36 @@ def _run_alone(job: Job, directory: Path, seed: int) -> Done:
 
 def _run_job(job: Job, directory: Path, seed: int) -> Done:
     """Judge, and write the recording here: verdicts travel between processes, recordings do not."""
+    seed_all(seed)
+    return kept(judge(resolve(job.renderer), job.renderer, job.suite, job.case), job, directory)
+
+
+def seed_all(seed: int) -> None:
+    """Seed the generators that everybody shares: a third party's renderer may draw from them."""
     random.seed(seed)
-    np.random.seed(seed)  # noqa: NPY002 - a third party's renderer may draw from the global generator
-    judged = judge(resolve(job.renderer), job.renderer, job.suite, job.case)
+    np.random.seed(seed)  # noqa: NPY002 - the global generator
+
+
+def kept(judged: Judged, job: Job, directory: Path) -> Done:
+    """Write a job's recording, which says where it comes from; the verdicts alone travel on."""
     if judged.recording is None:
         return judged, None
     file = recording_file(job)
-    write_recording(directory / file, judged.recording)
+    write_recording(directory / file, _labelled(judged.recording, job))
     return replace(judged, recording=None), file
+
+
+def _labelled(recording: Recording, job: Job) -> Recording:
+    """The recording with what it takes to render it again: renderer, model and scene; what it says itself stays."""
+    case = job.case
+    origin = {
+        "renderer": job.renderer,
+        "suite": job.suite,
+        "case": case.name,
+        "scene": {**_scene_document(case.build_scene()), **case.scene, "model": dict(case.model)},
+        "checks": list(case.checks),
+    }
+    return replace(recording, meta={**origin, **recording.meta})
 
 
 def recording_file(job: Job) -> Path:
@@ -264,16 +295,21 @@ def _run_document(job: Job, judged: Judged, file: Path | None) -> Mapping[str, A
         "model": dict(case.model),
         "depth_of": case.depth_of,
         "judged": case.judged,
-        "scene": {
-            "stiffness": scene.stiffness,
-            "damping": scene.damping,
-            "mass": scene.mass,
-            "bilateral": scene.bilateral,
-            "restitution": scene.restitution,
-            "sampling_time": scene.sampling_time,
-        },
+        "scene": _scene_document(scene),
         "error": _error_document(judged.error),
         "refusal": _refusal_document(judged.refusal),
+        **({} if judged.replay is None else {"replay": judged.replay}),
+    }
+
+
+def _scene_document(scene: Scene) -> dict[str, Any]:
+    return {
+        "stiffness": scene.stiffness,
+        "damping": scene.damping,
+        "mass": scene.mass,
+        "bilateral": scene.bilateral,
+        "restitution": scene.restitution,
+        "sampling_time": scene.sampling_time,
     }
 
 

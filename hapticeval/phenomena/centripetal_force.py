@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.sampling import LAG_TICKS, place, touching
+from hapticeval.phenomena.sampling import LAG_TICKS, place, touching, unsettled_by_path
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -24,6 +24,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     base = runs.base
     if base.meta.get("source") == "playback":
         return Finding(Outcome.NOT_APPLICABLE, "a hand led along a given path needs no force to follow it")
+    unsettled = unsettled_by_path(base)
+    if unsettled is not None:
+        return Finding(Outcome.INCONCLUSIVE, unsettled)
     everything = [base]
     if runs.at_speed is not None:
         everything += [runs.at_speed(factor) for factor in SPEEDS]

@@ -153,13 +153,35 @@ def _limit(jumps: list[float]) -> float:
     return 0.0 if spread < TENTH else fine
 
 
+COARSENINGS = (1, 2, 4)
+"""Every sample, every second, every fourth: what a fixed recording offers in place of finer ones."""
+
+
+def coarsened_slope(recording: Recording, scene: Scene, tick: int) -> float:
+    """How fast the largest IHIP step around `tick` grows with the samples left out: log2 a doubling; 0 is a jump.
+
+    Over the widest window that all steps fit in; steps that leave the contact are none.
+    """
+    contact = touching(recording, scene)
+    widest = COARSENINGS[-1]
+    jumps = []
+    for width in COARSENINGS:
+        starts = np.arange(max(tick - widest, 0), min(tick + widest, len(recording)) - width)
+        held = [start for start in starts if contact[start : start + width + 1].all()]
+        if not held:
+            break
+        jumps.append(float(np.max(np.linalg.norm(recording.ihip[np.add(held, width)] - recording.ihip[held], axis=1))))
+    return -_slope(jumps) if len(jumps) > 1 else math.nan
+
+
 def _judge_fixed(
     base: Recording, scene: Scene, tick: int, metric: Metric, bound: float, evidence: dict[str, object]
 ) -> Finding:
     """The weaker test, for a recording that cannot be refined: the jump against the HIP step.
 
     Near a convex surface of curvature kappa, projecting from depth d stretches distances by 1 / (1 - kappa d); where
-    kappa d comes close to 1 a long step may be honest, and one recording cannot tell.
+    kappa d comes close to 1 a long step may be honest, and one recording cannot tell. Nor can it where the step grows
+    when samples are left out: a jump stays as long as it is, and a steep way does not.
     """
     curve = scene.model.curve
     ends: Array = base.ihip[tick - 1 : tick + 1]
@@ -175,6 +197,11 @@ def _judge_fixed(
     if math.isinf(stretch):
         message = f"the IHIP moves {1e3 * jump:.3g} mm in one step near the medial axis; {note}"
         return Finding(Outcome.INCONCLUSIVE, message, metric, bound, evidence)
+    slope = coarsened_slope(base, scene, tick)
+    evidence["coarsened_slope"] = slope
+    if not slope < STAYS:
+        message = f"the IHIP moves {1e3 * jump:.3g} mm in one step, and whether finer HIP steps shrink it is not known"
+        return Finding(Outcome.INCONCLUSIVE, f"{message}; {note}", metric, bound, evidence)
     return Finding(Outcome.FAIL, f"pop-through of {1e3 * jump:.3g} mm; {note}", metric, bound, evidence)
 
 
@@ -197,7 +224,9 @@ CHECK = Check(
         " facet to the next; a longer one as major. Where the largest jump stays above that, its slope under "
         "refinement decides: log2 J falls by 0 a halving for a jump, by 1 for a Lipschitz map and by 1/3 for the "
         "steepest continuous map met (a conformal map at a 60-degree tip); below 0.15 it is a jump, above 0.25 the "
-        "jump's limit is extrapolated (Aitken)."
+        "jump's limit is extrapolated (Aitken). A recording that cannot be refined is judged on its own sampling, the "
+        "weaker test: with the bound widened by what projecting on a convex surface stretches, a longer step is a jump "
+        "where leaving samples out around it leaves it as it is, and otherwise undecided."
     ),
     judge=judge,
 )

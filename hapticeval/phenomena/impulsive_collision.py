@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.sampling import LAG_TICKS, place
+from hapticeval.phenomena.sampling import LAG_TICKS, place, unsettled_by_path
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -20,6 +20,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     base = runs.base
     if base.meta.get("source") == "playback":
         return Finding(Outcome.NOT_APPLICABLE, "a hand led along a given path has no momentum to lose")
+    unsettled = unsettled_by_path(base)
+    if unsettled is not None:
+        return Finding(Outcome.INCONCLUSIVE, unsettled)
     touching = base.contact
     struck = int(np.argmax(touching))
     if not touching.any() or struck == 0:

@@ -96,6 +96,15 @@ def lacks_ihip(recording: Recording, scene: Scene) -> bool:
     return bool(np.any(np.abs(distance) > placement(recording, scene) + 1e-9 * scene.model.size))
 
 
+def unsettled_by_path(recording: Recording) -> str | None:
+    """Why a recording cannot show how hand and force act on each other; None where it can."""
+    if recording.meta.get("source") == "replay":
+        return "the hand's path was recorded under another force and does not answer this one: a fixed path cannot tell"
+    if "operator_force" not in recording.channels:
+        return "the operator's force was not recorded: its share in the motion cannot be told from the renderer's"
+    return None
+
+
 NO_IHIP = "the renderer gives a force but no IHIP: its contact point cannot be judged"
 
 

@@ -1,0 +1,115 @@
+"""`hapticeval replay`: a recorded hand path through other renderers, or through the recorded one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hapticeval.commands.running import cores, report_on, watch
+from hapticeval.output import DEFAULT_DIRECTORY, prepare, say
+
+if TYPE_CHECKING:
+    from hapticeval.replay.subject import Subject
+
+EXIT_CODES = """\b
+Exit codes:
+  0  every verdict is as required; with --as-recorded, the log follows from its renderer
+  1  a check failed, could not decide or differs; with --as-recorded, the log does not follow
+  2  wrong usage or input
+  3  a renderer broke
+"""
+
+
+def replay(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording.", show_default=False)],
+    renderers: Annotated[
+        list[str] | None,
+        typer.Option("-r", "--renderer", metavar="NAME", help="As in `run -r`; may be repeated.", show_default=False),
+    ] = None,
+    as_recorded: Annotated[
+        bool, typer.Option("--as-recorded", help="Compute the recorded renderer again, and compare with the log.")
+    ] = False,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODEL",
+            help="What was touched, as in star:points=6, or a WKT or GeoJSON file, where the recording does not say.",
+            show_default=False,
+        ),
+    ] = None,
+    suite_case: Annotated[
+        str | None,
+        typer.Option(
+            "--suite-case", metavar="SUITE/CASE", help="Take model, scene and checks from a case.", show_default=False
+        ),
+    ] = None,
+    scene: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--scene",
+            metavar="KEY=VALUE",
+            help="An entry of the scene, such as stiffness=1000, in SI units; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    directory: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Where results and reports go.")
+    ] = DEFAULT_DIRECTORY,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of everything random.", min=0, max=2**32 - 1)] = 0,
+) -> None:
+    """Lead renderers along a recorded hand path, and judge them beside the recorded run.
+
+    The path is played sample by sample at its recorded times. It is open loop: under another force the hand would
+    have moved otherwise.
+
+    \b
+    Examples:
+      hapticeval replay run7.h5 -r constraint -r minimum-distance
+      hapticeval replay stroke.h5 -r mapping --model cassinian --scene stiffness=1000
+      hapticeval replay run7.h5 --as-recorded
+    """
+    from hapticeval.discovery import own_renderers
+    from hapticeval.recordings.hdf5 import read_recording
+    from hapticeval.replay.subject import subject
+
+    made = subject(file, read_recording(file), model=_model(model), suite_case=suite_case, scene=scene or ())
+    if as_recorded:
+        raise typer.Exit(_as_recorded(made, renderers))
+    raise typer.Exit(_replay(made, renderers or list(own_renderers()), directory, seed))
+
+
+def _model(name: str | None) -> Mapping[str, Any] | None:
+    from hapticeval.picturing import model_named
+
+    if name is None:
+        return None
+    found = model_named(name)
+    return {"kind": found.name, **found.parameters}
+
+
+def _replay(made: Subject, renderers: list[str], directory: Path, seed: int) -> int:
+    from hapticeval.replay.job import Replay, hand_path, replay_plan
+    from hapticeval.replay.tell import differences
+    from hapticeval.results import FILE
+    from hapticeval.runner import execute
+    from hapticeval.terminal import Terminal, exit_code, summary
+
+    planned = replay_plan(made, renderers, seed=seed)
+    hand_path(made)
+    prepare(directory)
+    with Terminal() as terminal:
+        results = watch(execute(planned, directory, workers=cores(), work=Replay(made)), terminal)
+        written = report_on(directory, terminal)
+    say("\n\n".join([differences(results), summary(results, [directory / FILE, *written])]))
+    return exit_code(results, terminal.errors)
+
+
+def _as_recorded(made: Subject, renderers: list[str] | None) -> int:
+    from hapticeval.replay.as_recorded import as_recorded
+
+    found = as_recorded(made, renderers or ())
+    say(found.told())
+    return int(not found.follows)

@@ -1,0 +1,80 @@
+"""How far two runs over the same samples are apart, in contact point and force, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from hapticeval.errors import InputError
+from hapticeval.recordings.recording import Recording
+from hapticeval.types import Array
+
+
+@dataclass(frozen=True)
+class Apart:
+    """Root mean square and maximum of a distance (m or N) over all samples, and time (s) and row of the maximum."""
+
+    rms: float
+    max: float
+    time: float
+    row: int
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One run against another: distances of their IHIPs (m) and forces (N).
+
+    A channel that either of them lacks is None. `rows` were compared, and in `contact` (a share of them) one run
+    touches where the other does not.
+    """
+
+    ihip: Apart | None
+    force: Apart | None
+    rows: int
+    contact: float | None
+
+    def document(self) -> Mapping[str, Any]:
+        """The same as JSON values."""
+        return asdict(self)
+
+
+def difference(recording: Recording, reference: Recording) -> Difference:
+    """The distance of `recording` from `reference`, sample by sample.
+
+    Raises `InputError` where they have no samples in common times: nothing is interpolated.
+    """
+    rows = _same_times(recording, reference)
+    found = {}
+    for name in ("ihip", "force"):
+        lacking = any(name not in each.channels for each in (recording, reference))
+        found[name] = (
+            None
+            if lacking
+            else _apart(recording.channels[name][rows[0]], reference.channels[name][rows[1]], recording.time[rows[0]])
+        )
+    contact = None
+    if all(value is not None for value in found.values()):
+        contact = float(np.mean(recording.contact[rows[0]] != reference.contact[rows[1]]))
+    return Difference(found["ihip"], found["force"], rows[0].size, contact)
+
+
+def _same_times(recording: Recording, reference: Recording) -> tuple[Any, Any]:
+    _, mine, theirs = np.intersect1d(recording.time, reference.time, assume_unique=True, return_indices=True)
+    if mine.size == 0:
+        raise InputError(
+            "the two recordings have no sample at the same time",
+            why="runs are compared sample by sample, and nothing is interpolated",
+            todo="compare runs of different hands with `hapticeval compare`, by angle or arc length",
+        )
+    return mine, theirs
+
+
+def _apart(values: Array, others: Array, time: Array) -> Apart:
+    distance = np.linalg.norm(values - others, axis=1)
+    row = int(np.argmax(distance))
+    return Apart(
+        float(np.sqrt(np.mean(distance**2))), float(distance[row]), float(time[row]), row
+    )

@@ -1,0 +1,128 @@
+"""Passes: the stretches of runs over which the abscissa goes one way, cut at every lap."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticeval.errors import InputError
+from hapticeval.recordings.abscissa import Abscissa
+from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.stretches import stretches
+from hapticeval.types import Array, BoolArray, IntArray
+
+
+@dataclass(frozen=True)
+class Way:
+    """A gapless stretch of a run: its rows (n,), their abscissa (n,), and where that leaps, (n - 1,)."""
+
+    rows: IntArray
+    along: Array
+    leaps: BoolArray
+
+
+@dataclass(frozen=True)
+class Heading:
+    """Rows of a way over which the abscissa goes one way: strictly onwards, small steps back left out.
+
+    `direction` is 1 or -1; `along` (m,) are the abscissae of `rows` (m,), in the order of the run; `apart` (m - 1,)
+    says between which of them nothing may be interpolated.
+    """
+
+    direction: int
+    rows: IntArray
+    along: Array
+    apart: BoolArray
+
+
+def ways(recording: Recording, abscissa: Abscissa, label: str) -> tuple[Way, ...]:
+    """The gapless stretches of a run with their abscissa. Raises `InputError` as `Abscissa.along` does."""
+    found = []
+    for stretch in stretches(recording):
+        along, leaps = abscissa.along(recording, stretch, label)
+        found.append(Way(np.arange(stretch.first, stretch.end), along, leaps))
+    if not found:
+        raise InputError(f"{label} has no two samples that follow each other", why="nothing can be aligned")
+    return tuple(found)
+
+
+def headings(
+    way: Way, recording: Recording, *, slack: float, split: bool, label: str, unit: str
+) -> Iterator[Heading]:
+    """The monotone parts of a way. A step back of up to `slack` is a trembling hand, a longer one turns.
+
+    Raises `InputError`, naming the place, at a turn unless `split` asks for parts.
+    """
+    turns = _turns(way.along, slack)
+    if len(turns) > 2 and not split:
+        at = turns[1]
+        back = abs(way.along[turns[2]] - way.along[at])
+        amount, place = _worded(back, unit), _worded(float(way.along[at]), unit)
+        raise InputError(
+            f"{label} turns back by {amount} at {place}, t = {recording.time[way.rows[at]]:.6g} s",
+            why="a place that is passed twice has two answers, and a curve over it can hold only one",
+            todo="split the run into its monotone stretches with --split, or cut the recording there",
+        )
+    for first, last in zip(turns[:-1], turns[1:], strict=True):
+        direction = 1 if way.along[last] > way.along[first] else -1
+        yield _onwards(way, first, last, direction)
+
+
+def _turns(along: Array, slack: float) -> list[int]:
+    """Indices at which the way begins, of every extreme that it comes back from by more than `slack`, and its end."""
+    turns: list[int] = []
+    low = high = direction = 0
+    for index, value in enumerate(along.tolist()):
+        if value >= along[high]:
+            high = index
+        if value <= along[low]:
+            low = index
+        if direction <= 0 and value - along[low] > slack:
+            turns.append(low)
+            direction, high = 1, index
+        elif direction >= 0 and along[high] - value > slack:
+            turns.append(high)
+            direction, low = -1, index
+    return [*turns, high if direction > 0 else low] if direction else []
+
+
+def _onwards(way: Way, first: int, last: int, direction: int) -> Heading:
+    inside = direction * way.along[first : last + 1]
+    best = np.maximum.accumulate(inside)
+    ahead = np.concatenate([[True], inside[1:] > best[:-1]])
+    kept = first + np.flatnonzero(ahead)
+    leapt = np.concatenate([[0], np.cumsum(way.leaps)])
+    return Heading(direction, way.rows[kept], way.along[kept], np.diff(leapt[kept]) > 0)
+
+
+def _worded(value: float, unit: str) -> str:
+    if unit == "rad":
+        return f"{math.degrees(value):.4g} degrees"
+    return f"{1e3 * value:.4g} mm" if unit == "m" else f"{value:.4g} {unit}"
+
+
+def seam(found: Sequence[Way], period: float) -> float:
+    """Where to cut a closed abscissa: in the middle of the widest stretch that no run visits, or at 0.
+
+    A sector round the origin of the angles then stays in one piece.
+    """
+    bins = 3600
+    seen = np.zeros(bins, dtype=bool)
+    for way in found:
+        low, high = float(way.along.min()), float(way.along.max())
+        if high - low >= period:
+            return 0.0
+        first, last = math.floor(low / period * bins), math.floor(high / period * bins)
+        seen[np.arange(first, last + 1) % bins] = True
+    if seen.all():
+        return 0.0
+    start = int(np.argmax(seen)) if seen.any() else 0
+    rolled = np.roll(seen, -start)
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], rolled, [True]]).astype(np.int8)))
+    begins, ends = edges[::2], edges[1::2]
+    widest = int(np.argmax(ends - begins))
+    middle = (start + 0.5 * float(begins[widest] + ends[widest])) / bins * period
+    return float(middle % period) - period

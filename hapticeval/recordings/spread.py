@@ -1,0 +1,253 @@
+"""Whether renderers differ by more than repeats of one renderer do (Figures 6.5 and 6.9).
+
+What a hand does differs from run to run, so a difference between two renderers says nothing unless it is held against
+the differences between repeats of one. The repeats are whole curves over the abscissa; the distance of two is the root
+mean square of their difference where both have an answer. If the renderers did not matter, their labels could be
+dealt anew among the curves: the energy statistic, twice the mean distance between the renderers less the mean
+distances within each, is compared with its values under all (or 9999 random) deals. That permutation test is exact
+whatever the shape of the curves, and takes repeats, not samples, as what is independent.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from hapticeval.errors import InputError
+from hapticeval.recordings.alignment import COLUMNS, Aligned, Pass
+from hapticeval.types import Array, BoolArray, IntArray
+
+LEVEL = 0.05
+DEALS = 9999
+COMMON = 0.05
+"""Two curves must share this much of the grid for a distance."""
+COMPARED = ("direction", "leaning", "magnitude", "depth")
+
+
+@dataclass(frozen=True)
+class Band:
+    """Repeats of one renderer: median, lowest and highest (m,) where `count` (m,) of them is not zero, else 0."""
+
+    renderer: str
+    direction: int
+    column: str
+    median: Array
+    low: Array
+    high: Array
+    count: IntArray
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two renderers over what both cover.
+
+    `difference` is the root mean square of the difference of their medians, `spread` that between repeats of one
+    renderer, both in the column's unit; `p` of the permutation test, times the number of pairs compared, and `least`
+    the smallest that these numbers of repeats can give. `worst` is the place (in the abscissa's unit) of the largest
+    difference of the medians, `largest`.
+    """
+
+    first: str
+    second: str
+    direction: int
+    column: str
+    repeats: tuple[int, int]
+    difference: float
+    spread: float
+    p: float
+    least: float
+    largest: float
+    worst: float
+    common: float
+
+    @property
+    def times(self) -> float:
+        """The difference in spreads."""
+        return self.difference / self.spread if self.spread > 0.0 else math.inf
+
+    @property
+    def outcome(self) -> str:
+        """ "differs", "within the spread", or "too few repeats to tell"."""
+        if self.p < LEVEL:
+            return "differs"
+        return "within the spread" if self.least < LEVEL else "too few repeats to tell"
+
+
+def repeats(aligned: Aligned, renderer: str, direction: int) -> tuple[tuple[Pass, ...], str]:
+    """What counts as repeats of a renderer, and what that is: runs, else the laps of a single run.
+
+    Laps of one run are by one hand in one mood; where there are several runs, the fullest pass of each stands for it.
+    """
+    found = aligned.of(renderer, direction)
+    runs = {each.run for each in found}
+    if len(runs) > 1:
+        fullest = (max((one for one in found if one.run == run), key=lambda one: one.coverage) for run in sorted(runs))
+        return tuple(fullest), "runs"
+    return found, "laps of one run"
+
+
+def bands(aligned: Aligned) -> tuple[Band, ...]:
+    """Median, lowest and highest of the passes of each renderer, direction and column."""
+    found = []
+    for column, direction, groups in _groups(aligned):
+        reference = _reference(column, [one for each in groups.values() for one in each])
+        for renderer, passes in groups.items():
+            values = np.array([_branch(each.columns[column], reference, column) for each in passes])
+            masks = np.array([each.mask for each in passes])
+            filled = np.where(masks, values, np.nan)
+            count = masks.sum(axis=0)
+            seen = count > 0
+            median, low, high = (np.zeros(count.size) for _ in range(3))
+            median[seen] = np.nanmedian(filled[:, seen], axis=0)
+            low[seen] = np.nanmin(filled[:, seen], axis=0)
+            high[seen] = np.nanmax(filled[:, seen], axis=0)
+            found.append(Band(renderer, direction, column, median, low, high, count))
+    return tuple(found)
+
+
+def compare(aligned: Aligned, *, seed: int = 0) -> tuple[Comparison, ...]:
+    """Every two renderers, in each direction and column, against the spread between repeats.
+
+    Raises `InputError`, naming it, for a renderer with a single repeat: nothing says what of it is the hand's.
+    """
+    renderers = list(dict.fromkeys(run.renderer for run in aligned.runs))
+    if len(renderers) < 2:
+        raise InputError(
+            f"all runs are of '{renderers[0]}'", why="a comparison takes two renderers", todo="name runs of another one"
+        )
+    found = []
+    for column, direction, groups in _groups(aligned):
+        kept = {renderer: repeats(aligned, renderer, direction)[0] for renderer in groups}
+        for renderer, passes in kept.items():
+            if len(passes) < 2 and len(kept) > 1:
+                raise InputError(
+                    f"'{renderer}' has a single {'forward' if direction > 0 else 'backward'} run",
+                    why="without repeats the hand's own variation is not known, and any difference could be the hand's",
+                    todo="record it again, as often as you can: with fewer than four repeats each no test can decide",
+                )
+        reference = _reference(column, [one for each in kept.values() for one in each])
+        pairs = list(combinations(kept, 2))
+        for first, second in pairs:
+            comparison = _compared(aligned, column, direction, first, second, kept, reference, len(pairs), seed)
+            if comparison is not None:
+                found.append(comparison)
+    if not found:
+        raise InputError(
+            "no two renderers were led over the same places in the same direction", why="nothing is common to compare"
+        )
+    return tuple(found)
+
+
+def _groups(aligned: Aligned) -> Iterator[tuple[str, int, dict[str, tuple[Pass, ...]]]]:
+    """Column, direction, and the passes of each renderer that has it."""
+    for direction in (1, -1):
+        for column in COMPARED:
+            groups = {}
+            for renderer in dict.fromkeys(run.renderer for run in aligned.runs):
+                passes = tuple(each for each in aligned.of(renderer, direction) if column in each.columns)
+                if passes:
+                    groups[renderer] = passes
+            if groups:
+                yield column, direction, groups
+
+
+def _compared(
+    aligned: Aligned,
+    column: str,
+    direction: int,
+    first: str,
+    second: str,
+    kept: dict[str, tuple[Pass, ...]],
+    reference: Array,
+    pairs: int,
+    seed: int,
+) -> Comparison | None:
+    from scipy.stats import permutation_test
+
+    passes = [*kept[first], *kept[second]]
+    sizes = len(kept[first]), len(kept[second])
+    values = np.array([_branch(each.columns[column], reference, column) for each in passes])
+    masks = np.array([each.mask for each in passes])
+    distance = _distances(values, masks)
+    if not np.isfinite(distance).all():
+        return None
+    medians = [_median(values[part], masks[part]) for part in (slice(0, sizes[0]), slice(sizes[0], None))]
+    common = medians[0][1] & medians[1][1]
+    apart = np.where(common, medians[0][0] - medians[1][0], 0.0)
+    worst = int(np.argmax(np.abs(apart)))
+    within = [
+        distance[i, j] for part in (range(sizes[0]), range(sizes[0], len(passes))) for i, j in combinations(part, 2)
+    ]
+    test = permutation_test(
+        (np.arange(sizes[0]), np.arange(sizes[0], len(passes))),
+        lambda a, b: _energy(distance, a, b),
+        vectorized=False,
+        n_resamples=DEALS,
+        alternative="greater",
+        random_state=seed,
+    )
+    deals = math.comb(len(passes), sizes[0])
+    least = (2.0 if sizes[0] == sizes[1] else 1.0) / deals if deals <= DEALS else 1.0 / (DEALS + 1)
+    return Comparison(
+        first,
+        second,
+        direction,
+        column,
+        sizes,
+        float(np.sqrt(np.mean(apart[common] ** 2))),
+        float(np.sqrt(np.mean(np.square(within)))),
+        min(1.0, pairs * float(test.pvalue)),
+        min(1.0, pairs * least),
+        float(abs(apart[worst])),
+        float(aligned.grid[worst]),
+        float(np.mean(common)),
+    )
+
+
+def _distances(values: Array, masks: BoolArray) -> Array:
+    """Root mean square difference of every two curves where both have an answer; NaN where that is too little."""
+    count = values.shape[0]
+    out = np.zeros((count, count))
+    for i, j in combinations(range(count), 2):
+        both = masks[i] & masks[j]
+        enough = np.mean(both) >= COMMON
+        apart = np.sqrt(np.mean((values[i, both] - values[j, both]) ** 2)) if enough else np.nan
+        out[i, j] = out[j, i] = apart
+    return out
+
+
+def _energy(distance: Array, a: Array, b: Array) -> float:
+    """Twice the mean distance between two groups of curves, less the mean distances within each."""
+    a, b = a.astype(int), b.astype(int)
+    between = distance[np.ix_(a, b)].mean()
+    return float(2.0 * between - distance[np.ix_(a, a)].mean() - distance[np.ix_(b, b)].mean())
+
+
+def _median(values: Array, masks: BoolArray) -> tuple[Array, BoolArray]:
+    """The median where every curve has an answer, and where that is."""
+    every = masks.all(axis=0)
+    return np.where(every, np.median(values, axis=0), 0.0), every
+
+
+def _reference(column: str, passes: Sequence[Pass]) -> Array:
+    """The branch of an angle at each place: that of the mean direction over all passes, unwrapped along the way."""
+    size = passes[0].mask.size
+    if COLUMNS[column][0] != "rad":
+        return np.zeros(size)
+    turning = np.zeros(size, dtype=np.complex128)
+    for each in passes:
+        turning += np.where(each.mask, np.exp(1j * each.columns[column]), 0.0)
+    seen = np.abs(turning) > 0.0
+    out = np.zeros(size)
+    out[seen] = np.unwrap(np.angle(turning[seen]))
+    return out
+
+
+def _branch(values: Array, reference: Array, column: str) -> Array:
+    if COLUMNS[column][0] != "rad":
+        return values
+    return np.asarray(values - 2.0 * math.pi * np.round((values - reference) / (2.0 * math.pi)))

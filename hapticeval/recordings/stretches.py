@@ -1,0 +1,89 @@
+"""The clock of a recording as it was: stretches without gaps, and the step that each sample took."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticeval.recordings.recording import Recording
+from hapticeval.types import Array, BoolArray
+
+LAG = 3
+"""A proxy may answer up to so many ticks late without being wrong."""
+
+GAP_STEPS = LAG + 1
+"""A hole longer than so many sampling times ends a stretch: no answer before it, however late, reaches over it."""
+
+STAMP = 1e-9
+"""Seconds to which recorded times are stamped: steps that differ by no more are the same."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Rows `first` to `end` (exclusive) of a recording, without a gap between them."""
+
+    first: int
+    end: int
+
+    @property
+    def rows(self) -> slice:
+        """The rows as a slice."""
+        return slice(self.first, self.end)
+
+    def __len__(self) -> int:
+        return self.end - self.first
+
+
+def stretches(recording: Recording, sound: BoolArray | None = None) -> tuple[Stretch, ...]:
+    """The stretches of two rows or more over which `sound` (n,) holds and the clock has no gap.
+
+    Without `sound`, the rows that the recording holds valid are.
+    """
+    if sound is None:
+        sound = np.ones(len(recording), dtype=bool) if recording.valid is None else recording.valid
+    nominal = nominal_step(recording)
+    joined = sound[1:] & sound[:-1] & (np.diff(recording.time) <= GAP_STEPS * nominal)
+    edges = np.diff(np.concatenate([[False], joined, [False]]).astype(np.int8))
+    return tuple(
+        Stretch(int(first), int(end) + 1)
+        for first, end in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)
+    )
+
+
+def nominal_step(recording: Recording) -> float:
+    """The declared sampling time, s, as far as the median of the steps bears it out; that median otherwise."""
+    median = recording.dt
+    declared = recording.meta.get("dt")
+    if isinstance(declared, int | float) and abs(declared - median) <= _stamp(recording):
+        return float(declared)
+    return median
+
+
+def steps(recording: Recording, stretch: Stretch) -> float | Array:
+    """What each sample of a stretch took, s: one number where the clock is regular to its stamps, else (n,).
+
+    The first sample of a stretch has none before it and is given the nominal step.
+    """
+    nominal = nominal_step(recording)
+    taken = np.diff(recording.time[stretch.rows])
+    if np.all(np.abs(taken - nominal) <= _stamp(recording)):
+        return nominal
+    return np.concatenate([[nominal], taken])
+
+
+def told(recording: Recording, found: tuple[Stretch, ...]) -> str:
+    """The clock in words, for the report."""
+    each = [steps(recording, stretch) for stretch in found]
+    if all(isinstance(step, float) for step in each):
+        return f"regular, {1e3 * nominal_step(recording):.6g} ms"
+    taken = np.concatenate([np.diff(recording.time[stretch.rows]) for stretch in found])
+    return (
+        f"irregular, {1e3 * float(taken.min()):.4g} to {1e3 * float(taken.max()):.4g} ms "
+        f"(median {1e3 * float(np.median(taken)):.4g} ms): each sample is played at its recorded time with its own step"
+    )
+
+
+def _stamp(recording: Recording) -> float:
+    time = recording.time if recording.valid is None else recording.time[recording.valid]
+    return STAMP + 4.0 * float(np.spacing(np.max(np.abs(time))))

@@ -1,0 +1,131 @@
+"""A replay as a plan of jobs for the runner: the recorded run itself, and each renderer along its hand path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from hapticeval.discovery import resolve
+from hapticeval.errors import InputError
+from hapticeval.judging import Judged, Recorded, built, judge_recorded
+from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.verdict import Level, Outcome
+from hapticeval.recordings.difference import Difference, difference
+from hapticeval.recordings.recording import Recording
+from hapticeval.replay import OPEN_LOOP, RECORDED
+from hapticeval.recordings.stretches import Stretch, stretches, told
+from hapticeval.replay.merge import merged
+from hapticeval.replay.rerender import HandPath, joined, rerendered
+from hapticeval.replay.subject import SUITE, Subject
+from hapticeval.runner import Done, Job, Plan, kept, seed_all
+from hapticeval.scene import Scene
+from hapticeval.suite import Suite
+
+LOOP_NEEDED = ("impulsive-collision", "centripetal-force")
+"""Checks of how hand and force act on each other, which no given path can settle: on a replay they stop no gate."""
+
+
+@dataclass(frozen=True)
+class Replay:
+    """The runner's work: judges the recorded run, or replays its hand path through the job's renderer."""
+
+    subject: Subject
+
+    def __call__(self, job: Job, directory: Path, seed: int) -> Done:
+        """One job, in a process of its own."""
+        seed_all(seed)
+        path = hand_path(self.subject)
+        if job.renderer == RECORDED:
+            judged = judge_recorded(lambda _: self._recorded(path), merged, job.renderer, job.suite, job.case)
+        else:
+            judged = judge_recorded(
+                lambda scene: self._replayed(job.renderer, scene, path), merged, job.renderer, job.suite, job.case
+            )
+            judged = _without_gate(judged)
+        return kept(judged, job, directory)
+
+    def _recorded(self, path: HandPath) -> Recorded:
+        parts = [path.recording.part(stretch.rows) for stretch in path.stretches]
+        return Recorded(
+            joined(parts),
+            tuple(Runs(part) for part in parts),
+            self._document(path, None, "The recorded run as it was.", parts),
+        )
+
+    def _replayed(self, name: str, scene: Scene, path: HandPath) -> Recorded:
+        renderer = built(resolve(name), scene)
+        parts = rerendered(renderer, path)
+
+        def runs(part: Recording, stretch: Stretch) -> Runs:
+            # The samples backwards are as much the recorded path as forwards; finer samples would be invented.
+            def reverse() -> Recording:
+                return rerendered(built(resolve(name), scene), path, backwards=[stretch])[0]
+
+            return Runs(part, reverse=cache(reverse))
+
+        whole = joined(parts)
+        return Recorded(
+            whole,
+            tuple(runs(part, stretch) for part, stretch in zip(parts, path.stretches, strict=True)),
+            self._document(path, difference(whole, path.recording), OPEN_LOOP, parts),
+            simulated_seconds=float(sum(part.time[-1] - part.time[0] for part in parts)),
+        )
+
+    def _document(
+        self, path: HandPath, found: Difference | None, note: str, parts: Sequence[Recording]
+    ) -> Mapping[str, Any]:
+        rows = sum(map(len, parts))
+        return {
+            "file": self.subject.file,
+            "note": note,
+            "clock": told(path.recording, path.stretches),
+            "stretches": len(parts),
+            "rows": rows,
+            "rows_left_out": len(path.recording) - rows,
+            "seconds": float(sum(part.time[-1] - part.time[0] for part in parts)),
+            "difference": None if found is None else found.document(),
+        }
+
+
+def replay_plan(subject: Subject, renderers: Sequence[str], *, seed: int = 0) -> Plan:
+    """The recorded run and each of `renderers`, as a plan for the runner with `Replay(subject)` as its work.
+
+    Raises what `resolve` raises, and `InputError` for a renderer that would be taken for the recorded run.
+    """
+    names = tuple(dict.fromkeys(renderers))
+    if RECORDED in names:
+        raise InputError(f"'{RECORDED}' is the column of the recorded run", todo="name renderers to replay it through")
+    for name in names:
+        resolve(name)
+    case = subject.case
+    suite = Suite(name=SUITE, title=case.title, citation="", cases=(case,), rows=())
+    jobs = tuple(Job(SUITE, case, name) for name in (RECORDED, *names))
+    return Plan((suite,), (RECORDED, *names), jobs, (), seed)
+
+
+def hand_path(subject: Subject) -> HandPath:
+    """The hand path of a recording. Raises `InputError` where no two samples in a row are usable."""
+    recording = subject.recording
+    recording.require("hip")
+    found = stretches(recording)
+    if not found:
+        raise InputError(
+            f"{subject.file} has no stretch of hand path to replay",
+            why="no two sound samples follow each other",
+            todo="look at it with `hapticeval inspect`",
+        )
+    return HandPath(recording, found)
+
+
+def _without_gate(judged: Judged) -> Judged:
+    """Checks that no given path can settle are shown, and decide no exit code."""
+    verdicts = tuple(
+        replace(verdict, level=Level.INFO)
+        if verdict.check in LOOP_NEEDED and verdict.outcome is Outcome.INCONCLUSIVE
+        else verdict
+        for verdict in judged.verdicts
+    )
+    return replace(judged, verdicts=verdicts)

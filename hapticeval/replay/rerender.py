@@ -1,0 +1,125 @@
+"""A renderer led along a recorded hand path, stretch by stretch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hapticeval.errors import RefusalError, RendererError
+from hapticeval.playback import answered, declared, lead
+from hapticeval.recordings.recording import Recording, backward_difference
+from hapticeval.renderer import Renderer, SelfDriven
+from hapticeval.recordings.stretches import Stretch, steps
+from hapticeval.stimulus import Path
+from hapticeval.types import Array
+
+
+@dataclass(frozen=True)
+class HandPath:
+    """What a renderer would have been given: times (n,), s, HIP and velocity (n, N), and the gapless stretches.
+
+    Where the recording holds what the sensors gave to the renderer, that is the path and not the true HIP.
+    """
+
+    recording: Recording
+    stretches: tuple[Stretch, ...]
+
+    @property
+    def hip(self) -> Array:
+        """The HIP that the renderer saw, (n, N), m."""
+        return self.recording.channels.get("measured_hip", self.recording.hip)
+
+    def velocity(self, stretch: Stretch) -> Array:
+        """The velocity that the renderer saw over a stretch, m/s; the difference backwards where none was recorded."""
+        for name in ("measured_velocity", "velocity"):
+            if name in self.recording.channels:
+                return self.recording.channels[name][stretch.rows]
+        return backward_difference(self.hip[stretch.rows], self.recording.time[stretch.rows])
+
+
+def rerendered(
+    renderer: Renderer | SelfDriven, path: HandPath, *, backwards: Sequence[Stretch] | None = None
+) -> tuple[Recording, ...]:
+    """The renderer's answers along each stretch, from a reset each, at the recorded samples and times.
+
+    The HIP is never resampled. A renderer that answers a stimulus whole is given straight lines between the samples;
+    it is refused (`RefusalError`) on a clock that is not regular, since it knows one sampling time. Raises
+    `RendererError` where the renderer breaks, with the recording's own row as the tick. `backwards` names stretches
+    to lead the hand through in the opposite order instead.
+    """
+    meta = {"source": "replay", **declared(renderer)}
+    if backwards is not None:
+        return tuple(_reversed(renderer, path, stretch, meta) for stretch in backwards)
+    return tuple(_stretch(renderer, path, stretch, meta) for stretch in path.stretches)
+
+
+def _stretch(
+    renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, meta: Mapping[str, Any]
+) -> Recording:
+    time = path.recording.time[stretch.rows]
+    hip, dt = path.hip[stretch.rows], steps(path.recording, stretch)
+    if isinstance(renderer, SelfDriven):
+        return _whole(renderer, time, hip, dt, meta)
+    velocity = path.velocity(stretch)
+    # A batch makes the velocity itself: only where that is the recorded one may it stand for single steps.
+    if isinstance(dt, float) and not np.array_equal(velocity, backward_difference(hip, time)):
+        dt = np.full(time.size, dt)
+    ihip, force = lead(renderer, hip, velocity, dt, first=stretch.first)
+    return Recording(
+        time,
+        {"hip": hip, "ihip": ihip, "force": force, "velocity": velocity},
+        {**meta, "dt": float(np.median(dt))},
+    )
+
+
+def _reversed(
+    renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, meta: Mapping[str, Any]
+) -> Recording:
+    """The same HIPs in the opposite order, each step as long as it was."""
+    time = path.recording.time[stretch.rows]
+    back = time[-1] - time[::-1]
+    hip = path.hip[stretch.rows][::-1]
+    dt = steps(path.recording, stretch)
+    if isinstance(renderer, SelfDriven):
+        return _whole(renderer, back, hip, dt, meta)
+    velocity = backward_difference(hip, back)
+    if not isinstance(dt, float):
+        dt = np.concatenate([[dt[0]], dt[:0:-1]])
+    ihip, force = lead(renderer, hip, velocity, dt)
+    return Recording(
+        back, {"hip": hip, "ihip": ihip, "force": force, "velocity": velocity}, {**meta, "dt": float(np.median(dt))}
+    )
+
+
+def _whole(
+    renderer: SelfDriven, time: Array, hip: Array, dt: float | Array, meta: Mapping[str, Any]
+) -> Recording:
+    if not isinstance(dt, float):
+        raise RefusalError(
+            "a recording whose clock is not regular",
+            why="it answers a stimulus whole, at one sampling time, and a recording is never re-timed",
+            todo="choose a renderer that is asked step by step",
+        )
+    answer = answered(renderer, Path(time - time[0], hip), dt)
+    if len(answer) != time.size:
+        raise RendererError(
+            f"the renderer's answer() gave {len(answer)} samples for {time.size}",
+            why="a replay needs an answer at every recorded sample",
+        )
+    return Recording(time, answer.channels, {**answer.meta, **meta, "dt": dt}, events=answer.events)
+
+
+def joined(parts: Sequence[Recording]) -> Recording:
+    """The stretches as one recording, with what was left out absent; `meta["stretches"]` has their times, s."""
+    if len(parts) == 1:
+        return parts[0]
+    return Recording(
+        np.concatenate([part.time for part in parts]),
+        {name: np.concatenate([part.channels[name] for part in parts]) for name in parts[0].channels},
+        {**parts[0].meta, "stretches": [[float(part.time[0]), float(part.time[-1])] for part in parts]},
+        signals=parts[0].signals,
+        events=tuple(event for part in parts for event in part.events),
+    )

@@ -1,0 +1,164 @@
+"""What is replayed: a recording, and the scene that it was made in, from the recording itself or as given."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from hapticeval.errors import HapticevalError, InputError, UnknownNameError
+from hapticeval.files import file_stem
+from hapticeval.phenomena.registry import CHECKS
+from hapticeval.recordings.recording import Recording
+from hapticeval.replay import OPEN_LOOP
+from hapticeval.scene import Scene
+from hapticeval.suite import Case, load_suite
+
+SUITE = "replay"
+"""The suite that a replay's verdicts belong to."""
+
+GIVEN = ("device", "inner_loop", "imperfections", "model")
+"""Entries of a scene that cannot be given as key=value."""
+
+ENTRIES = tuple(each.name for each in fields(Scene) if each.name != "model")
+"""Entries of a scene beside its model."""
+
+KEYS = tuple(each.name for each in fields(Scene) if each.name not in GIVEN)
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A recording from `file` with the case that its renderers are judged in."""
+
+    file: str
+    recording: Recording
+    case: Case
+
+
+def subject(
+    file: Path,
+    recording: Recording,
+    *,
+    model: Mapping[str, Any] | None = None,
+    suite_case: str | None = None,
+    scene: Sequence[str] = (),
+) -> Subject:
+    """The case of a replay: model, scene and checks.
+
+    Each comes from what is given (`model` as a suite has it; `suite_case` as SUITE/CASE; `scene` as key=value), else
+    from the recording's meta. The checks are the case's, or all. Raises `InputError` where neither says the model or
+    the stiffness, for a key that a scene does not have, and where model and recording differ in dimension.
+    """
+    template = None if suite_case is None else _case(suite_case)
+    said = _said(recording)
+    if template is not None:
+        said = dict(template.scene)
+    chosen = {**said, **dict(_entry(each) for each in scene)}
+    chosen.setdefault("sampling_time", float(recording.dt))
+    if "stiffness" not in chosen and template is None:
+        raise InputError(
+            f"{file.name} does not say the stiffness of its scene",
+            why="forces are K_p times a depth, and a gain is not guessed",
+            todo="give it: --scene stiffness=1000 (N/m), or a case with the same scene: --suite-case SUITE/CASE",
+        )
+    made = Case(
+        name=file_stem(file.stem),
+        title=f"Replay of {file.name}",
+        shows=f"The hand path of a recording, sample by sample, through other renderers. {OPEN_LOOP}",
+        citation="",
+        model=_model(file, recording, model, template),
+        depth_of="model",
+        scene=chosen,
+        trajectory={"kind": "recording"},
+        experiment=None,
+        checks=template.checks if template is not None else _checks(recording),
+        judged=True,
+        published={},
+        folder=file.parent,
+    )
+    try:
+        built = made.build_scene()
+    except HapticevalError as error:
+        raise InputError(f"{file.name}: {error.what}", why=error.why, todo=error.todo) from error
+    if built.model.dimension != recording.hip.shape[1]:
+        raise InputError(
+            f"{file.name} is in {recording.hip.shape[1]}D, its model in {built.model.dimension}D",
+            why="hand and model must live in the same space",
+            todo="give another model with --model",
+        )
+    return Subject(file.name, recording, made)
+
+
+def _case(name: str) -> Case:
+    suite, slash, case = name.rpartition("/")
+    if not slash:
+        raise InputError(
+            f"'{name}' names no case of a suite", todo="write SUITE/CASE, as in thesis/cassinian-deep-slide"
+        )
+    found = {each.name: each for each in load_suite(suite).cases}
+    if case not in found:
+        raise UnknownNameError(f"case of {suite}", case, found)
+    return found[case]
+
+
+def _model(
+    file: Path, recording: Recording, model: Mapping[str, Any] | None, template: Case | None
+) -> Mapping[str, Any]:
+    if model is not None:
+        return model
+    if template is not None:
+        return template.model
+    said = model_of(recording)
+    if said is not None:
+        return said
+    raise InputError(
+        f"{file.name} does not say which model was touched",
+        why="renderers and checks need the rigid model",
+        todo="give it: --model circle:size=0.2, --model outline.wkt, or --suite-case SUITE/CASE",
+    )
+
+
+def _checks(recording: Recording) -> tuple[str, ...]:
+    said = recording.meta.get("checks")
+    if isinstance(said, list | tuple) and said and all(each in CHECKS for each in said):
+        return tuple(said)
+    return tuple(CHECKS)
+
+
+def _entry(text: str) -> tuple[str, Any]:
+    key, equals, value = (part.strip() for part in text.partition("="))
+    if key not in KEYS:
+        raise UnknownNameError("entry of a scene", key, KEYS)
+    default = next(each.default for each in fields(Scene) if each.name == key)
+    if isinstance(default, bool):
+        if value.lower() in ("true", "false"):
+            return key, value.lower() == "true"
+        raise InputError(f"--scene {text}", why=f"{key} is true or false", todo=f"write --scene {key}=true")
+    try:
+        number = float(value)
+    except ValueError:
+        raise InputError(
+            f"--scene {text}",
+            why="it is not key=number" if equals else "it has no value",
+            todo=f"write --scene {key}={1.0 if default is MISSING else default:g} in SI units",
+        ) from None
+    return key, number
+
+
+def model_of(recording: Recording) -> dict[str, Any] | None:
+    """The model that a recording says was touched, as a suite has it: in its scene, or beside it."""
+    for place in (recording.meta.get("scene"), recording.meta):
+        model = place.get("model") if isinstance(place, Mapping) else None
+        if isinstance(model, Mapping) and "kind" in model:
+            return dict(model)
+    return None
+
+
+def _said(recording: Recording) -> dict[str, Any]:
+    """The scene as the recording says it, with the gains that it names beside, less what says nothing."""
+    said: dict[str, Any] = {}
+    for table in (recording.meta.get("gains"), recording.meta.get("scene")):
+        if isinstance(table, Mapping):
+            said |= {str(key): each for key, each in table.items() if each is not None}
+    return {key: each for key, each in said.items() if key in ENTRIES}

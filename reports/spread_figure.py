@@ -1,0 +1,175 @@
+"""Forces of several runs over a common abscissa, with the spread of the repeats, as in Figures 6.5 and 6.9."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hapticeval.files import plain, replacing, without_non_finite
+from hapticeval.recordings.alignment import COLUMNS, Aligned
+from hapticeval.recordings.spread import Band, Comparison, repeats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLOURS = ("#0067b1", "#c4501b", "#2f7d32", "#7b3f99", "#8a6d00", "#00757a")
+INK, QUIET = "#1d2329", "#9aa2aa"
+SCALE = {"rad": (180.0 / math.pi, "degrees"), "m": (1e3, "mm"), "N": (1.0, "N")}
+TITLES = {
+    "direction": "direction of the force",
+    "leaning": "force against the model's normal",
+    "magnitude": "size of the force",
+    "depth": "distance of IHIP and HIP",
+}
+ALONG = {"angle": "polar angle of the HIP", "arc": "arc length along the model"}
+SETTINGS: dict[str, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "hapticeval",
+    "font.size": 8.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "axes.edgecolor": QUIET,
+    "axes.titlesize": 9.0,
+    "axes.titlelocation": "left",
+    "legend.fontsize": 8.0,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "xtick.color": QUIET,
+    "ytick.color": QUIET,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "grid.color": "#e4e7ea",
+}
+
+
+def write_spread(
+    directory: Path, aligned: Aligned, bands: Sequence[Band], comparisons: Sequence[Comparison]
+) -> list[Path]:
+    """Write comparison.svg, .png, .md and .json into `directory`; the paths written."""
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    directory.mkdir(parents=True, exist_ok=True)
+    paths = [directory / f"comparison.{suffix}" for suffix in ("svg", "png", "md", "json")]
+    columns = [name for name in TITLES if any(band.column == name for band in bands)]
+    with rc_context(SETTINGS):
+        rows = (len(columns) + 1) // 2
+        figure = Figure(figsize=(9.0, 0.9 + 2.6 * rows), facecolor="white")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(rows, 2, squeeze=False)
+        for place, column in zip(axes.flat, columns, strict=False):
+            _draw(place, aligned, [band for band in bands if band.column == column], column)
+        for place in list(axes.flat)[len(columns) :]:
+            place.set_visible(False)
+        handles, labels = axes.flat[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="upper left", ncols=3, frameon=False)
+        figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 0.35 / (0.9 + 2.6 * rows)))
+        for path in paths[:2]:
+            with replacing(path) as temporary:
+                vector = path.suffix == ".svg"
+                figure.savefig(temporary, format=path.suffix[1:], dpi=160, metadata={"Date": None} if vector else None)
+    texts = table(aligned, comparisons) + "\n", json.dumps(_document(aligned, bands, comparisons), indent=1) + "\n"
+    for path, text in zip(paths[2:], texts, strict=True):
+        with replacing(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return paths
+
+
+def _draw(axes: Axes, aligned: Aligned, bands: Sequence[Band], column: str) -> None:
+    scale, unit = SCALE.get(COLUMNS[column][0], (1.0, COLUMNS[column][0]))
+    across, along = SCALE.get(aligned.unit, (1.0, aligned.unit))
+    names = list(dict.fromkeys(band.renderer for band in bands))
+    ways = len({band.direction for band in bands}) > 1
+    for band in bands:
+        colour = COLOURS[names.index(band.renderer) % len(COLOURS)]
+        seen = band.count > 0
+        label = band.renderer + (f", {'forward' if band.direction > 0 else 'backward'}" if ways else "")
+        label += f" ({int(band.count.max())} passes)"
+        at = across * aligned.grid
+
+        def shown(values: Any, seen: Any = seen) -> Any:
+            return np.where(seen, scale * values, np.nan)
+
+        axes.fill_between(at, shown(band.low), shown(band.high), color=colour, alpha=0.18, linewidth=0.0)
+        axes.plot(
+            at, shown(band.median), color=colour, linewidth=1.2, label=label, linestyle="-" if band.direction > 0 else "--"
+        )  # fmt: skip
+    axes.set_title(TITLES[column])
+    axes.set_xlabel(f"{ALONG.get(aligned.by, aligned.by)} ({along})")
+    axes.set_ylabel(unit)
+    axes.grid(True, linewidth=0.5)
+    axes.set_axisbelow(True)
+
+
+def table(aligned: Aligned, comparisons: Sequence[Comparison]) -> str:
+    """What was aligned, and how renderers differ, as markdown."""
+    return "\n".join([*_passes(aligned), "", *_statements(aligned, comparisons)])
+
+
+def _passes(aligned: Aligned) -> Iterator[str]:
+    yield "| renderer | run | direction | lap | from (s) | to (s) | coverage |"
+    yield "|---|---|---|---|---|---|---|"
+    for each in aligned.passes:
+        run = aligned.runs[each.run]
+        way = "forward" if each.direction > 0 else "backward"
+        yield (
+            f"| {run.renderer} | {run.label} | {way} | {each.lap + 1} | {each.start:.4g} | {each.end:.4g} | "
+            f"{100.0 * each.coverage:.3g} % |"
+        )
+
+
+def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator[str]:
+    if not comparisons:
+        yield "Nothing is compared: that takes two renderers with repeats of each."
+        return
+    across, along = SCALE.get(aligned.unit, (1.0, aligned.unit))
+    for each in comparisons:
+        scale, unit = SCALE.get(COLUMNS[each.column][0], (1.0, COLUMNS[each.column][0]))
+        basis = {repeats(aligned, name, each.direction)[1] for name in (each.first, each.second)}
+        size = f"{scale * each.difference:.3g} {unit}"
+        tested = f"p = {each.p:.2g}, {each.repeats[0]} and {each.repeats[1]} repeats ({' and '.join(sorted(basis))})"
+        head = f"- {each.first} and {each.second}, {'forward' if each.direction > 0 else 'backward'}, "
+        head += f"{TITLES[each.column]}: "
+        if each.outcome == "differs":
+            yield (
+                f"{head}differs by {size}, which is {each.times:.3g} times the repeat spread of "
+                f"{scale * each.spread:.3g} {unit} ({tested}); most at {across * each.worst:.4g} {along}"
+            )
+        elif each.outcome == "within the spread":
+            yield f"{head}within the spread: {size} apart, repeats {scale * each.spread:.3g} {unit} ({tested})"
+        else:
+            yield (
+                f"{head}too few repeats to tell: {size} apart, {each.times:.3g} times the repeat spread, "
+                f"and these repeats cannot give a p below {each.least:.2g} ({tested})"
+            )
+
+
+def _document(aligned: Aligned, bands: Sequence[Band], comparisons: Sequence[Comparison]) -> Any:
+    document = {
+        "by": aligned.by,
+        "unit": aligned.unit,
+        "grid": aligned.grid,
+        "passes": [
+            {
+                "renderer": aligned.runs[each.run].renderer,
+                "run": aligned.runs[each.run].label,
+                "direction": each.direction,
+                "lap": each.lap,
+                "start_s": each.start,
+                "end_s": each.end,
+                "coverage": each.coverage,
+            }
+            for each in aligned.passes
+        ],
+        "bands": [asdict(band) for band in bands],
+        "comparisons": [{**asdict(each), "times": each.times, "outcome": each.outcome} for each in comparisons],
+    }
+    return without_non_finite(plain(document, "comparison"))[0]
