@@ -34,6 +34,36 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+@contextmanager
+def creating(path: Path) -> Iterator[Path]:
+    """As `replacing`, for a file that must not be there yet: what somebody recorded is never written over.
+
+    Raises `InputError` where there is one, also where another process made it in the meantime.
+    """
+    if path.exists():
+        raise _exists(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.tmp")
+    try:
+        yield temporary
+        try:
+            os.link(temporary, path)
+        except FileExistsError:
+            raise _exists(path) from None
+        except OSError:  # a file system without links: the look and the renaming are two steps there
+            if path.exists():
+                raise _exists(path) from None
+            temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _exists(path: Path) -> InputError:
+    return InputError(
+        f"{path} is there already", why="nothing is written over an existing file", todo="give another name"
+    )
+
+
 def file_stem(name: str) -> str:
     """A name as a file stem that is safe on every file system, different names giving different stems.
 

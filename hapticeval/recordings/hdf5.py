@@ -4,58 +4,105 @@ Every dataset carries the fletcher32 filter, and the 1.10 file format checksums 
 units, shapes. Texts are of fixed length: those of variable length lie in a heap that has no checksum, where one
 wrong byte can keep the HDF5 library reading for ever. A file holds
 
-    /                attributes `format` = "hapticeval recording", `format_version` = 1
-    /time            (n,) float64, attribute `unit` = "s"
-    /<channel>       (n, N) float64, attribute `unit`: one dataset a channel of `Recording`
-    /meta            (m,) uint8: `Recording.meta` as JSON in UTF-8
+    /                   attributes `format` = "hapticeval recording", `format_version` = 2, `rows`
+    /time               (n,) float64, `unit` = "s", where no clock was read; otherwise
+    /nanoseconds        (n,) int64, `unit` = "ns", `start`, `anchor` (stamp and wall clock), and
+    /sequence           (n,) int64
+    /valid              (n,) uint8, where some rows are not valid
+    /channels/<name>    (n,) or (n, k) float64, attributes `unit`, `meaning`, `frame`, `sign`: a dataset a signal
+    /events             `time` (s), `kind`, `text` (UTF-8), where there are any
+    /meta               (m,) uint8: `Recording.meta` as JSON in UTF-8
+
+The rows lie in blocks of `ROWS_A_CHUNK`, all signals of one block before the next, so that a file that is cut short
+keeps whole rows. Version 1, which is read, had the channels beside `/time`, and neither clock nor events.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hapticeval.errors import HapticevalError, InputError
-from hapticeval.files import plain, replacing
-from hapticeval.recordings.recording import CHANNELS, REQUIRED, Recording
+from hapticeval.errors import HapticevalError, InputError, UnknownNameError
+from hapticeval.files import creating, plain, replacing
+from hapticeval.recordings.recording import CHANNELS, Clock, Event, Recording, Signal, among
 
 FORMAT = "hapticeval recording"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 ROWS_A_CHUNK = 8192
+TOLD = ("meaning", "frame", "sign")
+DAMAGE = (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, OverflowError, MemoryError)
+"""h5py speaks of one and the same damage in all of these, by where it strikes."""
 
 
-def write_recording(path: Path, recording: Recording) -> None:
-    """Write a recording so that it reads back bit for bit; the file is replaced whole or not at all.
+def write_recording(path: Path, recording: Recording, *, replace: bool = False) -> None:
+    """Write a recording so that it reads back bit for bit; the file is there whole or not at all.
 
-    The same recording gives the same bytes. Raises `InputError`, naming the key, for a `meta` that JSON cannot
-    hold, and `HapticevalError` where the file cannot be written.
+    The same recording gives the same bytes. Raises `InputError` where there is a file already, unless it may
+    `replace` it, and, naming the key, for a `meta` that JSON cannot hold; `HapticevalError` where the file cannot be
+    written.
     """
     import h5py
 
+    path = Path(path)
     try:
         meta = json.dumps(plain(recording.meta, "meta"), allow_nan=False, sort_keys=True)
     except ValueError as error:
         raise InputError(f"the meta of a recording holds a number that is not finite: {error}") from error
     try:
-        with replacing(Path(path)) as temporary, h5py.File(temporary, "w", libver=("v110", "v110")) as file:
-            file.attrs["format"] = np.bytes_(FORMAT)
-            file.attrs["format_version"] = FORMAT_VERSION
-            _write(file, "time", recording.time, unit="s")
-            for name, values in recording.channels.items():
-                _write(file, name, values, unit=CHANNELS[name][0])
-            _write(file, "meta", np.frombuffer(meta.encode(), dtype=np.uint8))
+        with (replacing if replace else creating)(path) as temporary:
+            # without a cache, chunks are written when they are full: in the order of the rows
+            with h5py.File(temporary, "w", libver=("v110", "v110"), rdcc_nbytes=0) as file:
+                file.attrs["format"] = np.bytes_(FORMAT)
+                file.attrs["format_version"] = FORMAT_VERSION
+                file.attrs["rows"] = len(recording)
+                _create(file, "meta", np.frombuffer(meta.encode(), dtype=np.uint8))
+                _create(file, "events", _event_table(recording.events))
+                _fill(_signals(file, recording), len(recording))
     except OSError as error:
         raise HapticevalError(f"cannot write the recording {path}", why=str(error)) from error
 
 
-def _write(file: Any, name: str, values: Any, *, unit: str | None = None) -> None:
-    dataset = file.create_dataset(
+def _signals(file: Any, recording: Recording) -> list[tuple[Any, Any]]:
+    """The datasets of everything that has rows, still empty, each with its numbers."""
+    made = []
+    clock = recording.clock
+    if clock is None:
+        made.append((_reserve(file, "time", recording.time, unit="s"), recording.time))
+    else:
+        stamps = _reserve(file, "nanoseconds", clock.nanoseconds, unit="ns")
+        stamps.attrs["start"] = np.int64(clock.start)
+        if clock.anchor is not None:
+            stamps.attrs["anchor"] = np.array(clock.anchor, dtype=np.int64)
+        made.append((stamps, clock.nanoseconds))
+        if clock.sequence is not None:
+            made.append((_reserve(file, "sequence", clock.sequence, unit="1"), clock.sequence))
+    if recording.valid is not None:
+        valid = recording.valid.astype(np.uint8)
+        made.append((_reserve(file, "valid", valid, unit="1"), valid))
+    group = file.create_group("channels", track_order=True)
+    for name, values in recording.channels.items():
+        signal = recording.signals[name]
+        told = {key: value for key, value in signal._asdict().items() if value}
+        made.append((_reserve(group, name, values, **told), values))
+    return made
+
+
+def _fill(datasets: Sequence[tuple[Any, Any]], count: int) -> None:
+    for begin in range(0, count, ROWS_A_CHUNK):
+        for dataset, values in datasets:
+            dataset[begin : begin + ROWS_A_CHUNK] = values[begin : begin + ROWS_A_CHUNK]
+
+
+def _reserve(holder: Any, name: str, values: Any, **told: str) -> Any:
+    dataset = holder.create_dataset(
         name,
-        data=values,
+        shape=values.shape,
+        dtype=values.dtype,
         chunks=(min(len(values), ROWS_A_CHUNK), *values.shape[1:]),
         compression="gzip",
         compression_opts=4,
@@ -63,19 +110,142 @@ def _write(file: Any, name: str, values: Any, *, unit: str | None = None) -> Non
         fletcher32=True,
         track_times=False,
     )
-    if unit is not None:
-        dataset.attrs["unit"] = np.bytes_(unit)
+    for key, value in told.items():
+        dataset.attrs[key] = np.bytes_(value.encode())
+    return dataset
 
 
-def read_recording(path: Path) -> Recording:
-    """Read a recording that `write_recording` wrote.
+def _create(holder: Any, name: str, values: Any) -> None:
+    if len(values):
+        _reserve(holder, name, values)[...] = values
 
-    Raises `InputError` that says which: the file is missing, is no HDF5 file, is cut short or damaged, is
-    someone else's HDF5 file, was written by a newer format, or holds a channel in a unit other than ours.
+
+def _event_table(events: Iterable[Event]) -> Any:
+    rows = [(event.time, event.kind.encode(), event.text.encode()) for event in events]
+    widths = [max([1, *(len(row[index]) for row in rows)]) for index in (1, 2)]
+    return np.array(rows, dtype=[("time", "<f8"), ("kind", f"S{widths[0]}"), ("text", f"S{widths[1]}")])
+
+
+def read_recording(path: Path, *, channels: Sequence[str] | None = None, rows: slice | None = None) -> Recording:
+    """Read a recording that `write_recording` wrote, or only some of its `channels` and `rows` of it.
+
+    A part is on the time base of the whole, and no more than it is read. Raises `InputError` that says which: the
+    file is missing, is no HDF5 file, is cut short or damaged (and in which rows of which signal), is someone else's
+    HDF5 file, was written by a newer format, lacks a channel that is asked for, or holds one in a unit other than ours.
     """
     import h5py
 
     path = Path(path)
+    check_signature(path)
+    try:
+        with h5py.File(path, "r") as file:
+            version = check_format(path, file)
+            read = _Reader(path, file, version, rows)
+            return read.recording(channels)
+    except HapticevalError:
+        raise
+    except DAMAGE as error:
+        from hapticeval.recordings.salvage import described
+
+        raise damaged(path, described(path) or str(error)) from error
+
+
+class _Reader:
+    """An open file, the rows of it that are wanted, and what is in it."""
+
+    def __init__(self, path: Path, file: Any, version: int, rows: slice | None) -> None:
+        self.path, self.file, self.version = path, file, version
+        self.group = file if version == 1 else file["channels"]
+        base = file["nanoseconds" if "nanoseconds" in file else "time"]
+        self.count = int(base.shape[0])
+        if version > 1 and self.count != int(file.attrs["rows"]):
+            raise damaged(path, f"it has {self.count} rows, and says {int(file.attrs['rows'])}")
+        begin, end, step = slice(None).indices(self.count) if rows is None else rows.indices(self.count)
+        if step != 1 or begin >= end:
+            raise InputError(
+                f"{path} has {self.count} rows, and none of them is in {rows}",
+                todo="give rows that follow each other",
+            )
+        self.begin, self.end = begin, end
+
+    def recording(self, wanted: Sequence[str] | None) -> Recording:
+        known = [name for name in CHANNELS if name in self.group] if self.version == 1 else list(self.group)
+        for name in wanted or ():
+            if name not in known:
+                raise UnknownNameError(f"channel of {self.path.name}", name, known)
+        if self.version == 1:
+            missing = [name for name in ("hip", "ihip", "force") if name not in known]
+            if missing:
+                raise damaged(self.path, f"it has no channel '{missing[0]}'")
+        names = known if wanted is None else list(dict.fromkeys(wanted))
+        signals = {name: self.signal(name) for name in names}
+        values = {name: self.rows(self.group[name], name, np.float64) for name in names}
+        meta = json.loads(bytes(self.file["meta"][:]).decode())
+        clock, time = self.clock()
+        until = np.inf if self.end == self.count else self.time_of(self.end)
+        events = among(self.events(), -np.inf if self.begin == 0 else float(time[0]), until)
+        valid = self.rows(self.file["valid"], "valid", np.uint8) != 0 if "valid" in self.file else None
+        return Recording(time, values, meta, clock=clock, valid=valid, signals=signals, events=events)
+
+    def signal(self, name: str) -> Signal:
+        dataset = self.group[name]
+        unit = text(dataset, "unit")
+        if name in CHANNELS and unit != CHANNELS[name].unit:
+            raise InputError(
+                f"{self.path}: '{name}' is in {unit!r}, not in {CHANNELS[name].unit!r}",
+                why="recordings are in SI units",
+                todo="write the file with hapticeval",
+            )
+        if self.version == 1:
+            return CHANNELS[name]
+        return Signal(unit or "", *(text(dataset, key) or "" for key in TOLD))
+
+    def rows(self, dataset: Any, name: str, dtype: Any) -> Any:
+        if dataset.dtype != dtype:
+            raise damaged(self.path, f"'{name}' is of type {dataset.dtype}, not {np.dtype(dtype)}")
+        if dataset.shape[0] != self.count:
+            raise damaged(self.path, f"'{name}' has {dataset.shape[0]} rows of {self.count}")
+        values = dataset[self.begin : self.end]
+        values.flags.writeable = False
+        return values
+
+    def clock(self) -> tuple[Clock | None, Any]:
+        if "nanoseconds" not in self.file:
+            if text(self.file["time"], "unit") != "s":
+                raise damaged(self.path, "its time is not in seconds")
+            return None, self.rows(self.file["time"], "time", np.float64)
+        stamps = self.file["nanoseconds"]
+        sequence = self.rows(self.file["sequence"], "sequence", np.int64) if "sequence" in self.file else None
+        anchor = tuple(int(x) for x in stamps.attrs["anchor"]) if "anchor" in stamps.attrs else None
+        clock = Clock(
+            self.rows(stamps, "nanoseconds", np.int64),
+            int(stamps.attrs["start"]),
+            anchor if anchor is None else (anchor[0], anchor[1]),
+            sequence,
+        )
+        time = clock.seconds
+        time.flags.writeable = False
+        return clock, time
+
+    def time_of(self, row: int) -> float:
+        if "nanoseconds" not in self.file:
+            return float(self.file["time"][row])
+        stamps = self.file["nanoseconds"]
+        return (int(stamps[row]) - int(stamps.attrs["start"])) / 1e9
+
+    def events(self) -> tuple[Event, ...]:
+        return read_events(self.file)
+
+
+def read_events(file: Any) -> tuple[Event, ...]:
+    """The events of an open file."""
+    if "events" not in file:
+        return ()
+    return tuple(Event(float(row["time"]), row["kind"].decode(), row["text"].decode()) for row in file["events"][:])
+
+
+def check_signature(path: Path) -> None:
+    """Raise `InputError` unless there is a file that begins as HDF5 files do."""
     try:
         with path.open("rb") as opened:
             signature = opened.read(len(SIGNATURE))
@@ -89,57 +259,36 @@ def read_recording(path: Path) -> Recording:
             why="a recording starts with the HDF5 signature",
             todo="give a recording that hapticeval wrote",
         )
-    try:
-        with h5py.File(path, "r") as file:
-            _check_format(path, file)
-            time = _read(path, file, "time", "s")
-            names = [name for name in CHANNELS if name in file]
-            missing = [name for name in REQUIRED if name not in file]
-            if missing:
-                raise _damaged(path, f"it has no channel '{missing[0]}'")
-            channels = {name: _read(path, file, name, CHANNELS[name][0]) for name in names}
-            meta = json.loads(bytes(file["meta"][:]).decode())
-    except HapticevalError:
-        raise
-    # h5py speaks of one and the same damage in all of these, by where it strikes
-    except (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, OverflowError) as error:
-        raise _damaged(path, str(error)) from error
-    return Recording(time, channels, meta)
 
 
-def _check_format(path: Path, file: Any) -> None:
-    if _text(file, "format") != FORMAT:
+def check_format(path: Path, file: Any) -> int:
+    """The format version of an open file. Raises `InputError` for one of somebody else's, or of a later version."""
+    if text(file, "format") != FORMAT:
         raise InputError(
             f"{path} is an HDF5 file, but not a hapticeval recording",
             why=f"it lacks the attribute format = '{FORMAT}'; it holds: {', '.join(file) or 'nothing'}",
             todo="give a recording that hapticeval wrote",
         )
     version = int(file.attrs["format_version"])
-    if version != FORMAT_VERSION:
+    if not 1 <= version <= FORMAT_VERSION:
         raise InputError(
-            f"{path} has recording format {version}; this hapticeval reads format {FORMAT_VERSION}",
+            f"{path} has recording format {version}; this hapticeval reads format 1 to {FORMAT_VERSION}",
             why="a newer hapticeval wrote it" if version > FORMAT_VERSION else "no such format was released",
             todo="update hapticeval" if version > FORMAT_VERSION else "record it again",
         )
+    return version
 
 
-def _read(path: Path, file: Any, name: str, unit: str) -> Any:
-    dataset = file[name]
-    if _text(dataset, "unit") != unit:
-        raise InputError(
-            f"{path}: '{name}' is in {_text(dataset, 'unit')!r}, not in {unit!r}",
-            why="recordings are in SI units",
-            todo="write the file with hapticeval",
-        )
-    if dataset.dtype != np.float64:
-        raise _damaged(path, f"'{name}' is of type {dataset.dtype}, not float64")
-    return dataset[()]
-
-
-def _text(holder: Any, name: str) -> str | None:
+def text(holder: Any, name: str) -> str | None:
+    """A text attribute; None where there is none."""
     value = holder.attrs.get(name)
     return value.decode() if isinstance(value, bytes) else value
 
 
-def _damaged(path: Path, why: str) -> InputError:
-    return InputError(f"the recording {path} is cut short or damaged", why=why, todo="run or copy the recording again")
+def damaged(path: Path, why: str) -> InputError:
+    """The error of a file that cannot be read as a run."""
+    return InputError(
+        f"the recording {path} is cut short or damaged",
+        why=why,
+        todo="copy it again; or take what is whole of it: hapticeval.recordings.salvage.salvage(path)",
+    )

@@ -2,139 +2,268 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hapticeval.errors import InputError
-from hapticeval.types import Array, BoolArray
+from hapticeval.recordings.channels import CHANNELS, REQUIRED, Signal, declared
+from hapticeval.recordings.clock import Clock
+from hapticeval.recordings.metadata import check_metadata
+from hapticeval.recordings.rows import backward_difference, check_finite, check_increasing, locked
+from hapticeval.types import Array, BoolArray, IntArray
 
-CHANNELS: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {
-        "hip": ("m", "haptic interface point: where the hand is"),
-        "ihip": ("m", "ideal haptic interface point: the virtual tool; equals hip in free space"),
-        "force": ("N", "force on the hand, held (or its mean) from this sample to the next"),
-        "velocity": ("m/s", "velocity of the HIP"),
-        "operator_force": ("N", "force of the hand on the tool"),
-        "measured_hip": ("m", "HIP as the sensors gave it to the renderer; absent where they are exact"),
-        "measured_velocity": ("m/s", "velocity of the HIP as the renderer was given it; absent where it is exact"),
-        "measured_force": ("N", "force of the hand as the force sensor gave it"),
-        "joint_position": ("rad", "joint angles of the device"),
-        "joint_velocity": ("rad/s", "joint velocities of the device"),
-        "joint_torque": ("N m", "torque that the motors really give, held from this sample to the next"),
-    }
-)
-"""Every channel that a recording may have, with its unit and meaning. The first three are always there."""
-
-REQUIRED = ("hip", "ihip", "force")
+__all__ = [
+    "CHANNELS",
+    "REQUIRED",
+    "SINGLE",
+    "Clock",
+    "Event",
+    "MissingChannelError",
+    "Recording",
+    "Signal",
+    "among",
+    "backward_difference",
+    "check_finite",
+    "check_increasing",
+]
 
 SINGLE = 2.0**-23
 """Spacing of single-precision numbers around 1: what the coarsest honest renderer computes with."""
 
 
-@dataclass(frozen=True)
-class Recording:
-    """One run: a time base and channels of shape (n, N), SI units, N = 2 or 3; arrays are read-only.
+class Event(NamedTuple):
+    """Something that happened at `time` (s, on the recording's time base): a kind in one word, and a text."""
 
-    `meta` says what cannot be read off the channels: renderer, case, `source` ("playback", "experiment" or
-    "file"), `dt`, and what the renderer declares of itself: `resolution` (m, the length of surface over which
-    its representation is blurred: edge or cell; 0 where it is exact) and `standoff` (m, how far its surface may
-    lie off the model).
+    time: float
+    kind: str
+    text: str = ""
+
+
+class MissingChannelError(InputError):
+    """A recording lacks the `channel` that is asked for."""
+
+    channel: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One run, simulated or real: a time base and channels, SI units; arrays are read-only.
+
+    `time` (n,), s, and `channels`: those of frame `world` are (n, N) with N = 1, 2 or 3, those of frame `joint`
+    (n, J) with a column a joint, those of the other frames (n,) or (n, k). What the names mean stands in `CHANNELS`;
+    any other channel is declared in `signals`, which may also state the sign convention of a known one. No channel
+    has to be there: hardware may know no IHIP or no force. What checks read is `REQUIRED`; see `require`.
+
+    `clock` has the stamps of a real run, of which `time` is made: see `Recording.clocked`. `valid` (n,) is False
+    where a row is no measurement: its numbers are kept as they came, NaN too, and are never judged; None where every
+    row is sound. `events` are in no particular order.
+
+    `meta` says what cannot be read off the channels: see `METADATA`. Tables in it are copied.
 
     Raises `InputError`, naming channel and row, for a time base that does not increase, a shape that does not
-    fit, a missing channel, or a number that is not finite.
+    fit, a channel nobody declared, or a number that is not finite; rows that are not valid are exempt.
     """
 
     time: Array
     channels: Mapping[str, Array]
     meta: Mapping[str, Any] = field(default_factory=dict)
+    clock: Clock | None = field(default=None, kw_only=True)
+    valid: BoolArray | None = field(default=None, kw_only=True)
+    signals: Mapping[str, Signal] = field(default_factory=dict, kw_only=True)
+    events: tuple[Event, ...] = field(default=(), kw_only=True)
+
+    @classmethod
+    def clocked(
+        cls,
+        clock: Clock,
+        channels: Mapping[str, Array],
+        meta: Mapping[str, Any] | None = None,
+        *,
+        valid: BoolArray | None = None,
+        signals: Mapping[str, Signal] | None = None,
+        events: Iterable[Event] = (),
+    ) -> Recording:
+        """A recording whose `time` is what `clock` says."""
+        return cls(
+            locked(clock.seconds, np.float64),
+            channels,
+            meta or {},
+            clock=clock,
+            valid=valid,
+            signals=signals or {},
+            events=tuple(events),
+        )
 
     def __post_init__(self) -> None:
-        time = np.array(self.time, dtype=np.float64)
+        time = locked(self.time, np.float64)
         if time.ndim != 1 or time.size == 0:
             raise InputError(
                 f"a recording needs a time base of shape (n,), got {time.shape}", todo="give one time a row"
             )
-        check_finite("time", time)
-        check_increasing("time", time)
-        missing = [name for name in REQUIRED if name not in self.channels]
-        if missing:
-            raise InputError(
-                f"a recording lacks the channel '{missing[0]}'",
-                why=f"hip, ihip and force are what every check reads; given: {', '.join(self.channels)}",
-                todo="map a column to it, or say that the renderer has none",
-            )
-        unknown = [name for name in self.channels if name not in CHANNELS]
-        if unknown:
-            raise InputError(
-                f"a recording does not know the channel '{unknown[0]}'",
-                todo=f"use one of: {', '.join(CHANNELS)}",
-            )
-        dimension = np.shape(self.channels["hip"])[-1]
+        valid = _mask(self.valid, time.size)
+        check_finite("time", time, valid)
+        self._check_clock(time, valid)
+        check_increasing("time", time, valid)
+        signals = {name: declared(name, self.signals) for name in self.channels}
+        unused = [name for name in self.signals if name not in self.channels]
+        if unused:
+            raise InputError(f"a signal '{unused[0]}' is declared, but there is no such channel")
         channels = {}
+        columns: dict[str, tuple[str, int]] = {}
         for name, values in self.channels.items():
-            array = np.array(values, dtype=np.float64)
-            if array.shape != (time.size, dimension):
-                raise InputError(
-                    f"channel '{name}' has shape {array.shape}, not {(time.size, dimension)}",
-                    why="every channel has a row a sample and a column a dimension",
-                )
-            check_finite(name, array)
-            array.flags.writeable = False
+            array = locked(values, np.float64)
+            _check_shape(name, array, signals[name].frame, time.size, columns)
+            check_finite(name, array, valid)
             channels[name] = array
-        time.flags.writeable = False
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "channels", MappingProxyType(channels))
-        object.__setattr__(self, "meta", MappingProxyType(dict(self.meta)))
+        object.__setattr__(self, "meta", MappingProxyType(check_metadata(self.meta)))
+        object.__setattr__(self, "valid", valid)
+        object.__setattr__(self, "signals", MappingProxyType(signals))
+        object.__setattr__(self, "events", tuple(_event(event) for event in self.events))
+
+    def _check_clock(self, time: Array, valid: BoolArray | None) -> None:
+        if self.clock is None:
+            return
+        if self.clock.nanoseconds.size != time.size or not np.array_equal(self.clock.seconds, time):
+            raise InputError(
+                "a recording's time and its clock differ",
+                why="time is what the clock says, and nothing re-times it",
+                todo="make it with Recording.clocked(clock, channels)",
+            )
+        check_increasing("the clock", self.clock.nanoseconds, valid, unit="ns")
+        if self.clock.sequence is not None:
+            check_increasing("the sequence number", self.clock.sequence, valid, unit="")
 
     def __reduce__(self) -> tuple[object, ...]:
-        return Recording, (self.time, dict(self.channels), dict(self.meta))
+        return _rebuilt, (
+            self.time,
+            dict(self.channels),
+            dict(self.meta),
+            self.clock,
+            self.valid,
+            dict(self.signals),
+            self.events,
+        )
 
     def __len__(self) -> int:
         return int(self.time.size)
 
+    def part(self, rows: slice) -> Recording:
+        """Some of the rows, one after the other, on the same time base, with the events that fall among them.
+
+        Events before the first row of all, and after the last, stay with those rows.
+        """
+        begin, end, step = rows.indices(len(self))
+        if step != 1 or begin >= end:
+            raise InputError(f"no rows of a recording of {len(self)}: {rows}", todo="give rows that follow each other")
+        since = -np.inf if begin == 0 else float(self.time[begin])
+        until = np.inf if end == len(self) else float(self.time[end])
+        rows = slice(begin, end)
+        return Recording(
+            self.time[rows],
+            {name: values[rows] for name, values in self.channels.items()},
+            self.meta,
+            clock=None if self.clock is None else self.clock.part(rows),
+            valid=None if self.valid is None else self.valid[rows],
+            signals=self.signals,
+            events=among(self.events, since, until),
+        )
+
+    def sound_rows(self) -> tuple[slice, ...]:
+        """The stretches of rows that are valid, each as long as it goes."""
+        if self.valid is None:
+            return (slice(0, len(self)),)
+        edges = np.diff(np.concatenate([[False], self.valid, [False]]).astype(np.int8))
+        starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+        return tuple(slice(int(start), int(end)) for start, end in zip(starts, ends, strict=True))
+
+    def require(self, *names: str) -> None:
+        """Raise `MissingChannelError` for the first of these channels that was not recorded."""
+        for name in names:
+            if name not in self.channels:
+                error = MissingChannelError(
+                    f"the recording lacks the channel '{name}'",
+                    why=f"it has: {', '.join(self.channels) or 'none'}",
+                    todo="map a column to it; where the device does not know it, choose checks that do without it",
+                )
+                error.channel = name
+                raise error
+
+    def channel(self, name: str) -> Array:
+        """The channel `name`. Raises `MissingChannelError` where it was not recorded."""
+        self.require(name)
+        return self.channels[name]
+
+    @property
+    def dimension(self) -> int:
+        """N, the columns of the channels in the world's frame; 0 where there is none."""
+        for name, values in self.channels.items():
+            if self.signals[name].frame == "world":
+                return int(values.shape[1])
+        return 0
+
     @property
     def hip(self) -> Array:
-        """Haptic interface point, (n, N), m."""
-        return self.channels["hip"]
+        """Haptic interface point, (n, N), m; as it came, NaN too, where `valid` is False."""
+        return self.channel("hip")
 
     @property
     def ihip(self) -> Array:
         """Ideal haptic interface point, (n, N), m."""
-        return self.channels["ihip"]
+        return self.channel("ihip")
 
     @property
     def force(self) -> Array:
         """Force on the hand, (n, N), N; `force[k]` acts from time[k] to time[k + 1]."""
-        return self.channels["force"]
+        return self.channel("force")
 
     @property
     def velocity(self) -> Array:
-        """Velocity of the HIP, (n, N), m/s; the difference backwards in time where it was not recorded."""
+        """Velocity of the HIP, (n, N), m/s; the difference backwards in time where it was not recorded.
+
+        Raises `InputError` where it would be differenced across rows that are not valid.
+        """
         if "velocity" in self.channels:
             return self.channels["velocity"]
+        if self.valid is not None:
+            raise InputError(
+                "a recording with gaps has no velocity, since none was recorded",
+                why="a difference across a gap is no velocity",
+                todo="take its sound stretches: part(rows) of each sound_rows()",
+            )
         return backward_difference(self.hip, self.time)
+
+    @property
+    def nanoseconds(self) -> IntArray:
+        """Stamps, (n,), ns: the clock's, or `time` in whole nanoseconds where no clock was read."""
+        if self.clock is not None:
+            return self.clock.nanoseconds
+        return np.rint(1e9 * self.time).astype(np.int64)
 
     @property
     def dt(self) -> float:
         """Median sampling time, s."""
-        if self.time.size < 2:
+        time = self.time if self.valid is None else self.time[self.valid]
+        if time.size < 2:
             return float(self.meta.get("dt", 1e-3))
-        return float(np.median(np.diff(self.time)))
+        return float(np.median(np.diff(time)))
 
     @property
     def contact(self) -> BoolArray:
-        """Where the tool touches: a force is felt or the IHIP is not the HIP; shape (n,).
+        """Where the tool touches: a force is felt or the IHIP is not the HIP; shape (n,), False where not valid.
 
         The HIP in single precision is still the HIP: a renderer may compute and answer so.
         """
-        rounding = 4.0 * SINGLE * float(np.max(np.abs(self.hip)))
+        sound = self.hip if self.valid is None else self.hip[self.valid]
+        rounding = 4.0 * SINGLE * float(np.max(np.abs(sound), initial=0.0))
         apart = np.linalg.norm(self.ihip - self.hip, axis=1) > rounding
         touches: BoolArray = apart | np.any(self.force != 0.0, axis=1)
-        return touches
+        return touches if self.valid is None else touches & self.valid
 
     @property
     def resolution(self) -> float:
@@ -147,32 +276,58 @@ class Recording:
         return float(self.meta.get("standoff", 0.0))
 
 
-def backward_difference(values: Array, time: Array) -> Array:
-    """The causal derivative: (x[k] - x[k-1]) / (t[k] - t[k-1]), and zero at the first sample."""
-    out = np.zeros_like(values)
-    out[1:] = np.diff(values, axis=0) / np.diff(time)[:, None]
-    return out
+def among(events: Iterable[Event], since: float, until: float) -> tuple[Event, ...]:
+    """The events from `since` on and before `until`, s."""
+    return tuple(event for event in events if since <= event.time < until)
 
 
-def check_finite(name: str, values: Array) -> None:
-    """Raise `InputError` with the first row of `values` that is not finite."""
-    bad = ~np.isfinite(values)
-    if bad.any():
-        row = int(np.argmax(bad.any(axis=-1) if values.ndim > 1 else bad))
+def _rebuilt(
+    time: Array,
+    channels: Mapping[str, Array],
+    meta: Mapping[str, Any],
+    clock: Clock | None,
+    valid: BoolArray | None,
+    signals: Mapping[str, Signal],
+    events: tuple[Event, ...],
+) -> Recording:
+    return Recording(time, channels, meta, clock=clock, valid=valid, signals=signals, events=events)
+
+
+def _mask(given: Any, count: int) -> BoolArray | None:
+    if given is None:
+        return None
+    mask = np.asarray(given)
+    if mask.dtype != np.bool_ or mask.shape != (count,):
         raise InputError(
-            f"{name} is not finite at row {row}: {np.array2string(np.atleast_1d(values[row]))}",
-            why="a missing or infinite number cannot be judged and must not spread",
-            todo="mend or cut that row",
+            f"valid is of type {mask.dtype} and shape {mask.shape}",
+            why=f"it says true or false of each of {count} rows",
         )
+    return None if mask.all() else locked(mask, np.bool_)
 
 
-def check_increasing(name: str, values: Array) -> None:
-    """Raise `InputError` with the first row at which `values` does not increase."""
-    steps = np.diff(values)
-    if steps.size and not np.all(steps > 0.0):
-        row = int(np.argmax(steps <= 0.0)) + 1
+def _check_shape(name: str, array: Array, frame: str, count: int, columns: dict[str, tuple[str, int]]) -> None:
+    if array.shape[:1] != (count,) or array.ndim > 2 or 0 in array.shape:
         raise InputError(
-            f"{name} does not increase at row {row}: {values[row - 1]:.9g} s, then {values[row]:.9g} s",
-            why="samples must be in the order in which they happened, each at a time of its own",
-            todo="sort the rows, or drop the repeated ones",
+            f"channel '{name}' has shape {array.shape}, not ({count},) or ({count}, columns)",
+            why="every channel has a row a sample",
         )
+    if frame not in ("world", "joint"):
+        return
+    first, width = columns.setdefault(frame, (name, array.shape[-1] if array.ndim == 2 else 1))
+    if array.shape != (count, width):
+        raise InputError(
+            f"channel '{name}' has shape {array.shape}, not {(count, width)}",
+            why=f"channels in the {frame} frame have a column a {'joint' if frame == 'joint' else 'dimension'}, "
+            f"as '{first}' has",
+        )
+    if frame == "world" and width > 3:
+        raise InputError(f"channel '{name}' has {width} dimensions", why="the world has one, two or three")
+
+
+def _event(given: Any) -> Event:
+    event = Event(*given)
+    when = isinstance(event.time, int | float | np.floating | np.integer) and np.isfinite(event.time)
+    texts = isinstance(event.kind, str) and isinstance(event.text, str) and "\0" not in event.kind + event.text
+    if not (when and texts and event.kind):
+        raise InputError(f"an event {tuple(event)}", why="it is a finite time (s), a kind and a text")
+    return Event(float(event.time), event.kind, event.text)

@@ -71,13 +71,16 @@ def test_a_long_recording_spans_chunks_and_is_compressed(tmp_path):
 def test_other_programs_find_units_and_meaning(tmp_path):
     write_recording(tmp_path / "run.h5", small())
     with h5py.File(tmp_path / "run.h5") as file:
-        assert file.attrs["format_version"] == 1
+        assert file.attrs["format_version"] == 2
         assert file["time"].attrs["unit"] == b"s"
         for name in ("hip", "ihip", "force"):
-            assert file[name].attrs["unit"].decode() == CHANNELS[name][0]
-            assert file[name].fletcher32
-            assert file[name].shuffle
-            assert file[name].compression == "gzip"
+            dataset = file["channels"][name]
+            assert dataset.attrs["unit"].decode() == CHANNELS[name].unit
+            assert dataset.attrs["meaning"].decode() == CHANNELS[name].meaning
+            assert dataset.attrs["frame"] == b"world"
+            assert dataset.fletcher32
+            assert dataset.shuffle
+            assert dataset.compression == "gzip"
         assert json.loads(bytes(file["meta"][:]))["renderer"] == "constraint"
 
 
@@ -118,25 +121,27 @@ def test_each_wrong_file_is_named_for_what_it_is(tmp_path):
     assert "pressure" in caught.value.why
     write_recording(tmp_path / "newer.h5", small())
     with h5py.File(tmp_path / "newer.h5", "r+") as file:
-        file.attrs["format_version"] = 2
-    with pytest.raises(InputError, match=r"format 2.*reads format 1") as caught:
+        file.attrs["format_version"] = 3
+    with pytest.raises(InputError, match=r"format 3.*reads format 1 to 2") as caught:
         read_recording(tmp_path / "newer.h5")
     assert caught.value.todo == "update hapticeval"
 
 
-def test_wrong_units_types_and_missing_channels_are_refused(tmp_path):
+def test_wrong_units_and_lengths_are_refused(tmp_path):
     path = tmp_path / "run.h5"
     write_recording(path, small())
     with h5py.File(path, "r+") as file:
-        file["hip"].attrs["unit"] = "mm"
+        file["channels/hip"].attrs["unit"] = "mm"
     with pytest.raises(InputError, match=r"'hip' is in 'mm', not in 'm'"):
         read_recording(path)
-    write_recording(path, small())
+    write_recording(path, small(), replace=True)
     with h5py.File(path, "r+") as file:
-        del file["force"]
+        del file["channels/force"]
+        file["channels/force"] = np.zeros((11, 2))
+        file["channels/force"].attrs["unit"] = "N"
     with pytest.raises(InputError, match="damaged") as caught:
         read_recording(path)
-    assert "force" in caught.value.why
+    assert "'force' has 11 rows of 12" in caught.value.why
 
 
 def test_meta_that_json_cannot_hold_is_refused_and_leaves_nothing(tmp_path):
@@ -156,7 +161,7 @@ def test_a_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
 
     monkeypatch.setattr(h5py.Group, "create_dataset", full)
     with pytest.raises(HapticevalError, match="cannot write"):
-        write_recording(path, small())
+        write_recording(path, small(), replace=True)
     monkeypatch.undo()
     assert_same(read_recording(path), small())
     assert [file.name for file in tmp_path.iterdir()] == ["run.h5"]

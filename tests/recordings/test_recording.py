@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hapticeval.errors import InputError
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import REQUIRED, MissingChannelError, Recording
 
 
 def channels(n=4, dimension=2):
@@ -50,11 +50,16 @@ def test_bad_recordings_are_refused_by_row_and_channel(time, changed, message):
         Recording(time, {**channels(), **changed})
 
 
-def test_a_missing_channel_is_named():
+def test_hardware_may_lack_channels_and_says_so_when_asked_for_them():
     given = channels()
     del given["ihip"]
-    with pytest.raises(InputError, match="'ihip'"):
-        Recording(np.arange(4.0), given)
+    recording = Recording(np.arange(4.0), given)
+    recording.require("hip", "force")
+    for ask in (lambda: recording.ihip, lambda: recording.contact, lambda: recording.require(*REQUIRED)):
+        with pytest.raises(MissingChannelError, match="lacks the channel 'ihip'") as caught:
+            ask()
+        assert caught.value.channel == "ihip"
+        assert caught.value.why == "it has: hip, force"
 
 
 def test_contact_is_force_or_a_distance_between_hip_and_ihip():
