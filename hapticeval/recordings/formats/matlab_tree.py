@@ -67,4 +67,11 @@ class Tree:
                 f"left out, as objects that only MATLAB reads: {', '.join(self._objects)}; to have one, save its "
                 f"numbers in MATLAB: s = struct({first}), or the Time and Data of a timeseries"
             )
-        return Table(self._columns, notes=notes, attributes=self._attributes, warnings=tuple(warnings))
+        units = {column: unit for column in self._columns if (unit := self._unit(column))}
+        return Table(self._columns, units=units, notes=notes, attributes=self._attributes, warnings=tuple(warnings))
+
+    def _unit(self, column: str) -> str | None:
+        """The unit of a column of a recording that hapticeval wrote, which stands beside it under the same name."""
+        if "hapticeval" not in self._attributes or not column.startswith("recording."):
+            return None
+        return self._attributes.get("units." + column.removeprefix("recording.").partition("[")[0])

@@ -20,7 +20,7 @@ COLUMNS = ("x", "y", "time", "pen", "azimuth", "tilt", "pressure")
 UNITS = {"x": "mm", "y": "mm", "time": "s", "azimuth": "0.1 deg", "tilt": "0.1 deg"}
 NOTES = {
     "pen": "1 on the tablet, 0 above it",
-    "pressure": "0 to 1 of the tablet's range: not a force",
+    "pressure": "0 to 1 of the range of the tablet, no newtons",
 }
 
 

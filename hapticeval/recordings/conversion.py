@@ -1,0 +1,169 @@
+"""From a foreign table and its mapping to a recording: every number in SI, every row where it was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hapticeval.errors import InputError
+from hapticeval.recordings.clock import Clock
+from hapticeval.recordings.formats import Table, read_table
+from hapticeval.recordings.formats.registry import first_bytes
+from hapticeval.recordings.hdf5 import FORMAT, SIGNATURE, read_recording
+from hapticeval.recordings.mapping import FileMapping, Source, TimeBase, read_mapping
+from hapticeval.recordings.recording import Recording
+from hapticeval.types import Array, BoolArray, IntArray
+
+
+def load_recording(path: Path | str, *, mapping: Path | str | None = None, format: str | None = None) -> Recording:
+    """A recording of ours as it is, or any other file through a mapping.
+
+    Raises `InputError` for a foreign file without a mapping, and as `read_table`, `read_mapping` and `convert` do.
+    """
+    path = Path(path)
+    if is_recording(path):
+        if mapping is not None:
+            raise InputError(f"{path} is a recording already", why="it needs no mapping", todo="leave --mapping out")
+        return read_recording(path)
+    if mapping is None:
+        raise InputError(
+            f"{path} is no recording of hapticeval's",
+            why="which column is what, in which unit and with which sign, does not stand in it",
+            todo=f"write a mapping: hapticeval inspect {path.name} --write-mapping mapping.toml; then give --mapping",
+        )
+    said = read_mapping(mapping)
+    return convert(read_table(path, format=format or said.format), said, file=path.name)
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a file is a recording that hapticeval wrote. Raises `InputError` where it is missing or empty."""
+    if not first_bytes(path).startswith(SIGNATURE):
+        return False
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            said = file.attrs.get("format", b"")
+    except OSError:
+        return FORMAT.encode() in path.read_bytes()[: 1 << 16]
+    return (said.decode(errors="replace") if isinstance(said, bytes) else str(said)) == FORMAT
+
+
+def convert(table: Table, mapping: FileMapping, *, file: str = "") -> Recording:
+    """The recording that a mapping makes of a table.
+
+    Rows without a number in a mapped column, and those of `[gaps]`, are kept and marked as not valid; `meta["import"]`
+    counts them. Raises `UnknownNameError` for a column that is not there, with the closest, and `InputError` for
+    columns of different length, for a time that does not increase, and for a channel on another clock.
+    """
+    first = next(iter(mapping.channels.values())).columns[0]
+    stamps, valid = _stamps(table, mapping.time, table.rows(first))
+    counts = {"time out of order": int(np.sum(~valid))}
+    channels, signals = {}, {}
+    for name, source in mapping.channels.items():
+        values = _values(table, mapping, name, source, stamps)
+        empty = ~np.isfinite(values).reshape(len(values), -1).all(axis=1)
+        counts["without a number"] = counts.get("without a number", 0) + int(np.sum(empty & valid))
+        valid &= ~empty
+        channels[name] = values
+        signals[name] = source.signal
+    if mapping.gaps is not None:
+        column, where = mapping.gaps
+        gap = table[column] == where
+        _same_length(column, gap, stamps)
+        counts["in a gap"] = int(np.sum(gap & valid))
+        valid &= ~gap
+    if not valid.any():
+        raise InputError("not one row is valid", why=str(counts), todo="see the columns: hapticeval inspect FILE")
+    start = int(stamps[valid][0]) if mapping.time.from_zero else 0
+    notes: dict[str, Any] = {
+        "format": table.format,
+        "mapping": mapping.title,
+        "rows": int(stamps.size),
+        "left out": {key: count for key, count in counts.items() if count},
+        "columns": {name: list(source.columns) for name, source in mapping.channels.items()},
+    }
+    if table.warnings:
+        notes["warnings"] = list(table.warnings)
+    resampled = {name: source.resample for name, source in mapping.channels.items() if source.resample}
+    if resampled:
+        notes["resampled"] = resampled
+    meta = {"source": "file", **({"file": file} if file else {}), **mapping.meta, "import": notes}
+    return Recording.clocked(Clock(stamps, start=start), channels, meta, valid=valid, signals=signals)
+
+
+def _stamps(table: Table, time: TimeBase, rows: int) -> tuple[IntArray, BoolArray]:
+    """Stamps, ns, and which of them are in order."""
+    if time.column is None:
+        assert time.rate is not None
+        return np.rint(np.arange(rows) * (1e9 / time.rate)).astype(np.int64), np.ones(rows, dtype=bool)
+    stamps, known = nanoseconds(table[time.column], time.factor)
+    latest = np.maximum.accumulate(np.where(known, stamps, np.iinfo(np.int64).min))
+    ordered = known.copy()
+    ordered[1:] &= stamps[1:] > latest[:-1]
+    if not ordered.all() and not time.mask_disorder:
+        row = int(np.argmin(ordered))
+        before = f"{1e-9 * stamps[row - 1]:.9g} s, then " if row else ""
+        raise InputError(
+            f"the time '{time.column}' does not increase at row {row}: {before}{1e-9 * stamps[row]:.9g} s",
+            why=f"{int(np.sum(~ordered))} rows repeat or go back, and nothing is sorted or re-timed silently",
+            todo='mark them as no measurement: [time] disorder = "mask"; or mend the file',
+        )
+    return stamps, ordered
+
+
+def nanoseconds(values: NDArray[Any], factor: float) -> tuple[IntArray, BoolArray]:
+    """Times in units of `factor` seconds as whole nanoseconds, and which of them are numbers; integers stay exact."""
+    scale = factor * 1e9
+    if values.dtype.kind == "i" and abs(scale - round(scale)) < 1e-9 * scale:
+        return values.astype(np.int64) * round(scale), np.ones(values.size, dtype=bool)
+    known = np.isfinite(values)
+    return np.rint(np.where(known, values, 0.0) * scale).astype(np.int64), known
+
+
+def _values(table: Table, mapping: FileMapping, name: str, source: Source, stamps: IntArray) -> Array:
+    columns = [table[column] for column in source.columns]
+    for column, values in zip(source.columns, columns, strict=True):
+        if source.time is None:
+            _same_length(column, values, stamps)
+    made = [
+        factor * values.astype(np.float64) + offset
+        for values, factor, offset in zip(columns, source.factor, source.offset, strict=True)
+    ]
+    if source.time is not None:
+        own, known = nanoseconds(table[source.time], mapping.time.factor)
+        if not (own.size == stamps.size and known.all() and np.array_equal(own, stamps)):
+            made = [_resampled(name, source, own, values, stamps) for values in made]
+    if len(made) == 1 and source.signal.frame not in ("world", "joint"):
+        return made[0]
+    return np.column_stack(made)
+
+
+def _resampled(name: str, source: Source, own: IntArray, values: Array, stamps: IntArray) -> Array:
+    """Values on another clock, brought onto the recording's as the mapping says, NaN outside of what was measured."""
+    if source.resample is None:
+        raise InputError(
+            f"the channel '{name}' is on the clock '{source.time}', which is not the recording's",
+            why="nothing is re-timed silently",
+            todo='say how: resample = "hold" (the latest value) or "linear"',
+        )
+    if own.size != values.size or np.any(np.diff(own) <= 0):
+        raise InputError(f"the clock '{source.time}' of '{name}' does not fit its column, or does not increase")
+    inside = (stamps >= own[0]) & (stamps <= own[-1])
+    if source.resample == "hold":
+        found = values[np.clip(np.searchsorted(own, stamps, side="right") - 1, 0, own.size - 1)]
+    else:
+        found = np.interp((stamps - own[0]).astype(np.float64), (own - own[0]).astype(np.float64), values)
+    return np.where(inside, found, np.nan)
+
+
+def _same_length(column: str, values: NDArray[Any], stamps: IntArray) -> None:
+    if values.size != stamps.size:
+        raise InputError(
+            f"the column '{column}' has {values.size} rows, the time has {stamps.size}",
+            why="they were recorded on different clocks",
+            todo='give the channel its own: time = "COLUMN", and resample = "hold" or "linear"',
+        )
