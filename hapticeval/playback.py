@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hapticeval.errors import HapticevalError, RendererError
-from hapticeval.recordings.recording import Recording, backward_difference
+from hapticeval.recordings.recording import REQUIRED, Recording, backward_difference
 from hapticeval.renderer import Batch, Renderer, SelfDriven
 from hapticeval.stimulus import Path, Stimulus
 from hapticeval.types import Array
@@ -58,6 +58,7 @@ def answered(renderer: SelfDriven, stimulus: Stimulus, dt: float) -> Recording:
         raise RendererError(
             f"the renderer's answer() gave a {type(recording).__name__}", todo="return a hapticeval.Recording"
         )
+    recording.require(*REQUIRED)
     return recording
 
 

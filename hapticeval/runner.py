@@ -190,7 +190,7 @@ def kept(judged: Judged, job: Job, directory: Path) -> Done:
     if judged.recording is None:
         return judged, None
     file = recording_file(job)
-    write_recording(directory / file, _labelled(judged.recording, job))
+    write_recording(directory / file, _labelled(judged.recording, job), replace=True)
     return replace(judged, recording=None), file
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
+from hapticeval.errors import InputError
 from hapticeval.phenomena.verdict import Finding, Level
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -17,13 +18,21 @@ class Runs:
 
     `refine(k)` runs the same stimulus at k times the sampling rate; `reverse()` leads the hand backwards along
     the same points; `at_speed(f)` starts the experiment f times as fast. Each is None where it cannot be had:
-    a recorded hardware run has no siblings.
+    a recorded hardware run has no siblings. Raises `InputError` for a recording with rows that are not valid.
     """
 
     base: Recording
     refine: Callable[[int], Recording] | None = None
     reverse: Callable[[], Recording] | None = None
     at_speed: Callable[[float], Recording] | None = None
+
+    def __post_init__(self) -> None:
+        if self.base.valid is not None:
+            raise InputError(
+                "a recording with gaps cannot be judged as a whole",
+                why="rows that are not valid hold numbers that nobody measured",
+                todo="judge its sound stretches: part(rows) of each sound_rows()",
+            )
 
     def remembered(self) -> Runs:
         """The same runs, each sibling made once at the most."""

@@ -54,9 +54,15 @@ class Clock:
         return Clock, (self.nanoseconds, self.start, self.anchor, self.sequence)
 
     @property
+    def zero(self) -> int:
+        """`start`, which is there once the clock is made."""
+        assert self.start is not None
+        return self.start
+
+    @property
     def seconds(self) -> Array:
         """Time since `start`, s: (n,), each the double nearest to the stamp."""
-        out: Array = np.subtract(self.nanoseconds, self.start, dtype=np.int64) / 1e9
+        out: Array = (self.nanoseconds - self.zero) / 1e9
         return out
 
     @property

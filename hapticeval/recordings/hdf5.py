@@ -20,7 +20,7 @@ keeps whole rows. Version 1, which is read, had the channels beside `/time`, and
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -54,28 +54,30 @@ def write_recording(path: Path, recording: Recording, *, replace: bool = False) 
     except ValueError as error:
         raise InputError(f"the meta of a recording holds a number that is not finite: {error}") from error
     try:
-        with (replacing if replace else creating)(path) as temporary:
+        with (
+            (replacing if replace else creating)(path) as temporary,
             # without a cache, chunks are written when they are full: in the order of the rows
-            with h5py.File(temporary, "w", libver=("v110", "v110"), rdcc_nbytes=0) as file:
-                file.attrs["format"] = np.bytes_(FORMAT)
-                file.attrs["format_version"] = FORMAT_VERSION
-                file.attrs["rows"] = len(recording)
-                _create(file, "meta", np.frombuffer(meta.encode(), dtype=np.uint8))
-                _create(file, "events", _event_table(recording.events))
-                _fill(_signals(file, recording), len(recording))
+            h5py.File(temporary, "w", libver=("v110", "v110"), rdcc_nbytes=0) as file,
+        ):
+            file.attrs["format"] = np.bytes_(FORMAT)
+            file.attrs["format_version"] = FORMAT_VERSION
+            file.attrs["rows"] = len(recording)
+            _create(file, "meta", np.frombuffer(meta.encode(), dtype=np.uint8))
+            _create(file, "events", _event_table(recording.events))
+            _fill(_signals(file, recording), len(recording))
     except OSError as error:
         raise HapticevalError(f"cannot write the recording {path}", why=str(error)) from error
 
 
 def _signals(file: Any, recording: Recording) -> list[tuple[Any, Any]]:
     """The datasets of everything that has rows, still empty, each with its numbers."""
-    made = []
+    made: list[tuple[Any, Any]] = []
     clock = recording.clock
     if clock is None:
         made.append((_reserve(file, "time", recording.time, unit="s"), recording.time))
     else:
         stamps = _reserve(file, "nanoseconds", clock.nanoseconds, unit="ns")
-        stamps.attrs["start"] = np.int64(clock.start)
+        stamps.attrs["start"] = np.int64(clock.zero)
         if clock.anchor is not None:
             stamps.attrs["anchor"] = np.array(clock.anchor, dtype=np.int64)
         made.append((stamps, clock.nanoseconds))
@@ -122,8 +124,9 @@ def _create(holder: Any, name: str, values: Any) -> None:
 
 def _event_table(events: Iterable[Event]) -> Any:
     rows = [(event.time, event.kind.encode(), event.text.encode()) for event in events]
-    widths = [max([1, *(len(row[index]) for row in rows)]) for index in (1, 2)]
-    return np.array(rows, dtype=[("time", "<f8"), ("kind", f"S{widths[0]}"), ("text", f"S{widths[1]}")])
+    kind = max([1, *(len(row[1]) for row in rows)])
+    words = max([1, *(len(row[2]) for row in rows)])
+    return np.array(rows, dtype=[("time", "<f8"), ("kind", f"S{kind}"), ("text", f"S{words}")])
 
 
 def read_recording(path: Path, *, channels: Sequence[str] | None = None, rows: slice | None = None) -> Recording:
@@ -178,7 +181,7 @@ class _Reader:
             if missing:
                 raise damaged(self.path, f"it has no channel '{missing[0]}'")
         names = known if wanted is None else list(dict.fromkeys(wanted))
-        signals = {name: self.signal(name) for name in names}
+        signals = {name: read_signal(self.group[name], name, self.version) for name in names}
         values = {name: self.rows(self.group[name], name, np.float64) for name in names}
         meta = json.loads(bytes(self.file["meta"][:]).decode())
         clock, time = self.clock()
@@ -186,19 +189,6 @@ class _Reader:
         events = among(self.events(), -np.inf if self.begin == 0 else float(time[0]), until)
         valid = self.rows(self.file["valid"], "valid", np.uint8) != 0 if "valid" in self.file else None
         return Recording(time, values, meta, clock=clock, valid=valid, signals=signals, events=events)
-
-    def signal(self, name: str) -> Signal:
-        dataset = self.group[name]
-        unit = text(dataset, "unit")
-        if name in CHANNELS and unit != CHANNELS[name].unit:
-            raise InputError(
-                f"{self.path}: '{name}' is in {unit!r}, not in {CHANNELS[name].unit!r}",
-                why="recordings are in SI units",
-                todo="write the file with hapticeval",
-            )
-        if self.version == 1:
-            return CHANNELS[name]
-        return Signal(unit or "", *(text(dataset, key) or "" for key in TOLD))
 
     def rows(self, dataset: Any, name: str, dtype: Any) -> Any:
         if dataset.dtype != dtype:
@@ -235,6 +225,20 @@ class _Reader:
 
     def events(self) -> tuple[Event, ...]:
         return read_events(self.file)
+
+
+def read_signal(dataset: Any, name: str, version: int) -> Signal:
+    """What the attributes of a dataset say it is. Raises `InputError` for a known channel in a unit other than ours."""
+    unit = text(dataset, "unit")
+    if name in CHANNELS and unit != CHANNELS[name].unit:
+        raise InputError(
+            f"{dataset.file.filename}: '{name}' is in {unit!r}, not in {CHANNELS[name].unit!r}",
+            why="recordings are in SI units",
+            todo="write the file with hapticeval",
+        )
+    if version == 1:
+        return CHANNELS[name]
+    return Signal(unit or "", *(text(dataset, key) or "" for key in TOLD))
 
 
 def read_events(file: Any) -> tuple[Event, ...]:

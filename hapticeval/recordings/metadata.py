@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from types import MappingProxyType
 from typing import Any
@@ -35,14 +35,6 @@ METADATA: Mapping[str, tuple[str, str]] = MappingProxyType(
 )
 """Known keys, with the kind of their value and their meaning. Any other key is free."""
 
-KINDS = {
-    "text": (lambda value: isinstance(value, str), "a text"),
-    "table": (lambda value: isinstance(value, Mapping), "a table"),
-    "positive": (lambda value: _number(value) and value > 0.0, "a positive number"),
-    "length": (lambda value: _number(value) and value >= 0.0, "a length in metres, not negative"),
-    "date": (lambda value: _date(value), "a date as 2025-01-31T14:05:00+01:00"),
-}
-
 
 def check_metadata(meta: Mapping[str, Any]) -> dict[str, Any]:
     """A copy of `meta`, its tables and lists too. Raises `InputError` for a known key of the wrong kind."""
@@ -73,3 +65,12 @@ def _copied(value: Any) -> Any:
     if isinstance(value, list):
         return [_copied(item) for item in value]
     return value
+
+
+KINDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
+    "text": (lambda value: isinstance(value, str), "a text"),
+    "table": (lambda value: isinstance(value, Mapping), "a table"),
+    "positive": (lambda value: _number(value) and value > 0.0, "a positive number"),
+    "length": (lambda value: _number(value) and value >= 0.0, "a length in metres, not negative"),
+    "date": (_date, "a date as 2025-01-31T14:05:00+01:00"),
+}

@@ -9,14 +9,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.channels import CHANNELS, Signal
 from hapticeval.recordings.clock import Clock
-from hapticeval.recordings.hdf5 import DAMAGE, TOLD, check_format, check_signature, damaged, read_events, text
+from hapticeval.recordings.hdf5 import DAMAGE, check_format, check_signature, damaged, read_events, read_signal
 from hapticeval.recordings.losses import Loss, Salvaged
 from hapticeval.recordings.recording import Event, Recording
 from hapticeval.types import BoolArray
@@ -46,45 +46,60 @@ def described(path: Path) -> str:
     """Where a damaged file is damaged, in words; empty where that cannot be said."""
     try:
         with _opened(path) as (file, cut):
-            found = _scan(file)
+            told = [cut, *(f"{loss.what}, {loss.where}" for loss in _losses(_scan(file), 0.0))]
     except (HapticevalError, *DAMAGE):
         return _ending(path)
-    losses = [str(loss) for loss in _losses(found, 0.0)]
-    told = [cut] if cut else []
-    return "; ".join(told + [text.partition(":")[0] for text in losses[:5]] + ["and more"] * (len(losses) > 5))
+    told = [each for each in told if each]
+    return "; ".join(told[:5] + ["and more"] * (len(told) > 5))
+
+
+class _Part(NamedTuple):
+    """What could be read of a signal: its numbers, and which rows of them are whole."""
+
+    values: Any
+    whole: BoolArray
+    signal: Signal | None
 
 
 @dataclass
 class _Found:
-    """What a scan could read: numbers with a mask of the rows that are whole, by name; None where nothing is."""
+    """What a scan could read. None stands for a part of which nothing is whole."""
 
     count: int
     base: str
-    signals: dict[str, tuple[Any, BoolArray] | None]
-    chunk: int
+    rows: dict[str, _Part | None]
+    channels: dict[str, _Part | None]
+
+    @property
+    def kept(self) -> BoolArray:
+        """The rows that have a stamp and a number in any channel."""
+        stamps = self.rows[self.base]
+        masks = [part.whole for part in self.channels.values() if part is not None]
+        if stamps is None:
+            return np.zeros(self.count, dtype=bool)
+        return stamps.whole & np.any(masks, axis=0) if masks else stamps.whole
 
 
 def _salvaged(path: Path, file: Any, cut: str) -> Salvaged:
     found = _scan(file)
-    version = int(file.attrs["format_version"])
-    group = file if version == 1 else file["channels"]
-    stamps = found.signals[found.base]
-    names = [name for name in found.signals if name not in ("time", "nanoseconds", "sequence", "valid")]
-    whole = {name: each for name in names if (each := found.signals[name]) is not None and each[1].any()}
-    kept = np.zeros(found.count, dtype=bool) if stamps is None else stamps[1].copy()
-    if whole:
-        kept &= np.any([mask for _, mask in whole.values()], axis=0)
+    kept = found.kept
+    stamps = found.rows[found.base]
     if stamps is None or not kept.any():
         raise damaged(path, "no row of it is whole" + (f": {cut}" if cut else ""))
-    valid = np.all([mask[kept] for _, mask in whole.values()], axis=0) if whole else np.ones(kept.sum(), dtype=bool)
-    said = found.signals.get("valid")
-    if "valid" in found.signals:
-        valid &= np.zeros(kept.sum(), bool) if said is None else (said[0] != 0)[kept] & said[1][kept]
     clock = _clock(file, found, kept) if found.base == "nanoseconds" else None
-    time = clock.seconds if clock is not None else stamps[0][kept]
-    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
-    losses = _losses(found, step)
-    events, meta = (), {}
+    time = clock.seconds if clock is not None else stamps.values[kept]
+    parts = {name: part for name, part in found.channels.items() if part is not None and part.whole[kept].any()}
+    valid = np.ones(time.size, dtype=bool)
+    for part in parts.values():
+        valid &= part.whole[kept]
+    if "valid" in found.rows:
+        said = found.rows["valid"]
+        valid &= False if said is None else ((said.values != 0) & said.whole)[kept]
+    losses = _losses(found, float(np.median(np.diff(time))) if time.size > 1 else 0.0)
+    if cut:
+        losses.insert(0, Loss("the end of the file", cut, None, None))
+    events: tuple[Event, ...] = ()
+    meta: dict[str, Any] = {}
     try:
         events = read_events(file)
     except DAMAGE as error:
@@ -93,66 +108,50 @@ def _salvaged(path: Path, file: Any, cut: str) -> Salvaged:
         meta = json.loads(bytes(file["meta"][:]).decode())
     except DAMAGE as error:
         losses.append(Loss("the meta", str(error), None, None))
-    if cut:
-        losses.insert(0, Loss("the end of the file", cut, None, None))
-    lost = tuple(Event(float(time[-1]), "lost", str(loss)) for loss in losses)
     recording = Recording(
         time,
-        {name: values[kept] for name, (values, _) in whole.items()},
+        {name: part.values[kept] for name, part in parts.items()},
         meta,
         clock=clock,
         valid=valid,
-        signals={name: _signal(group[name], name, version) for name in whole},
-        events=events + lost,
+        signals={name: part.signal for name, part in parts.items() if part.signal is not None},
+        events=events + tuple(Event(float(time[-1]), "lost", str(loss)) for loss in losses),
     )
     return Salvaged(recording, tuple(losses))
 
 
 def _clock(file: Any, found: _Found, kept: BoolArray) -> Clock:
-    stamps = file["nanoseconds"]
-    values = found.signals["nanoseconds"]
-    sequence = found.signals.get("sequence")
-    assert values is not None
-    numbers = None
-    if sequence is not None and sequence[1][kept].all():
-        numbers = sequence[0][kept]
-    anchor = [int(x) for x in stamps.attrs["anchor"]] if "anchor" in stamps.attrs else None
+    stamps, sequence = found.rows["nanoseconds"], found.rows.get("sequence")
+    assert stamps is not None
+    told = file["nanoseconds"].attrs
+    anchor = [int(x) for x in told["anchor"]] if "anchor" in told else None
     return Clock(
-        values[0][kept], int(stamps.attrs["start"]), None if anchor is None else (anchor[0], anchor[1]), numbers
+        stamps.values[kept],
+        int(told["start"]),
+        None if anchor is None else (anchor[0], anchor[1]),
+        sequence.values[kept] if sequence is not None and sequence.whole[kept].all() else None,
     )
-
-
-def _signal(dataset: Any, name: str, version: int) -> Signal:
-    if version == 1:
-        return CHANNELS[name]
-    return Signal(text(dataset, "unit") or "", *(text(dataset, key) or "" for key in TOLD))
 
 
 def _scan(file: Any) -> _Found:
     """Read every block of every signal, and note those that cannot be read."""
     base = "nanoseconds" if "nanoseconds" in file else "time"
     count, chunk = int(file[base].shape[0]), int(file[base].chunks[0])
-    signals = {name: _blocks(file, name, count, chunk) for name in (base, "sequence", "valid") if name in file}
-    if int(file.attrs["format_version"]) == 1:
-        group, names = file, [name for name in CHANNELS if name in file]
-    else:
-        group = file["channels"]
-        names = list(group)
-    for name in names:
-        signals[name] = _blocks(group, name, count, chunk)
-    return _Found(count, base, signals, chunk)
+    rows = {name: _part(file, name, count, chunk, None) for name in (base, "sequence", "valid") if name in file}
+    version = int(file.attrs["format_version"])
+    group = file if version == 1 else file["channels"]
+    names = [name for name in CHANNELS if name in file] if version == 1 else list(group)
+    return _Found(count, base, rows, {name: _part(group, name, count, chunk, version) for name in names})
 
 
-def _blocks(group: Any, name: str, count: int, chunk: int) -> tuple[Any, BoolArray] | None:
+def _part(group: Any, name: str, count: int, chunk: int, version: int | None) -> _Part | None:
     try:
         dataset = group[name]
-        shape, dtype = dataset.shape, dataset.dtype
-        if shape[:1] != (count,) or dtype not in (np.float64, np.int64, np.uint8):
+        signal = None if version is None else read_signal(dataset, name, version)
+        if dataset.shape[:1] != (count,) or dataset.dtype not in (np.float64, np.int64, np.uint8):
             return None
-        if name in CHANNELS and text(dataset, "unit") != CHANNELS[name].unit:
-            return None
-        values = np.full(shape, np.nan if dtype == np.float64 else 0, dtype=dtype)
-    except DAMAGE:
+        values = np.full(dataset.shape, np.nan if dataset.dtype == np.float64 else 0, dtype=dataset.dtype)
+    except (HapticevalError, *DAMAGE):
         return None
     whole = np.zeros(count, dtype=bool)
     for begin in range(0, count, chunk):
@@ -161,21 +160,26 @@ def _blocks(group: Any, name: str, count: int, chunk: int) -> tuple[Any, BoolArr
         except DAMAGE:
             continue
         whole[begin : begin + chunk] = True
-    return values, whole
+    return _Part(values, whole, signal) if whole.any() else None
 
 
 def _losses(found: _Found, step: float) -> list[Loss]:
-    losses = []
-    for name, each in found.signals.items():
-        if each is None:
-            losses.append(Loss(f"'{name}'", "whole", found.count, found.count * step))
-            continue
-        bad = np.diff(np.concatenate([[False], ~each[1], [False]]).astype(np.int8))
-        for begin, end in zip(np.flatnonzero(bad == 1), np.flatnonzero(bad == -1), strict=True):
-            losses.append(
-                Loss(f"'{name}'", f"rows {begin} to {end - 1}", int(end - begin), float((end - begin) * step))
-            )
-    return losses
+    """First the rows that are lost altogether, then what single signals lack of the others."""
+    kept = found.kept
+    if not kept.any():
+        return [Loss("every signal", f"all of its {found.count} rows", found.count, found.count * step)]
+    missing = {"every signal": ~kept}
+    for name, part in {**found.rows, **found.channels}.items():
+        missing[f"'{name}'"] = kept if part is None else kept & ~part.whole
+    alike: dict[tuple[int, int], list[str]] = {}
+    for name, rows in missing.items():
+        edges = np.diff(np.concatenate([[False], rows, [False]]).astype(np.int8))
+        for begin, end in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+            alike.setdefault((int(begin), int(end)), []).append(name)
+    return [
+        Loss(", ".join(names), f"rows {begin} to {end - 1}", end - begin, (end - begin) * step)
+        for (begin, end), names in alike.items()
+    ]
 
 
 @contextmanager
