@@ -167,7 +167,11 @@ def by_constraint(scene: Scene, representation: str, *, vertices: float = VERTIC
 def by_minimum_distance(
     scene: Scene, representation: str, *, vertices: float = VERTICES, grid: float = GRID[0]
 ) -> Projection:
-    """The minimum distance projection (4.2) on a representation of the scene's model."""
+    """The minimum distance projection (4.2) on a representation of the scene's model; in space on the exact surface."""
+    if scene.model.dimension == 3 and representation == "curve":
+        from hapticeval.renderers.nearest_surface import NearestOnSurface
+
+        return NearestOnSurface(scene.model.surface, bilateral=scene.bilateral)
     from hapticeval.renderers.nearest_point import MinimumDistanceProjection
     from hapticeval.renderers.outline import outline_of
 

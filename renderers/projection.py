@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.surface import Surface
 from hapticeval.types import Array, BoolArray
 
 
@@ -22,19 +23,22 @@ class Projected(NamedTuple):
 class Projection(Protocol):
     """HIP to IHIP (4.4), with whatever it remembers between ticks.
 
-    `surface` is the curve that is really rendered; `resolution` (m) the length of surface over which it is blurred,
-    and `standoff` (m) how far it may lie off the model: both zero where the representation is exact.
+    `resolution` (m) is the length of surface over which it is blurred, and `standoff` (m) how far it may lie off the
+    model: both zero where the representation is exact.
     """
 
-    surface: Curve
     resolution: float
     standoff: float
 
+    @property
+    def surface(self) -> Curve | Surface:
+        """The curve, or surface in space, that is really rendered."""
+
     def reset(self, hip: Array) -> None:
-        """Start a run with the hand at `hip` (2,), m."""
+        """Start a run with the hand at `hip` (N,), m."""
 
     def project(self, hip: Array) -> Projected:
         """One tick."""
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
-        """A tick a row of `hips` (n, 2): IHIPs (n, 2), normals (n, 2) and contact (n,), as `project` gives them."""
+        """A tick a row of `hips` (n, N): IHIPs (n, N), normals (n, N) and contact (n,), as `project` gives them."""

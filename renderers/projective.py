@@ -7,6 +7,7 @@ from operator import sub
 import numpy as np
 
 from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.surface import Surface
 from hapticeval.renderer import Response
 from hapticeval.renderers.projection import Projection
 from hapticeval.renderers.regulation import Components, Regulation
@@ -27,8 +28,8 @@ class ProjectiveRenderer:
         self._error: list[float] | None = None
 
     @property
-    def surface(self) -> Curve:
-        """The curve that is really rendered."""
+    def surface(self) -> Curve | Surface:
+        """The curve, or surface in space, that is really rendered."""
         return self.projection.surface
 
     @property
@@ -42,12 +43,12 @@ class ProjectiveRenderer:
         return self.projection.standoff
 
     def reset(self, hip: Array) -> None:
-        """Start a run with the hand at `hip` (2,), m: inside the model it starts in contact."""
+        """Start a run with the hand at `hip` (N,), m: inside the model it starts in contact."""
         self.projection.reset(hip)
         self._error = None
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
-        """One tick: `hip` (2,), m; `velocity` (2,), m/s; `dt`, s."""
+        """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s."""
         ihip, normal, contact = self.projection.project(hip)
         if not contact:
             self._error = None
@@ -62,9 +63,9 @@ class ProjectiveRenderer:
         return Response(np.array(ihip), np.array(force))
 
     def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
-        """A whole trajectory: `reset` at the first row of `hips` (n, 2), and a `step` a row.
+        """A whole trajectory: `reset` at the first row of `hips` (n, N), and a `step` a row.
 
-        The velocity is the difference backwards in time, zero at the first row. Returns IHIPs and forces, (n, 2).
+        The velocity is the difference backwards in time, zero at the first row. Returns IHIPs and forces, (n, N).
         """
         hips = np.ascontiguousarray(hips, dtype=np.float64)
         self.reset(hips[0])
