@@ -54,6 +54,10 @@ class FirstClass(types.WrapperAddressProtocol):
         self.kernel = kernel
         self._signature = signature
 
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it from Python."""
+        return self.kernel(*arguments)
+
     def __wrapper_address__(self) -> int:
         """Where the machine code lies: numba's protocol."""
         return int(_get_wrapper_address(self.kernel, self._signature))  # type: ignore[no-untyped-call]

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hapticeval.closed_loop import drive
-from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import HapticevalError, RefusalError, RendererError
 from hapticeval.geometry.curve import Curve
 from hapticeval.phenomena.check import Runs
@@ -46,7 +45,7 @@ class _Bench:
         if isinstance(stimulus, Path):
             recording = play(self.renderer, stimulus, dt)
         else:
-            recording = drive(self.renderer, stimulus, PointMass(self.scene.mass), dt)
+            recording = drive(self.renderer, stimulus, self.scene, dt)
         self.simulated += len(recording) * dt
         return recording
 
