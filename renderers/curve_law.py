@@ -8,22 +8,21 @@ so that the force F_r = m ÿ - F_o, with v⊥ and v∥ for n̈ and s̈, makes th
 other. F_o is the hand's force as sensed (8.6), zero without a sensor. v⊥ = -(K_p n + K_d ṅ) / m is (7.14) with its
 signs corrected.
 
-A bilateral constraint has v∥ = (F_o·t - b_d ṡ) / m of (7.17), (7.18) with its sign corrected, and (8.9).
+A bilateral constraint has v∥ = (F_o·t - b_d ṡ) / m of (7.17), (7.18) with its sign corrected, and (8.9): the speed of
+the foot is kept. Off the surface that takes a force along it, 2 m κ ṅ ṡ + m n κ' ṡ^2.
 
-In a unilateral contact the hand may press at one speed and let go at another, and must not gain energy by it. As
+A unilateral contact has the v∥ that takes none, but for the viscosity, since a surface without friction gives none:
 
-    ẏ·F_r = -(K_p n + K_d ṅ) ṅ + m w [(1 + n κ) s̈ + κ ṅ ṡ + n κ' ṡ^2]          (F_o = 0)
+    F_r = N ν - b_d w t,    N = max(0, -K_p n - K_d ṅ - F_o·ν - C),    C = m κ (1 + n κ) ṡ^2
 
-there v∥ is chosen to make the second term that of friction alone, so that t·F_r = m κ ṅ ṡ - b_d w: what bends the
-tool's way does no work. It keeps the speed w of the tool where v∥ = 0 keeps that of its foot; on the surface, where
-n = ṅ = 0, they are the same, and (7.17) holds. Then K_p n^2 / 2 is a storage function of the renderer by itself,
-whatever holds the tool: it is zero where the surface is touched, and dropped where the contact ends. The force never
-pulls:
+On the surface both are (7.17). The contact begins where the hand is inside, n <= 0, and ends outside where N = 0: not
+where n = 0, which a tool that slides over a concave surface crosses at every disturbance. In between it is a damped
+spring at rest at n = -C / K_p, and never pulls. Without a sensor, with S = -K_p n - C where that is positive, else 0,
 
-    F_r = (press - C)+ ν + share m κ ṅ ṡ t,    press = -K_p n - K_d ṅ - F_o·ν,    C = m κ (1 + n κ) ṡ^2
+    F_r·ẏ <= -d/dt (S^2 / 2 K_p) - b_d w^2 - (S / K_p) dC/dt
 
-with share = 1 while press >= C. Below, on a convex surface, the tool would lift off: what is cancelled of the press
-bends the tool's way by as much, share = press+ / C, and does no work either.
+so that, where the surface is flat or convex, it gives no more than it took while C stays, however it is switched: S is
+zero at n = 0. On a concave surface the spring is loaded there by C^2 / 2 K_p, what a touch can give at the most.
 """
 
 from __future__ import annotations
@@ -61,11 +60,7 @@ def answer(
     ihip: Array,
     force: Array,
 ) -> int:
-    """One tick, of signature `LAW`; `pieces` and `samples` are the curve's, see `geometry.curve_kernels`.
-
-    A unilateral contact begins where the hand is inside, n <= 0, and ends outside where it would have to pull: so it
-    lasts on a concave stretch while the tool presses on it, however sampling lays it beside the surface.
-    """
+    """One tick, of signature `LAW`; `pieces` and `samples` are the curve's, see `geometry.curve_kernels`."""
     bilateral = reals[BILATERAL] != 0.0
     u, distance, side = project(pieces, samples, hip[0], hip[1])
     n = side * distance
@@ -98,10 +93,7 @@ def answer(
             ihip[0], ihip[1], force[0], force[1] = hip[0], hip[1], 0.0, 0.0
             return 0
         memory[TOUCHES] = 1.0
-        sliding = mass * bend * across * foot_speed - reals[VISCOSITY] * along
-        if pressing == 0.0:
-            share = max(press, 0.0) / centripetal if centripetal > 0.0 else 0.0
-            sliding = share * mass * bend * across * foot_speed
+        sliding = -reals[VISCOSITY] * along if pressing > 0.0 else 0.0
     ihip[0], ihip[1] = px, py
     force[0] = pressing * ty + sliding * tx
     force[1] = sliding * ty - pressing * tx
