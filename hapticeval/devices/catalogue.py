@@ -101,7 +101,7 @@ def device_named(text: str) -> Device:
 
 def parameters_of(kind: str) -> tuple[str, ...]:
     """The names that a device of the catalogue may be given."""
-    named = []
+    named: list[str] = []
     for name, parameter in inspect.signature(DEVICES[kind]).parameters.items():
         named += TABLE_A1 if parameter.kind is inspect.Parameter.VAR_KEYWORD else [name]
     return tuple(named)

@@ -12,16 +12,19 @@ from numpy.typing import ArrayLike
 
 from hapticeval.devices.device import Device
 from hapticeval.devices.imperfections import ENCODER_STEP
-from hapticeval.devices.workspace import checked_joints
+from hapticeval.devices.workspace import checked_joints, lattice
 from hapticeval.errors import InputError
 from hapticeval.types import Array
 
+CLEARANCE = 0.1
+"""rad: how far from limits and singularities the poses are that stand for the workspace."""
 
-class PeakForce(NamedTuple):
-    """The forces that motors limited to |τᵢ| ≤ limit can hold at the hand: a polytope about 0.
 
-    `worst` (N) is what can be had in every direction, and `worst_direction` (N,) where no more can; `best` (N) the
-    largest of all, along `best_direction`; `corners` (2^N, N) span the polytope.
+class Peak(NamedTuple):
+    """What motors limited to |τᵢ| ≤ limit can do at the hand: a polytope about 0 of forces (N) or accelerations (m/s²).
+
+    `worst` can be had in every direction, and in `worst_direction` (N,) no more; `best` is the largest of all, along
+    `best_direction`; `corners` (2^N, N) span the polytope.
     """
 
     worst: float
@@ -31,6 +34,14 @@ class PeakForce(NamedTuple):
     corners: Array
 
 
+class Spread(NamedTuple):
+    """A criterion over the workspace."""
+
+    least: float
+    median: float
+    greatest: float
+
+
 @dataclass(frozen=True, eq=False)
 class Criteria:
     """A device at one pose, at rest.
@@ -38,7 +49,7 @@ class Criteria:
     `inertia` M̂ (kg) with its eigenvalues `masses` in ascending order and their `directions` (columns); `damping` B̂
     (N s/m) with `resistances` and `resistance_directions` alike; `resolution` (m) the steps of the measured position a
     coordinate; `manipulability` |det J|; `stiffest` (N/m) the K_max of (2.40) along each resistance direction, at
-    `sampling_time` (s); `peak` is None where no torque limit was given.
+    `sampling_time` (s); `force` and `acceleration` are None where no torque limit was given.
     """
 
     joints: Array
@@ -54,7 +65,8 @@ class Criteria:
     manipulability: float
     stiffest: Array
     sampling_time: float
-    peak: PeakForce | None
+    force: Peak | None
+    acceleration: Peak | None
 
     @property
     def anisotropy(self) -> float:
@@ -95,7 +107,8 @@ def criteria(
         manipulability=abs(float(np.linalg.det(device.jacobian(pose)))),
         stiffest=2.0 * resistances / sampling_time,
         sampling_time=sampling_time,
-        peak=None if torque_limit is None else peak_force(device, pose, torque_limit),
+        force=None if torque_limit is None else peak_force(device, pose, torque_limit),
+        acceleration=None if torque_limit is None else peak_acceleration(device, pose, torque_limit),
     )
 
 
@@ -145,28 +158,74 @@ def position_resolution(device: Device, joints: ArrayLike, encoder_step: float =
     return np.array(np.abs(device.jacobian(pose)).sum(axis=1) * encoder_step)
 
 
-def peak_force(device: Device, joints: ArrayLike, torque_limit: float) -> PeakForce:
-    """The polytope of F = J⁻ᵀ τ (2.6) with |τᵢ| ≤ `torque_limit` (N m; N for the point mass), at rest.
+def peak_force(device: Device, joints: ArrayLike, torque_limit: float) -> Peak:
+    """The forces F = J⁻ᵀ τ (2.6) that can be held with |τᵢ| ≤ `torque_limit` (N m; N for the point mass).
 
-    Its facets are |Jᵢᵀ F| ≤ limit for the columns Jᵢ of J, so that the nearest, limit / max‖Jᵢ‖ away, bounds what can
-    be had everywhere. Raises `DomainError` outside of the functional configuration space.
+    Raises `DomainError` outside of the functional configuration space.
     """
     pose = checked_joints(device, joints)
-    _positive("torque_limit", torque_limit, "N m")
-    jacobian = device.jacobian(pose)
-    lengths = np.linalg.norm(jacobian, axis=0)
+    return _peak(device.jacobian(pose).T, torque_limit)
+
+
+def peak_acceleration(device: Device, joints: ArrayLike, torque_limit: float) -> Peak:
+    """The accelerations ÿ = J M⁻¹ τ from rest with |τᵢ| ≤ `torque_limit` (N m; N for the point mass), m/s².
+
+    Raises `DomainError` outside of the functional configuration space.
+    """
+    pose = checked_joints(device, joints)
+    return _peak(device.inertia(pose) @ np.linalg.inv(device.jacobian(pose)), torque_limit)
+
+
+def _peak(torques_of: Array, limit: float) -> Peak:
+    """All a with |`torques_of` a| ≤ limit, row by row: the nearest facet, limit / ‖row‖ away, bounds them all."""
+    _positive("torque_limit", limit, "N m")
+    lengths = np.linalg.norm(torques_of, axis=1)
     weakest = int(np.argmax(lengths))
-    torques = np.array(list(itertools.product((-torque_limit, torque_limit), repeat=device.dimension)))
-    corners = np.linalg.solve(jacobian.T, torques.T).T
+    torques = np.array(list(itertools.product((-limit, limit), repeat=len(lengths))))
+    corners = np.linalg.solve(torques_of, torques.T).T
     sizes = np.linalg.norm(corners, axis=1)
     strongest = int(np.argmax(sizes))
-    return PeakForce(
-        float(torque_limit / lengths[weakest]),
-        jacobian[:, weakest] / lengths[weakest],
+    return Peak(
+        float(limit / lengths[weakest]),
+        torques_of[weakest] / lengths[weakest],
         float(sizes[strongest]),
         corners[strongest] / sizes[strongest],
         corners,
     )
+
+
+def over_workspace(
+    device: Device,
+    *,
+    sampling_time: float = 1e-3,
+    encoder_step: float | None = ENCODER_STEP,
+    torque_limit: float | None = None,
+) -> dict[str, Spread]:
+    """How the criteria vary over a lattice of poses at least `CLEARANCE` rad inside the functional configuration space.
+
+    Keys, as far as they can be told: `lightest` and `heaviest` (kg, eigenvalues of M̂), `anisotropy`, `damping` (N s/m,
+    the least eigenvalue of B̂), `stiffest` (N/m, the least K_max), `resolution` (m, the coarsest coordinate), `force`
+    (N) and `acceleration` (m/s²) in every direction, `manipulability`. Nearer to a singularity M̂ grows without bound.
+    """
+    given = {"sampling_time": sampling_time, "encoder_step": encoder_step, "torque_limit": torque_limit}
+    found: dict[str, list[float]] = {}
+    for joints in lattice(device, clearance=CLEARANCE):
+        at = criteria(device, joints, **given)  # type: ignore[arg-type]
+        values = {
+            "lightest": at.masses[0],
+            "heaviest": at.masses[-1],
+            "anisotropy": at.anisotropy,
+            "damping": at.resistances[0],
+            "stiffest": at.stiffest[0],
+            "manipulability": at.manipulability,
+        }
+        if at.resolution is not None:
+            values["resolution"] = at.resolution.max()
+        if at.force is not None and at.acceleration is not None:
+            values |= {"force": at.force.worst, "acceleration": at.acceleration.worst}
+        for name, value in values.items():
+            found.setdefault(name, []).append(float(value))
+    return {name: Spread(min(each), float(np.median(each)), max(each)) for name, each in found.items()}
 
 
 def _positive(name: str, value: float, unit: str) -> None:

@@ -25,13 +25,13 @@ class Fit(NamedTuple):
     """Whether points lie in the functional workspace.
 
     `margin` (rad) is the smallest of the configurations' margins where they all do, minus infinity where one does not;
-    `index` and `point` (m) name the point with that margin, or else the first that does not, and `why` says what keeps
+    `row` and `point` (m) name the point with that margin, or else the first that does not, and `why` says what keeps
     the device from it.
     """
 
     holds: bool
     margin: float
-    index: int
+    row: int
     point: tuple[float, ...]
     why: str = ""
 
@@ -129,7 +129,7 @@ def holds(device: Device, model: Model | ArrayLike) -> Fit:
         return _points_hold(device, points)
     each = [_points_hold(device, point[None]) for point in points]
     index = max(range(len(each)), key=lambda i: each[i].margin)
-    return each[index]._replace(index=index)
+    return each[index]._replace(row=index)
 
 
 def require(device: Device, model: Model | ArrayLike) -> None:
@@ -140,7 +140,7 @@ def require(device: Device, model: Model | ArrayLike) -> None:
         what = f"model '{name}'" if name else "the set of points"
         raise DomainError(
             f"{what} does not lie in the functional workspace of {device.name} (Assumption 7.1)",
-            why=f"point {fit.index}, ({', '.join(f'{y:.6g}' for y in fit.point)}) m: {fit.why}",
+            why=f"point {fit.row}, ({', '.join(f'{y:.6g}' for y in fit.point)}) m: {fit.why}",
             todo="make the model smaller, or choose another device",
         )
 
@@ -162,18 +162,29 @@ def _points_hold(device: Device, points: ArrayLike) -> Fit:
     return Fit(True, least, index, tuple(array[index].tolist()))
 
 
+def lattice(device: Device, *, step: float = 0.15, clearance: float = 0.0) -> Array:
+    """Configurations (n, N) on a lattice of `step` rad through home that have a margin of more than `clearance` rad.
+
+    Of a device without limits it is home alone.
+    """
+    if not isinstance(device, Parallelogram2 | Parallelogram3):
+        return np.zeros((1, device.dimension))
+    base, low, high = _box()
+    bounds = [(-base, base), (low[0], high[0]), (low[1], high[1])][-device.dimension :]
+    axes = [step * np.arange(math.ceil(least / step), math.floor(most / step) + 1) for least, most in bounds]
+    poses = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, device.dimension)
+    return np.array([pose for pose in poses if device.margin(pose) > clearance])
+
+
 def section(device: Device, n: int = 400) -> Array:
     """The outline of the functional workspace in the linkage's plane, closed, about `n` points (m), (k, 2).
 
     The plane is (y₁, y₂) with the base locked, and (y₁, y₃) at x₁ = 0 with the base turning: the workspace is what this
     sweeps as the base turns within its limits. Raises `InputError` for a device that is nowhere bounded.
     """
-    from hapticeval.devices import parallelogram_kernels as kernels
-
     if not isinstance(device, Parallelogram2 | Parallelogram3):
         raise InputError(f"the workspace of {device.name} has no outline", why="it is all of space")
-    low, high, stop, end = kernels.ELBOW_LOW, kernels.ELBOW_HIGH, kernels.STOP, kernels.SHOULDER_LIMIT
-    corners = np.array([(low - stop, low), (low + stop, low), (end, end - stop), (end, high), (high - stop, high)])
+    corners = _corners()
     edges = zip(corners, np.roll(corners, -1, axis=0), strict=True)
     joints = np.concatenate([np.linspace(a, b, max(2, n // len(corners)), endpoint=False) for a, b in edges])
     flat = Parallelogram2(device.constants)
@@ -181,9 +192,45 @@ def section(device: Device, n: int = 400) -> Array:
     return outline if isinstance(device, Parallelogram2) else _right_of(outline, -device.constants.l4)
 
 
-def _right_of(outline: Array, axis: float) -> Array:
-    """The part of a closed outline with first coordinates above `axis`, closed along it."""
-    import shapely
+def size(device: Device, n: int = 20_000) -> float:
+    """Area (m²) or volume (m³) of the functional workspace, of the outline with about `n` points; infinite where it is
+    all of space. The volume is Pappus's: the angle that the base turns by times the first moment of the section.
+    """
+    if not isinstance(device, Parallelogram2 | Parallelogram3):
+        return math.inf
+    x, y = section(device, n).T
+    across, up = np.roll(x, -1), np.roll(y, -1)
+    crossed = x * up - across * y
+    if isinstance(device, Parallelogram2):
+        return abs(float(crossed.sum())) / 2.0
+    x, across = x + device.constants.l4, across + device.constants.l4
+    crossed = x * up - across * y
+    return 2.0 * _box()[0] * abs(float(((x + across) * crossed).sum())) / 6.0
 
-    kept = shapely.Polygon(outline).intersection(shapely.box(axis, -1e3, 1e3, 1e3))
-    return np.array(shapely.get_coordinates(kept.exterior)[:-1])
+
+def _box() -> tuple[float, tuple[float, float], tuple[float, float]]:
+    """The base's limit, and the least and the greatest pair of linkage angles."""
+    corners = _corners()
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    from hapticeval.devices.parallelogram_kernels import BASE_LIMIT
+
+    return BASE_LIMIT, (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
+
+
+def _corners() -> Array:
+    """The corners of (2.38) in the plane of the linkage's joints: the bound x₁ > -2.4 is never met."""
+    from hapticeval.devices import parallelogram_kernels as kernels
+
+    low, high, stop, end = kernels.ELBOW_LOW, kernels.ELBOW_HIGH, kernels.STOP, kernels.SHOULDER_LIMIT
+    return np.array([(low - stop, low), (low + stop, low), (end, end - stop), (end, high), (high - stop, high)])
+
+
+def _right_of(outline: Array, axis: float) -> Array:
+    """The part of a closed outline with first coordinates above `axis`, closed along it: one piece."""
+    kept: list[Array] = []
+    for here, there in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        if here[0] > axis:
+            kept.append(here)
+        if (here[0] > axis) != (there[0] > axis):
+            kept.append(here + (axis - here[0]) / (there[0] - here[0]) * (there - here))
+    return np.array(kept)
