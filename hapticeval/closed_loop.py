@@ -113,12 +113,13 @@ def _drive_device(renderer: Renderer, experiment: Experiment, scene: Scene, devi
     start(renderer, loop.out[kernels.MEASURED_HIP, 0])
     end = None
     if law is None:
+        feels = renderer if isinstance(renderer, Feeling) and loop.feeling is not None else None
         for tick in range(time.size):
             if tick > 0 and loop.sense(tick) == kernels.OUTSIDE:
                 end = _ended(tick, loop.outside())
                 break
-            if isinstance(renderer, Feeling) and scene.imperfections.force_sensor is not None:
-                renderer.feel(loop.out[kernels.MEASURED_FORCE, tick].copy())
+            if feels is not None:
+                feels.feel(loop.out[kernels.MEASURED_FORCE, tick].copy())
             try:
                 loop.out[kernels.IHIP, tick], loop.out[kernels.FORCE, tick] = ask(
                     renderer, tick, loop.out[kernels.MEASURED_HIP, tick], loop.out[kernels.MEASURED_SPEED, tick], dt

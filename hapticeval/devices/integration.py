@@ -133,7 +133,7 @@ METHODS = {
 }
 """Name -> how to make it."""
 
-DEFAULT = "dormand-prince"
+DEFAULT = "cash-karp"
 """What closed loops integrate with."""
 
 TOLERANCE = 1e-10

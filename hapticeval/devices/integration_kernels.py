@@ -17,6 +17,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from hapticeval.compiled import compiled
 from hapticeval.devices.linear_kernels import solve
 from hapticeval.types import Array
@@ -56,7 +58,7 @@ def accelerate(
 ) -> None:
     """q̈ (N,) at `time` seconds into the tick; with friction, also what it takes to hold each joint: rows[HOLD]."""
     size = joints.shape[0]
-    inertia, scratch, bias = squares[INERTIA], squares[SCRATCH], rows[BIAS]
+    inertia, bias = squares[INERTIA], rows[BIAS]
     dynamics(parameters, joints, rates, inertia, bias)
     for i in range(size):
         out[i] = torque[i] - bias[i]
@@ -74,11 +76,9 @@ def accelerate(
             for i in range(size):
                 out[i] += jacobian[k, i] * force
     if friction is None:
-        for i in range(size):
-            for k in range(size):
-                scratch[i, k] = inertia[i, k]
-        solve(scratch, out)
+        solve(inertia, out)
         return
+    scratch = squares[SCRATCH]
     mode, hold, net = rows[MODE], rows[HOLD], rows[NET]
     for i in range(size):
         out[i] -= mode[i] * friction[i]
@@ -307,3 +307,45 @@ def fall_free(mass: float, joints: Array, rates: Array, force: Array, begin: Arr
     for i in range(joints.shape[0]):
         joints[i] = joints[i] + time * rates[i] + (time * gain / 6.0) * (3.0 * force[i] + 2.0 * begin[i] + finish[i])
         rates[i] = rates[i] + gain * (force[i] + 0.5 * (begin[i] + finish[i]))
+
+
+@compiled
+def advance_many(
+    kinematics: Callable[..., Any],
+    dynamics: Callable[..., Any],
+    parameters: Array,
+    states: Array,
+    afresh: bool,
+    dt: float,
+    torque: Array,
+    push: Array | None,
+    path: Array | None,
+    grip: Array | None,
+    friction: Array | None,
+    table: Array,
+    control: Array,
+    pace: Array,
+    rows: Array,
+    squares: Array,
+    stages: Array,
+) -> int:
+    """`advance` by a tick for each row of `torque` (n, N): joints and rates into states[1:] (n, 2 N); all its steps.
+
+    `afresh`: each tick starts from the state that is there already. Otherwise it starts where the last one ended.
+    """
+    ticks, size = torque.shape
+    taken = 0
+    joints, rates = np.empty(size), np.empty(size)
+    start = states.copy()
+    for tick in range(ticks):
+        if afresh or tick == 0:
+            for i in range(size):
+                joints[i], rates[i] = start[tick, i], start[tick, size + i]
+        taken += advance(
+            kinematics, dynamics, parameters, joints, rates, 0.0, dt, dt, torque[tick],
+            None if push is None else push[tick:], None if path is None else path[tick:], grip, friction, table,
+            control, pace, rows, squares, stages,
+        )  # fmt: skip
+        for i in range(size):
+            states[tick + 1, i], states[tick + 1, size + i] = joints[i], rates[i]
+    return taken
