@@ -24,6 +24,7 @@ minimum_distance = ProjectiveFamily(
     project=by_minimum_distance,
     representations=("curve", "polygon", "level-set", "lut"),
     representation="curve",
+    bends=True,
     offered_knobs={
         "polygon": {"vertices": VERTICES_KNOB},
         "level-set": {"grid": GRID_KNOB},

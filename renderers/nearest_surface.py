@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.surface import Surface
-from hapticeval.geometry.surface_kernels import place
+from hapticeval.geometry.surface_kernels import Triple, bend, dot, place, times
 from hapticeval.renderers.projection import Projected
 from hapticeval.types import Array, BoolArray
 
@@ -23,7 +23,7 @@ class NearestOnSurface:
     def __init__(self, surface: Surface, *, bilateral: bool) -> None:
         self.surface = surface
         self._row = surface.row
-        self._bilateral = bilateral
+        self.bilateral = bilateral
 
     def reset(self, hip: Array) -> None:
         """Nothing is remembered."""
@@ -35,7 +35,26 @@ class NearestOnSurface:
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
         """A tick a row of `hips` (n, 3): IHIPs, normals and contact."""
-        return _trace(self._row, self._bilateral, np.ascontiguousarray(hips, dtype=np.float64))
+        return _trace(self._row, self.bilateral, np.ascontiguousarray(hips, dtype=np.float64))
+
+    def centripetal(self, hips: Array, velocities: Array) -> Array:
+        """<W ẏ, ẏ> a row of `hips` (n, 3) and `velocities` (n, 3), at the nearest point: (n,), m/s^2."""
+        return _centripetal(self._row, hips, velocities)
+
+
+@compiled
+def falling(surface: Array, foot: Triple, normal: Triple, velocity: Triple) -> float:
+    """How fast a surface bends away from under a hand that passes its point `foot`: <W ẏ, ẏ>, m/s^2."""
+    return dot(velocity, times(bend(surface, foot, normal), velocity))
+
+
+@compiled
+def _centripetal(surface: Array, hips: Array, velocities: Array) -> Array:
+    out = np.empty(hips.shape[0])
+    for i in range(hips.shape[0]):
+        foot, normal, _ = place(surface, (hips[i, 0], hips[i, 1], hips[i, 2]))
+        out[i] = falling(surface, foot, normal, (velocities[i, 0], velocities[i, 1], velocities[i, 2]))
+    return out
 
 
 @compiled

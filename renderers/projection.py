@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.surface import Surface
@@ -42,3 +42,14 @@ class Projection(Protocol):
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
         """A tick a row of `hips` (n, N): IHIPs (n, N), normals (n, N) and contact (n,), as `project` gives them."""
+
+
+@runtime_checkable
+class Bending(Protocol):
+    """A projection that knows how the surface bends where it projects to."""
+
+    def centripetal(self, hips: Array, velocities: Array) -> Array:
+        """κ v_t^2 (n,), m/s^2, positive where the model is convex: what a tool that passes there is to fall by.
+
+        v_t is the part of each of `velocities` (n, N) along the surface at the IHIP of each of `hips` (n, N).
+        """

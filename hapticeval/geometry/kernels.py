@@ -81,7 +81,7 @@ def curvature_rate(piece: Array, u: float) -> float:
         cos, sin = math.cos(u), math.sin(u)
         long, short = piece[A], piece[B]
         speed2 = (long * sin) ** 2 + (short * cos) ** 2
-        return -3.0 * long * short * (long * long - short * short) * sin * cos / (speed2 * speed2 * speed2)
+        return float(-3.0 * long * short * (long * long - short * short) * sin * cos / (speed2 * speed2 * speed2))
     if kind == CASSINIAN:
         lobes, ratio = piece[B], piece[C]
         sin_n, cos_n = math.sin(lobes * u), math.cos(lobes * u)
@@ -93,7 +93,7 @@ def curvature_rate(piece: Array, u: float) -> float:
         g1 = -lobes * ratio * cos_n / (root2 * root)
         g2 = lobes * lobes * ratio * sin_n * (root2 - 3.0 * cos_n * cos_n) / (root2 * root2 * root)
         h2 = 1.0 + g * g
-        return (2.0 * g * g1 - g2 - (h2 - g1) * g * (1.0 + 3.0 * g1 / h2)) / (radius * radius * h2 * h2)
+        return float((2.0 * g * g1 - g2 - (h2 - g1) * g * (1.0 + 3.0 * g1 / h2)) / (radius * radius * h2 * h2))
     return 0.0
 
 
