@@ -90,8 +90,8 @@ def _draw_panel(axes: Axes, device: Mapping[str, Any], document: Mapping[str, An
             )  # fmt: skip
     axes.axhline(document["target"], color=MARK, linewidth=1.0, zorder=1.5)
     axes.annotate(
-        f"{document['target']:g}: what closed loops promise", (0.99, document["target"]), xycoords=("axes fraction", "data"), ha="right",
-        va="bottom", fontsize=7,
+        f"{document['target']:g}: what closed loops promise", (0.99, document["target"]),
+        xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=7,
     )  # fmt: skip
     axes.set_xlabel("computing time a simulated second (ms)")
     axes.set_title(f"{device['device']}, ticks of {MS * document['dt']:g} ms", fontsize=9)

@@ -134,8 +134,8 @@ METHODS = {
 """Name -> how to make it."""
 
 DEFAULT = "cash-karp"
-"""What closed loops integrate with: the motors' torque jumps at every tick, so that a last stage that is the next step's
-first, as in Dormand and Prince's, is wasted."""
+"""What closed loops integrate with: the motors' torque jumps at every tick, so that a last stage that is the next
+step's first, as in Dormand and Prince's, is wasted."""
 
 TOLERANCE = 1e-10
 """The error that closed loops allow a step, relative to the largest joint and the largest rate: a tenth of what they
