@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hapticeval import __version__
-from hapticeval.commands import bench, field, flow, integrators, limits
+from hapticeval.commands import bench, device, field, flow, integrators, limits
 from hapticeval.errors import HapticevalError
 from hapticeval.output import DEFAULT_DIRECTORY, prepare, say
 
@@ -192,6 +192,7 @@ def report(
 
 
 app.command(epilog=bench.EXIT_CODES)(bench.bench)
+app.command()(device.device)
 app.command()(field.field)
 app.command()(flow.flow)
 app.command()(integrators.integrators)

@@ -21,6 +21,10 @@ SAMPLES = 2000
 """Points of a model's boundary that are tried: 0.3 mm apart on an outline of 600 mm."""
 
 
+EDGES = ("elbow", "stop", "shoulder", "elbow", "stop")
+"""Which limit each edge of (2.38) is, from the corner with the least angles on, anticlockwise."""
+
+
 class Fit(NamedTuple):
     """Whether points lie in the functional workspace.
 
@@ -162,7 +166,7 @@ def _points_hold(device: Device, points: ArrayLike) -> Fit:
     return Fit(True, least, index, tuple(array[index].tolist()))
 
 
-def lattice(device: Device, *, step: float = 0.15, clearance: float = 0.0) -> Array:
+def lattice(device: Device, *, step: float = 0.2, clearance: float = 0.0) -> Array:
     """Configurations (n, N) on a lattice of `step` rad through home that have a margin of more than `clearance` rad.
 
     Of a device without limits it is home alone.
@@ -184,12 +188,25 @@ def section(device: Device, n: int = 400) -> Array:
     """
     if not isinstance(device, Parallelogram2 | Parallelogram3):
         raise InputError(f"the workspace of {device.name} has no outline", why="it is all of space")
-    corners = _corners()
-    edges = zip(corners, np.roll(corners, -1, axis=0), strict=True)
-    joints = np.concatenate([np.linspace(a, b, max(2, n // len(corners)), endpoint=False) for a, b in edges])
-    flat = Parallelogram2(device.constants)
-    outline = np.array([flat.position(pose) for pose in joints])
+    outline = np.concatenate([points[:-1] for _, points in edges(device, n)])
     return outline if isinstance(device, Parallelogram2) else _right_of(outline, -device.constants.l4)
+
+
+def edges(device: Device, n: int = 400) -> tuple[tuple[str, Array], ...]:
+    """The five edges of what the linkage reaches, in the plane of `section`: the limit's name, and n / 5 points (m).
+
+    A limit's name is `shoulder`, `elbow` or `stop`. With the base turning, a part lies beyond its axis. None for a
+    device without limits.
+    """
+    if not isinstance(device, Parallelogram2 | Parallelogram3):
+        return ()
+    ends = corners()
+    flat = Parallelogram2(device.constants)
+    found = []
+    for name, here, there in zip(EDGES, ends, np.roll(ends, -1, axis=0), strict=True):
+        joints = np.linspace(here, there, max(2, n // len(ends)) + 1)
+        found.append((name, np.array([flat.position(pose) for pose in joints])))
+    return tuple(found)
 
 
 def size(device: Device, n: int = 20_000) -> float:
@@ -210,15 +227,18 @@ def size(device: Device, n: int = 20_000) -> float:
 
 def _box() -> tuple[float, tuple[float, float], tuple[float, float]]:
     """The base's limit, and the least and the greatest pair of linkage angles."""
-    corners = _corners()
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    ends = corners()
+    low, high = ends.min(axis=0), ends.max(axis=0)
     from hapticeval.devices.parallelogram_kernels import BASE_LIMIT
 
     return BASE_LIMIT, (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
 
 
-def _corners() -> Array:
-    """The corners of (2.38) in the plane of the linkage's joints: the bound x₁ > -2.4 is never met."""
+def corners() -> Array:
+    """The corners of (2.38) in the plane of the linkage's joints, (5, 2), rad: the bound x₁ > -2.4 is never met.
+
+    In the order of `EDGES`.
+    """
     from hapticeval.devices import parallelogram_kernels as kernels
 
     low, high, stop, end = kernels.ELBOW_LOW, kernels.ELBOW_HIGH, kernels.STOP, kernels.SHOULDER_LIMIT
