@@ -8,6 +8,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numba
 from numba import types
+from numba.core.typing.typeof import typeof_impl
 from numba.experimental.function_type import _get_wrapper_address
 
 P = ParamSpec("P")
@@ -52,15 +53,27 @@ class FirstClass(types.WrapperAddressProtocol):
     def __init__(self, kernel: Callable[..., Any], signature: Any) -> None:
         kernel.compile(signature.args)  # type: ignore[attr-defined]
         self.kernel = kernel
+        self.type = types.FunctionType(signature)
         self._signature = signature
+        self._address = int(_get_wrapper_address(kernel, signature))  # type: ignore[no-untyped-call]
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it from Python."""
+        return self.kernel(*arguments)
 
     def __wrapper_address__(self) -> int:
         """Where the machine code lies: numba's protocol."""
-        return int(_get_wrapper_address(self.kernel, self._signature))  # type: ignore[no-untyped-call]
+        return self._address
 
     def signature(self) -> Any:
         """What it takes and gives: numba's protocol."""
         return self._signature
+
+
+@typeof_impl.register(FirstClass)
+def _typeof(value: FirstClass, _context: object) -> Any:
+    """Numba would make the type anew at each call, which costs a tick from Python more than the kernel."""
+    return value.type
 
 
 @lru_cache(maxsize=128)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from hapticeval.closed_loop import drive
-from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import HapticevalError, RefusalError, RendererError
 from hapticeval.geometry.curve import Curve
 from hapticeval.phenomena.check import Runs
@@ -24,7 +23,10 @@ from hapticeval.suite import Case
 
 @dataclass(frozen=True)
 class Judged:
-    """What came of one renderer in one case; `recording` is None where the renderer broke at once."""
+    """What came of one renderer in one case; `recording` is None where the renderer broke at once.
+
+    `ended` says at which tick and time, what and why, of a run that ended early because device or law left its domain.
+    """
 
     verdicts: tuple[Verdict, ...]
     recording: Recording | None
@@ -32,6 +34,7 @@ class Judged:
     refusal: RefusalError | None
     simulated_seconds: float
     wall_seconds: float
+    ended: Mapping[str, Any] | None = None
     replay: Mapping[str, Any] | None = None
     """What a replay has to say beside the verdicts: see `hapticeval.replay`."""
 
@@ -39,17 +42,18 @@ class Judged:
 class _Bench:
     """Makes recordings of one renderer in one scene, and counts the seconds that it simulates."""
 
-    def __init__(self, factory: RendererFactory, scene: Scene, case: Case) -> None:
+    def __init__(self, factory: RendererFactory, scene: Scene, case: Case, name: str) -> None:
         self.scene = scene
         self.simulated = 0.0
         self.renderer = built(factory, scene)
         self.stimulus = case.build_stimulus(scene, self.renderer)
+        self.law = case.closed_form.get(name)
 
     def record(self, stimulus: Stimulus, dt: float) -> Recording:
         if isinstance(stimulus, Path):
             recording = play(self.renderer, stimulus, dt)
         else:
-            recording = drive(self.renderer, stimulus, PointMass(self.scene.mass), dt)
+            recording = drive(self.renderer, stimulus, self.scene, dt)
         self.simulated += len(recording) * dt
         return recording
 
@@ -64,7 +68,10 @@ class _Bench:
 
         if isinstance(stimulus, Experiment):
             return Runs(
-                base, refine=refine, at_speed=lambda factor: self.record(stimulus.at_speed(factor), dt)
+                base,
+                refine=refine,
+                at_speed=lambda factor: self.record(stimulus.at_speed(factor), dt),
+                law=self.law,
             ).remembered()
         sampled = Path(*stimulus.sampled(dt))
         return Runs(base, refine=refine, reverse=lambda: self.record(sampled.reversed(), dt)).remembered()
@@ -108,7 +115,7 @@ def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Ju
     findings: list[Finding] = []
     try:
         scene = case.build_scene()
-        bench = _Bench(factory, scene, case)
+        bench = _Bench(factory, scene, case, renderer)
         runs = bench.runs()
         base = runs.base
         for check in case.checks:
@@ -123,7 +130,8 @@ def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Ju
         findings += [_error_finding(raised)] * (len(case.checks) - len(findings))
     verdicts = _verdicts(findings, renderer, suite, case)
     simulated = bench.simulated if bench is not None else 0.0
-    return Judged(verdicts, base, error, refusal, simulated, time.perf_counter() - started)
+    ended = None if base is None else base.meta.get("ended")
+    return Judged(verdicts, base, error, refusal, simulated, time.perf_counter() - started, ended)
 
 
 @dataclass(frozen=True)
@@ -168,7 +176,7 @@ def judge_recorded(
     whole, replay, simulated = (
         (None, None, 0.0) if recorded is None else (recorded.whole, recorded.replay, recorded.simulated_seconds)
     )
-    return Judged(verdicts, whole, error, refusal, simulated, time.perf_counter() - started, replay)
+    return Judged(verdicts, whole, error, refusal, simulated, time.perf_counter() - started, replay=replay)
 
 
 def _lacking(check: str, runs: Runs) -> Finding | None:
@@ -205,10 +213,20 @@ def _verdicts(findings: Sequence[Finding], renderer: str, suite: str, case: Case
 
 
 def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
-    """A check's finding; a fault of the check's own is an outcome of its own and never a verdict on the renderer."""
+    """A check's finding; a fault of the check's own is an outcome of its own and never a verdict on the renderer.
+
+    Of a run that ended early, because device or law left its domain, what has failed until then has failed; that the
+    rest would have passed was not seen.
+    """
+    ended = runs.base.meta.get("ended")
     try:
-        return CHECKS[check].judge(runs, scene)
+        finding = CHECKS[check].judge(runs, scene)
     except HapticevalError:
         raise
     except Exception as fault:  # the boundary behind which one faulty check must not take the run along
-        return Finding(Outcome.ERROR, f"the check itself failed: {type(fault).__name__}: {fault}")
+        finding = Finding(Outcome.ERROR, f"the check itself failed: {type(fault).__name__}: {fault}")
+    if ended is None or finding.outcome in (Outcome.FAIL, Outcome.NOT_APPLICABLE):
+        return finding
+    message = f"the run ended at t = {ended['time']:.4g} s: {ended['what']}"
+    evidence = {**finding.evidence, "ended": dict(ended)}
+    return replace(finding, outcome=Outcome.INCONCLUSIVE, message=message, evidence=evidence)

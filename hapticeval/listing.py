@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from hapticeval.discovery import known_renderers, resolve
 from hapticeval.errors import HapticevalError, UnknownNameError
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.suite import find_suites, load_suite
+from hapticeval.suite import find_suites, load_suite, suite_groups
 
 
 def renderers() -> Iterator[tuple[str, str]]:
@@ -31,10 +31,12 @@ def renderers() -> Iterator[tuple[str, str]]:
 
 
 def suites() -> Iterator[tuple[str, str]]:
-    """The built-in suites."""
+    """The built-in suites, and the groups of them that one name runs."""
     for name in find_suites():
         suite = load_suite(name)
         yield name, f"{suite.title} ({len(suite.cases)} cases; {suite.citation})"
+    for name, members in suite_groups().items():
+        yield name, f"all of {', '.join(members)}"
 
 
 def cases() -> Iterator[tuple[str, str]]:

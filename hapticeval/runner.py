@@ -10,14 +10,14 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from hapticeval.discovery import resolve
+from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import HapticevalError, InputError, NothingSelectedError, RefusalError, RendererError
 from hapticeval.events import Event, JobFinished, RunFinished, RunStarted
 from hapticeval.judging import Judged, broken, judge
@@ -26,7 +26,7 @@ from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
 from hapticeval.results import Results, environment, file_stem, verdict_document, write_results
 from hapticeval.scene import Scene
-from hapticeval.suite import Case, Suite, load_suite
+from hapticeval.suite import Case, Suite, load_suite, suites_named
 from hapticeval.table import fill_table
 
 Done: TypeAlias = tuple[Judged, Path | None]
@@ -64,13 +64,16 @@ class Plan:
 def plan(suites: Sequence[str], renderers: Sequence[str], *, select: Sequence[str] = (), seed: int = 0) -> Plan:
     """Load the suites, see that every renderer can be found, and apply the selection.
 
-    `select` holds globs on case names, on `suite/case`, or on `case/check`; what any of them matches is run, and
-    everything where there are none. Raises `NothingSelectedError` when nothing is left, and what `load_suite` and
-    `resolve` raise.
+    A suite's name may be that of a group: `dynamics` for `dynamics-line` and the others. Where no `renderers` are named
+    each suite runs its own, or those that come with the package. `select` holds globs on case names, on `suite/case`,
+    or on `case/check`; what any of them matches is run, and everything where there are none. Raises
+    `NothingSelectedError` when nothing is left, and what `load_suite` and `resolve` raise.
     """
-    loaded = tuple(load_suite(name) for name in dict.fromkeys(suites))
+    members = dict.fromkeys(name for given in suites for name in suites_named(given))
+    loaded = tuple(load_suite(name) for name in members)
     _refuse_namesakes(loaded)
-    names = tuple(dict.fromkeys(renderers))
+    chosen = {suite.name: tuple(dict.fromkeys(renderers or suite.renderers or own_renderers())) for suite in loaded}
+    names = tuple(dict.fromkeys(name for each in chosen.values() for name in each))
     for name in names:
         resolve(name)
     jobs = tuple(
@@ -78,7 +81,7 @@ def plan(suites: Sequence[str], renderers: Sequence[str], *, select: Sequence[st
         for suite in loaded
         for case in suite.cases
         for selected in _selected(case, suite.name, select)
-        for name in names
+        for name in chosen[suite.name]
     )
     if not jobs:
         cases = sorted({case.name for suite in loaded for case in suite.cases})
@@ -295,7 +298,9 @@ def _run_document(job: Job, judged: Judged, file: Path | None) -> Mapping[str, A
         "model": dict(case.model),
         "depth_of": case.depth_of,
         "judged": case.judged,
-        "scene": _scene_document(scene),
+        "scene": {**_scene_document(scene), **_robot_document(case, scene)},
+        "closed_form": case.closed_form.get(job.renderer),
+        "ended": None if judged.ended is None else dict(judged.ended),
         "error": _error_document(judged.error),
         "refusal": _refusal_document(judged.refusal),
         **({} if judged.replay is None else {"replay": judged.replay}),
@@ -310,6 +315,23 @@ def _scene_document(scene: Scene) -> dict[str, Any]:
         "bilateral": scene.bilateral,
         "restitution": scene.restitution,
         "sampling_time": scene.sampling_time,
+        "viscosity": scene.viscosity,
+    }
+
+
+def _robot_document(case: Case, scene: Scene) -> Mapping[str, Any]:
+    """What an experiment drives: the device as it was made, its inner loop, and what is wrong with them."""
+    if case.stimulus_kind != "experiment":
+        return {}
+    given = asdict(scene.imperfections)
+    device = scene.robot
+    return {
+        "device": {
+            "kind": device.name,
+            **{name: str(value) for name in ("dynamics", "base_inertia") if (value := getattr(device, name, None))},
+        },
+        "inner_loop": scene.inner_loop.value,
+        "imperfections": {name: value for name, value in given.items() if value},
     }
 
 

@@ -90,6 +90,11 @@ class Hand:
                     why="it must be finite and not negative: a hand that drives is not passive",
                 )
 
+    def desired(self, time: Array) -> Array:
+        """y_d at each of `time` (n,), from 0 where the path starts: (n, N), m."""
+        since = self.path.time - self.path.time[0]
+        return np.ascontiguousarray(np.column_stack([np.interp(time, since, column) for column in self.path.points.T]))
+
     def at_speed(self, factor: float) -> Hand:
         """The same hand along its path at `factor` times the pace."""
         path = Path(self.path.time / factor, self.path.points)

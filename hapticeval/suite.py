@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -13,9 +12,10 @@ from pathlib import Path as FilePath
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-
+from hapticeval.closed_forms import CLOSED_FORMS
+from hapticeval.documents import read_document
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
+from hapticeval.experiments import build_experiment, build_scene, check_workspace
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.registry import CHECKS
@@ -33,7 +33,8 @@ class Case:
 
     `depth_of` says whose surface a trajectory's depth counts from: the `model`'s, or that of the renderer's own
     `representation`, which may lie deeper than the trajectory. An unjudged case is shown and never counts.
-    `published` maps renderer and check to the outcome in print.
+    `published` maps renderer and check to the outcome in print, and `closed_form` the renderer to the name of its
+    closed form.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Case:
     checks: tuple[str, ...]
     judged: bool
     published: Published
+    closed_form: Mapping[str, str]
     folder: FilePath = field(repr=False)
 
     @property
@@ -57,7 +59,7 @@ class Case:
 
     def build_scene(self) -> Scene:
         """The scene, its model built once a process."""
-        return Scene(model=_model(json.dumps(self.model, sort_keys=True)), **self.scene)
+        return build_scene(_model(json.dumps(self.model, sort_keys=True)), self.scene)
 
     def build_stimulus(self, scene: Scene, renderer: object) -> Stimulus:
         """The path or the experiment; the renderer's own surface counts where `depth_of` says so.
@@ -65,38 +67,39 @@ class Case:
         Raises `InputError` when the stimulus has another dimension than the model.
         """
         stimulus = self._stimulus(scene, renderer)
-        dimension = 2  # every model of the catalogue is a plane curve
+        dimension = scene.model.dimension
         if stimulus.dimension != dimension:
             raise InputError(
                 f"the HIP is led in {stimulus.dimension}D on a {dimension}D model",
                 why="HIP and model must live in the same space",
-                todo="project the trajectory onto the model's plane: drop a column",
+                todo="project the trajectory onto the model's plane: drop a column"
+                if dimension == 2
+                else "give three columns, or a model in the plane",
             )
         return stimulus
 
     def check_stimulus(self) -> None:
-        """Raise `InputError`, naming the case, for a stimulus that no renderer could be given."""
+        """Raise `InputError`, naming the case, for a stimulus that no renderer could be given.
+
+        Nor may the robot be unable to reach it (Assumption 7.1), or a closed form be about something else.
+        """
         try:
-            self.build_stimulus(self.build_scene(), None)
+            scene = self.build_scene()
+            stimulus = self.build_stimulus(scene, None)
+            if isinstance(stimulus, Experiment):
+                check_workspace(scene, stimulus)
+            for name in self.closed_form.values():
+                CLOSED_FORMS[name].check(scene)
         except InputError as error:
             raise InputError(f"case '{self.name}': {error.what}", why=error.why, todo=error.todo) from error
 
     def _stimulus(self, scene: Scene, renderer: object) -> Stimulus:
-        if self.trajectory is not None:
-            surface = scene.model.curve
-            if self.depth_of == "representation":
-                surface = getattr(renderer, "surface", None) or surface
-            return build_path(self.trajectory, surface, self.folder)
-        spec = self.experiment or {}
-        position = np.array(spec["position"], dtype=np.float64)
-        rows = np.array(spec.get("force", [[0.0] * (position.size + 1)]), dtype=np.float64)
-        return Experiment(
-            duration=spec["duration"],
-            position=position,
-            velocity=np.array(spec.get("velocity", np.zeros(position.size)), dtype=np.float64),
-            force_time=rows[:, 0],
-            force=rows[:, 1:],
-        )
+        if self.trajectory is None:
+            return build_experiment(self.experiment or {}, self.folder)
+        surface = scene.model.boundary
+        if self.depth_of == "representation":
+            surface = getattr(renderer, "surface", None) or surface
+        return build_path(self.trajectory, surface, self.folder)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,13 +114,14 @@ class Row:
 
 @dataclass(frozen=True, kw_only=True)
 class Suite:
-    """A file of cases and the rows of the table that they fill."""
+    """A file of cases and the rows of the table that they fill; `renderers` are run where none are named."""
 
     name: str
     title: str
     citation: str
     cases: tuple[Case, ...]
     rows: tuple[Row, ...]
+    renderers: tuple[str, ...] = ()
 
 
 @lru_cache(maxsize=64)
@@ -129,6 +133,30 @@ def find_suites() -> Mapping[str, FilePath]:
     """The suites that are installed, by name."""
     folder = FilePath(str(resources.files("hapticeval.suites")))
     return MappingProxyType({file.stem: file for file in sorted(folder.glob("*.toml"))})
+
+
+def suites_named(name_or_path: str) -> tuple[str, ...]:
+    """The suite of that name or path, or the group of suites whose names begin with it and a hyphen.
+
+    Raises `UnknownNameError` for a name of neither.
+    """
+    known = find_suites()
+    if name_or_path in known or FilePath(name_or_path).suffix == ".toml":
+        return (name_or_path,)
+    group = tuple(name for name in known if name.startswith(f"{name_or_path}-"))
+    if not group:
+        raise UnknownNameError("suite", name_or_path, [*known, *suite_groups()])
+    return group
+
+
+def suite_groups() -> Mapping[str, tuple[str, ...]]:
+    """The groups of installed suites: what stands before the hyphen, and the names that begin so."""
+    groups: dict[str, list[str]] = {}
+    for name in find_suites():
+        first, hyphen, _ = name.partition("-")
+        if hyphen:
+            groups.setdefault(first, []).append(name)
+    return {first: tuple(names) for first, names in groups.items() if len(names) > 1}
 
 
 def load_suite(name_or_path: str) -> Suite:
@@ -145,12 +173,9 @@ def load_suite(name_or_path: str) -> Suite:
             raise UnknownNameError("suite", name_or_path, known)
         if not file.is_file():
             raise InputError(f"no suite file {file}", todo=f"check the path, or use one of: {', '.join(known)}")
-    try:
-        document = tomllib.loads(file.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{file.name} is not TOML", why=str(error)) from error
-    _validate(document, file.name)
-    cases = tuple(case for spec in document["case"] for case in _cases(spec, file))
+    document = read_document(file, "suite.schema.json")
+    variants = document.get("variant", {})
+    cases = tuple(case for spec in document["case"] for case in _cases(spec, variants, file))
     _refuse_repeats([case.name for case in cases], file.name)
     rows = tuple(_row(spec, file.name) for spec in document.get("row", []))
     for row in rows:
@@ -167,34 +192,8 @@ def load_suite(name_or_path: str) -> Suite:
         citation=document.get("citation", ""),
         cases=cases,
         rows=rows,
+        renderers=tuple(document.get("renderers", ())),
     )
-
-
-def _validate(document: Mapping[str, Any], file: str) -> None:
-    import jsonschema
-
-    schema = json.loads(resources.files("hapticeval").joinpath("suite.schema.json").read_text(encoding="utf-8"))
-    error = jsonschema.exceptions.best_match(jsonschema.Draft202012Validator(schema).iter_errors(document))
-    if error is None:
-        return
-    error = _of_the_kind(error)
-    place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in error.absolute_path)
-    path = list(error.absolute_path)
-    if len(path) >= 2 and path[0] == "case":
-        name = document["case"][path[1]].get("name", f"number {path[1]}")
-        place = f" case '{name}'" + "".join(f".{part}" for part in path[2:])
-    raise InputError(f"{file}:{place or ' the file'} does not fit: {error.message}", todo="see 'Suites' in the README")
-
-
-def _of_the_kind(error: Any) -> Any:
-    """Of the ways in which a table fits none of several kinds, the one about the kind that it says it is."""
-    if error.validator != "oneOf" or not isinstance(error.instance, dict) or "kind" not in error.instance:
-        return error
-    wrong_kind = {part.schema_path[0] for part in error.context if list(part.relative_path) == ["kind"]}
-    of_its_kind = [part for part in error.context if part.schema_path[0] not in wrong_kind]
-    # A misspelt name is both unknown and missing: the unknown one is what the user wrote.
-    of_its_kind.sort(key=lambda part: part.validator != "additionalProperties")
-    return of_its_kind[0] if of_its_kind else error
 
 
 def _refuse_repeats(names: list[str], file: str) -> None:
@@ -219,9 +218,17 @@ def _check_known(name: str, place: str) -> None:
         raise InputError(f"{place}: {error.what}", todo=error.todo)
 
 
-def _cases(spec: Mapping[str, Any], file: FilePath) -> Iterator[Case]:
-    """The case, or one for each entry of its sweep."""
+def _cases(spec: Mapping[str, Any], variants: Mapping[str, Any], file: FilePath) -> Iterator[Case]:
+    """The case and its variants, or one for each entry of its sweep."""
     place = f"{file.name}: case '{spec['name']}'"
+    for label in spec.get("variants", ()):
+        if label not in variants:
+            error = UnknownNameError("variant", label, variants)
+            raise InputError(f"{place}: {error.what}", todo=error.todo)
+    for renderer, form in spec.get("closed_form", {}).items():
+        if form not in CLOSED_FORMS:
+            error = UnknownNameError("closed form", form, CLOSED_FORMS)
+            raise InputError(f"{place}: {error.what} for '{renderer}'", todo=error.todo)
     for check in spec["checks"]:
         _check_known(check, place)
     trajectory = spec.get("trajectory")
@@ -231,6 +238,9 @@ def _cases(spec: Mapping[str, Any], file: FilePath) -> Iterator[Case]:
                 f"{place}: a '{trajectory['kind']}' trajectory needs a depth", todo="give depth, or a sweep"
             )
         yield _case(spec, spec["name"], trajectory, spec.get("published", {}), file)
+        for label in spec.get("variants", ()):
+            varied = _varied(spec, variants[label])
+            yield _case(varied, f"{spec['name']}-{label}", trajectory, {}, file)
         return
     if trajectory is None:
         raise InputError(f"{place}: a sweep is over the depth of a trajectory", todo="write a case an experiment")
@@ -242,6 +252,18 @@ def _cases(spec: Mapping[str, Any], file: FilePath) -> Iterator[Case]:
         }
         titled = {**spec, "title": f"{spec['title']}: {1e3 * entry['depth']:.3g} mm"}
         yield _case(titled, f"{spec['name']}-{entry['label']}", swept, published, file)
+
+
+def _varied(spec: Mapping[str, Any], variant: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The case in another scene. What is in print, closed forms too, is about the case as it stands, not about this."""
+    scene = {**spec.get("scene", {}), **variant["scene"]}
+    checks = [check for check in spec["checks"] if check != "closed-form"]
+    varied = {**spec, "scene": scene, "checks": checks, "title": f"{spec['title']}, {variant['title']}"}
+    varied.pop("closed_form", None)
+    for name in ("shows", "citation", "judged"):
+        if name in variant:
+            varied[name] = variant[name]
+    return varied
 
 
 def _case(
@@ -275,6 +297,7 @@ def _case(
             renderer: {check: Outcome(outcome) for check, outcome in outcomes.items()}
             for renderer, outcomes in published.items()
         },
+        closed_form=spec.get("closed_form", {}),
         folder=file.parent,
     )
     try:

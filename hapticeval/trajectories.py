@@ -11,6 +11,7 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.surface import Surface
 from hapticeval.stimulus import Path
 from hapticeval.types import Array
 
@@ -18,7 +19,7 @@ WAYPOINTS = 32_768
 """Points on a built path: four a tick for eight seconds at 1 kHz, so that refined runs see its true shape."""
 
 
-def build_path(spec: Mapping[str, Any], surface: Curve, folder: FilePath) -> Path:
+def build_path(spec: Mapping[str, Any], surface: Curve | Surface, folder: FilePath) -> Path:
     """The path that a suite's `trajectory` table asks for.
 
     `kind` is one of
@@ -31,19 +32,25 @@ def build_path(spec: Mapping[str, Any], surface: Curve, folder: FilePath) -> Pat
     - `points`: straight lines between `points` (m);
     - `file`: a CSV file with the header `t,x,y` (s, m), relative to the suite's folder.
 
-    The built ones are run through in `duration` seconds at constant speed.
+    The built ones are run through in `duration` seconds at constant speed. Raises `InputError` for a kind that is built
+    on a plane curve and a surface in space, and for what cannot be built or read.
     """
     kind = spec["kind"]
     if kind == "file":
         return read_path(folder / str(spec["path"]))
+    if kind == "points":
+        return _at_constant_speed(np.array(spec["points"], dtype=np.float64), spec["duration"])
+    if not isinstance(surface, Curve):
+        raise InputError(
+            f"a trajectory of kind '{kind}' is built on a plane curve, and the model is a surface in space",
+            todo="use kind = 'points' or 'file'",
+        )
     if kind == "scaled":
         points = _scaled(surface, spec["depth"], spec["from_angle"], spec["to_angle"])
     elif kind == "arc":
         points = _arc(surface, spec["depth"], spec["from_angle"], spec["to_angle"])
-    elif kind == "corner":
-        points = _past_corner(surface, spec["corner"], spec["depth"], spec["before"], spec["after"])
     else:
-        points = np.array(spec["points"], dtype=np.float64)
+        points = _past_corner(surface, spec["corner"], spec["depth"], spec["before"], spec["after"])
     return _at_constant_speed(points, spec["duration"])
 
 
@@ -53,24 +60,38 @@ def read_path(file: FilePath) -> Path:
     Raises `InputError`, naming file and row, for a missing file, other columns, text among the numbers, fewer than
     two rows, NaN, and times that do not increase.
     """
+    values = read_rows(file, "trajectory", "a time in seconds and positions in metres", ("t", "x", "y", "z"))
+    if values.shape[0] < 2:
+        raise InputError(f"{file} has {values.shape[0]} rows", why="a trajectory needs at least two")
+    try:
+        return Path(values[:, 0], values[:, 1:])
+    except InputError as error:
+        raise InputError(f"{file}: {error.what}", why=error.why, todo=error.todo) from None
+
+
+def read_rows(file: FilePath, what: str, meaning: str, header: tuple[str, str, str, str]) -> Array:
+    """The numbers (n, 3 or 4) of a CSV file whose header is `header`, or that without its last name, in the plane.
+
+    Raises `InputError`, naming file and row, for a missing file, other columns, and text among
+    the numbers; an empty cell is NaN. `what` names the rows, which are `meaning`.
+    """
     import pandas as pd
 
+    plane = ",".join(header[:3])
     try:
         table = pd.read_csv(file)
     except FileNotFoundError:
-        raise InputError(
-            f"no trajectory file {file}", todo="check the path; it counts from the suite's folder"
-        ) from None
+        raise InputError(f"no {what} file {file}", todo="check the path; it counts from the suite's folder") from None
     except (ValueError, UnicodeDecodeError) as error:
         raise InputError(
-            f"{file} is not a CSV table", why=str(error), todo="write a header t,x,y and rows of numbers"
+            f"{file} is not a CSV table", why=str(error), todo=f"write a header {plane} and rows of numbers"
         ) from error
-    columns = [str(name).strip() for name in table.columns]
-    if columns not in (["t", "x", "y"], ["t", "x", "y", "z"]):
+    columns = tuple(str(name).strip() for name in table.columns)
+    if columns not in (header[:3], header):
         raise InputError(
             f"{file} has the columns {', '.join(columns)}",
-            why="a trajectory is a time in seconds and positions in metres",
-            todo="give it the header t,x,y (or t,x,y,z)",
+            why=f"a {what} is {meaning}",
+            todo=f"give it the header {plane} (or {','.join(header)})",
         )
     for name in table.columns:
         numbers = pd.to_numeric(table[name], errors="coerce")
@@ -79,13 +100,7 @@ def read_path(file: FilePath) -> Path:
             row = int(np.argmax(text.to_numpy()))
             raise InputError(f"{file}, row {row}, column {name}: {table[name].iloc[row]!r} is not a number")
         table[name] = numbers
-    values = table.to_numpy(dtype=np.float64)
-    if values.shape[0] < 2:
-        raise InputError(f"{file} has {values.shape[0]} rows", why="a trajectory needs at least two")
-    try:
-        return Path(values[:, 0], values[:, 1:])
-    except InputError as error:
-        raise InputError(f"{file}: {error.what}", why=error.why, todo=error.todo) from None
+    return table.to_numpy(dtype=np.float64)
 
 
 def _scaled(surface: Curve, depth: float, from_angle: float, to_angle: float) -> Array:

@@ -1,6 +1,7 @@
-"""The reference renderers: projections of thesis chapter 4 with the regulation schemes of 4.2 and (5.21).
+"""The reference renderers: projections of thesis chapter 4 with the regulation schemes of 4.2 and (5.21),
+and set stabilisation of chapter 7.
 
-The names that the framework finds are factories. Each has variants by regulation scheme and representation, which
+The names that the framework finds are factories. They have variants by regulation scheme and representation, which
 are written into a renderer's name as BASE[+SCHEME][@REPRESENTATION], such as `constraint+pp-pd@curve`.
 """
 
@@ -16,12 +17,14 @@ from hapticeval.renderers.family import (
     by_mapping,
     by_minimum_distance,
 )
+from hapticeval.renderers.set_stabilisation import set_stabilisation
 
 minimum_distance = ProjectiveFamily(
     summary="nearest surface point, thesis (4.2), on the exact curve; pops through medial axes",
     project=by_minimum_distance,
     representations=("curve", "polygon", "level-set", "lut"),
     representation="curve",
+    bends=True,
     offered_knobs={
         "polygon": {"vertices": VERTICES_KNOB},
         "level-set": {"grid": GRID_KNOB},
@@ -62,4 +65,4 @@ mapping = ProjectiveFamily(
 )
 """The mapping renderer."""
 
-__all__ = ["conformal", "constraint", "mapping", "minimum_distance"]
+__all__ = ["conformal", "constraint", "mapping", "minimum_distance", "set_stabilisation"]

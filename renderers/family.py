@@ -88,7 +88,8 @@ class ProjectiveFamily:
 
     Calling it with a scene builds the renderer, with `project(scene, representation, **settings)` as its projection.
     `offered_knobs` are the knobs of each representation, and `settings` those that are set. On `lut`, which a family
-    without memory may list, that projection is read from a table. A model of straight edges is its own polygon: there
+    without memory may list, that projection is read from a table. With `bends` the projection knows the curvature where
+    it projects to on the exact curve, for the schemes that need it. A model of straight edges is its own polygon: there
     polygon and curve coincide. The line is unbounded and has no finite polygon or grid: there every representation
     means the exact line.
     """
@@ -99,13 +100,14 @@ class ProjectiveFamily:
     representation: str
     regulation: str = "pp"
     refused: str = ""
+    bends: bool = False
     offered_knobs: Mapping[str, Mapping[str, Knob]] = field(default_factory=dict)
     settings: Settings = field(default_factory=dict)
 
     @property
     def regulations(self) -> tuple[str, ...]:
         """The names of the regulation schemes that `variant` takes."""
-        return tuple(REGULATIONS)
+        return tuple(name for name, regulation in REGULATIONS.items() if self.bends or not regulation.bends)
 
     @property
     def knobs(self) -> Mapping[str, Knob]:
@@ -134,8 +136,15 @@ class ProjectiveFamily:
                 )
             raise UnknownNameError("representation", representation, self.representations)
         chosen = representation or self.representation
+        scheme = regulation or self.regulation
+        if REGULATIONS[scheme].bends and not (self.bends and chosen == TABULATED):
+            raise InputError(
+                f"regulation scheme '{scheme}' is not for this projection on '{chosen}'",
+                why="it needs the curvature of the surface at the nearest point of the exact curve",
+                todo=f"use minimum-distance+{scheme}@{TABULATED}, or set-stabilisation",
+            )
         kept = {name: value for name, value in self.settings.items() if name in self.offered_knobs.get(chosen, {})}
-        return replace(self, regulation=regulation or self.regulation, representation=chosen, settings=kept)
+        return replace(self, regulation=scheme, representation=chosen, settings=kept)
 
     def __call__(self, scene: Scene) -> ProjectiveRenderer:
         """The renderer for a scene; its gains are the scene's."""
@@ -146,6 +155,7 @@ class ProjectiveFamily:
             REGULATIONS[self.regulation],
             stiffness=scene.stiffness,
             damping=scene.damping,
+            mass=scene.mass,
         )
 
     def _projection(self, scene: Scene) -> Projection:
@@ -167,7 +177,11 @@ def by_constraint(scene: Scene, representation: str, *, vertices: float = VERTIC
 def by_minimum_distance(
     scene: Scene, representation: str, *, vertices: float = VERTICES, grid: float = GRID[0]
 ) -> Projection:
-    """The minimum distance projection (4.2) on a representation of the scene's model."""
+    """The minimum distance projection (4.2) on a representation of the scene's model; in space on the exact surface."""
+    if scene.model.dimension == 3 and representation == "curve":
+        from hapticeval.renderers.nearest_surface import NearestOnSurface
+
+        return NearestOnSurface(scene.model.surface, bilateral=scene.bilateral)
     from hapticeval.renderers.nearest_point import MinimumDistanceProjection
     from hapticeval.renderers.outline import outline_of
 

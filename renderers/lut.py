@@ -11,7 +11,7 @@ import numpy as np
 
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
-from hapticeval.renderers.lut_build import tabulate
+from hapticeval.renderers.lut_build import curve_of, tabulate
 from hapticeval.renderers.lut_kernels import ASK, TOUCHES
 from hapticeval.renderers.lut_table import CELL
 from hapticeval.renderers.projection import Projected, Projection
@@ -81,15 +81,15 @@ def tabulated(
     The table is made once for a model, and shared. The unbounded line has no finite table, and is answered exactly.
     Raises `InputError` for a cell that is not positive, or so small that the table would not fit in memory.
     """
-    exact = project(scene, representation, **settings)
     if not scene.model.curve.closed:
-        return exact
+        return project(scene, representation, **settings)
+    exact = project(scene, representation, **settings)
     kept = _KEPT.setdefault(scene.model, {})
     key = (project, representation, cell, scene.bilateral, *sorted(settings.items()))
     if key not in kept:
         both_sides = project(with_(scene, bilateral=True), representation, **settings)
         kept[key] = tabulate(both_sides, cell=cell, everywhere=scene.bilateral)
-    return LutProjection(kept[key], exact.surface, resolution=max(cell, exact.resolution), exact=exact)
+    return LutProjection(kept[key], curve_of(exact), resolution=max(cell, exact.resolution), exact=exact)
 
 
 _KEPT: WeakKeyDictionary[Model, dict[object, Lookup]] = WeakKeyDictionary()

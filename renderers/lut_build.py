@@ -29,6 +29,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hapticeval.errors import RefusalError
+from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.polygon_kernels import nearest_many
 from hapticeval.renderers.boundary import boundary_of
 from hapticeval.renderers.lut_kernels import EDGE, HELD, MARKED
@@ -75,12 +77,19 @@ def source_of(projection: Projection) -> Source:
         ihips, normals, _ = projection.trace(np.ascontiguousarray(points))
         return ihips, normals
 
-    outline = boundary_of(projection.surface)
+    outline = boundary_of(curve_of(projection))
 
     def distance(points: Array) -> Array:
         return nearest_many(outline.vertices, outline.tree, points)[2]
 
     return Source(project=project, distance=distance, stray=outline.stray)
+
+
+def curve_of(projection: Projection) -> Curve:
+    """The plane curve that a projection renders. Raises `RefusalError` in space: these tables are of the plane."""
+    if not isinstance(projection.surface, Curve):
+        raise RefusalError("a table of a surface in space", why="look-up tables are made of plane projections only")
+    return projection.surface
 
 
 def tabulate(projection: Projection, *, cell: float = CELL, everywhere: bool = False) -> Table:
@@ -89,7 +98,7 @@ def tabulate(projection: Projection, *, cell: float = CELL, everywhere: bool = F
     With `everywhere` it answers in contact throughout, else where the HIP is inside. Raises `InputError` as
     `grid_over` and `empty` do.
     """
-    xmin, ymin, xmax, ymax = projection.surface.bounds
+    xmin, ymin, xmax, ymax = curve_of(projection).bounds
     table = empty(grid_over((xmin, ymin), (xmax, ymax), cell), everywhere=everywhere)
     return replace(table, standoff=fill(table, source_of(projection)))
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from hapticeval.errors import InputError
-from hapticeval.renderers.lut_build import Source, source_of
+from hapticeval.renderers.lut_build import Source, curve_of, source_of
 from hapticeval.renderers.lut_kernels import FREE
 from hapticeval.renderers.lut_tree_kernels import descend, descend_many
 from hapticeval.renderers.lut_tree_split import Level, split_levels
@@ -73,7 +73,7 @@ def grow(projection: Projection, *, error: float, smallest: float, everywhere: b
     where the HIP is inside. Raises `InputError` for an error or a side that is not positive, or a side so small that
     the tree would be more than `DEEPEST` levels deep.
     """
-    xmin, ymin, xmax, ymax = projection.surface.bounds
+    xmin, ymin, xmax, ymax = curve_of(projection).bounds
     extent = max(xmax - xmin, ymax - ymin)
     if not (0.0 < error < extent and 2.0 * extent / 2.0**DEEPEST < smallest < extent):
         raise InputError(

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from hapticeval.compiled import compiled
+from hapticeval.geometry.kernels import evaluate
 from hapticeval.renderers.boundary import Boundary, clear_of, nearest_on
 from hapticeval.renderers.outline import Outline
 from hapticeval.renderers.projection import Projected
@@ -22,8 +25,8 @@ class MinimumDistanceProjection:
         self.surface = outline.surface
         self.resolution = outline.resolution
         self.standoff = outline.standoff
-        self._boundary = outline.boundary
-        self._bilateral = bilateral
+        self.boundary = outline.boundary
+        self.bilateral = bilateral
 
     def reset(self, hip: Array) -> None:
         """Nothing is remembered."""
@@ -31,11 +34,33 @@ class MinimumDistanceProjection:
     def project(self, hip: Array) -> Projected:
         """One tick."""
         x, y = hip.tolist()
-        return Projected(*_project(self._boundary, self._bilateral, x, y))
+        return Projected(*_project(self.boundary, self.bilateral, x, y))
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
         """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""
-        return _trace(self._boundary, self._bilateral, hips)
+        return _trace(self.boundary, self.bilateral, hips)
+
+    def centripetal(self, hips: Array, velocities: Array) -> Array:
+        """κ (t·ẏ)^2 a row of `hips` (n, 2) and `velocities` (n, 2), at the nearest point: (n,), m/s^2."""
+        return _centripetal(self.boundary, hips, velocities)
+
+
+@compiled
+def falling(pieces: Array, piece: int, u: float, vx: float, vy: float) -> float:
+    """How fast a curve bends away from under a hand that passes its point at (piece, u): κ (t·ẏ)^2, m/s^2."""
+    _, _, dx, dy, ddx, ddy = evaluate(pieces[piece], u)
+    speed = math.hypot(dx, dy)
+    along = (dx * vx + dy * vy) / speed
+    return (dx * ddy - dy * ddx) / (speed * speed * speed) * (along * along)
+
+
+@compiled
+def _centripetal(b: Boundary, hips: Array, velocities: Array) -> Array:
+    out = np.empty(hips.shape[0])
+    for i in range(hips.shape[0]):
+        piece, u, _, _ = nearest_on(b, hips[i, 0], hips[i, 1])
+        out[i] = falling(b.pieces, piece, u, velocities[i, 0], velocities[i, 1])
+    return out
 
 
 @compiled

@@ -10,6 +10,7 @@ a tick (components are floats) and a whole trajectory (components are columns), 
 | `pp-d`        | -K_p e_p - K_d ė_p                                               | (4.12)           |
 | `pp-pd`       | -K_p e_p - K_d (n·ẏ) n                                           | (4.14)           |
 | `transversal` | -K_p (n·e_p) n - K_d (n·ẏ) n                                     | (5.21), corrected |
+| `pp-pd-c`     | -K_p e_p - K_d (n·ẏ) n - m κ v_t^2 n                             | chapter 7        |
 | `square-root` | -(e_p/e) (k_p e^(1/2) + k_d e^(1/2) sgn(ė) abs(ė)^(1/2))         | end of 4.2       |
 
 The laws of Table 4.1 are kept to the letter. Contact is unilateral, but none of them is clipped: with damping, a hand
@@ -57,12 +58,19 @@ class Law(Protocol):
 
 @dataclass(frozen=True)
 class Regulation:
-    """A law with its name, where the thesis states it, and whether it needs the error's rate."""
+    """A law with its name, where the thesis states it, and what it needs beside: the error's rate.
+
+    With `bends`, the force that bends the tool's way along the surface, -m κ v_t^2 n (3.8), is added to the law's: the
+    cheap alternative to set stabilisation that chapter 7 mentions. On the surface both are the same. Off it they are
+    not: this leaves n̈ + (K_p n + K_d ṅ)/m = κ v_t^2 (1/(1 + n κ) - 1) and, as its force has no part along the surface,
+    s̈ = -(2 κ ṅ ṡ + n κ' ṡ^2)/(1 + n κ), where set stabilisation makes all three zero. As all laws here it may pull.
+    """
 
     name: str
     law: Law
     citation: str
     needs_rate: bool = False
+    bends: bool = False
 
 
 def pp(
@@ -154,10 +162,14 @@ def square_root(
     depth = np.sqrt(_dot(error, error))
     safe = np.where(depth > 0.0, depth, 1.0)
     closing = _dot(error, rate) / safe
-    spring = stiffness * REFERENCE_DEPTH**0.5
-    damper = damping * (REFERENCE_RATE / REFERENCE_DEPTH) ** 0.5
+    spring, damper = root_gains(stiffness, damping)
     size = np.sqrt(depth) * (spring + damper * np.copysign(np.sqrt(np.abs(closing)), closing))
     return tuple([-size * (e / safe) for e in error])
+
+
+def root_gains(stiffness: float, damping: float) -> tuple[float, float]:
+    """k_p and k_d of the square-root scheme."""
+    return stiffness * REFERENCE_DEPTH**0.5, damping * (REFERENCE_RATE / REFERENCE_DEPTH) ** 0.5
 
 
 def _dot(first: Components, second: Components) -> Any:
@@ -174,6 +186,7 @@ REGULATIONS: Mapping[str, Regulation] = MappingProxyType(
             Regulation("pp-pd", pp_pd, "thesis (4.14)"),
             Regulation("transversal", transversal, "thesis (5.21), signs corrected"),
             Regulation("square-root", square_root, "thesis section 4.2", needs_rate=True),
+            Regulation("pp-pd-c", pp_pd, "thesis chapter 7, (3.8)", bends=True),
         )
     }
 )

@@ -62,7 +62,7 @@ def figure_svg(
 ) -> str:
     """The figure as an SVG element for a page; the same input gives the same text.
 
-    Of a recording in 3D the first two coordinates are drawn in the plane, and all three force components.
+    Of a recording in 3D the two coordinates in which it moves most are drawn, and all three force components.
     """
     from matplotlib import rc_context
     from matplotlib.backends.backend_svg import FigureCanvasSVG

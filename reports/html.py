@@ -61,12 +61,13 @@ class ShownRun:
 
 @dataclass(frozen=True)
 class ShownCase:
-    """One case with all its renderers; the first run's document says what the case is."""
+    """One case with all its renderers; the first run's document says what the case is, `comparison` draws them all."""
 
     anchor: str
     document: Mapping[str, Any]
     model: str
     scene: str
+    comparison: Drawing | None
     runs: Sequence[ShownRun]
 
 
@@ -127,8 +128,15 @@ def _cases(
             )
         )
     return [
-        ShownCase(f"c{index}", runs[0].document, _model(runs[0].document), _scene(runs[0].document), runs)
-        for index, runs in enumerate(grouped.values())
+        ShownCase(
+            f"c{index}",
+            runs[0].document,
+            _model(runs[0].document),
+            _scene(runs[0].document),
+            drawings.get((*key, "")),
+            runs,
+        )
+        for index, (key, runs) in enumerate(grouped.items())
     ]
 
 

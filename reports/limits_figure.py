@@ -25,7 +25,8 @@ def write_limits(directory: Path, document: Mapping[str, Any]) -> list[Path]:
     """Draw `hapticeval.limits.study.study`'s document into `directory` as SVG and PNG, with the numbers as JSON; the
     paths written. Raises `HapticevalError` where a file cannot be written.
     """
-    stem = "limits-" + file_stem(f"{document['scene']}-{document['renderer']}-{document['device']}".replace("/", "-"))
+    case = document["scene"].rpartition("/")[2]
+    stem = file_stem(f"limits-{case}-{document['device']}")
     paths = [directory / f"{stem}.{kind}" for kind in ("svg", "png", "json")]
     try:
         with replacing(paths[2]) as temporary:
@@ -69,11 +70,19 @@ def _width(axes: Axes, document: Mapping[str, Any]) -> None:
         axes.plot(curve["damping"], _kilo(curve["passive"]), color=colour, linestyle="--", linewidth=1.0)
     axes.plot([], [], color=COLOURS["quiet"], linestyle="--", linewidth=1.0, label="passive (2.40)")
     axes.plot(
-        [document["damping"]], [1e-3 * document["stiffness"]], "o", color=COLOURS["jump"], label="the scene", zorder=5
+        [document["damping"]],
+        [1e-3 * document["stiffness"]],
+        "o",
+        color=COLOURS["jump"],
+        label="the scene",
+        zorder=5,
+        clip_on=False,
     )
     axes.set_yscale("symlog", linthresh=0.1)
     axes.set_ylim(bottom=0.0)
-    axes.set_xlim(left=0.0, right=max(document["width"][1]["damping"]))
+    axes.set_xscale("symlog", linthresh=document["width"][-1]["damping"][1])
+    axes.set_xlim(left=0.0)
+    axes.set_xticks([0.0, *(10.0**power for power in range(-2, 4))])
     axes.set(xlabel="damping B (N s/m)", ylabel="stiffness K (kN/m)", title="Z-width: stable below the line")
     axes.legend(frameon=False, fontsize=8)
 
@@ -102,7 +111,7 @@ def _workspace(axes: Axes, document: Mapping[str, Any]) -> None:
     point = 1e3 * np.array(document["point"])
     axes.plot([point[0]], [point[-1]], "o", color=COLOURS["jump"], label="the place", zorder=5)
     axes.set_aspect("equal")
-    names = found["axes"]
+    names = [f"y{'₀₁₂₃'[int(name[1:])]}" for name in found["axes"]]
     axes.set(xlabel=f"{names[0]} (mm)", ylabel=f"{names[1]} (mm)", title="Workspace, worst wall direction")
     axes.legend(frameon=False, fontsize=8, loc="upper right")
 

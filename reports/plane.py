@@ -10,6 +10,7 @@ import numpy as np
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.marks import labels
+from hapticeval.reports.shadow import shadow, shadow_of, shown_axes
 from hapticeval.reports.svg import drawn
 from hapticeval.types import Array, IntArray
 
@@ -28,15 +29,20 @@ LENS_BELOW = 0.025
 def draw_plane(
     axes: Axes, recording: Recording, model: Model | None, *, ticks: Mapping[int, int], failed: Collection[int]
 ) -> None:
-    """Draw into `axes`; `ticks` maps the numbers of marks to samples, `failed` are the numbers that failed."""
-    view = _view(recording, _aspect(axes))
-    body = None if model is None else solid(model, view)
+    """Draw into `axes`; `ticks` maps the numbers of marks to samples, `failed` are the numbers that failed.
+
+    Of a run in space its shadow is drawn.
+    """
+    shown = shown_axes(recording.hip)
+    recording = shadow(recording, shown)
+    view = _view(recording, shape_of(axes))
+    body = None if model is None else body_of(model, shown, view)
     _draw_body(axes, body, view)
     chosen = along_path(recording, SAMPLES, keep=ticks.values())
     _draw_samples(axes, recording, chosen)
     for number, tick in ticks.items():
         _draw_mark(axes, recording, tick, failed=number in failed)
-    places = [MM * recording.ihip[tick, :2] for tick in ticks.values()]
+    places = [MM * recording.ihip[tick] for tick in ticks.values()]
     for where, text in labels(list(ticks), places, 0.05 * (view[2] - view[0])):
         axes.annotate(
             text,
@@ -47,13 +53,18 @@ def draw_plane(
             color=drawn("ink"),
             zorder=6,
         )
-    axes.set_xlabel("y₁ (mm)")
-    axes.set_ylabel("y₂ (mm)")
+    axes.set_xlabel(f"y{'₁₂₃'[shown[0]]} (mm)")
+    axes.set_ylabel(f"y{'₁₂₃'[shown[1]]} (mm)")
     axes.yaxis.set_label_coords(-0.145, 0.5)
     show(axes, view)
     _legend(axes)
     corners = _emptiest_corners(recording, chosen, view)
-    if model is not None and model.curve.closed and view[2] - view[0] < OVERVIEW_BELOW * model.size * MM:
+    if (
+        model is not None
+        and model.dimension == 2
+        and model.curve.closed
+        and view[2] - view[0] < OVERVIEW_BELOW * model.size * MM
+    ):
         _draw_overview(axes, corners.pop(0), model, view)
     depths = MM * np.linalg.norm(recording.ihip - recording.hip, axis=1)
     if 0.0 < depths.max() < LENS_BELOW * (view[2] - view[0]):
@@ -66,7 +77,7 @@ Box = tuple[float, float, float, float]
 """(xmin, ymin, xmax, ymax), mm."""
 
 
-def _aspect(axes: Axes) -> float:
+def shape_of(axes: Axes) -> float:
     """Width of the axes over their height, on paper."""
     size = axes.get_window_extent()
     return float(size.width / size.height)
@@ -74,15 +85,21 @@ def _aspect(axes: Axes) -> float:
 
 def _view(recording: Recording, aspect: float) -> Box:
     """What the points cover and a margin, widened to the shape of the axes."""
-    points = MM * np.vstack([recording.hip[:, :2], recording.ihip[:, :2]])
-    return _box(0.5 * (points.min(axis=0) + points.max(axis=0)), 1.24 * np.ptp(points, axis=0), aspect)
+    points = MM * np.vstack([recording.hip, recording.ihip])
+    return box_round(0.5 * (points.min(axis=0) + points.max(axis=0)), 1.24 * np.ptp(points, axis=0), aspect)
 
 
-def _box(centre: Array, size: Array, aspect: float) -> Box:
+def box_round(centre: Array, size: Array, aspect: float) -> Box:
+    """The smallest box about `centre` that holds `size` and is `aspect` times as wide as high, mm."""
     height = max(float(size[1]), float(size[0]) / aspect, 0.02)
     half = 0.5 * np.array([height * aspect, height])
     (xmin, ymin), (xmax, ymax) = centre - half, centre + half
     return float(xmin), float(ymin), float(xmax), float(ymax)
+
+
+def body_of(model: Model, shown: tuple[int, int], view: Box) -> Geometry:
+    """What to draw of a model, mm: what it fills in the plane, or its shadow on the coordinates `shown`."""
+    return solid(model, view) if model.dimension == 2 else shadow_of(model, shown, MM)
 
 
 def solid(model: Model, view: Box) -> Geometry:
@@ -127,9 +144,9 @@ def _draw_body(axes: Axes, body: Geometry | None, view: Box, *, linewidth: float
     show(axes, view)
 
 
-def draw_body(axes: Axes, model: Model, view: Box) -> None:
-    """Draw what the model fills of `view`, mm."""
-    _draw_body(axes, solid(model, view), view)
+def draw_body(axes: Axes, model: Model, view: Box, shown: tuple[int, int] = (0, 1)) -> None:
+    """Draw what the model fills of `view`, mm, in the coordinates `shown`."""
+    _draw_body(axes, body_of(model, shown, view), view)
 
 
 def show(axes: Axes, view: Box) -> None:
@@ -149,7 +166,7 @@ def along_path(recording: Recording, count: int, *, keep: Collection[int] = ()) 
 
 
 def _draw_samples(axes: Axes, recording: Recording, chosen: IntArray, *, size: float = 3.0) -> None:
-    hip, ihip = MM * recording.hip[chosen, :2], MM * recording.ihip[chosen, :2]
+    hip, ihip = MM * recording.hip[chosen], MM * recording.ihip[chosen]
     touching = recording.contact[chosen]
     gap = np.full_like(hip, np.nan)
     rays = np.stack([hip, ihip, gap], axis=1)[touching].reshape(-1, 2)
@@ -166,9 +183,9 @@ def _draw_samples(axes: Axes, recording: Recording, chosen: IntArray, *, size: f
 
 def _draw_mark(axes: Axes, recording: Recording, tick: int, *, failed: bool) -> None:
     """The marked sample ringed, with the IHIP's way there from the sample before."""
-    hip, ihip = MM * recording.hip[tick, :2], MM * recording.ihip[tick, :2]
+    hip, ihip = MM * recording.hip[tick], MM * recording.ihip[tick]
     if tick > 0:
-        way = MM * recording.ihip[tick - 1 : tick + 1, :2]
+        way = MM * recording.ihip[tick - 1 : tick + 1]
         axes.plot(*way.T, color=drawn("mark"), linewidth=1.6, zorder=2.5)
     axes.plot(*np.stack([hip, ihip]).T, color=drawn("mark"), linewidth=1.2 if failed else 0.8, zorder=2.4)
     axes.plot(
@@ -193,7 +210,7 @@ Corner = tuple[float, float]
 
 def _emptiest_corners(recording: Recording, chosen: IntArray, view: Box) -> list[Corner]:
     """Places for insets, as shares of the axes, those that hide the fewest points first."""
-    points = MM * np.vstack([recording.hip[chosen, :2], recording.ihip[chosen, :2]])
+    points = MM * np.vstack([recording.hip[chosen], recording.ihip[chosen]])
     share = (points - view[:2]) / (np.array(view[2:]) - view[:2])
     high = 0.985 - INSET
     places = [(high, high), (0.015, high), (high, 0.015), (0.015, 0.015)]
@@ -218,7 +235,7 @@ def _draw_overview(axes: Axes, corner: Corner, model: Model, view: Box) -> None:
 
     inset = _inset(axes, corner)
     bounds = MM * np.array(model.curve.bounds)
-    whole = _box(0.5 * (bounds[:2] + bounds[2:]), 1.15 * (bounds[2:] - bounds[:2]), _aspect(axes))
+    whole = box_round(0.5 * (bounds[:2] + bounds[2:]), 1.15 * (bounds[2:] - bounds[:2]), shape_of(axes))
     _draw_body(inset, solid(model, whole), whole, linewidth=0.8)
     width, height = view[2] - view[0], view[3] - view[1]
     inset.add_patch(Rectangle(view[:2], width, height, fill=False, edgecolor=drawn("ihip"), linewidth=1.0, zorder=3))
@@ -229,10 +246,10 @@ def _draw_lens(
 ) -> None:
     """The neighbourhood of one sample, enlarged until its depth can be seen."""
     inset = _inset(axes, corner)
-    centre = MM * 0.5 * (recording.hip[tick, :2] + recording.ihip[tick, :2])
-    box = _box(centre, np.full(2, 3.2 * depth), _aspect(axes))
+    centre = MM * 0.5 * (recording.hip[tick] + recording.ihip[tick])
+    box = box_round(centre, np.full(2, 3.2 * depth), shape_of(axes))
     _draw_body(inset, body, box)
-    points = MM * recording.hip[:, :2]
+    points = MM * recording.hip
     inside = np.flatnonzero(np.all((points > box[:2]) & (points < box[2:]), axis=1))
     near = inside[np.linspace(0, inside.size - 1, min(7, inside.size)).astype(int)]
     _draw_samples(inset, recording, near.astype(np.int64), size=4.0)

@@ -12,6 +12,8 @@ from hapticeval.costs import FILE as BENCH
 from hapticeval.costs import Costs, read_costs
 from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
+from hapticeval.geometry.model import Model
+from hapticeval.reports.comparison import comparison_svg
 from hapticeval.reports.figures import figure_svg
 from hapticeval.reports.html import Drawing, RunKey, render_html
 from hapticeval.reports.junit import junit
@@ -34,6 +36,19 @@ class Order:
     marks: tuple[Mark, ...]
     prefix: str
     position: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All renderers of one experiment in one figure; `files` maps them to their recordings.
+
+    The key's renderer is empty.
+    """
+
+    key: RunKey
+    files: Mapping[str, Path]
+    model: Mapping[str, Any]
+    prefix: str
 
 
 def write_reports(
@@ -71,7 +86,7 @@ def _bench(directory: Path) -> Costs | None:
 def _drawn(
     directory: Path, results: Results, progress: Callable[[int, int], None] | None, workers: int
 ) -> dict[RunKey, Drawing]:
-    orders = list(_orders(directory, results))
+    orders: list[Order | Comparison] = list(_orders(directory, results))
     tell = progress or _say_nothing
     tell(0, len(orders))
     drawings: dict[RunKey, Drawing] = {}
@@ -92,7 +107,7 @@ def _say_nothing(done: int, total: int) -> None:
     pass
 
 
-def _orders(directory: Path, results: Results) -> Iterator[Order]:
+def _orders(directory: Path, results: Results) -> Iterator[Order | Comparison]:
     for index, run in enumerate(results.runs):
         key = (run["suite"], run["case"], run["renderer"])
         refusal = run.get("refusal")
@@ -106,24 +121,55 @@ def _orders(directory: Path, results: Results) -> Iterator[Order]:
                 if (verdict["suite"], verdict["case"], verdict["renderer"]) == key
             ]
             yield Order(key, directory / run["recording"], run["model"], tuple(marks_of(given).values()), f"f{index}")
+    yield from _comparisons(directory, results)
 
 
-def draw(order: Order) -> Drawing:
-    """Read a recording and draw it; what the user can mend is told in the figure's place."""
+def _comparisons(directory: Path, results: Results) -> Iterator[Comparison]:
+    """One for each case in which a constraint holds the tools of several renderers."""
+    cases: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for run in results.runs:
+        if run["stimulus"] == "experiment" and run["scene"]["bilateral"] and run["recording"] is not None:
+            cases.setdefault((run["suite"], run["case"]), []).append(run)
+    for index, (key, runs) in enumerate(cases.items()):
+        if len(runs) > 1:
+            files = {run["renderer"]: directory / run["recording"] for run in runs}
+            yield Comparison((*key, ""), files, runs[0]["model"], f"c{index}")
+
+
+def draw(order: Order | Comparison) -> Drawing:
+    """Read what is to be drawn and draw it; what the user can mend is told in the figure's place."""
+    files = order.files.values() if isinstance(order, Comparison) else [order.file]
+    try:
+        return _compared(order) if isinstance(order, Comparison) else _alone(order)
+    except HapticevalError as error:
+        problem = " ".join(part for part in (f"{error.what}:", error.why) if part)
+        for file in files:
+            problem = problem.replace(f"{file.parent}/" if file else "", "")
+        return Drawing(problem=problem)
+
+
+def _compared(order: Comparison) -> Drawing:
+    from hapticeval.recordings.hdf5 import read_recording
+
+    suite, case, _ = order.key
+    runs = {renderer: read_recording(file) for renderer, file in order.files.items()}
+    title = f"{suite}/{case}: paths of all renderers, distance from the surface and speed along it"
+    return Drawing(svg=comparison_svg(runs, _model(order.model), prefix=order.prefix, title=title))
+
+
+def _model(document: Mapping[str, Any]) -> Model:
     from hapticeval.geometry.catalogue import make_model
+
+    rest = {name: each for name, each in document.items() if name != "kind"}
+    return make_model(document["kind"], **rest.get("parameters", rest))
+
+
+def _alone(order: Order) -> Drawing:
     from hapticeval.recordings.hdf5 import read_recording
 
     suite, case, renderer = order.key
-    try:
-        recording = None if order.file is None else read_recording(order.file)
-        rest = {name: each for name, each in order.model.items() if name != "kind"}
-        model = make_model(order.model["kind"], **rest.get("parameters", rest))
-    except HapticevalError as error:
-        return Drawing(
-            problem=" ".join(part for part in (f"{error.what}:", error.why) if part).replace(
-                f"{order.file.parent}/" if order.file else "", ""
-            )
-        )
+    recording = None if order.file is None else read_recording(order.file)
+    model = _model(order.model)
     if recording is None:
         title = f"{renderer} refuses the model of {suite}/{case}: its outline, and where the reason was seen"
         return Drawing(svg=refusal_svg(model, order.position, prefix=order.prefix, title=title))

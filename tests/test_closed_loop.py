@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hapticeval.closed_loop import drive
-from hapticeval.devices.point_mass import PointMass
 from hapticeval.discovery import resolve
 from hapticeval.errors import RendererError
 from hapticeval.geometry.catalogue import circle, line
@@ -24,7 +23,7 @@ K, D = 500.0, 44.7
 def final(name, model, position, velocity, time, dt):
     scene = Scene(model=model, stiffness=K, damping=D, mass=1.0, bilateral=True)
     rest = Experiment(time, np.array(position), np.array(velocity), np.zeros(1), np.zeros((1, 2)))
-    recording = drive(resolve(name)(scene), rest, PointMass(1.0), dt)
+    recording = drive(resolve(name)(scene), rest, scene, dt)
     assert recording.time[-1] == pytest.approx(time, abs=1e-12)
     return recording.hip[-1], recording.velocity[-1]
 
@@ -77,7 +76,7 @@ def test_a_held_spring_grows_as_its_sampled_eigenvalue_says():
     dt, ticks = 1e-3, 4000
     scene = Scene(model=line(), stiffness=K, mass=1.0, bilateral=True)
     start = Experiment(ticks * dt, np.array([0.0, 1e-3]), np.zeros(2), np.zeros(1), np.zeros((1, 2)))
-    recording = drive(resolve("constraint")(scene), start, PointMass(1.0), dt)
+    recording = drive(resolve("constraint")(scene), start, scene, dt)
     # The quadratic form of the sampled map y+ = y + T v - a y/2, v+ = v - a y/T is multiplied by z z* a tick.
     a = K * dt * dt
     y, v = recording.hip[:, 1], recording.velocity[:, 1] * dt
@@ -114,7 +113,7 @@ def test_a_point_mass_integrates_a_ramp_exactly(force, slope, mass):
     ramp = Experiment(
         0.5, np.zeros(2), np.array([0.3, -0.1]), np.array([0.0, 0.5]), np.array([[0.0, 0.0], 0.5 * slope])
     )
-    recording = drive(Constant(force), ramp, PointMass(mass), 0.01)
+    recording = drive(Constant(force), ramp, Scene(model=line(), mass=mass), 0.01)
     t = recording.time[:, None]
     expected = np.array([0.3, -0.1]) * t + (force * t**2 / 2 + slope * t**3 / 6) / mass
     np.testing.assert_allclose(recording.hip, expected, atol=1e-12 * (1 + np.abs(expected).max()))
@@ -133,5 +132,5 @@ def test_a_loop_that_runs_away_is_stopped_at_its_tick():
 
     push = Experiment(1.0, np.array([1e-3, 0.0]), np.zeros(2), np.zeros(1), np.zeros((1, 2)))
     with pytest.raises(RendererError, match="ran away") as caught:
-        drive(Explosive(), push, PointMass(0.1), 1e-3)
+        drive(Explosive(), push, Scene(model=line(), mass=0.1), 1e-3)
     assert caught.value.tick > 0

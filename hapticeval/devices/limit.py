@@ -34,4 +34,5 @@ class Limit(NamedTuple):
 
 
 def _angle(value: float) -> str:
+    value = round(value, 12) + 0.0  # rounding errors of an inverse are no angle, and nor is minus zero
     return f"{value:.6g} rad ({math.degrees(value):.4g} degrees)"

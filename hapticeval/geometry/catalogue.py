@@ -16,6 +16,7 @@ from hapticeval.geometry import pieces
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import CASSINIAN, COLUMNS, ELLIPSE, UNBOUNDED
 from hapticeval.geometry.model import Model
+from hapticeval.geometry.surface import Surface
 from hapticeval.geometry.validate import (
     checked_number,
     checked_size,
@@ -135,6 +136,32 @@ def line() -> Model:
     return Model("line", MappingProxyType({}), Curve("line", row, False))
 
 
+def sphere(size: float = 0.2) -> Model:
+    """A sphere of diameter `size` (m) about the origin: the surface of thesis (7.50)."""
+    size = checked_size(size)
+    return Model("sphere", MappingProxyType({"size": size}), Surface("sphere", "sphere", (size / 2.0,)))
+
+
+def ellipsoid(a: float = 0.1, b: float = 0.07, c: float = 0.05) -> Model:
+    """An ellipsoid about the origin with semi-axes `a`, `b` and `c` (m) along x, y and z.
+
+    Raises `InputError` if one is more than 1e6 times another.
+    """
+    a, b, c = checked_size(a, "a"), checked_size(b, "b"), checked_size(c, "c")
+    surface = Surface("ellipsoid", "ellipsoid", (a, b, c))
+    return Model("ellipsoid", MappingProxyType({"a": a, "b": b, "c": c}), surface)
+
+
+def torus(major: float = 0.07, minor: float = 0.03) -> Model:
+    """A torus about the z axis: a tube of radius `minor` (m) about the circle of radius `major` (m) in z = 0.
+
+    Raises `InputError` unless `minor` is below `major`: then the tube crosses itself on the axis.
+    """
+    major, minor = checked_size(major, "major"), checked_size(minor, "minor")
+    surface = Surface("torus", "torus", (major, minor))
+    return Model("torus", MappingProxyType({"major": major, "minor": minor}), surface)
+
+
 def from_vertices(vertices: ArrayLike | Sequence[Sequence[float]], *, name: str = "polygon") -> Model:
     """A polygon of given corners (n, 2), m, anticlockwise. Raises `InputError` as `checked_vertices` does."""
     array = checked_vertices(vertices)
@@ -159,6 +186,9 @@ MODELS: Mapping[str, Callable[..., Model]] = MappingProxyType(
         "ellipse": ellipse,
         "dumbbell": dumbbell,
         "line": line,
+        "sphere": sphere,
+        "ellipsoid": ellipsoid,
+        "torus": torus,
         "polygon": from_vertices,
         "wkt": from_wkt,
         "geojson": from_geojson,

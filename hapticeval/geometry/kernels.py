@@ -74,6 +74,30 @@ def evaluate(piece: Array, u: float) -> tuple[float, float, float, float, float,
 
 
 @compiled
+def curvature_rate(piece: Array, u: float) -> float:
+    """How fast the signed curvature changes along one piece, dκ/ds, 1/m^2: zero on lines and arcs."""
+    kind = piece[KIND]
+    if kind == ELLIPSE:
+        cos, sin = math.cos(u), math.sin(u)
+        long, short = piece[A], piece[B]
+        speed2 = (long * sin) ** 2 + (short * cos) ** 2
+        return float(-3.0 * long * short * (long * long - short * short) * sin * cos / (speed2 * speed2 * speed2))
+    if kind == CASSINIAN:
+        lobes, ratio = piece[B], piece[C]
+        sin_n, cos_n = math.sin(lobes * u), math.cos(lobes * u)
+        root2 = ratio - sin_n * sin_n
+        root = math.sqrt(root2)
+        radius = piece[A] * ((cos_n + root) / (1.0 + math.sqrt(ratio))) ** (1.0 / lobes)
+        # with g, g', g'' as in `evaluate` and h^2 = 1 + g^2: κ = (h^2 - g') / (radius h^3), ds/du = radius h
+        g = -sin_n / root
+        g1 = -lobes * ratio * cos_n / (root2 * root)
+        g2 = lobes * lobes * ratio * sin_n * (root2 - 3.0 * cos_n * cos_n) / (root2 * root2 * root)
+        h2 = 1.0 + g * g
+        return float((2.0 * g * g1 - g2 - (h2 - g1) * g * (1.0 + 3.0 * g1 / h2)) / (radius * radius * h2 * h2))
+    return 0.0
+
+
+@compiled
 def piece_of(pieces: Array, u: float) -> int:
     """Index of the piece that holds u (the later one at a joint); u must lie in the curve's range."""
     low, high = 0, pieces.shape[0] - 1

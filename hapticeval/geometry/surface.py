@@ -2,22 +2,58 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from numpy.typing import ArrayLike
 
+from hapticeval.errors import InputError
+from hapticeval.geometry import surface_kernels as kernels
 from hapticeval.geometry.frame import Frame
+from hapticeval.geometry.validate import checked_number, checked_points, checked_size
 from hapticeval.types import Array
+
+KINDS = {"sphere": (kernels.SPHERE, 1), "ellipsoid": (kernels.ELLIPSOID, 3), "torus": (kernels.TORUS, 2)}
+"""For each kind its number in the kernels, and how many lengths it has."""
+
+FLATTEST = 1e6
+"""Largest ratio of two semi-axes: that of the plane ellipse too."""
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A sphere, an ellipsoid or a torus about the origin; `reals` are its lengths (m)."""
+    """A sphere, an ellipsoid or a torus about the origin; `reals` are its lengths (m).
+
+    A sphere has its radius, an ellipsoid its semi-axes along x, y and z, and a torus, about the z axis, the radius of
+    its core circle and that of its tube. Raises `InputError` for lengths that are not positive and finite, for
+    semi-axes whose ratio is above 1e6, and for a torus whose tube closes its hole.
+    """
 
     name: str
     kind: str
     reals: Sequence[float]
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS or len(self.reals) != KINDS[self.kind][1]:
+            raise InputError(
+                f"surface '{self.name}' is a {self.kind} of {len(self.reals)} lengths",
+                todo="give a sphere 1 length, a torus 2, an ellipsoid 3",
+            )
+        lengths = tuple(checked_size(each, f"length {i} of {self.kind}") for i, each in enumerate(self.reals))
+        if self.kind == "torus" and not lengths[1] < lengths[0] * (1.0 - 1e-9):
+            raise InputError(
+                f"a torus with a tube of radius {lengths[1]:g} m about a circle of radius {lengths[0]:g} m",
+                why="it crosses itself on its axis unless the tube's radius is the smaller one",
+                todo="choose minor below major",
+            )
+        if max(lengths) > FLATTEST * min(lengths):
+            raise InputError(
+                f"a {self.kind} with lengths of {min(lengths):g} m and {max(lengths):g} m",
+                why=f"the ratio of two of them is at most {FLATTEST:g}",
+            )
+        object.__setattr__(self, "reals", lengths)
 
     @property
     def dimension(self) -> int:
@@ -25,14 +61,86 @@ class Surface:
         return 3
 
     @property
+    def row(self) -> Array:
+        """What the kernels take, see `surface_kernels`: a new array at each call."""
+        row = np.zeros(kernels.REALS)
+        row[0] = KINDS[self.kind][0]
+        row[1 : 1 + len(self.reals)] = self.reals
+        return row
+
+    @property
     def bounds(self) -> tuple[float, ...]:
         """(xmin, ymin, zmin, xmax, ymax, zmax), m."""
-        raise NotImplementedError
+        if self.kind == "sphere":
+            extents = (self.reals[0],) * 3
+        elif self.kind == "torus":
+            extents = (self.reals[0] + self.reals[1], self.reals[0] + self.reals[1], self.reals[1])
+        else:
+            extents = (self.reals[0], self.reals[1], self.reals[2])
+        return (*(-each for each in extents), *extents)
 
     def frame(self, points: ArrayLike) -> Frame:
-        """Feet, normals, signed distances and shape operators for points (n, 3): see `Frame`."""
-        raise NotImplementedError
+        """Feet, normals, signed distances and shape operators for points (n, 3): see `Frame`.
+
+        Raises `InputError`, naming the row, for a point that is not finite.
+        """
+        rows = self._placed(points)
+        return Frame(rows[:, 0:3].copy(), rows[:, 3:6].copy(), rows[:, 6].copy(), kernels.bend_many(self.row, rows))
+
+    def shape_derivative(self, points: ArrayLike, directions: ArrayLike) -> Array:
+        """∇_v W (n, 3, 3), 1/m^2: how W changes at the feet of points (n, 3) when these move with velocity v.
+
+        v is the tangent part of `directions` (n, 3). It is the covariant derivative, P_T (dW/dt) P_T: what is normal
+        in dW/dt, the turning of the tangent plane, is left out.
+        """
+        rows = self._placed(points)
+        v = checked_points(directions, "directions", dimension=3)
+        if v.shape != (rows.shape[0], 3):
+            raise InputError(f"{v.shape[0]} directions for {rows.shape[0]} points", todo="give one a point")
+        return kernels.bend_change_many(self.row, rows, v)
+
+    def medial_distance(self, points: ArrayLike) -> Array:
+        """(n, 2), m: from the foot of each of points (n, 3), how far the medial set lies inwards, and outwards.
+
+        Along the normal, infinite where there is none: between them each point of the normal has this foot, and I + nW
+        is positive.
+        """
+        return kernels.reach_many(self.row, self._placed(points))
 
     def signed_distance(self, points: ArrayLike) -> Array:
-        """Distances (n,), m, negative inside."""
-        return self.frame(points).distance
+        """Distances (n,), m, negative inside, of points (n, 3)."""
+        return self._placed(points)[:, 6].copy()
+
+    def points(self, n: int) -> Array:
+        """Points (n, 3) spread over the surface, the same at each call; evenly on the sphere and the torus.
+
+        On a spiral that turns by the golden angle at each step, between equal shares of area; an ellipsoid's are those
+        of the sphere, stretched.
+        """
+        if checked_number("n", n) != int(n) or n < 1:
+            raise InputError(f"{n!r} points", why="it must be a whole number, at least 1")
+        share = (np.arange(n) + 0.5) / n
+        turn = np.arange(n) * (math.pi * (3.0 - math.sqrt(5.0)))
+        if self.kind == "torus":
+            major, minor = self.reals
+            angle = _tube_angle(share, minor / major)
+            out = major + minor * np.cos(angle)
+            return np.column_stack([out * np.cos(turn), out * np.sin(turn), minor * np.sin(angle)])
+        high = 1.0 - 2.0 * share
+        out = np.sqrt(1.0 - high * high)
+        stretch = np.array(self.reals)  # three semi-axes, or a sphere's one radius
+        return np.asarray(np.column_stack([out * np.cos(turn), out * np.sin(turn), high]) * stretch)
+
+    def _placed(self, points: ArrayLike) -> Array:
+        return kernels.place_many(self.row, checked_points(points, dimension=3))
+
+
+def _tube_angle(share: Array, ratio: float) -> Array:
+    """Round the tube, the angle below which that share of the area lies: angle + ratio sin(angle) = 2 pi share."""
+    target = 2.0 * math.pi * share
+    low, high = np.zeros_like(target), np.full_like(target, 2.0 * math.pi)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        below = middle + ratio * np.sin(middle) < target
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return np.asarray(0.5 * (low + high))

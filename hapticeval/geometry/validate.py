@@ -20,14 +20,15 @@ SMALLEST, LARGEST = 1e-100, 1e100
 GEOJSON = 'give {"type": "Polygon", "coordinates": [[...]]}'
 
 
-def checked_points(points: object, what: str = "points") -> Array:
-    """Points as (n, 2) float64. Raises `InputError`, naming the row, if shape or numbers are unfit."""
+def checked_points(points: object, what: str = "points", *, dimension: int = 2) -> Array:
+    """Points as (n, `dimension`) float64. Raises `InputError`, naming the row, if shape or numbers are unfit."""
     try:
         array = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InputError(f"{what} are not rows of two numbers", why=str(error)) from error
-    if array.ndim != 2 or array.shape[1] != 2:
-        raise InputError(f"{what} have the shape {array.shape}", why="they must be rows of x and y: (n, 2)")
+        raise InputError(f"{what} are not rows of {dimension} numbers", why=str(error)) from error
+    if array.ndim != 2 or array.shape[1] != dimension:
+        axes = "x and y" if dimension == 2 else "x, y and z"
+        raise InputError(f"{what} have the shape {array.shape}", why=f"they must be rows of {axes}: (n, {dimension})")
     _check_finite(array, what)
     return np.ascontiguousarray(array)
 
@@ -180,8 +181,8 @@ def _rows_of_two(vertices: object) -> Array:
 def _check_finite(array: Array, what: str, *, row: str = "row") -> None:
     bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
     if bad.size:
-        x, y = array[bad[0]]
-        raise InputError(f"{what}: {row} {bad[0]} is ({x}, {y})", why="every number must be finite")
+        numbers = ", ".join(str(each) for each in array[bad[0]])
+        raise InputError(f"{what}: {row} {bad[0]} is ({numbers})", why="every number must be finite")
 
 
 def _check_range(array: Array) -> None:

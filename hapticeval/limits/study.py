@@ -25,7 +25,7 @@ COARSE = 12
 TIMES = (0.25, 0.5, 1.0, 2.0)
 """Sampling times of the Z-width plot, as shares of the scene's."""
 
-POSES, DIRECTIONS = 19, 12
+POSES, DIRECTIONS = 27, 12
 """Poses along each side of the workspace map, and wall directions over half a turn at each."""
 
 
@@ -70,7 +70,9 @@ def _width(factory: RendererFactory, scene: Scene, place: Place, dt: float) -> M
     inverse = np.linalg.inv(robot.jacobian)
     felt = 1.0 / float(place.normal @ np.linalg.inv(inverse.T @ robot.inertia @ inverse) @ place.normal)
     mass = scene.mass if scene.inner_loop == "linearised" else felt
-    dampings, limits, passive = np.linspace(0.0, 2.5 * mass / dt, 41), [], []
+    dampings = np.append(0.0, np.geomspace(1e-4, 2.5, 45) * mass / dt)
+    limits: list[float | None] = []
+    passive: list[float] = []
     for damping in dampings:
         each = replace(scene, damping=float(damping), sampling_time=dt)
         try:

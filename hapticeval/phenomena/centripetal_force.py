@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticeval.geometry.frame import Frame
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.sampling import LAG_TICKS, place, touching, unsettled_by_path
+from hapticeval.phenomena.sampling import HOLD_TICKS, LAG_TICKS, TELLS, place, touching, unsettled_by_path
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -13,10 +14,6 @@ from hapticeval.types import Array
 
 SPEEDS = (0.5, 0.75)
 """The experiment is run at these shares of its speed too, so that error can be told by v^2."""
-SETTLED = 0.1
-"""A bound above a tenth tells nothing: the tool turns too fast for the sampling."""
-HOLD_TICKS = 1.5
-"""A held force lags by half a tick on average, and by one more where it is computed from the last sample."""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -61,7 +58,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     value = max(abs(share), lacking)
     metric = Metric("share of the centripetal force that position error has to supply", value, "")
     undecided = not np.isfinite(deviation) or abs(abs(share) - bound) <= 2.0 * deviation
-    if bound > SETTLED or (undecided and lacking <= bound):
+    if bound > TELLS or (undecided and lacking <= bound):
         message = "too slow, or too much else going on, to tell the centripetal part of the error from the rest"
         return Finding(Outcome.INCONCLUSIVE, message, metric, bound, evidence)
     if value <= bound:
@@ -79,22 +76,24 @@ def _terms(recording: Recording, scene: Scene) -> tuple[Array, Array, Array, flo
     The cost is what a spring pays when it alone supplies (3.8): kappa v_t^2 m / K_p, outwards. The last number is
     the largest |kappa| v_t, rad/s, the rate at which the normal turns.
     """
-    curve = scene.model.curve
     contact = touching(recording, scene)
     hip = recording.hip[contact]
     if hip.shape[0] == 0:
         empty = np.empty(0)
         return empty, empty, empty, 0.0
-    u = curve.nearest(hip)
-    normal, tangent = np.asarray(curve.normal(u)), np.asarray(curve.tangent(u))
-    kappa = np.asarray(curve.curvature(u))
-    speed = np.sum(recording.velocity[contact] * tangent, axis=1)
-    error = np.sum((hip - np.asarray(curve.position(u))) * normal, axis=1)
+    frame = scene.model.boundary.frame(hip)
+    turning, speed2 = _bending(frame, recording.velocity[contact])
     push = np.zeros(hip.shape[0])
     if "operator_force" in recording.channels:
-        push = np.sum(recording.channels["operator_force"][contact] * normal, axis=1) / scene.stiffness
-    cost = kappa * speed**2 * scene.mass / scene.stiffness
-    return error, push, cost, float(np.max(np.abs(kappa * speed)))
+        push = np.sum(recording.channels["operator_force"][contact] * frame.normal, axis=1) / scene.stiffness
+    cost = speed2 * scene.mass / scene.stiffness
+    return frame.distance, push, cost, float(np.max(turning))
+
+
+def _bending(frame: Frame, velocity: Array) -> tuple[Array, Array]:
+    """|W v| (n,), rad/s, the rate at which the normal turns, and <W v, v> (n,), m/s^2: kappa v_t^2 in the plane."""
+    turning = np.einsum("kij,kj->ki", frame.shape, velocity)
+    return np.linalg.norm(turning, axis=1), np.asarray(np.sum(turning * velocity, axis=1))
 
 
 def _share(error: Array, push: Array, cost: Array) -> tuple[float, float]:
@@ -125,14 +124,11 @@ def _missing_at_zero_error(recording: Recording, scene: Scene) -> float | None:
     """
     if not scene.bilateral:
         return None
-    curve = scene.model.curve
     ticks = slice(0, LAG_TICKS + 1)
-    u = curve.nearest(recording.hip[ticks])
-    off = float(np.linalg.norm(np.asarray(curve.position(u))[0] - recording.hip[0]))
-    normal = np.asarray(curve.normal(u))
-    speed = np.sum(recording.velocity[ticks] * np.asarray(curve.tangent(u)), axis=1)
-    wanted = scene.mass * np.asarray(curve.curvature(u)) * speed**2
-    if off > 1e-9 * scene.model.size or not np.all(np.abs(wanted) > 0.0):
+    frame = scene.model.boundary.frame(recording.hip[ticks])
+    normal = frame.normal
+    wanted = scene.mass * _bending(frame, recording.velocity[ticks])[1]
+    if abs(frame.distance[0]) > 1e-9 * scene.model.size or not np.all(np.abs(wanted) > 0.0):
         return None
     given = np.sum(recording.force[ticks] * normal, axis=1)
     if "operator_force" in recording.channels:

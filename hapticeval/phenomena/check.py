@@ -18,13 +18,15 @@ class Runs:
 
     `refine(k)` runs the same stimulus at k times the sampling rate; `reverse()` leads the hand backwards along
     the same points; `at_speed(f)` starts the experiment f times as fast. Each is None where it cannot be had:
-    a recorded hardware run has no siblings. Raises `InputError` for a recording with rows that are not valid.
+    a recorded hardware run has no siblings. `law` names the closed form (`hapticeval.closed_forms`) that the case
+    gives for this renderer, if it does. Raises `InputError` for a recording with rows that are not valid.
     """
 
     base: Recording
     refine: Callable[[int], Recording] | None = None
     reverse: Callable[[], Recording] | None = None
     at_speed: Callable[[float], Recording] | None = None
+    law: str | None = None
 
     def __post_init__(self) -> None:
         if self.base.valid is not None:
@@ -41,6 +43,7 @@ class Runs:
             None if self.refine is None else cache(self.refine),
             None if self.reverse is None else cache(self.reverse),
             None if self.at_speed is None else cache(self.at_speed),
+            self.law,
         )
 
 

@@ -1,4 +1,4 @@
-"""All checks by id, in the order of thesis section 3.2."""
+"""All checks by id: the phenomena in the order of thesis section 3.2, then what Problem 7.1 asks for."""
 
 from __future__ import annotations
 
@@ -9,10 +9,15 @@ from hapticeval.phenomena import (
     abrupt_switch,
     broken_contact,
     centripetal_force,
+    closed_form,
+    constraint_stability,
     contact_normal_force,
     continuous_contact,
+    decoupling,
     impulsive_collision,
     memoryless,
+    output_invariance,
+    tangential_dynamics,
 )
 from hapticeval.phenomena.check import Check
 
@@ -27,6 +32,11 @@ CHECKS: Mapping[str, Check] = MappingProxyType(
             impulsive_collision,
             centripetal_force,
             memoryless,
+            constraint_stability,
+            output_invariance,
+            decoupling,
+            tangential_dynamics,
+            closed_form,
         )
     }
 )

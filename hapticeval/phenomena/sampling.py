@@ -11,6 +11,12 @@ from hapticeval.types import Array, BoolArray
 LAG_TICKS = 3
 """A proxy may answer up to three ticks late without being wrong, as peers do."""
 
+HOLD_TICKS = 1.5
+"""A held force lags by half a tick on average, and by one more where it is computed from the last sample."""
+
+TELLS = 0.1
+"""A bound above a tenth of what is asked for tells nothing."""
+
 FORCE_DEPTH = 1e-6
 """Depth (m) whose spring force is the floor under which a force has no direction worth judging."""
 
@@ -49,7 +55,7 @@ def off_surface(recording: Recording, scene: Scene) -> tuple[float, int]:
     contact = np.flatnonzero(touching(recording, scene))
     if contact.size == 0:
         return 0.0, 0
-    distance = np.abs(scene.model.curve.signed_distance(recording.ihip[contact]))
+    distance = np.abs(scene.model.boundary.signed_distance(recording.ihip[contact]))
     worst = int(np.argmax(distance))
     return float(distance[worst]), int(contact[worst])
 
@@ -67,8 +73,10 @@ def standoff(recording: Recording, scene: Scene) -> float:
 
 
 def resolution(recording: Recording, scene: Scene) -> float:
-    """The declared resolution, m, at most a sixteenth of the outline."""
-    return min(recording.resolution, COARSEST * scene.model.curve.length)
+    """The declared resolution, m, at most a sixteenth of the outline; in space that of a circle of the model's size."""
+    model = scene.model
+    outline = model.curve.length if model.dimension == 2 else np.pi * model.size
+    return min(recording.resolution, COARSEST * outline)
 
 
 def placement(recording: Recording, scene: Scene) -> float:
@@ -92,7 +100,7 @@ def lacks_ihip(recording: Recording, scene: Scene) -> bool:
     silent = loaded(recording, scene) & np.all(recording.ihip == recording.hip, axis=1)
     if not silent.any():
         return False
-    distance = scene.model.curve.signed_distance(recording.hip[silent])
+    distance = scene.model.boundary.signed_distance(recording.hip[silent])
     return bool(np.any(np.abs(distance) > placement(recording, scene) + 1e-9 * scene.model.size))
 
 

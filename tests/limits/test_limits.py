@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hapticeval.cli import main
+from hapticeval.devices.catalogue import make_device
 from hapticeval.devices.imperfections import Imperfections
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
@@ -18,7 +21,7 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.limits.linear import Place, SampledLoop, robot_at
 from hapticeval.limits.passivity import passive_stiffness, port_damping
-from hapticeval.limits.search import eigenvalue_limit, family_of
+from hapticeval.limits.search import eigenvalue_limit, family_of, simulated_limit
 from hapticeval.scene import Scene
 
 WALL = Place(np.zeros(2), np.array([0.0, 1.0]))
@@ -62,12 +65,14 @@ def held_spring_limit(mass, viscosity, dt):
     return (1.0 - decay) / (mass / viscosity**2 * (1.0 - decay) - dt / viscosity * decay)
 
 
+@settings(max_examples=25)
 @given(mass=st.floats(0.05, 5.0), viscosity=st.floats(0.05, 5.0), dt=st.sampled_from([2.5e-4, 1e-3, 4e-3]))
 def test_a_held_spring_on_a_damped_mass_has_its_textbook_limit(mass, viscosity, dt):
     found = limit(scene(mass, viscosity, sampling_time=dt))
     assert found == pytest.approx(held_spring_limit(mass, viscosity, dt), rel=1e-5)
 
 
+@settings(max_examples=25)
 @given(mass=st.floats(0.05, 5.0), viscosity=st.floats(0.05, 5.0), dt=st.sampled_from([2.5e-4, 1e-3, 4e-3]))
 def test_passivity_is_stricter_than_stability_alone(mass, viscosity, dt):
     sampled = scene(mass, viscosity, sampling_time=dt)
@@ -76,6 +81,7 @@ def test_passivity_is_stricter_than_stability_alone(mass, viscosity, dt):
     assert passive <= limit(sampled) * (1.0 + 1e-6)
 
 
+@settings(max_examples=25)
 @given(delay=st.floats(0.0, 3e-3))
 def test_delay_only_takes_away(delay):
     late = replace(scene(), imperfections=Imperfections(delay=delay))
@@ -93,6 +99,7 @@ def test_a_delay_of_one_tick_has_the_roots_of_its_cubic():
     assert max(roots) == pytest.approx(1.0, abs=1e-7)
 
 
+@settings(max_examples=25)
 @given(mass=st.floats(0.05, 2.0), share=st.floats(0.05, 0.95) | st.floats(1.05, 1.5))
 def test_a_damped_wall_on_a_free_mass_fills_its_triangle(mass, share):
     """Jury on z^2 - (2 - B T/m - K T^2/2m) z + (1 - B T/m + K T^2/2m): K < 2 B / T, and B < 2 m / T."""
@@ -135,3 +142,66 @@ def test_a_renderer_with_physics_of_its_own_has_no_limit_to_look_for():
 def test_a_spring_that_is_not_linear_in_stiffness_is_refused():
     with pytest.raises(InputError, match="proportion"):
         family_of(Crooked, scene(), WALL)
+
+
+def robot_scene(**rest):
+    return Scene(model=make_model("line"), device=make_device("parallelogram-2dof"), stiffness=1000.0, **rest)
+
+
+def test_the_robot_at_home_has_the_golden_bound_and_the_thesis_exceeds_it():
+    """2 eig(B) / T at home, |z| = 1.000718 at 1 kN/m, and 560 within, 562 beyond."""
+    scene = robot_scene()
+    robot = robot_at(scene.robot, WALL.point)
+    assert passive_stiffness(scene, robot, np.array([0.0, 1.0])) == pytest.approx(561.328477, abs=1e-5)
+    assert passive_stiffness(scene, robot, np.array([1.0, 0.0])) == pytest.approx(2333.333333, abs=1e-5)
+    loop, family = SampledLoop(scene, robot), family_of(resolve("minimum-distance+pp"), scene, WALL)
+    assert loop.growth(family.at(1000.0)) == pytest.approx(1.000718, abs=5e-7)
+    assert loop.growth(family.at(560.0)) < 1.0 < loop.growth(family.at(562.0))
+
+
+def test_on_the_thesis_circle_the_weakest_wall_has_the_golden_range():
+    scene = robot_scene()
+    weakest = []
+    for angle in np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False):
+        robot = robot_at(scene.robot, 0.1 * np.array([np.cos(angle), np.sin(angle)]))
+        walls = np.linspace(0.0, np.pi, 90, endpoint=False)
+        weakest.append(min(passive_stiffness(scene, robot, np.array([np.cos(w), np.sin(w)])) for w in walls))
+    assert min(weakest) == pytest.approx(524.85, abs=0.2)
+    assert max(weakest) == pytest.approx(561.33, abs=1.5)
+
+
+def test_the_loop_itself_loses_stability_where_its_eigenvalues_say():
+    scene = robot_scene()
+    found = simulated_limit(resolve("minimum-distance+pp"), scene, WALL)
+    family = family_of(resolve("minimum-distance+pp"), scene, WALL)
+    assert found == pytest.approx(
+        eigenvalue_limit(SampledLoop(scene, robot_at(scene.robot, WALL.point)), family), rel=2e-3
+    )
+
+
+def test_the_command_tells_draws_and_ends_with_one_for_an_unstable_scene(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("hapticeval.limits.study.POSES", 5)
+    monkeypatch.setattr("hapticeval.limits.search.TICKS", 4000)
+    code = main(["limits", "thesis/plane-press", "--device", "parallelogram-2dof", "-o", str(tmp_path)])
+    shown = " ".join(capsys.readouterr().out.split())
+    assert code == 1
+    assert "its 1000 N/m exceed the bound (2.40) of 561.3 N/m" in shown
+    assert "unstable" in shown
+    document = json.loads(next(tmp_path.glob("*.json")).read_text())
+    assert document["workspace"]["axes"] == ["y1", "y2"]
+    assert {file.suffix for file in tmp_path.iterdir()} == {".svg", ".png", ".json"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["thesis"], "names no case"),
+        (["thesis/plane-pres"], "did you mean plane-press"),
+        (["thesis/plane-press", "--at", "1"], "2 numbers"),
+        (["thesis/plane-press", "--device", "parallelogram-2dof", "--at", "5,0"], "5"),
+        (["thesis/plane-press", "-r", "ideal"], "physics of its own"),
+    ],
+)
+def test_what_cannot_be_studied_is_told_at_once(arguments, words, tmp_path, capsys):
+    assert main(["limits", *arguments, "-o", str(tmp_path)]) == 2
+    assert words in capsys.readouterr().err

@@ -1,0 +1,107 @@
+"""The devices that suites name: the point mass and the parallelogram robot of section 2.5.5."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from types import MappingProxyType
+from typing import Any
+
+from hapticeval.devices.device import Device
+from hapticeval.devices.parallelogram import (
+    BaseInertia,
+    Dynamics,
+    Parallelogram2,
+    Parallelogram3,
+    ParallelogramParameters,
+)
+from hapticeval.devices.point_mass import PointMass
+from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.geometry.validate import checked_number
+
+TABLE_A1 = tuple(each.name for each in fields(ParallelogramParameters))
+
+
+def point_mass(mass: float, dimension: int = 2) -> PointMass:
+    """A mass (kg) in 2 or 3 dimensions. Raises `InputError` for a mass that is not finite and positive."""
+    mass, n = checked_number("mass", mass), checked_number("dimension", dimension)
+    if mass <= 0.0:
+        raise InputError(f"mass = {mass!r} kg", why="it must be positive")
+    if n not in (2.0, 3.0):
+        raise InputError(f"dimension = {dimension!r}", why="a point moves in the plane, 2, or in space, 3")
+    return PointMass(mass, int(n))
+
+
+def parallelogram_2dof(
+    *, dynamics: str = Dynamics.LAGRANGIAN, base_inertia: str = BaseInertia.SIN, **constants: float
+) -> Parallelogram2:
+    """The robot with its base locked; `constants` are those of Table A.1, see `ParallelogramParameters`."""
+    return Parallelogram2(ParallelogramParameters(**constants), Dynamics(dynamics), BaseInertia(base_inertia))
+
+
+def parallelogram_3dof(
+    *, dynamics: str = Dynamics.LAGRANGIAN, base_inertia: str = BaseInertia.SIN, **constants: float
+) -> Parallelogram3:
+    """The robot with its base turning; `constants` are those of Table A.1, see `ParallelogramParameters`."""
+    return Parallelogram3(ParallelogramParameters(**constants), Dynamics(dynamics), BaseInertia(base_inertia))
+
+
+DEVICES: Mapping[str, Callable[..., Device]] = MappingProxyType(
+    {
+        PointMass.name: point_mass,
+        Parallelogram2.name: parallelogram_2dof,
+        Parallelogram3.name: parallelogram_3dof,
+    }
+)
+
+
+def make_device(kind: str, **parameters: Any) -> Device:
+    """A device by the name and parameters that a suite file gives.
+
+    `point-mass` has `mass` (kg) and `dimension`; `parallelogram-2dof` and `parallelogram-3dof` have the parameters of
+    Table A.1, `dynamics` and `base_inertia`. Raises `UnknownNameError` for an unknown kind and `InputError` for
+    parameters that it does not have, lacks, or cannot be made from.
+    """
+    if kind not in DEVICES:
+        raise UnknownNameError("device", kind, DEVICES)
+    known = parameters_of(kind)
+    for given in parameters:
+        if given not in known:
+            raise UnknownNameError(f"parameter of device '{kind}'", given, known)
+    for name, choices in (("dynamics", Dynamics), ("base_inertia", BaseInertia)):
+        if name in parameters and parameters[name] not in list(choices):
+            raise UnknownNameError(f"{name} of device '{kind}'", str(parameters[name]), choices)
+    for name, parameter in inspect.signature(DEVICES[kind]).parameters.items():
+        required = parameter.default is inspect.Parameter.empty and parameter.kind is not inspect.Parameter.VAR_KEYWORD
+        if required and name not in parameters:
+            raise InputError(f"device '{kind}' lacks the parameter '{name}'", todo=f"give {name}")
+    return DEVICES[kind](**parameters)
+
+
+def device_named(text: str) -> Device:
+    """A device by `kind` or `kind:name=value,...`, as command lines give it; a value is a number or a word.
+
+    Raises `InputError` for what is not so written, and as `make_device` does.
+    """
+    kind, _, rest = text.partition(":")
+    parameters: dict[str, float | str] = {}
+    for part in rest.split(",") if rest else []:
+        name, equals, value = (each.strip() for each in part.partition("="))
+        if not (name and equals and value):
+            raise InputError(
+                f"device '{text}': '{part}' is not name=value", todo="write for instance parallelogram-3dof:b1=0.4"
+            )
+        try:
+            parameters[name] = float(value)
+        except ValueError:
+            parameters[name] = value
+    return make_device(kind, **parameters)
+
+
+def parameters_of(kind: str) -> tuple[str, ...]:
+    """The names that a device of the catalogue may be given."""
+    named: list[str] = []
+    for name, parameter in inspect.signature(DEVICES[kind]).parameters.items():
+        named += TABLE_A1 if parameter.kind is inspect.Parameter.VAR_KEYWORD else [name]
+    return tuple(named)

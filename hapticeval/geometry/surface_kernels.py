@@ -1,0 +1,285 @@
+"""Nearest points, shape operators and their derivatives on surfaces in space, for compiled loops.
+
+A surface is a row `reals` = (kind, three lengths in m):
+
+| kind      | lengths                                         | about                                |
+|-----------|-------------------------------------------------|--------------------------------------|
+| SPHERE    | radius, -, -                                    | the origin                           |
+| ELLIPSOID | semi-axes along x, y and z                      | the origin                           |
+| TORUS     | radius of the core circle, radius of the tube, - | the z axis, the core circle in z = 0 |
+
+Vectors are tuples of three numbers; a symmetric matrix is a tuple of its six, (xx, xy, xz, yy, yz, zz).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TypeAlias
+
+import numpy as np
+
+from hapticeval.compiled import compiled
+from hapticeval.types import Array
+
+SPHERE, ELLIPSOID, TORUS = 0.0, 1.0, 2.0
+KIND, FIRST, SECOND, THIRD = range(4)
+REALS = 4
+
+Triple: TypeAlias = tuple[float, float, float]
+Symmetric: TypeAlias = tuple[float, float, float, float, float, float]
+
+STEPS = 200
+"""Most steps of the ellipsoid's root search: a bound on the loop, which ends by itself at rounding."""
+
+NOTHING = 1e-150
+"""Share of a semi-axis below which a coordinate counts as zero: its reciprocal's square is still a number."""
+
+
+@compiled
+def dot(a: Triple, b: Triple) -> float:
+    """Scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled
+def plus(a: Triple, factor: float, b: Triple) -> Triple:
+    """a + factor b."""
+    return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
+
+
+@compiled
+def times(w: Symmetric, v: Triple) -> Triple:
+    """The symmetric matrix w on the vector v."""
+    return (
+        w[0] * v[0] + w[1] * v[1] + w[2] * v[2],
+        w[1] * v[0] + w[3] * v[1] + w[4] * v[2],
+        w[2] * v[0] + w[4] * v[1] + w[5] * v[2],
+    )
+
+
+@compiled
+def place(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
+    """The globally nearest surface point, the outward unit normal there, and the signed distance, negative inside.
+
+    On the medial set, where several are nearest, it is one of them, always the same: y = foot + distance normal holds.
+    """
+    if reals[KIND] == SPHERE:
+        return _on_sphere(reals[FIRST], y)
+    if reals[KIND] == TORUS:
+        return _on_torus(reals[FIRST], reals[SECOND], y)
+    return _on_ellipsoid(reals, y)
+
+
+@compiled
+def _on_sphere(radius: float, y: Triple) -> tuple[Triple, Triple, float]:
+    length = math.sqrt(dot(y, y))
+    if length == 0.0:
+        return (0.0, 0.0, radius), (0.0, 0.0, 1.0), -radius
+    normal = (y[0] / length, y[1] / length, y[2] / length)
+    return (radius * normal[0], radius * normal[1], radius * normal[2]), normal, length - radius
+
+
+@compiled
+def _on_torus(major: float, minor: float, y: Triple) -> tuple[Triple, Triple, float]:
+    across = math.hypot(y[0], y[1])
+    ex, ey = 1.0, 0.0
+    if across > 0.0:
+        ex, ey = y[0] / across, y[1] / across
+    length = math.hypot(across - major, y[2])
+    cos, sin = 1.0, 0.0
+    if length > 0.0:
+        cos, sin = (across - major) / length, y[2] / length
+    out = major + minor * cos
+    return (out * ex, out * ey, minor * sin), (cos * ex, cos * ey, sin), length - minor
+
+
+@compiled
+def _on_ellipsoid(reals: Array, y: Triple) -> tuple[Triple, Triple, float]:
+    """By the root of Eberly's secular equation ("Distance from a point to an ellipsoid").
+
+    The foot is p_i = r_i y_i / (q_i + g), with r_i = (e_i / e)^2, q_i = r_i - 1 and e the smallest semi-axis; g > 0 is
+    where the vector of r_i z_i / (q_i + g), z_i = y_i / e_i, has the norm 1, and the signed distance is
+    (g - 1) e^2 times the norm of (p_i / e_i^2). In terms of g, zero on the medial disc, nothing cancels near it.
+    """
+    a, b, c = reals[FIRST], reals[SECOND], reals[THIRD]
+    e = min(a, b, c)
+    rs = ((a / e) ** 2, (b / e) ** 2, (c / e) ** 2)
+    qs = ((a - e) * (a + e) / e / e, (b - e) * (b + e) / e / e, (c - e) * (c + e) / e / e)
+    zs = (abs(y[0]) / a, abs(y[1]) / b, abs(y[2]) / c)
+    # where one term alone has the norm 1: no root lies below, and Newton on the concave 1 / norm - 1 climbs to it
+    g = max(0.0, rs[0] * zs[0] - qs[0], rs[1] * zs[1] - qs[1], rs[2] * zs[2] - qs[2])
+    inner = 0.0
+    for i in range(3):
+        if zs[i] > NOTHING and qs[i] > 0.0:
+            inner += (rs[i] * zs[i] / qs[i]) ** 2
+    medial = g <= NOTHING and inner <= 1.0
+    if not medial:
+        for _ in range(STEPS):
+            square, slope = 0.0, 0.0
+            for i in range(3):
+                if zs[i] > NOTHING:
+                    w = rs[i] * zs[i] / (qs[i] + g)
+                    square += w * w
+                    slope += w * w / (qs[i] + g)
+            step = (math.sqrt(square) - 1.0) * square / slope
+            g += step
+            if not step > 1e-16 * g:
+                break
+    x0 = rs[0] * y[0] / (qs[0] + g) if zs[0] > NOTHING else 0.0
+    x1 = rs[1] * y[1] / (qs[1] + g) if zs[1] > NOTHING else 0.0
+    x2 = rs[2] * y[2] / (qs[2] + g) if zs[2] > NOTHING else 0.0
+    if medial:
+        low = e * math.sqrt(max(0.0, 1.0 - inner))
+        if c == e:
+            x2 = math.copysign(low, y[2])
+        elif b == e:
+            x1 = math.copysign(low, y[1])
+        else:
+            x0 = math.copysign(low, y[0])
+    xs = (x0, x1, x2)
+    gradient = (xs[0] / a / a, xs[1] / b / b, xs[2] / c / c)
+    size = math.sqrt(dot(gradient, gradient))
+    return xs, (gradient[0] / size, gradient[1] / size, gradient[2] / size), (g - 1.0) * e * e * size
+
+
+@compiled
+def bend(reals: Array, p: Triple, normal: Triple) -> Symmetric:
+    """The shape operator W (1/m) at the surface point p: symmetric, W normal = 0, positive where convex."""
+    x, y, z = normal
+    if reals[KIND] == SPHERE:
+        k = 1.0 / reals[FIRST]
+        return k * (1.0 - x * x), -k * x * y, -k * x * z, k * (1.0 - y * y), -k * y * z, k * (1.0 - z * z)
+    if reals[KIND] == TORUS:
+        major, minor = reals[FIRST], reals[SECOND]
+        k = 1.0 / minor
+        across = math.hypot(p[0], p[1])
+        ax, ay = -p[1] / across, p[0] / across
+        # 1/minor on the whole tangent plane, less the difference of the two principal curvatures along the parallel
+        less = major / (minor * across)
+        return (
+            k * (1.0 - x * x) - less * ax * ax,
+            -k * x * y - less * ax * ay,
+            -k * x * z,
+            k * (1.0 - y * y) - less * ay * ay,
+            -k * y * z,
+            k * (1.0 - z * z),
+        )
+    d, s = _hessian(reals, p)
+    h = (d[0] * x, d[1] * y, d[2] * z)
+    hn = dot(h, normal)
+    return (
+        (d[0] - 2.0 * x * h[0] + hn * x * x) / s,
+        (-x * h[1] - h[0] * y + hn * x * y) / s,
+        (-x * h[2] - h[0] * z + hn * x * z) / s,
+        (d[1] - 2.0 * y * h[1] + hn * y * y) / s,
+        (-y * h[2] - h[1] * z + hn * y * z) / s,
+        (d[2] - 2.0 * z * h[2] + hn * z * z) / s,
+    )
+
+
+@compiled
+def bend_change(reals: Array, p: Triple, normal: Triple, v: Triple, w: Triple) -> Triple:
+    """(∇_v W) w, the covariant derivative of W along v applied to w, 1/m^2 times both; v and w tangent at p.
+
+    It is symmetric in v and w (Codazzi).
+    """
+    if reals[KIND] == SPHERE:
+        return 0.0, 0.0, 0.0
+    if reals[KIND] == TORUS:
+        major, minor = reals[FIRST], reals[SECOND]
+        across = math.hypot(p[0], p[1])
+        ex, ey, sin = p[0] / across, p[1] / across, normal[2]
+        cos = normal[0] * ex + normal[1] * ey
+        along = (-ey, ex, 0.0)
+        up = (-sin * ex, -sin * ey, cos)
+        factor = -major * sin / (minor * across * across)
+        va, vu, wa, wu = dot(v, along), dot(v, up), dot(w, along), dot(w, up)
+        return _sum(factor * (vu * wa + va * wu), along, factor * va * wa, up)
+    d, s = _hessian(reals, p)
+    h = (d[0] * normal[0], d[1] * normal[1], d[2] * normal[2])
+    e = plus(h, -dot(h, normal), normal)
+    e = (e[0] / s, e[1] / s, e[2] / s)
+    shape = bend(reals, p, normal)
+    wv, ww = times(shape, v), times(shape, w)
+    total = plus(_sum(dot(e, w), wv, dot(wv, w), e), dot(e, v), ww)
+    return -total[0], -total[1], -total[2]
+
+
+@compiled
+def _sum(f: float, a: Triple, g: float, b: Triple) -> Triple:
+    return f * a[0] + g * b[0], f * a[1] + g * b[1], f * a[2] + g * b[2]
+
+
+@compiled
+def _hessian(reals: Array, p: Triple) -> tuple[Triple, float]:
+    """Half the second derivatives of the ellipsoid's quadratic form, and half the length of its gradient at p."""
+    a, b, c = reals[FIRST], reals[SECOND], reals[THIRD]
+    d = (1.0 / a / a, 1.0 / b / b, 1.0 / c / c)
+    g = (d[0] * p[0], d[1] * p[1], d[2] * p[2])
+    return d, math.sqrt(dot(g, g))
+
+
+@compiled
+def reach(reals: Array, p: Triple, normal: Triple) -> tuple[float, float]:
+    """How far (m) from the surface point p the medial set lies: along the normal inwards, and outwards.
+
+    Up to there p is the one nearest point. The medial set of the torus is its core circle inside, its axis outside.
+    """
+    if reals[KIND] == SPHERE:
+        return reals[FIRST], math.inf
+    if reals[KIND] == TORUS:
+        across = math.hypot(p[0], p[1])
+        cos = (normal[0] * p[0] + normal[1] * p[1]) / across
+        return reals[SECOND], across / -cos if cos < 0.0 else math.inf
+    e = min(reals[FIRST], reals[SECOND], reals[THIRD])
+    _, s = _hessian(reals, p)
+    return e * e * s, math.inf
+
+
+@compiled
+def place_many(reals: Array, points: Array) -> Array:
+    """`place` a row of `points` (n, 3): foot, normal and distance in rows of seven."""
+    out = np.empty((points.shape[0], 7))
+    for i in range(points.shape[0]):
+        p, normal, distance = place(reals, (points[i, 0], points[i, 1], points[i, 2]))
+        for k in range(3):
+            out[i, k], out[i, 3 + k] = p[k], normal[k]
+        out[i, 6] = distance
+    return out
+
+
+@compiled
+def bend_many(reals: Array, rows: Array) -> Array:
+    """`bend` a row of what `place_many` gives: (n, 3, 3)."""
+    out = np.empty((rows.shape[0], 3, 3))
+    for i in range(rows.shape[0]):
+        w = bend(reals, (rows[i, 0], rows[i, 1], rows[i, 2]), (rows[i, 3], rows[i, 4], rows[i, 5]))
+        for k in range(3):
+            unit = (1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0)
+            out[i, k, 0], out[i, k, 1], out[i, k, 2] = times(w, unit)
+    return out
+
+
+@compiled
+def bend_change_many(reals: Array, rows: Array, directions: Array) -> Array:
+    """∇_v W (n, 3, 3) a row of what `place_many` gives, with v the tangent part of `directions` (n, 3)."""
+    out = np.empty((rows.shape[0], 3, 3))
+    for i in range(rows.shape[0]):
+        p, normal = (rows[i, 0], rows[i, 1], rows[i, 2]), (rows[i, 3], rows[i, 4], rows[i, 5])
+        v = (directions[i, 0], directions[i, 1], directions[i, 2])
+        v = plus(v, -dot(v, normal), normal)
+        for k in range(3):
+            unit = (1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0)
+            w = plus(unit, -normal[k], normal)
+            out[i, k, 0], out[i, k, 1], out[i, k, 2] = bend_change(reals, p, normal, v, w)
+    return out
+
+
+@compiled
+def reach_many(reals: Array, rows: Array) -> Array:
+    """`reach` a row of what `place_many` gives: (n, 2)."""
+    out = np.empty((rows.shape[0], 2))
+    for i in range(rows.shape[0]):
+        p, normal = (rows[i, 0], rows[i, 1], rows[i, 2]), (rows[i, 3], rows[i, 4], rows[i, 5])
+        out[i, 0], out[i, 1] = reach(reals, p, normal)
+    return out

@@ -1,0 +1,93 @@
+"""Constraint stability (7.1a): a tool that is off the surface comes back to it, and stays."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.sampling import place
+from hapticeval.phenomena.surface_motion import SurfaceMotion, decay_rate
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome
+from hapticeval.scene import Scene
+
+SHRINKS = math.sqrt(0.5)
+"""Between what stays, 1, and what falls as 1 / t, 1/2, while time doubles: the middle, as ratios are compared."""
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Compare the largest distance in the last half of the run with that in the quarter before it."""
+    base = runs.base
+    if base.meta.get("source") == "playback":
+        return Finding(Outcome.NOT_APPLICABLE, "a hand led along a given path is drawn nowhere")
+    if not scene.bilateral:
+        return Finding(Outcome.NOT_APPLICABLE, "a surface that only pushes holds nothing from outside")
+    ended = base.meta.get("ended")
+    if ended is not None:
+        message = f"the run ended at t = {ended['time']:.4g} s: {ended['what']}"
+        return Finding(Outcome.FAIL, message, evidence={**place(base, len(base) - 1), "ended": dict(ended)})
+    motion = SurfaceMotion(base, scene)
+    distance = np.abs(motion.distance)
+    floor = motion.held_distance + motion.sensor_error + 1e-12 * scene.model.size
+    pushed = np.flatnonzero(motion.pushed)
+    first = int(pushed[-1]) + 1 if pushed.size else 0
+    free = base.time[first:] - base.time[min(first, len(base) - 1)]
+    if free.size < 8:
+        return Finding(Outcome.INCONCLUSIVE, "the operator pushes to the end, so nothing has to come to rest")
+    span, rate = float(free[-1]), decay_rate(scene)
+    tick = first + int(np.argmax(distance[first:]))
+    evidence: dict[str, object] = {
+        **place(base, tick),
+        "largest_distance_m": float(distance[tick]),
+        "floor_m": floor,
+        "assigned_decay_rate_1_s": rate,
+    }
+    if distance.max() <= floor:
+        return Finding(Outcome.INCONCLUSIVE, "the tool is never off the surface", evidence=evidence)
+    if rate > 0.0 and math.exp(-0.25 * rate * span) > SHRINKS:
+        message = f"{span:.3g} s are too short: the assigned dynamics decay at {rate:.3g} 1/s themselves"
+        return Finding(Outcome.INCONCLUSIVE, message, evidence=evidence)
+    late = free > 0.5 * span
+    early = (free >= 0.25 * span) & ~late
+    before, after = float(distance[first:][early].max()), float(distance[first:][late].max())
+    evidence |= {"distance_before_m": before, "distance_after_m": after}
+    metric = Metric("largest distance from the surface in the last half", after, "m")
+    bound = max(SHRINKS * before, floor)
+    if after <= bound:
+        message = f"the tool comes to the surface: from {_mm(distance[tick])} to {_mm(after)} in the last half"
+        return Finding(Outcome.PASS, message, metric, bound, evidence)
+    if after > before / SHRINKS:
+        message = f"the distance grows: {_mm(before)}, then {_mm(after)}"
+    elif float(np.ptp(motion.distance[first:][late])) < 0.5 * after:
+        message = f"the tool stands {_mm(after)} off the surface and comes no nearer"
+    else:
+        message = f"the tool swings about the surface, {_mm(after)} off, and is not damped: marginal stability"
+    return Finding(Outcome.FAIL, message, metric, bound, evidence)
+
+
+def _mm(distance: float) -> str:
+    return f"{1e3 * float(distance):.3g} mm"
+
+
+CHECK = Check(
+    id="constraint-stability",
+    phenomenon="Stability of the constraint",
+    asks="Does a tool that is off the surface come back to it when nobody pushes?",
+    formula="h(x(t)) -> S (7.1 a): n(t) -> 0",
+    citation="thesis 7.1, Problem 7.1 (a); 6.3.2, 6.3.3, Tables 6.1 and 6.2",
+    channels=("hip", "velocity", "operator_force and measured_hip where they were recorded"),
+    siblings="none",
+    metric="largest distance from the surface in the last half",
+    unit="m",
+    bound=(
+        "Of the time after the last push, the last half is compared with the quarter before it. While time doubles, "
+        "what stays has the ratio 1, what falls as 1 / t has 1/2 (PP+D on a curve, the slowest that still comes to "
+        "the surface), and what falls exponentially less; between the first two lies sqrt(1/2). Nothing is asked "
+        "for below what a held force leaves, 1.5 ticks of change of m kappa v^2 over K_p with the overshoot of the "
+        "assigned dynamics, and below what the position sensors are wrong by. Where even the assigned dynamics n'' "
+        "= -(K_p / m) n - (K_d / m) n' would not fall so far in the time that there is, the verdict is "
+        "inconclusive. A run that ends because the robot or the law leaves its domain fails."
+    ),
+    judge=judge,
+)

@@ -1,0 +1,79 @@
+"""What is left of a quantity when the loop is sampled ever faster: the law's own share, without the sampling's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from hapticeval.phenomena.check import Runs
+from hapticeval.recordings.recording import Recording
+from hapticeval.types import Array
+
+SETTLES = 0.75
+"""Halving the tick halves a first-order effect and quarters a second-order one; what shrinks less is no such effect."""
+
+
+@dataclass(frozen=True)
+class Left:
+    """A quantity at the base run's samples: `values` (n, ...), in the limit of fast sampling where `settled`.
+
+    `change` bounds the limit's own error: see `left`. Where halving did not settle it, `values` are the base run's.
+    """
+
+    values: Array
+    change: float
+    settled: bool
+
+
+def left(runs: Runs, measure: Callable[[Recording], Array]) -> Left:
+    """Linear extrapolation from half and a quarter of the tick: 2 q(T/4) - q(T/2).
+
+    A held force lags by half a tick, an effect of first order in T, which this removes. What it leaves of an effect of
+    any single higher order is less than d' = q(T/4) - q(T/2); where a first and a second order cancel in d', it is a
+    third of |2 d' - d|, d = q(T/2) - q(T), which Richardson's next step would correct by. `change` is the larger of |d'|
+    and half of that.
+    """
+    base = measure(runs.base)
+    if runs.refine is None:
+        return Left(base, float("inf"), False)
+    half, quarter = (_at_base(measure(runs.refine(factor)), base.shape[0], factor) for factor in (2, 4))
+    if half.shape != base.shape or quarter.shape != base.shape:
+        return Left(base, float("inf"), False)
+    before, after = half - base, quarter - half
+    first, last, bent = (_largest(step) for step in (before, after, 2.0 * after - before))
+    rounding = 1e-12 * _largest(base)
+    if last <= SETTLES * first or last <= rounding:
+        return Left(2.0 * quarter - half, max(last, 0.5 * bent), True)
+    return Left(base, last, False)
+
+
+def _largest(values: Array) -> float:
+    return float(np.max(np.abs(values), initial=0.0))
+
+
+def _at_base(values: Array, count: int, factor: int) -> Array:
+    """Of a finer run, the samples that the base run has."""
+    return values[::factor][:count]
+
+
+def extrapolated(runs: Runs, measure: Callable[[Recording], Array], *, halvings: int = 3) -> tuple[Array, float] | None:
+    """Richardson's extrapolation over `halvings` of the tick, and its last correction.
+
+    For errors in whole powers of the tick. The correction is the error of the last but one value, and bounds that of
+    the one given. None without siblings, or where one of them has ended early.
+    """
+    if runs.refine is None:
+        return None
+    base = measure(runs.base)
+    row = [base] + [_at_base(measure(runs.refine(2**k)), base.shape[0], 2**k) for k in range(1, halvings + 1)]
+    if any(values.shape != base.shape for values in row):
+        return None
+    correction = float("inf")
+    for order in range(1, halvings + 1):
+        better = [fine + (fine - coarse) / (2.0**order - 1.0) for coarse, fine in pairwise(row)]
+        correction = float(np.max(np.abs(better[-1] - row[-1]), initial=0.0))
+        row = better
+    return row[0], correction

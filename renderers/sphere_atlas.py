@@ -1,0 +1,233 @@
+"""Set stabilisation on the sphere by its atlas of two charts and the switching law (thesis 7.4.1, (7.45) to (7.67)).
+
+Chart 1 has the azimuth about the third axis and the angle from it, chart 2 the same about the first axis:
+
+    t̂_(1) = (atan2(y_2, y_1), arccos(y_3 / |y|))     t̂_(2) = (atan2(y_3, y_2), arccos(y_1 / |y|))
+
+(7.54), (7.55) with atan2 for their arctan, which gives the range that the thesis states. So chart 2 is chart 1 of the
+turned vector (y_2, y_3, y_1), and ψ_2 of (7.66) has the sine and cosine of its first coordinate the other way round
+than printed. The virtual output σ = (|y| - r_c, t̂) of (7.58), (7.59) is made linear: σ̈ = v, that is
+
+    (∂σ/∂y) ÿ = v - (d/dt ∂σ/∂y) ẏ
+
+with the Jacobian (7.60), v⊥ of (7.14) and v∥ of (7.67), or (8.9) with the hand's force as sensed; the force is
+F_r = m ÿ - F_o. Both charts give the same force where both are defined, and so does `surface_law` without charts.
+In a unilateral contact the foot's acceleration that `surface_law` assigns is (7.67) with b_d + 2 m |y|˙/|y| for b_d.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hapticeval.compiled import compiled
+from hapticeval.geometry.surface_kernels import FIRST, Triple, dot, place, plus
+from hapticeval.renderers.surface_law import (
+    BEYOND,
+    BILATERAL,
+    DAMPING,
+    FOCAL,
+    MASS,
+    STIFFNESS,
+    TOUCHES,
+    VISCOSITY,
+    release,
+)
+from hapticeval.types import Array, BoolArray, IntArray
+
+EDGE = 1e-9
+"""Sine of the angle from a chart's axis up to which the chart counts as singular: it loses nine digits there."""
+
+SWITCH = math.sqrt(0.5)
+"""Cosine of the angles pi/4 and 3 pi/4 between which (7.56) uses chart 1."""
+
+
+class ChartAnswer(NamedTuple):
+    """What one chart gives for n states, for pictures such as Figures 7.7 and 7.8.
+
+    `defined` (n,): not at the chart's singularity, its axis; elsewhere `eta` (n, 4) is (t̂_1, t̂_1 rate, t̂_2, t̂_2 rate)
+    of (7.10), rad and rad/s, and `force` (n, 3), N, that of the bilateral constraint. Zero where it is not defined.
+    """
+
+    defined: BoolArray
+    eta: Array
+    force: Array
+
+
+def charts(
+    y: Array,
+    yd: Array,
+    *,
+    radius: float,
+    stiffness: float,
+    damping: float,
+    mass: float,
+    viscosity: float,
+    push: Array | None = None,
+) -> tuple[ChartAnswer, ChartAnswer]:
+    """What charts 1 and 2 each answer at positions `y` (n, 3), m, with velocities `yd` (n, 3), m/s.
+
+    The gains as in a scene; `push` (n, 3), N, is the hand's force as sensed, None without a sensor.
+    """
+    y, yd = np.ascontiguousarray(y, dtype=np.float64), np.ascontiguousarray(yd, dtype=np.float64)
+    pushes = np.zeros_like(y) if push is None else np.ascontiguousarray(push, dtype=np.float64)
+    gains = (radius, stiffness, damping, mass, viscosity)
+    one, two = (ChartAnswer(*_chart_many(number, y, yd, pushes, *gains)) for number in (1, 2))
+    return one, two
+
+
+def active(y: Array) -> IntArray:
+    """The chart that the switching law (7.56) uses at each of `y` (n, 3): 1 or 2."""
+    y = np.asarray(y, dtype=np.float64)
+    return np.where(np.abs(y[:, 2]) <= SWITCH * np.linalg.norm(y, axis=1), 1, 2)
+
+
+@compiled
+def active_chart(y: Triple) -> int:
+    """(7.56): chart 1 while the angle from the third axis is between pi/4 and 3 pi/4, else 2."""
+    return 1 if abs(y[2]) <= SWITCH * math.sqrt(dot(y, y)) else 2
+
+
+@compiled
+def turned(chart: int, v: Triple) -> Triple:
+    """The vector with the chart's axis as its third."""
+    return v if chart == 1 else (v[1], v[2], v[0])
+
+
+@compiled
+def returned(chart: int, v: Triple) -> Triple:
+    """The inverse of `turned`."""
+    return v if chart == 1 else (v[2], v[0], v[1])
+
+
+@compiled
+def jacobian(q: Triple) -> tuple[Triple, Triple, Triple]:
+    """The rows of ∂σ/∂y (7.60) at a turned position off the axis: of |y|, of t̂_1 and of t̂_2."""
+    across, length = math.hypot(q[0], q[1]), math.sqrt(dot(q, q))
+    square = length * length
+    return (
+        (q[0] / length, q[1] / length, q[2] / length),
+        (-q[1] / (across * across), q[0] / (across * across), 0.0),
+        (q[2] * q[0] / (square * across), q[2] * q[1] / (square * across), -across / square),
+    )
+
+
+@compiled
+def accelerated(radius: float, q: Triple, u: Triple, v_across: float, slowing: float, pushed: Triple) -> Triple:
+    """ÿ for which σ̈ = v, all in turned coordinates: position `q`, velocity `u`, off the axis.
+
+    `v_across` is v⊥; `slowing` b_d / m (1/s) and `pushed` F_o / m (m/s^2) make v∥.
+    """
+    across, length = math.hypot(q[0], q[1]), math.sqrt(dot(q, q))
+    rows = jacobian(q)
+    rate, turn, tilt = dot(rows[0], u), dot(rows[1], u), dot(rows[2], u)
+    sin, cos = across / length, q[2] / length
+    # (7.67); the hand's force enters by (dψ/dt̂ᵀ dψ/dt̂)^-1 dψ/dt̂ᵀ, which is |y|/r_c times these rows
+    share = length / radius
+    v_turn = -(slowing * sin + 2.0 * cos * tilt) * turn / sin + share * dot(rows[1], pushed)
+    v_tilt = cos * sin * turn * turn - slowing * tilt + share * dot(rows[2], pushed)
+    # (d/dt ∂σ/∂y) ẏ: what σ̈ is without acceleration
+    drift = (dot(u, u) - rate * rate) / length
+    drift_turn = -2.0 * turn * (q[0] * u[0] + q[1] * u[1]) / (across * across)
+    drift_tilt = cos * sin * turn * turn - 2.0 * tilt * rate / length
+    # the rows are perpendicular: the inverse of the Jacobian has them as columns, over their lengths squared
+    a = v_across - drift
+    b = (v_turn - drift_turn) * across * across
+    c = (v_tilt - drift_tilt) * length * length
+    return plus(plus((a * rows[0][0], a * rows[0][1], a * rows[0][2]), b, rows[1]), c, rows[2])
+
+
+@compiled
+def answer(
+    reals: Array,
+    pieces: Array,  # noqa: ARG001 - every law has these
+    samples: Array,  # noqa: ARG001
+    memory: Array,
+    hip: Array,
+    velocity: Array,
+    push: Array,
+    dt: float,  # noqa: ARG001
+    ihip: Array,
+    force: Array,
+) -> int:
+    """One tick through the active chart, of signature `LAW`, with the `reals` and `memory` of `surface_law.answer`."""
+    y, yd, pushed = (hip[0], hip[1], hip[2]), (velocity[0], velocity[1], velocity[2]), (push[0], push[1], push[2])
+    foot, normal, n = place(reals, y)
+    bilateral = reals[BILATERAL] != 0.0
+    free = not bilateral and n > 0.0
+    if free and memory[TOUCHES] == 0.0:
+        return release(memory, hip, ihip, force)
+    radius, mass, rate = reals[FIRST], reals[MASS], dot(normal, yd)
+    length = radius + n
+    if not length / radius > FOCAL:
+        return BEYOND
+    press = -reals[STIFFNESS] * n - reals[DAMPING] * rate - dot(normal, pushed)
+    slowing, share = reals[VISCOSITY] / mass, 1.0
+    if not bilateral:
+        slowing, share = slowing + 2.0 * rate / length, radius / length
+    made = _force(radius, mass, y, yd, press, slowing, share, normal, pushed)
+    if not bilateral and dot(normal, made) <= 0.0:
+        if free:
+            return release(memory, hip, ihip, force)
+        made = (0.0, 0.0, 0.0)
+    memory[TOUCHES] = 1.0
+    for i in range(3):
+        ihip[i], force[i] = foot[i], made[i]
+    return 0
+
+
+@compiled
+def _force(
+    radius: float,
+    mass: float,
+    y: Triple,
+    yd: Triple,
+    press: float,
+    slowing: float,
+    share: float,
+    normal: Triple,
+    push: Triple,
+) -> Triple:
+    """F_r = m ÿ - F_o by the active chart; `press` is m v⊥ - F_o·ν, `share` that of F_o that moves the foot."""
+    number = active_chart(y)
+    f = share / mass
+    pushed = (f * push[0], f * push[1], f * push[2])
+    q, u = turned(number, y), turned(number, yd)
+    v_across = (press + dot(normal, push)) / mass
+    made = returned(number, accelerated(radius, q, u, v_across, slowing, turned(number, pushed)))
+    return mass * made[0] - push[0], mass * made[1] - push[1], mass * made[2] - push[2]
+
+
+@compiled
+def _chart_many(
+    number: int,
+    y: Array,
+    yd: Array,
+    push: Array,
+    radius: float,
+    stiffness: float,
+    damping: float,
+    mass: float,
+    viscosity: float,
+) -> tuple[BoolArray, Array, Array]:
+    count = y.shape[0]
+    defined, eta, force = np.zeros(count, np.bool_), np.zeros((count, 4)), np.zeros((count, 3))
+    for i in range(count):
+        q = turned(number, (y[i, 0], y[i, 1], y[i, 2]))
+        u = turned(number, (yd[i, 0], yd[i, 1], yd[i, 2]))
+        pushed = (push[i, 0] / mass, push[i, 1] / mass, push[i, 2] / mass)
+        length, across = math.sqrt(dot(q, q)), math.hypot(q[0], q[1])
+        defined[i] = across > EDGE * length
+        if not defined[i]:
+            continue
+        rows = jacobian(q)
+        eta[i, 0], eta[i, 1] = math.atan2(q[1], q[0]), dot(rows[1], u)
+        eta[i, 2], eta[i, 3] = math.atan2(across, q[2]), dot(rows[2], u)
+        v_across = -(stiffness * (length - radius) + damping * dot(rows[0], u)) / mass
+        made = accelerated(radius, q, u, v_across, viscosity / mass, turned(number, pushed))
+        made = returned(number, made)
+        for k in range(3):
+            force[i, k] = mass * made[k] - push[i, k]
+    return defined, eta, force

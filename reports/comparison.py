@@ -1,0 +1,132 @@
+"""One figure a case, in the manner of thesis Figures 6.19, 6.22, 7.3 and 7.6: all its renderers side by side."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from itertools import cycle
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hapticeval.geometry.model import Model
+from hapticeval.recordings.recording import Recording
+from hapticeval.reports.figures import BUCKETS, COLOURS, MM, STYLE, extremes
+from hapticeval.reports.plane import Box, box_round, draw_body, shape_of
+from hapticeval.reports.shadow import shown_axes
+from hapticeval.reports.svg import drawn, inlined
+from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+ROLES = ("hip", "ihip", "one", "two", "three", "mark", "ink")
+DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (5, 1.5, 1.2, 1.5)))
+"""Curves of one colour, or that lie on each other, are told apart by these."""
+
+OUT_OF_SIGHT = 3.0
+"""A run that goes this many times as far as the median run leaves the picture, which would show nothing else."""
+
+
+SLIVER = 3.0
+"""Paths this much longer than wide are drawn with a scale of its own for each axis."""
+
+
+def comparison_svg(runs: Mapping[str, Recording], model: Model, *, prefix: str, title: str) -> str:
+    """The figure as an SVG element: where the tools went, how far off the surface, and how fast along it.
+
+    `runs` maps renderers to their recordings of one case. Of runs in space the first panel shows the shadow.
+    """
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
+    colours = {key: drawn(role) for key, role in COLOURS.items()}
+    settings: Any = {**STYLE, **colours}
+    styles = dict(zip(runs, zip(cycle(ROLES), _dashes(len(runs)), strict=False), strict=False))
+    with rc_context(settings):
+        figure = Figure(figsize=(8.0, 3.9))
+        FigureCanvasSVG(figure)
+        figure.patch.set_visible(False)
+        _draw_paths(figure.add_axes((0.08, 0.12, 0.405, 0.76)), runs, styles, model)
+        off = figure.add_axes((0.59, 0.55, 0.39, 0.33))
+        along = figure.add_axes((0.59, 0.12, 0.39, 0.33))
+        motions = {name: surface_motion(each, model) for name, each in runs.items()}
+        forwards = -1.0 if next(iter(motions.values()))[1][0] < 0.0 else 1.0
+        for name, recording in runs.items():
+            role, dashes = styles[name]
+            distance, speed = motions[name]
+            for axes, values in ((off, MM * distance), (along, forwards * speed)):
+                kept = extremes(values, BUCKETS)
+                axes.plot(recording.time[kept], values[kept], color=drawn(role), linestyle=dashes, label=name)
+        off.set_ylabel("off the surface (mm)")
+        along.set_ylabel("speed along it (m/s)")
+        along.set_xlabel("time (s)")
+        off.tick_params(labelbottom=False)
+        _limit(off, [MM * distance for distance, _ in motions.values()])
+        for axes in (off, along):
+            axes.grid(True, linewidth=0.5)
+            axes.set_axisbelow(True)
+            axes.set_xlim(0.0, max(float(each.time[-1]) for each in runs.values()))
+        handles, names = off.get_legend_handles_labels()
+        figure.legend(handles, names, loc="upper center", ncols=min(4, len(names)), frameon=False, handlelength=2.6)
+        buffer = io.StringIO()
+        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+    return inlined(buffer.getvalue(), prefix=prefix, title=title)
+
+
+def surface_motion(recording: Recording, model: Model) -> tuple[Array, Array]:
+    """Signed distance of the HIP (n,), m, and speed of its foot along the surface (n,), m/s.
+
+    In the plane the speed has the sign of the tangent; P_T ẏ = (I + n W) ṗ.
+    """
+    frame = model.boundary.frame(recording.hip)
+    velocity = recording.velocity
+    across = np.sum(velocity * frame.normal, axis=1)[:, None] * frame.normal
+    count = recording.hip.shape[1]
+    stretch = np.eye(count) + frame.distance[:, None, None] * frame.shape
+    foot = np.linalg.solve(stretch, (velocity - across)[..., None])[..., 0]
+    if count == 2:
+        tangent = np.column_stack([-frame.normal[:, 1], frame.normal[:, 0]])
+        return frame.distance, np.sum(foot * tangent, axis=1)
+    return frame.distance, np.linalg.norm(foot, axis=1)
+
+
+def _dashes(count: int) -> list[Any]:
+    return [DASHES[index % len(DASHES)] for index in range(count)]
+
+
+def _draw_paths(axes: Axes, runs: Mapping[str, Recording], styles: Mapping[str, tuple[str, Any]], model: Model) -> None:
+    shown = shown_axes(np.vstack([each.hip for each in runs.values()]))
+    paths = {name: MM * recording.hip[:, list(shown)] for name, recording in runs.items()}
+    view = _view(list(paths.values()), shape_of(axes))
+    draw_body(axes, model, view, shown)
+    for name, path in paths.items():
+        role, dashes = styles[name]
+        kept = np.union1d(extremes(path[:, 0], BUCKETS), extremes(path[:, 1], BUCKETS))
+        axes.plot(path[kept, 0], path[kept, 1], color=drawn(role), linestyle=dashes, zorder=3)
+    axes.set(xlim=(view[0], view[2]), ylim=(view[1], view[3]), xlabel=f"y{'₁₂₃'[shown[0]]} (mm)")
+    axes.set_ylabel(f"y{'₁₂₃'[shown[1]]} (mm)")
+    axes.set_aspect("auto")
+    axes.yaxis.set_label_coords(-0.145, 0.5)
+
+
+def _view(paths: list[Array], aspect: float) -> Box:
+    """What most of the paths cover and a margin, in the shape of the axes unless that would leave a sliver."""
+    reach = np.array([[*path.min(axis=0), *path.max(axis=0)] for path in paths])
+    extent = np.max(np.abs(reach), axis=1)
+    seen = reach[extent <= OUT_OF_SIGHT * np.median(extent)]
+    low, high = seen[:, :2].min(axis=0), seen[:, 2:].max(axis=0)
+    size = 1.12 * np.maximum(high - low, 1e-3)
+    if max(size) > SLIVER * min(size):
+        aspect = float(size[0] / size[1])
+    return box_round(0.5 * (low + high), size, aspect)
+
+
+def _limit(axes: Axes, distances: list[Array]) -> None:
+    """The axis shows what most runs do: one that runs away is let out of the picture."""
+    reach = np.array([float(np.max(np.abs(each))) for each in distances])
+    seen = reach[reach <= OUT_OF_SIGHT * max(float(np.median(reach)), 1e-6)]
+    if seen.size < reach.size:
+        top = 1.1 * float(seen.max())
+        axes.set_ylim(-top, top)

@@ -1,0 +1,110 @@
+"""Devices by name, as suites and the command line give them."""
+
+import math
+from typing import Any
+
+import pytest
+
+from hapticeval.devices.catalogue import DEVICES, device_named, make_device, parameters_of
+from hapticeval.devices.device import Device
+from hapticeval.devices.parallelogram import BaseInertia, Dynamics, Parallelogram2, Parallelogram3
+from hapticeval.devices.point_mass import PointMass
+from hapticeval.errors import InputError, UnknownNameError
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters", "dimension"),
+    [
+        ("point-mass", {"mass": 0.1, "dimension": 3}, 3),
+        ("parallelogram-2dof", {}, 2),
+        ("parallelogram-3dof", {}, 3),
+    ],
+)
+def test_every_device_is_one_and_knows_its_name(kind: str, parameters: dict[str, Any], dimension: int) -> None:
+    device = make_device(kind, **parameters)
+    assert isinstance(device, Device)
+    assert (device.name, device.dimension) == (kind, dimension)
+
+
+def test_the_catalogue_is_what_the_tests_cover() -> None:
+    assert set(DEVICES) == {"point-mass", "parallelogram-2dof", "parallelogram-3dof"}
+
+
+def test_table_a1_can_be_overridden_one_by_one() -> None:
+    device = make_device("parallelogram-3dof", b1=0.0, l4=0.4, dynamics="printed", base_inertia="cos")
+    assert isinstance(device, Parallelogram3)
+    assert (device.constants.b1, device.constants.l4, device.constants.d1) == (0.0, 0.4, 0.799)
+    assert (device.dynamics, device.base_inertia) == (Dynamics.PRINTED, BaseInertia.COS)
+
+
+def test_the_defaults_are_table_a1_with_lagrangian_dynamics() -> None:
+    assert make_device("parallelogram-2dof") == Parallelogram2()
+    constants = Parallelogram2().constants
+    assert (constants.l1, constants.l4) == (0.300, 0.346)
+    assert (constants.b1, constants.b2, constants.b3) == (0.461, 0.105, 0.0336)
+    assert (constants.d1, constants.d2, constants.d3) == (0.799, 0.204, 0.01825)
+    assert Parallelogram3().dynamics is Dynamics.LAGRANGIAN
+    assert Parallelogram3().base_inertia is BaseInertia.SIN
+
+
+def test_a_point_mass_is_in_the_plane_unless_told() -> None:
+    assert make_device("point-mass", mass=2) == PointMass(2.0, 2)
+
+
+def test_parameters_are_listed_by_name() -> None:
+    assert parameters_of("point-mass") == ("mass", "dimension")
+    assert set(parameters_of("parallelogram-2dof")) == {
+        "dynamics", "base_inertia", "l1", "l4", "b1", "b2", "b3", "d1", "d2", "d3",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters", "says"),
+    [
+        ("paralelogram-3dof", {}, "did you mean parallelogram-3dof"),
+        ("parallelogram-3dof", {"l2": 0.3}, "unknown parameter of device 'parallelogram-3dof' 'l2'"),
+        ("parallelogram-3dof", {"dynamics": "lagrange"}, "did you mean lagrangian"),
+        ("parallelogram-3dof", {"base_inertia": "tan"}, "unknown base_inertia of device 'parallelogram-3dof' 'tan'"),
+        ("parallelogram-3dof", {"dynamics": ["printed"]}, "unknown dynamics"),
+        ("parallelogram-2dof", {"mass": 1.0}, "unknown parameter of device 'parallelogram-2dof' 'mass'"),
+        ("parallelogram-2dof", {"l1": 0.0}, "l1 = 0.0 m"),
+        ("parallelogram-2dof", {"l1": -0.3}, "it must be positive"),
+        ("parallelogram-2dof", {"l4": math.inf}, "it must be finite"),
+        ("parallelogram-2dof", {"b2": -0.1}, "b2 = -0.1 N m s/rad"),
+        ("parallelogram-2dof", {"b2": math.nan}, "it must be finite"),
+        ("parallelogram-2dof", {"d3": 0.0}, "d3 = 0.0 kg m²"),
+        ("parallelogram-2dof", {"d3": "heavy"}, "it must be a number"),
+        ("point-mass", {}, "device 'point-mass' lacks the parameter 'mass'"),
+        ("point-mass", {"mass": -1.0}, "it must be positive"),
+        ("point-mass", {"mass": 1.0, "dimension": 4}, "dimension = 4"),
+        ("point-mass", {"mass": math.nan}, "it must be finite"),
+    ],
+)
+def test_what_is_no_device_is_refused(kind: str, parameters: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError) as caught:
+        make_device(kind, **parameters)
+    assert says in str(caught.value)
+
+
+def test_unknown_names_are_that_kind_of_error() -> None:
+    with pytest.raises(UnknownNameError):
+        make_device("phantom")
+
+
+def test_a_device_can_be_named_in_one_string() -> None:
+    assert device_named("parallelogram-2dof") == Parallelogram2()
+    assert device_named("point-mass:mass=0.2, dimension=3") == PointMass(0.2, 3)
+    device = device_named("parallelogram-3dof:dynamics=printed,b1=0.4")
+    assert isinstance(device, Parallelogram3)
+    assert (device.dynamics, device.constants.b1) == (Dynamics.PRINTED, 0.4)
+
+
+@pytest.mark.parametrize("text", ["point-mass:mass", "point-mass:=1", "point-mass:mass=", "point-mass:mass=1,"])
+def test_a_string_that_names_no_device_says_where(text: str) -> None:
+    with pytest.raises(InputError, match="is not name=value"):
+        device_named(text)
+
+
+def test_a_word_for_a_number_is_refused() -> None:
+    with pytest.raises(InputError, match="it must be a number"):
+        device_named("point-mass:mass=heavy")

@@ -1,0 +1,297 @@
+"""The parallelogram robot against a symbolic derivation, its kernels, its inverse, and what leads out of its domain."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from hapticeval.compiled import DYNAMICS, KINEMATICS, MARGIN, first_class
+from hapticeval.devices.criteria import cartesian_damping, cartesian_inertia
+from hapticeval.devices.device import Device
+from hapticeval.devices.parallelogram import (
+    BaseInertia,
+    Dynamics,
+    Parallelogram2,
+    Parallelogram3,
+    ParallelogramParameters,
+)
+from hapticeval.errors import DomainError, InputError
+from hapticeval.types import Array
+
+L1, L4, B, D = 0.300, 0.346, (0.461, 0.105, 0.0336), (0.799, 0.204, 0.01825)
+
+FREE = ParallelogramParameters(b1=0.0, b2=0.0, b3=0.0)
+DEVICES: tuple[Device, ...] = (
+    Parallelogram2(),
+    Parallelogram3(),
+    Parallelogram3(dynamics=Dynamics.PRINTED),
+    Parallelogram3(base_inertia=BaseInertia.COS),
+)
+IDS = ("2dof", "3dof", "3dof-printed", "3dof-cos")
+
+
+def symbolic(device: Device) -> Callable[[Array, Array, Array], dict[str, Array]]:
+    """Position, J, J̇, M, bias, velocity, acceleration and torque at (q, q̇, q̈), by (2.28) and kinetic energy alone.
+
+    Lagrange's equations are applied to T = ½ q̇ᵀ M q̇; the printed model has no velocity terms by definition.
+    """
+    n = device.dimension
+    t = sp.Symbol("t")
+    q = [sp.Function(f"q{i}")(t) for i in range(n)]
+    rates = [each.diff(t) for each in q]
+    x1, x2, x3 = (sp.Integer(0), *q) if n == 2 else q
+    reach = L4 * sp.cos(x3) - L1 * sp.sin(x2)
+    w = sp.Matrix([sp.cos(x1) * reach - L4, sp.sin(x1) * reach, L4 * sp.sin(x3) + L1 * sp.cos(x2) - L1])
+    if n == 2:
+        w = sp.Matrix([w[0], w[2]])
+    share = sp.cos(x3) if getattr(device, "base_inertia", None) is BaseInertia.COS else sp.sin(x3)
+    base = D[0] + D[1] * sp.sin(x2) ** 2 + D[2] * share**2
+    mass = sp.diag(*([base, D[1], D[2]][-n:]))
+    bias = sp.diag(*B[-n:]) * sp.Matrix(rates)
+    if getattr(device, "dynamics", None) is Dynamics.LAGRANGIAN:
+        kinetic = (sp.Matrix(rates).T * mass * sp.Matrix(rates))[0] / 2
+        for i in range(n):
+            equation = kinetic.diff(rates[i]).diff(t) - kinetic.diff(q[i])
+            bias[i] += equation.subs({each.diff(t): 0 for each in rates})
+    plain = [sp.Symbol(f"a{i}") for i in range(3 * n)]
+    swap = dict(
+        zip(
+            [*(each.diff(t) for each in rates), *rates, *q],
+            [*plain[2 * n :], *plain[n : 2 * n], *plain[:n]],
+            strict=True,
+        )
+    )
+    wanted = {
+        "position": w, "jacobian": w.jacobian(q), "jacobian_rate": w.jacobian(q).diff(t), "inertia": mass, "bias": bias,
+        "velocity": w.diff(t), "acceleration": w.diff(t).diff(t),
+        "torque": mass * sp.Matrix([each.diff(t) for each in rates]) + bias,
+    }  # fmt: skip
+    functions = {name: sp.lambdify(plain, each.subs(swap), "numpy") for name, each in wanted.items()}
+    return lambda *state: {
+        name: np.array(function(*np.concatenate(state)), dtype=float).squeeze() for name, function in functions.items()
+    }
+
+
+def poses(device: Device, count: int, *, least: float, seed: int = 0) -> Array:
+    """Random joints in the functional configuration space at least `least` rad inside."""
+    rng = np.random.default_rng(seed)
+    low, high = ((-2.4, -2.0, -1.0), (2.4, 2.4, 2.3)) if device.dimension == 3 else ((-2.0, -1.0), (2.4, 2.3))
+    drawn = (rng.uniform(low, high) for _ in range(100 * count))
+    kept = [joints for joints in drawn if device.margin(joints) > least][:count]
+    assert len(kept) == count
+    return np.array(kept)
+
+
+@pytest.mark.parametrize("device", DEVICES, ids=IDS)
+def test_everything_agrees_with_a_symbolic_derivation(device: Device) -> None:
+    """To 1e-12, the Cartesian model (2.9) too: M̂ ÿ + B̂ ẏ = F = J⁻ᵀ τ along any motion."""
+    derived = symbolic(device)
+    rng = np.random.default_rng(1)
+    for joints in poses(device, 100, least=0.1):
+        rates, accelerations = rng.uniform(-3.0, 3.0, (2, device.dimension))
+        expected = derived(joints, rates, accelerations)
+        found = {
+            "position": device.position(joints),
+            "jacobian": device.jacobian(joints),
+            "jacobian_rate": device.jacobian_rate(joints, rates),
+            "inertia": device.inertia(joints),
+            "bias": device.bias(joints, rates),
+        }
+        for name, value in found.items():
+            assert_allclose(value, expected[name], rtol=0.0, atol=1e-12)
+        force = np.linalg.solve(expected["jacobian"].T, expected["torque"])
+        heard = cartesian_inertia(device, joints) @ expected["acceleration"]
+        heard += cartesian_damping(device, joints, rates) @ expected["velocity"]
+        assert_allclose(heard, force, rtol=0.0, atol=1e-12 * max(1.0, np.abs(heard).max(), np.abs(force).max()))
+        still = np.linalg.solve(expected["jacobian"].T, np.diag(B[-device.dimension :]))
+        assert_allclose(cartesian_damping(device, joints) @ expected["jacobian"], still, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("device", [Parallelogram3(FREE), Parallelogram3(FREE, base_inertia=BaseInertia.COS)])
+def test_the_cartesian_velocity_terms_do_no_work(device: Parallelogram3) -> None:
+    """Ṁ̂ = B̂ + B̂ᵀ without friction: then ½ ẏᵀ M̂ ẏ changes by the power of the forces alone."""
+    rng = np.random.default_rng(7)
+    step = 1e-5
+    for joints in poses(device, 20, least=0.2):
+        rates = rng.uniform(-1.0, 1.0, 3)
+        damping = cartesian_damping(device, joints, rates)
+        ahead, behind = (cartesian_inertia(device, joints + sign * step * rates) for sign in (1.0, -1.0))
+        change = (ahead - behind) / (2.0 * step)
+        assert_allclose(damping + damping.T, change, rtol=0.0, atol=1e-6 * max(1.0, np.abs(change).max()))
+
+
+@pytest.mark.parametrize("device", DEVICES, ids=IDS)
+def test_kernels_say_what_the_methods_say_to_the_last_bit(device: Device) -> None:
+    """Also as values for other compiled code, and with J̇ q̇ and J q̇ formed apart."""
+    n = device.dimension
+    kernels = device.kernels
+    first_class(kernels.kinematics, KINEMATICS)
+    first_class(kernels.dynamics, DYNAMICS)
+    first_class(kernels.margin, MARGIN)
+    rng = np.random.default_rng(2)
+    for joints in poses(device, 40, least=0.0, seed=3):
+        rates = rng.uniform(-3.0, 3.0, n)
+        position, velocity, drift, bias = (np.full(n, np.nan) for _ in range(4))
+        jacobian, inertia = np.full((n, n), np.nan), np.full((n, n), np.nan)
+        kernels.kinematics(device.parameters, joints, rates, position, velocity, jacobian, drift)
+        kernels.dynamics(device.parameters, joints, rates, inertia, bias)
+        assert np.array_equal(position, device.position(joints))
+        assert np.array_equal(jacobian, device.jacobian(joints))
+        assert np.array_equal(inertia, device.inertia(joints))
+        assert np.array_equal(bias, device.bias(joints, rates))
+        assert kernels.margin(device.parameters, joints) == device.margin(joints)
+        assert_allclose(velocity, device.jacobian(joints) @ rates, rtol=0.0, atol=1e-14)
+        assert_allclose(drift, device.jacobian_rate(joints, rates) @ rates, rtol=0.0, atol=3e-14)
+
+
+def test_parameters_are_given_as_a_copy() -> None:
+    device = Parallelogram2()
+    before = device.position((0.1, 0.2))
+    device.parameters[:] = 7.0
+    assert np.array_equal(device.position((0.1, 0.2)), before)
+
+
+angle = st.floats(-2.4, 2.4)
+
+
+@given(shoulder=angle, elbow=angle)
+def test_inverse_kinematics_in_the_plane(shoulder: float, elbow: float) -> None:
+    device = Parallelogram2()
+    assume(device.margin((shoulder, elbow)) > 1e-12)
+    assert_allclose(device.joints(device.position((shoulder, elbow))), (shoulder, elbow), rtol=0.0, atol=2e-14)
+
+
+@given(base=angle, shoulder=angle, elbow=angle)
+def test_inverse_kinematics_in_space(base: float, shoulder: float, elbow: float) -> None:
+    """x₁ is as well determined as the hand is far from the base's axis; the hand's place always is.
+
+    The hand's place is rounded to about 1e-16 m, which at r from the axis turns x₁ by 1e-16 m / r.
+    """
+    device = Parallelogram3()
+    joints = np.array([base, shoulder, elbow])
+    assume(device.margin(joints) > 1e-12)
+    position = device.position(joints)
+    reach = math.hypot(position[0] + L4, position[1])
+    found = device.joints(position)
+    assert_allclose(found[1:], joints[1:], rtol=0.0, atol=3e-14)
+    assert abs(found[0] - base) <= 1e-14 + 3e-16 / reach
+    assert_allclose(device.position(found), position, rtol=0.0, atol=1e-14)
+
+
+@given(st.tuples(st.floats(-0.75, 0.35), st.floats(-0.7, 0.5)))
+def test_a_place_has_joints_or_an_error_that_says_why(place: tuple[float, float]) -> None:
+    device = Parallelogram2()
+    try:
+        joints = device.joints(place)
+    except DomainError as error:
+        why = error.why
+    else:
+        assert device.margin(joints) > 0.0
+        assert_allclose(device.position(joints), place, rtol=0.0, atol=1e-14)
+        return
+    assert "limit of" in why or "links reach" in why
+
+
+@pytest.mark.parametrize("device", DEVICES[:2], ids=IDS[:2])
+def test_the_margin_is_the_nearest_limit_and_no_shorter_move_leaves(device: Device) -> None:
+    rng = np.random.default_rng(5)
+    assert isinstance(device, Parallelogram2 | Parallelogram3)
+    for joints in poses(device, 100, least=0.0, seed=6):
+        margin = device.margin(joints)
+        assert margin == pytest.approx(min(limit.distance for limit in device.limits(joints)), abs=1e-15)
+        moves = rng.normal(size=(20, device.dimension))
+        moves *= (1.0 - 1e-9) * margin / np.linalg.norm(moves, axis=1, keepdims=True)
+        assert all(device.margin(joints + move) > 0.0 for move in moves)
+
+
+def test_the_margin_is_zero_on_every_edge() -> None:
+    flat, deep = Parallelogram2(), Parallelogram3()
+    for edge in ((2.4, 2.0), (-0.5, -1.0), (2.0, 2.3), (0.5, -0.5), (-0.25, 0.75)):
+        assert flat.margin(edge) == 0.0
+    singular = (0.3, 0.9, math.acos(L1 * math.sin(0.9) / L4))
+    assert abs(deep.margin(singular)) < 1e-16
+    assert abs(np.linalg.det(deep.jacobian(singular))) < 1e-16
+    assert deep.margin((-2.4, 0.0, 0.0)) == 0.0
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_a_state_that_is_not_finite_is_outside(bad: float) -> None:
+    assert Parallelogram2().margin((bad, 0.0)) == -math.inf
+    assert Parallelogram2().margin((0.0, bad)) == -math.inf
+    for place in range(3):
+        joints = np.zeros(3)
+        joints[place] = bad
+        assert Parallelogram3().margin(joints) == -math.inf
+        with pytest.raises(InputError, match="must be finite"):
+            Parallelogram3().check(joints)
+        with pytest.raises(InputError, match="must be finite"):
+            Parallelogram3().joints(joints)
+
+
+@pytest.mark.parametrize(
+    ("joints", "says"),
+    [
+        ((2.5, 0, 0), "x1 = 2.5 rad (143.2 degrees) is 0.1 rad (5.73 degrees) beyond its limit of 2.4 rad"),
+        ((0, -0.02, -1.05), "x3 = -1.05 rad (-60.16 degrees) is 0.05 rad (2.865 degrees) beyond its limit of -1 rad"),
+        ((0, 1, -0.2), "x2 - x3 = 1.2 rad (68.75 degrees) is 0.2 rad (11.46 degrees) beyond its limit of 1 rad"),
+        ((0, 0.5, -0.5), "x2 - x3 = 1 rad (57.3 degrees) is 0 rad (0 degrees) from, that is on, its limit of 1 rad"),
+        ((0, 1.2, 1.1), "past the base's axis, l1 sin x2 = l4 cos x3 (a singularity"),
+    ],
+)
+def test_joints_out_of_the_domain_are_told_with_limit_and_amount(joints: tuple[float, ...], says: str) -> None:
+    with pytest.raises(DomainError) as caught:
+        Parallelogram3().check(joints)
+    assert says in caught.value.why
+    assert "parallelogram-3dof: joints (" in caught.value.what
+
+
+def test_home_is_fine() -> None:
+    Parallelogram2().check((0, 0))
+    Parallelogram3().check((0, 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("device", "position", "says"),
+    [
+        (Parallelogram2(), (0.4, 0.0), "it is 0.804062 m from the shoulder, and the links reach from 0.046 m to 0.646"),
+        (Parallelogram2(), (0.2, 0.0), "beyond its limit of -1 rad"),
+        (Parallelogram3(), (-0.346, 0.0, 0.1), "on the base's axis, where x1 is not defined (a singularity)"),
+        (Parallelogram3(), (-0.6, 0.0, 0.0), "x1 = 3.14159 rad (180 degrees) is 0.741593 rad (42.49 degrees) beyond"),
+    ],
+)
+def test_places_out_of_reach_are_told(
+    device: Parallelogram2 | Parallelogram3, position: tuple[float, ...], says: str
+) -> None:
+    with pytest.raises(DomainError) as caught:
+        device.joints(position)
+    assert says in caught.value.why
+    assert "outside of the functional workspace" in caught.value.what
+
+
+@pytest.mark.parametrize("method", ["position", "jacobian", "inertia", "margin", "limits", "check", "joints"])
+def test_the_wrong_number_of_coordinates_is_refused(method: str) -> None:
+    """Compiled code would read beyond the end."""
+    for device, values in ((Parallelogram3(), (0.0, 0.0)), (Parallelogram2(), 0.0), (Parallelogram2(), ("a", "b"))):
+        with pytest.raises(InputError):
+            getattr(device, method)(values)
+
+
+def test_the_wrong_number_of_rates_is_refused() -> None:
+    with pytest.raises(InputError, match="rates of the shape"):
+        Parallelogram3().bias((0, 0, 0), (1, 2))
+
+
+@pytest.mark.parametrize("changes", [{"l1": 0.25, "l4": 0.25}, {"l1": 0.5, "l4": 0.1}, {"l1": 1e-3, "l4": 2.0}])
+def test_other_link_lengths_work_alike(changes: dict[str, Any]) -> None:
+    device = Parallelogram3(ParallelogramParameters(**changes))
+    scale = max(changes.values())
+    for joints in poses(device, 30, least=0.05):
+        assert_allclose(
+            device.position(device.joints(device.position(joints))), device.position(joints), atol=1e-14 * scale
+        )

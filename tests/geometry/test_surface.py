@@ -1,0 +1,240 @@
+"""Sphere, ellipsoid and torus: nearest points, shape operators and their derivatives against their definitions."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hapticeval.errors import InputError, RefusalError
+from hapticeval.geometry.catalogue import circle, ellipsoid, make_model, sphere, torus
+from hapticeval.geometry.surface import Surface
+
+MODELS = [
+    sphere(0.2),
+    ellipsoid(0.1, 0.07, 0.05),
+    ellipsoid(0.05, 0.1, 0.1),
+    ellipsoid(0.05, 0.1, 0.05),
+    torus(0.07, 0.03),
+    torus(0.1, 0.01),
+]
+every = pytest.mark.parametrize(
+    "surface", [m.surface for m in MODELS], ids=[f"{m.name}{tuple(m.surface.reals)}" for m in MODELS]
+)
+NUMBER = st.floats(-0.2, 0.2).map(lambda x: round(x, 4))
+POINTS = st.lists(st.tuples(NUMBER, NUMBER, NUMBER), min_size=1, max_size=20).map(np.array)
+
+
+def implicit(surface, points):
+    """Negative inside, zero on the surface; without a unit."""
+    x, y, z = np.asarray(points).T
+    if surface.kind == "torus":
+        major, minor = surface.reals
+        return np.hypot(np.hypot(x, y) - major, z) / minor - 1.0
+    a, b, c = surface.reals * (3 if surface.kind == "sphere" else 1)
+    return np.sqrt((x / a) ** 2 + (y / b) ** 2 + (z / c) ** 2) - 1.0
+
+
+def some(surface, n=60, seed=1):
+    """Points of the surface, and a random tangent vector at each."""
+    points = surface.points(n)
+    normal = surface.frame(points).normal
+    v = np.random.default_rng(seed).normal(size=points.shape)
+    return points, v - np.sum(v * normal, axis=1)[:, None] * normal
+
+
+@every
+@settings(max_examples=50, deadline=None)
+@given(points=POINTS)
+def test_the_foot_is_on_the_surface_and_nothing_on_it_is_nearer(surface, points):
+    foot, normal, distance, shape = surface.frame(points)
+    size = max(surface.reals)
+    np.testing.assert_allclose(implicit(surface, foot), 0.0, atol=1e-14)
+    np.testing.assert_allclose(foot + distance[:, None] * normal, points, atol=4e-16)
+    np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1.0, atol=1e-15)
+    inside = implicit(surface, points)
+    assert np.all(np.sign(distance) == np.sign(inside) * (np.abs(distance) > 0.0))
+    samples = surface.points(4000)
+    nearest = np.linalg.norm(points[:, None] - samples, axis=2).min(axis=1)
+    assert np.all(np.abs(distance) <= nearest + 1e-15 * size)
+    assert np.array_equal(shape, np.swapaxes(shape, 1, 2))
+
+
+@every
+def test_the_normal_is_the_gradient_of_the_distance(surface):
+    points = np.random.default_rng(2).uniform(-0.15, 0.15, (300, 3))
+    _, normal, distance, _ = surface.frame(points)
+    h = 1e-6
+    inward, outward = surface.medial_distance(points).T
+    clear = (distance + inward > 1e-4) & (outward - distance > 1e-4)
+    assert np.count_nonzero(clear) > 200
+    for axis in range(3):
+        step = h * np.eye(3)[axis]
+        slope = (surface.signed_distance(points + step) - surface.signed_distance(points - step)) / (2.0 * h)
+        np.testing.assert_allclose(slope[clear], normal[clear, axis], atol=1e-6)
+
+
+@every
+def test_the_shape_operator_turns_the_normal(surface):
+    points, v = some(surface)
+    shape = surface.frame(points).shape
+    h = 1e-5 * min(surface.reals)
+    turned = (surface.frame(points + h * v).normal - surface.frame(points - h * v).normal) / (2.0 * h)
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", shape, v), turned, rtol=1e-6, atol=1e-6 * np.abs(shape).max())
+    normal = surface.frame(points).normal
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", shape, normal), 0.0, atol=1e-14 * np.abs(shape).max())
+
+
+@every
+def test_the_derivative_of_the_shape_operator(surface):
+    points, v = some(surface)
+    normal = surface.frame(points).normal
+    tangential = np.eye(3) - normal[:, :, None] * normal[:, None, :]
+    h = 1e-5 * min(surface.reals)
+    change = (surface.frame(points + h * v).shape - surface.frame(points - h * v).shape) / (2.0 * h)
+    found = surface.shape_derivative(points, v)
+    scale = np.abs(surface.frame(points).shape).max() ** 2
+    np.testing.assert_allclose(found, tangential @ change @ tangential, atol=1e-6 * scale)
+    np.testing.assert_allclose(found, np.swapaxes(found, 1, 2), atol=1e-13 * scale)
+    along_normal = surface.shape_derivative(points, v + 3.0 * normal)
+    np.testing.assert_allclose(along_normal, found, atol=1e-13 * scale)
+
+
+@every
+def test_codazzi(surface):
+    points, v = some(surface, seed=1)
+    _, w = some(surface, seed=5)
+    one = np.einsum("nij,nj->ni", surface.shape_derivative(points, v), w)
+    other = np.einsum("nij,nj->ni", surface.shape_derivative(points, w), v)
+    np.testing.assert_allclose(one, other, atol=1e-12 * np.abs(surface.frame(points).shape).max() ** 2)
+
+
+@every
+@pytest.mark.parametrize("factor", [1e-3, 7.0, 1e20])
+def test_all_of_it_scales(surface, factor):
+    larger = Surface(surface.name, surface.kind, [factor * each for each in surface.reals])
+    points = np.random.default_rng(3).uniform(-0.12, 0.12, (100, 3))
+    v = np.random.default_rng(4).normal(size=points.shape)
+    here, there = surface.frame(points), larger.frame(factor * points)
+    size = max(surface.reals)
+    np.testing.assert_allclose(there.foot, factor * here.foot, atol=1e-14 * factor * size)
+    np.testing.assert_allclose(there.normal, here.normal, atol=1e-13)
+    np.testing.assert_allclose(there.distance, factor * here.distance, atol=1e-14 * factor * size)
+    np.testing.assert_allclose(factor * there.shape, here.shape, atol=1e-12 * np.abs(here.shape).max())
+    change = surface.shape_derivative(points, v)
+    scaled = factor**2 * larger.shape_derivative(factor * points, v)
+    np.testing.assert_allclose(scaled, change, atol=1e-11 * np.abs(here.shape).max() ** 2)
+
+
+@every
+def test_the_medial_set_is_where_another_foot_is_as_near(surface):
+    points = surface.points(200)
+    _, normal, _, shape = surface.frame(points)
+    for side, reach in zip((-1.0, 1.0), surface.medial_distance(points).T, strict=True):
+        near = np.isfinite(reach)
+        assert near.all() or (side > 0.0 and near.any() == (surface.kind == "torus"))
+        way = (side * reach[near])[:, None] * normal[near]
+        np.testing.assert_allclose(surface.frame(points[near] + 0.999 * way).foot, points[near], atol=1e-12)
+        beyond = surface.frame(points[near] + 1.02 * way).foot
+        assert np.all(np.linalg.norm(beyond - points[near], axis=1) > 1e-3 * min(surface.reals))
+        shrunk = np.eye(3) + 0.999 * (side * reach[near])[:, None, None] * shape[near]
+        assert np.all(np.linalg.eigvalsh(shrunk) > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("surface", "point", "distance"),
+    [
+        (sphere(0.2).surface, (0.0, 0.0, 0.0), -0.1),
+        (ellipsoid(0.1, 0.07, 0.05).surface, (0.0, 0.0, 0.0), -0.05),
+        (ellipsoid(0.05, 0.07, 0.1).surface, (0.0, 0.0, 0.0), -0.05),
+        (ellipsoid(0.07, 0.05, 0.1).surface, (0.0, 0.0, 0.0), -0.05),
+        (ellipsoid(0.05, 0.05, 0.1).surface, (0.0, 0.0, 0.0), -0.05),
+        (torus(0.07, 0.03).surface, (0.0, 0.0, 0.0), 0.04),
+        (torus(0.07, 0.03).surface, (0.0, 0.07, 0.0), -0.03),
+        (torus(0.07, 0.03).surface, (0.0, 0.0, 0.03), math.hypot(0.07, 0.03) - 0.03),
+        # the medial disc of x^2 / a^2 + z^2 / c^2 = 1: foot at x a^2 / (a^2 - c^2), so x = 0.03 has its foot at 0.04
+        (ellipsoid(0.1, 0.1, 0.05).surface, (0.03, 0.0, 0.0), -math.hypot(0.01, 0.05 * math.sqrt(1.0 - 0.16))),
+        # past the disc's rim, 0.075: the vertex
+        (ellipsoid(0.1, 0.1, 0.05).surface, (0.08, 0.0, 0.0), -0.02),
+    ],
+)
+def test_points_with_many_nearest_ones(surface, point, distance):
+    foot, normal, found, _ = surface.frame([point])
+    assert found[0] == pytest.approx(distance, abs=1e-16)
+    np.testing.assert_allclose(foot + found[:, None] * normal, [point], atol=1e-16)
+    np.testing.assert_allclose(implicit(surface, foot), 0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("axes", [(1.0, 1e-6, 1e-3), (1e-6, 1.0, 1.0), (1.0, 1e-6, 1e-6), (1.0, 0.999999, 1.000001)])
+@settings(max_examples=50, deadline=None)
+@given(point=st.tuples(*[st.floats(-2.0, 2.0)] * 3), share=st.floats(1e-12, 1.0))
+def test_needles_plates_and_almost_spheres(axes, point, share):
+    surface = Surface("extreme", "ellipsoid", axes)
+    points = np.array([point, (point[0], share * point[1], share * point[2])])
+    foot, normal, distance, _ = surface.frame(points)
+    np.testing.assert_allclose(implicit(surface, foot), 0.0, atol=1e-13)
+    np.testing.assert_allclose(foot + distance[:, None] * normal, points, atol=1e-14)
+    for each, far in zip(points, np.abs(distance), strict=True):
+        assert far <= np.linalg.norm(surface.points(500) - each, axis=1).min() + 1e-14
+
+
+@every
+def test_points_are_spread_and_within_the_bounds(surface):
+    points = surface.points(3000)
+    np.testing.assert_allclose(implicit(surface, points), 0.0, atol=1e-13)
+    low, high = np.array(surface.bounds).reshape(2, 3)
+    assert np.all((points >= low) & (points <= high))
+    np.testing.assert_allclose(points.max(axis=0), high, rtol=0.01)
+    octants = np.bincount((points > 0.0) @ [1, 2, 4], minlength=8)
+    np.testing.assert_allclose(octants, 375, rtol=0.05)
+
+
+def test_a_torus_is_covered_by_area():
+    # the share of a torus' area outside its core circle is 1/2 + minor / (pi major)
+    points = torus(0.07, 0.03).surface.points(4000)
+    share = np.mean(np.hypot(points[:, 0], points[:, 1]) > 0.07)
+    assert share == pytest.approx(0.5 + 0.03 / (math.pi * 0.07), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters", "message"),
+    [
+        ("sphere", {"size": 0.0}, "positive"),
+        ("sphere", {"size": math.nan}, "size = nan"),
+        ("sphere", {"size": "big"}, "must be a number"),
+        ("sphere", {"size": 1e200}, "larger than the float range"),
+        ("ellipsoid", {"a": -0.1}, "a = -0.1"),
+        ("ellipsoid", {"b": math.inf}, "b = inf"),
+        ("ellipsoid", {"a": 1.0, "c": 1e-7}, "ratio"),
+        ("torus", {"major": 0.03, "minor": 0.03}, "(?s)crosses itself.*minor below major"),
+        ("torus", {"major": 0.02, "minor": 0.03}, "crosses itself"),
+        ("torus", {"minor": 0.0}, "minor = 0.0"),
+    ],
+)
+def test_bad_parameters_are_refused(kind, parameters, message):
+    with pytest.raises(InputError, match=message):
+        make_model(kind, **parameters)
+
+
+def test_bad_points_are_refused_by_row():
+    surface = sphere().surface
+    with pytest.raises(InputError, match=r"row 1 is \(nan, 0.0, 0.0\)"):
+        surface.frame([(0.1, 0.0, 0.0), (math.nan, 0.0, 0.0)])
+    with pytest.raises(InputError, match=r"\(n, 3\)"):
+        surface.frame([(0.1, 0.0)])
+    with pytest.raises(InputError, match="1 directions for 2 points"):
+        surface.shape_derivative(surface.points(2), surface.points(1))
+    with pytest.raises(InputError, match="whole number"):
+        surface.points(0)
+    with pytest.raises(InputError, match="2 lengths"):
+        Surface("s", "sphere", (0.1, 0.1))
+
+
+def test_plane_and_space_are_told_apart():
+    with pytest.raises(RefusalError, match="surface in space"):
+        _ = sphere().curve
+    with pytest.raises(RefusalError, match="plane curve"):
+        _ = circle().surface
+    assert sphere().dimension == 3
+    assert torus().size == pytest.approx(0.2)

@@ -1,0 +1,316 @@
+"""The checks of Problem 7.1 on a point mass about a line and a circle, under laws that are sampled and held."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sampled_loop import CIRCLE, LINE, force, run, runs
+
+from hapticeval.devices.imperfections import ForceSensor, Imperfections
+from hapticeval.geometry.catalogue import sphere
+from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.refinement import extrapolated, left
+from hapticeval.phenomena.registry import CHECKS
+from hapticeval.phenomena.surface_motion import SurfaceMotion
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+
+STARTS = {
+    "on-circle": (CIRCLE, (1.0, 0.0), (0.0, 5.0)),
+    "off-circle": (CIRCLE, (1.1, 0.0), (0.0, 5.5)),
+    "line": (LINE, (-1.0, 0.0), (3.0, 10.0)),
+}
+FORMS = {
+    "circle": {"pp": "6.24", "pp-v": "6.25", "pp-d": "6.27", "pp-pd": "6.26", "set-stabilisation": "7.38"},
+    "line": {"pp": "6.19", "pp-v": "6.20", "pp-d": "6.21", "pp-pd": "6.21", "set-stabilisation": "7.28"},
+}
+
+
+@cache
+def made(scheme: str, start: str) -> Runs:
+    scene, position, velocity = STARTS[start]
+    return runs(scheme, scene, position, velocity, 1.0, name=FORMS[scene.model.name][scheme])
+
+
+def judged(check: str, scheme: str, start: str):
+    return CHECKS[check].judge(made(scheme, start), STARTS[start][0])
+
+
+P, F, U = Outcome.PASS, Outcome.FAIL, Outcome.INCONCLUSIVE
+SCHEMES = ("pp", "pp-v", "pp-d", "pp-pd", "set-stabilisation")
+EXPECTED = {
+    ("constraint-stability", "line"): (F, P, P, P, P),
+    ("constraint-stability", "off-circle"): (F, P, P, F, P),
+    ("output-invariance", "on-circle"): (F, F, F, F, P),
+    ("output-invariance", "off-circle"): (U, U, U, U, U),
+    ("decoupling", "line"): (P, F, P, P, P),
+    ("decoupling", "off-circle"): (F, F, F, F, P),
+    ("tangential-dynamics", "line"): (P, F, P, P, P),
+    ("tangential-dynamics", "on-circle"): (F, F, F, F, P),
+    ("tangential-dynamics", "off-circle"): (F, F, F, F, P),
+    ("centripetal-force", "on-circle"): (F, F, F, F, P),
+    ("closed-form", "line"): (P, P, P, P, P),
+    ("closed-form", "on-circle"): (P, P, P, P, P),
+    ("closed-form", "off-circle"): (P, P, P, P, P),
+}
+
+
+@pytest.mark.parametrize(("check", "start"), EXPECTED)
+def test_what_sections_6_3_and_7_3_say_of_the_schemes_comes_out(check, start):
+    findings = [judged(check, scheme, start) for scheme in SCHEMES]
+    assert tuple(finding.outcome for finding in findings) == EXPECTED[check, start], [f.message for f in findings]
+
+
+def test_undamped_it_is_called_marginal_and_transversal_damping_a_standing_distance():
+    assert "marginal stability" in judged("constraint-stability", "pp", "line").message
+    assert "mm off the surface and comes no nearer" in judged("constraint-stability", "pp-pd", "on-circle").message
+
+
+def test_metrics_are_the_closed_forms_own():
+    assert judged("output-invariance", "pp", "on-circle").metric.value == pytest.approx(0.088173901, abs=2e-4)
+    assert judged("tangential-dynamics", "pp-pd", "on-circle").metric.value == pytest.approx(
+        1.0 - 4.58788684601 / 5.0, abs=1e-4
+    )
+    assert judged("decoupling", "pp-d", "on-circle").metric.value == pytest.approx(1.0 - 2.10908253071 / 5.0, abs=1e-4)
+    evidence = judged("tangential-dynamics", "pp-v", "line").evidence
+    assert evidence["apparent_viscosity_kg_s"] == pytest.approx(4.47, rel=0.03)
+
+
+def test_evidence_puts_measured_beside_closed_form():
+    moments = judged("closed-form", "pp", "on-circle").evidence["moments"]
+    assert [moment["time"] for moment in moments] == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0])
+    assert moments[2]["closed_form_distance"] == pytest.approx(0.01038366961, abs=1e-10)
+    assert moments[2]["measured_distance"] == pytest.approx(0.01038366961, abs=1e-7)
+
+
+def test_a_viscous_surface_is_asked_to_be_viscous():
+    scene = replace(CIRCLE, viscosity=0.3)
+    made = runs("set-stabilisation", scene, (1.1, 0.0), (0.0, 5.5), 1.0, name="7.38")
+    for check in ("constraint-stability", "decoupling", "tangential-dynamics", "closed-form"):
+        finding = CHECKS[check].judge(made, scene)
+        assert finding.outcome is Outcome.PASS, finding.message
+    finding = CHECKS["tangential-dynamics"].judge(made, scene)
+    assert finding.evidence["apparent_viscosity_kg_s"] == pytest.approx(0.3, rel=0.02)
+    assert CHECKS["tangential-dynamics"].judge(made, CIRCLE).outcome is Outcome.FAIL
+
+
+def weaker(scheme, scene, hip, velocity):
+    return force(scheme, replace(scene, stiffness=0.98 * scene.stiffness), hip, velocity)
+
+
+def test_a_law_with_other_gains_than_the_form_s_is_told_from_it():
+    made = runs("set-stabilisation", CIRCLE, (1.1, 0.0), (0.0, 5.5), 0.3, law=weaker, name="7.38")
+    finding = CHECKS["closed-form"].judge(made, CIRCLE)
+    assert finding.outcome is Outcome.FAIL
+    assert finding.metric.value > 100.0 * finding.bound
+
+
+def test_without_a_named_form_or_finer_runs_nothing_is_compared():
+    base = made("pp", "on-circle")
+    assert CHECKS["closed-form"].judge(Runs(base.base, refine=base.refine), CIRCLE).outcome is Outcome.NOT_APPLICABLE
+    assert CHECKS["closed-form"].judge(Runs(base.base, law="6.24"), CIRCLE).outcome is Outcome.INCONCLUSIVE
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("check", ["output-invariance", "tangential-dynamics"])
+def test_one_recording_alone_is_judged_by_what_a_held_force_leaves(scheme, check):
+    finding = CHECKS[check].judge(Runs(made(scheme, "on-circle").base), CIRCLE)
+    assert finding.outcome in (judged(check, scheme, "on-circle").outcome, Outcome.INCONCLUSIVE)
+    assert finding.outcome is not Outcome.INCONCLUSIVE or scheme == "pp-v", (
+        "whose speed changes by a tenth in two ticks"
+    )
+    assert finding.evidence["settled_by_refinement"] is False
+
+
+@given(kind=st.sampled_from(["stays", "1/t", "swings", "grows"]), size=st.floats(0.01, 0.3))
+@settings(max_examples=20, deadline=None)
+def test_stability_tells_what_stays_from_what_falls_with_time(kind, size):
+    time = np.arange(1, 2001) * 1e-3
+    n = {
+        "stays": size + 0.0 * time,
+        "1/t": size * 0.01 / time,
+        "swings": size * np.cos(20.0 * time),
+        "grows": 0.3 * size * np.exp(0.5 * time) * np.cos(20.0 * time),
+    }[kind]
+    hip = np.column_stack([3.0 * time, n])
+    channels = {"hip": hip, "ihip": hip, "force": 0.0 * hip, "velocity": np.gradient(hip, 1e-3, axis=0)}
+    finding = CHECKS["constraint-stability"].judge(Runs(Recording(time, channels, {"source": "experiment"})), LINE)
+    assert finding.outcome is (Outcome.PASS if kind == "1/t" else Outcome.FAIL)
+
+
+def test_a_run_that_is_too_short_for_the_assigned_dynamics_decides_nothing():
+    finding = CHECKS["constraint-stability"].judge(Runs(run("pp-pd", LINE, (0.0, 0.1), (1.0, 0.0), 0.03, 1e-3)), LINE)
+    assert finding.outcome is Outcome.INCONCLUSIVE
+    assert "too short" in finding.message
+
+
+def test_a_run_that_ended_is_not_stable_and_says_why():
+    base = made("set-stabilisation", "off-circle").base
+    ended = {"tick": 20, "time": 0.02, "what": "joint 2 at its stop", "why": "x2 = 1 rad"}
+    cut = Recording(
+        base.time[:20], {k: v[:20] for k, v in base.channels.items()}, {"source": "experiment", "ended": ended}
+    )
+    finding = CHECKS["constraint-stability"].judge(Runs(cut), CIRCLE)
+    assert finding.outcome is Outcome.FAIL
+    assert "t = 0.02 s: joint 2 at its stop" in finding.message
+    assert finding.evidence["ended"] == ended
+
+
+def test_nothing_is_asked_below_what_the_sensors_are_wrong_by():
+    base = run("set-stabilisation", LINE, (0.0, 0.0), (1.0, 0.0), 1.0, 1e-3)
+    hip = base.hip + np.array([0.0, 2e-5])
+    measured = base.hip
+    for shown, expected in (({"measured_hip": measured}, Outcome.INCONCLUSIVE), ({}, Outcome.FAIL)):
+        recording = Recording(base.time, {**base.channels, "hip": hip, **shown}, base.meta)
+        assert CHECKS["constraint-stability"].judge(Runs(recording), LINE).outcome is expected
+
+
+def test_a_push_ends_before_stability_is_judged_and_leaves_the_rest_undecided():
+    pushed = runs("set-stabilisation", CIRCLE, (1.0, 0.0), (0.0, 5.0), 1.0, push=(2.0, 0.0), name="7.38")
+    outcomes = {check: CHECKS[check].judge(pushed, CIRCLE).outcome for check in CHECKS if check in DYNAMIC}
+    assert outcomes == {
+        "constraint-stability": Outcome.PASS,
+        "output-invariance": Outcome.INCONCLUSIVE,
+        "decoupling": Outcome.INCONCLUSIVE,
+        "tangential-dynamics": Outcome.PASS,
+        "closed-form": Outcome.INCONCLUSIVE,
+    }
+
+
+DYNAMIC = ("constraint-stability", "output-invariance", "decoupling", "tangential-dynamics", "closed-form")
+
+
+def test_a_led_hand_and_a_one_sided_surface_are_not_what_these_checks_are_about():
+    base = made("pp", "on-circle").base
+    led = Recording(base.time, base.channels, {"source": "playback"})
+    assert {CHECKS[c].judge(Runs(led, law="6.24"), CIRCLE).outcome for c in DYNAMIC} == {Outcome.NOT_APPLICABLE}
+    one_sided = replace(CIRCLE, bilateral=False)
+    for check in ("constraint-stability", "output-invariance"):
+        assert CHECKS[check].judge(Runs(base), one_sided).outcome is Outcome.NOT_APPLICABLE
+
+
+SPHERE = Scene(model=sphere(size=0.2), stiffness=20.0, damping=2.83, mass=0.1, viscosity=0.3, bilateral=True)
+
+
+def great_circle(dt=1e-3, *, drag=3.0, turn=0.0, duration=1.0):
+    """Round a tilted great circle at a speed that decays by `drag`, and a radius that shrinks to the sphere's."""
+    time = np.arange(0.0, duration + 0.5 * dt, dt)
+    first = np.array([1.0, 2.0, 2.0]) / 3.0
+    second = np.array([2.0, 1.0, -2.0]) / 3.0
+    third = np.cross(first, second)
+    angle = 4.0 * (1.0 - np.exp(-drag * time)) / drag if drag else 4.0 * time
+    rate = 4.0 * np.exp(-drag * time)
+    r, r_rate = 0.1 + 0.02 * np.exp(-10.0 * time), -0.2 * np.exp(-10.0 * time)
+    tilt = turn * time**2
+    second = np.cos(tilt)[:, None] * second + np.sin(tilt)[:, None] * third
+    out = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
+    along = -np.sin(angle)[:, None] * first + np.cos(angle)[:, None] * second
+    aside = (2.0 * turn * time * np.sin(angle))[:, None] * (
+        -np.sin(tilt)[:, None] * np.array([2.0, 1.0, -2.0]) / 3.0 + np.cos(tilt)[:, None] * third
+    )
+    hip = r[:, None] * out
+    velocity = r_rate[:, None] * out + (r * rate)[:, None] * along + r[:, None] * aside
+    channels = {"hip": hip, "ihip": hip, "force": np.zeros_like(hip), "velocity": velocity}
+    return Recording(time, channels, {"source": "experiment", "dt": dt})
+
+
+def on_sphere(**motion):
+    return Runs(great_circle(**motion), refine=lambda k: great_circle(1e-3 / k, **motion))
+
+
+def test_in_space_viscous_sliding_along_a_geodesic_is_as_assigned():
+    for check in ("constraint-stability", "decoupling", "tangential-dynamics"):
+        finding = CHECKS[check].judge(on_sphere(), SPHERE)
+        assert finding.outcome is Outcome.PASS, finding.message
+    finding = CHECKS["tangential-dynamics"].judge(on_sphere(), SPHERE)
+    assert finding.evidence["apparent_viscosity_kg_s"] == pytest.approx(0.3, rel=1e-3)
+
+
+def test_in_space_a_turn_aside_from_the_geodesic_is_an_acceleration_too():
+    assert CHECKS["tangential-dynamics"].judge(on_sphere(turn=0.5), SPHERE).outcome is Outcome.FAIL
+    assert CHECKS["tangential-dynamics"].judge(on_sphere(drag=2.0), SPHERE).outcome is Outcome.FAIL
+
+
+def test_what_the_hand_adds_is_assigned_where_it_is_sensed():
+    """A steady push along the meridian of a sphere, whose foot accelerates by P_T F / m and by no more (8.9)."""
+    push, mass, dt = 0.02, 0.1, 1e-3
+    scene = replace(SPHERE, viscosity=0.0, imperfections=Imperfections(force_sensor=ForceSensor()))
+
+    def at(factor):
+        time = np.arange(0.0, 1.0 + 0.5 * dt / factor, dt / factor)
+        angle = 2.0 * time + 0.5 * push / mass / 0.1 * time**2
+        rate = 2.0 + push / mass / 0.1 * time
+        out = np.column_stack([np.cos(angle), 0.0 * angle, np.sin(angle)])
+        along = np.column_stack([-np.sin(angle), 0.0 * angle, np.cos(angle)])
+        middle = along + 0.5 * dt / factor * rate[:, None] * -out
+        channels = {
+            "hip": 0.1 * out,
+            "ihip": 0.1 * out,
+            "force": 0.0 * out,
+            "velocity": (0.1 * rate)[:, None] * along,
+            "operator_force": push * middle,
+        }
+        return Recording(time, channels, {"source": "experiment", "dt": dt / factor})
+
+    finding = CHECKS["tangential-dynamics"].judge(Runs(at(1), refine=at), scene)
+    assert finding.outcome is Outcome.PASS, (finding.message, finding.metric, finding.bound)
+    silent = Recording(at(1).time, {**at(1).channels, "operator_force": np.zeros((1001, 3))}, at(1).meta)
+    assert CHECKS["tangential-dynamics"].judge(Runs(silent), scene).outcome is not Outcome.PASS
+
+
+def test_bases_are_carried_along_without_turning():
+    """Round a circle of latitude a carried vector comes back turned by the solid angle, 2 pi (1 - cos polar)."""
+    polar = 0.7
+    azimuth = np.linspace(0.0, 2.0 * np.pi, 4001)
+    normal = np.column_stack(
+        [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.full(azimuth.size, np.cos(polar))]
+    )
+    recording = Recording(azimuth, {"hip": 0.1 * normal, "ihip": 0.1 * normal, "force": 0.0 * normal})
+    bases = SurfaceMotion(recording, SPHERE).transported
+    np.testing.assert_allclose(np.einsum("kij,kil->kjl", bases, bases), np.tile(np.eye(2), (4001, 1, 1)), atol=1e-10)
+    np.testing.assert_allclose(np.einsum("kij,ki->kj", bases, normal), 0.0, atol=1e-10)
+    turned = np.arctan2(bases[-1][:, 0] @ bases[0][:, 1], bases[-1][:, 0] @ bases[0][:, 0])
+    assert abs(turned) == pytest.approx(2.0 * np.pi * (1.0 - np.cos(polar)), abs=1e-5)
+
+
+def decaying(terms, noise=0.0):
+    """Runs whose HIP is 1 + a sum of c T^p, and noise that knows no tick."""
+    generator = np.random.default_rng(3)
+
+    def at(factor):
+        step = 1.0 / factor
+        value = 1.0 + sum(c * step**p for p, c in terms.items())
+        hip = np.full((4 * factor + 1, 2), value) + noise * generator.standard_normal((4 * factor + 1, 2))
+        time = np.arange(4 * factor + 1) * step
+        return Recording(time, {"hip": hip, "ihip": hip, "force": 0.0 * hip})
+
+    return Runs(at(1), refine=at).remembered()
+
+
+@given(c1=st.floats(-0.1, 0.1), c2=st.floats(-0.1, 0.1))
+@settings(max_examples=40)
+def test_refinement_bounds_what_it_leaves(c1, c2):
+    found = left(decaying({1: c1, 2: c2}), lambda recording: recording.hip)
+    if found.settled:
+        assert np.max(np.abs(found.values - 1.0)) <= found.change + 1e-12
+
+
+@given(c=st.tuples(*[st.floats(-0.1, 0.1)] * 3))
+@settings(max_examples=40)
+def test_three_powers_of_the_tick_are_removed(c):
+    values, correction = extrapolated(decaying(dict(zip((1, 2, 3), c, strict=True))), lambda recording: recording.hip)
+    np.testing.assert_allclose(values, 1.0, atol=1e-13)
+    assert correction >= 0.0
+
+
+def test_what_does_not_shrink_with_the_tick_is_not_extrapolated():
+    runs_ = decaying({}, noise=1e-3)
+    found = left(runs_, lambda recording: recording.hip)
+    assert not found.settled
+    np.testing.assert_array_equal(found.values, runs_.base.hip)
