@@ -16,7 +16,7 @@ from hapticeval.devices.sensing import actuation, feeling, sensing
 from hapticeval.errors import DomainError, InputError, RendererError
 from hapticeval.playback import answered, ask, declared, start
 from hapticeval.recordings.recording import Recording
-from hapticeval.renderer import Compiled, CompiledLaw, Feeling, Renderer, SelfDriven
+from hapticeval.renderer import Compiled, CompiledLaw, Explaining, Feeling, Renderer, SelfDriven
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Experiment, sample_times
 from hapticeval.types import Array
@@ -161,7 +161,13 @@ def _recorded(renderer: Renderer, time: Array, channels: Mapping[str, Array], dt
             "what": end.error.what,
             "why": end.error.why,
         }
-    return Recording(time[:count], {name: values[:count] for name, values in channels.items()}, meta=meta)
+    recording = Recording(time[:count], {name: values[:count] for name, values in channels.items()}, meta=meta)
+    if not isinstance(renderer, Explaining):
+        return recording
+    told = renderer.signals(recording)
+    more = {name: values for name, (_, values) in told.items()}
+    signals = {name: signal for name, (signal, _) in told.items()}
+    return Recording(recording.time, {**recording.channels, **more}, meta=meta, signals=signals)
 
 
 def _ran_away(tick: int, hip: Array, joints: Array) -> RendererError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
+from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Stimulus
@@ -27,7 +28,7 @@ class Renderer(Protocol):
     - `run(hips, dt) -> (ihips, forces)`: the whole trajectory at once, when that is faster;
     - `resolution` and `standoff` (m): how coarse its own representation of the model is, see `Recording`;
     - `surface`: the `Curve` that it really renders, where that is not the model's own;
-    - `law` and `feel`: see `Compiled` and `Feeling`.
+    - `law`, `feel` and `signals`: see `Compiled`, `Feeling` and `Explaining`.
 
     A step that is led out of where the renderer is defined raises `DomainError`, which ends an experiment there.
     """
@@ -89,6 +90,14 @@ class Feeling(Protocol):
 
     def feel(self, push: Array) -> None:
         """Told before each step: the measured force of the hand on the tool (N,), N."""
+
+
+@runtime_checkable
+class Explaining(Protocol):
+    """A renderer that can tell of a run what went on inside it: its own coordinates, the answers it did not use."""
+
+    def signals(self, recording: Recording) -> Mapping[str, tuple[Signal, Array]]:
+        """Name -> what it is, and its numbers a row of the recording: (n,) or (n, columns)."""
 
 
 RendererFactory: TypeAlias = Callable[[Scene], Renderer | SelfDriven]

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from hapticeval.errors import DomainError, RefusalError
 from hapticeval.geometry.surface import Surface
+from hapticeval.recordings.channels import Signal
+from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import CompiledLaw, Response
 from hapticeval.renderers import sphere_atlas, surface_law
 from hapticeval.renderers.curve_stabilisation import check_gains
@@ -45,6 +49,8 @@ class SurfaceStabilisation:
             memory=1,
             refusals=REFUSALS,
         )
+        self._scene = scene
+        self.charts = charts
         self._memory = np.zeros(1)
         self._push = np.zeros(3)
 
@@ -73,6 +79,45 @@ class SurfaceStabilisation:
         if refusal:
             raise self._led_out(hip, law.refusals[refusal])
         return Response(ihip, force)
+
+    def signals(self, recording: Recording) -> Mapping[str, tuple[Signal, Array]]:
+        """With charts, what Figures 7.7 and 7.8 show: the active chart, the coordinates and the torques of each.
+
+        `eta1` and `eta2` (n, 4) are (t̂_1, its rate, t̂_2, its rate) of (7.10), rad and rad/s; `torque1` and `torque2`
+        (n, N) what each chart asks of the joints, N m, on a robot. Of the states that the renderer was given.
+        """
+        if not self.charts:
+            return {}
+        given = recording.channels
+        y, yd = given.get("measured_hip", recording.hip), given.get("measured_velocity", recording.velocity)
+        scene, push = self._scene, given.get("measured_force")
+        told: dict[str, tuple[Signal, Array]] = {
+            "chart": (Signal("1", "the chart that the switching law (7.56) uses"), sphere_atlas.active(y).astype(float))
+        }
+        answers = sphere_atlas.charts(
+            y, yd, radius=float(self.surface.reals[0]), stiffness=scene.stiffness, damping=scene.damping,
+            mass=scene.mass, viscosity=scene.viscosity, push=push,
+        )  # fmt: skip
+        for number, answer in enumerate(answers, start=1):
+            told[f"eta{number}"] = (Signal("rad, rad/s", f"coordinates and rates of chart {number} (7.10)"), answer.eta)
+            if "joint_position" in given:
+                told[f"torque{number}"] = (
+                    Signal("N m", f"joint torque by chart {number}", "joint"),
+                    self._torques(answer.force, recording, push),
+                )
+        return told
+
+    def _torques(self, forces: Array, recording: Recording, push: Array | None) -> Array:
+        """What the inner loop makes of forces (n, 3)."""
+        scene = self._scene
+        joints, rates = recording.channels["joint_position"], recording.channels["joint_velocity"]
+        pushes = [None] * len(forces) if push is None else push
+        return np.array(
+            [
+                scene.inner_loop.torque(scene.robot, *state, mass=scene.mass, push=each)
+                for *state, each in zip(joints, rates, forces, pushes, strict=True)
+            ]
+        )
 
     def _led_out(self, hip: Array, what: str) -> DomainError:
         foot, _, distance, _ = self.surface.frame(hip[np.newaxis])

@@ -13,6 +13,7 @@ from hapticeval.costs import Costs, read_costs
 from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
 from hapticeval.geometry.model import Model
+from hapticeval.reports.atlas_figure import atlas_svg, has_charts
 from hapticeval.reports.comparison import comparison_svg
 from hapticeval.reports.figures import figure_svg
 from hapticeval.reports.html import Drawing, RunKey, render_html
@@ -174,4 +175,8 @@ def _alone(order: Order) -> Drawing:
         title = f"{renderer} refuses the model of {suite}/{case}: its outline, and where the reason was seen"
         return Drawing(svg=refusal_svg(model, order.position, prefix=order.prefix, title=title))
     title = f"{renderer} in {suite}/{case}: HIP, IHIP, response force and steps against time"
-    return Drawing(svg=figure_svg(recording, model, marks=order.marks, prefix=order.prefix, title=title))
+    svg = figure_svg(recording, model, marks=order.marks, prefix=order.prefix, title=title)
+    if has_charts(recording):
+        title = f"{renderer} in {suite}/{case}: distance, coordinates and torques in the two charts of the sphere"
+        svg += atlas_svg(recording, model, prefix=f"{order.prefix}a", title=title)
+    return Drawing(svg=svg)

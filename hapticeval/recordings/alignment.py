@@ -176,9 +176,7 @@ def _laps(
         used = np.unique(np.concatenate([rows[right[mask] - 1], rows[right[mask]]]))
         columns = dict(_columns(recording, force, rows[right - 1], rows[right], share, mask, abscissa.curve))
         times = recording.time[used]
-        yield Pass(
-            number, part.direction, lap - low, float(times.min()), float(times.max()), columns, mask
-        )
+        yield Pass(number, part.direction, lap - low, float(times.min()), float(times.max()), columns, mask)
 
 
 def _columns(

@@ -75,6 +75,4 @@ def _same_times(recording: Recording, reference: Recording) -> tuple[Any, Any]:
 def _apart(values: Array, others: Array, time: Array) -> Apart:
     distance = np.linalg.norm(values - others, axis=1)
     row = int(np.argmax(distance))
-    return Apart(
-        float(np.sqrt(np.mean(distance**2))), float(distance[row]), float(time[row]), row
-    )
+    return Apart(float(np.sqrt(np.mean(distance**2))), float(distance[row]), float(time[row]), row)

@@ -49,9 +49,7 @@ def ways(recording: Recording, abscissa: Abscissa, label: str) -> tuple[Way, ...
     return tuple(found)
 
 
-def headings(
-    way: Way, recording: Recording, *, slack: float, split: bool, label: str, unit: str
-) -> Iterator[Heading]:
+def headings(way: Way, recording: Recording, *, slack: float, split: bool, label: str, unit: str) -> Iterator[Heading]:
     """The monotone parts of a way. A step back of up to `slack` is a trembling hand, a longer one turns.
 
     Raises `InputError`, naming the place, at a turn unless `split` asks for parts.

@@ -31,6 +31,5 @@ def _apart(found: Mapping[str, Any] | None, unit: str, scale: float) -> str:
     if found is None:
         return "not recorded"
     return (
-        f"rms {scale * found['rms']:.3g} {unit}, "
-        f"at most {scale * found['max']:.3g} {unit} at t = {found['time']:.4g} s"
+        f"rms {scale * found['rms']:.3g} {unit}, at most {scale * found['max']:.3g} {unit} at t = {found['time']:.4g} s"
     )

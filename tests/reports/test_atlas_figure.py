@@ -1,0 +1,56 @@
+"""The figure of the sphere's two charts, from what set stabilisation by an atlas records."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hapticeval.closed_loop import drive
+from hapticeval.devices.catalogue import make_device
+from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.discovery import resolve
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.reports.atlas_figure import atlas_svg, has_charts
+from hapticeval.scene import Scene
+from hapticeval.stimulus import Experiment, Hand, Path
+
+SCENE = Scene(
+    model=make_model("sphere", size=0.2), stiffness=20.0, damping=2.83, mass=0.1, viscosity=0.3, bilateral=True,
+    device=make_device("parallelogram-3dof"), inner_loop=InnerLoop.LINEARISED,
+)  # fmt: skip
+
+
+def round_the_meridian(name):
+    angle = np.linspace(0.0, np.pi, 50)
+    around = 0.1 * np.column_stack([np.cos(angle), np.zeros(50), np.sin(angle)])
+    hand = Hand(path=Path(0.2 * angle, around), stiffness=200.0, damping=5.0)
+    start = np.array([0.1, 0.0, 0.0])
+    experiment = Experiment(0.6, start, np.zeros(3), np.zeros(1), np.zeros((1, 3)), hand)
+    return drive(resolve(name)(SCENE), experiment, SCENE, 1e-3)
+
+
+def test_the_charts_ask_for_the_torque_that_the_motors_gave():
+    run = round_the_meridian("set-stabilisation@atlas")
+    assert has_charts(run)
+    chart = run.channels["chart"]
+    assert set(chart) == {1.0, 2.0}
+    asked = np.where(chart[:, None] == 1.0, run.channels["torque1"], run.channels["torque2"])
+    np.testing.assert_allclose(asked, run.channels["joint_torque"], rtol=1e-9, atol=1e-12)
+
+
+def test_the_coordinates_of_a_chart_are_those_of_its_definition():
+    run = round_the_meridian("set-stabilisation@atlas")
+    y = run.hip
+    np.testing.assert_allclose(run.channels["eta1"][:, 0], np.arctan2(y[:, 1], y[:, 0]), atol=1e-12)
+    np.testing.assert_allclose(run.channels["eta2"][:, 2], np.arccos(y[:, 0] / np.linalg.norm(y, axis=1)), atol=1e-7)
+
+
+def test_the_figure_names_what_it_shows():
+    svg = atlas_svg(round_the_meridian("set-stabilisation@atlas"), SCENE.model, prefix="a", title="charts")
+    for words in ("distance (mm)", "chart 1 (°)", "chart 2 (°)", "torque 2 (N m)", "by chart 2"):
+        assert words in svg
+
+
+@pytest.mark.parametrize("name", ["set-stabilisation", "minimum-distance+pp-pd"])
+def test_others_have_no_charts_to_show(name):
+    assert not has_charts(round_the_meridian(name))
