@@ -6,37 +6,43 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hapticeval.closed_loop import drive
+from hapticeval.compiled import compiled
+from hapticeval.devices.imperfections import ENCODER_STEP, ForceSensor, Imperfections
+from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
+from hapticeval.devices.point_mass import PointMass
 from hapticeval.discovery import resolve
-from hapticeval.errors import RendererError
+from hapticeval.errors import DomainError, InputError, RendererError
 from hapticeval.geometry.catalogue import circle, line
-from hapticeval.renderer import Response
+from hapticeval.renderer import CompiledLaw, Response
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment
+from hapticeval.stimulus import Experiment, Hand, Path
 
 K, D = 500.0, 44.7
 
 
-def final(name, model, position, velocity, time, dt):
-    scene = Scene(model=model, stiffness=K, damping=D, mass=1.0, bilateral=True)
+def final(name, model, position, velocity, time, dt, **robot):
+    scene = Scene(model=model, stiffness=K, damping=D, mass=1.0, bilateral=True, **robot)
     rest = Experiment(time, np.array(position), np.array(velocity), np.zeros(1), np.zeros((1, 2)))
     recording = drive(resolve(name)(scene), rest, scene, dt)
     assert recording.time[-1] == pytest.approx(time, abs=1e-12)
     return recording.hip[-1], recording.velocity[-1]
 
 
-def continuous(name, model, position, velocity, time):
-    """The limit of no sampling: the held force is wrong by c1 T + c2 T^2 + ..., eliminated from three runs."""
-    runs = [np.concatenate(final(name, model, position, velocity, time, dt)) for dt in (1e-3, 5e-4, 2.5e-4, 1.25e-4)]
+def continuous(name, model, position, velocity, time, **robot):
+    """The limit of no sampling: the held force is wrong by c1 T + c2 T^2 + ..., eliminated from four runs."""
+    steps = (1e-3, 5e-4, 2.5e-4, 1.25e-4)
+    runs = [np.concatenate(final(name, model, position, velocity, time, dt, **robot)) for dt in steps]
     first = [2.0 * fine - coarse for coarse, fine in pairwise(runs)]
     second = [(4.0 * fine - coarse) / 3.0 for coarse, fine in pairwise(first)]
     return (8.0 * second[1] - second[0]) / 7.0, np.abs(runs[1] - runs[0]), np.abs(runs[2] - runs[1])
 
 
-@pytest.mark.parametrize(
+CIRCLE = pytest.mark.parametrize(
     ("scheme", "r", "theta", "rate"),
     [
         ("pp", 1.01038366961, 2.28837605467, 4.89775850843),
@@ -45,11 +51,28 @@ def continuous(name, model, position, velocity, time):
         ("pp-pd", 1.04394916959, 2.32569936046, 4.58787205567),
     ],
 )
+
+
+@CIRCLE
 def test_circle_reaches_the_continuous_solution_as_sampling_refines(scheme, r, theta, rate):
     """Table 6.2 at t = 0.5 s, r_c = 1 m, 5 m/s along the circle."""
     state, coarse, fine = continuous(f"minimum-distance+{scheme}@curve", circle(size=2.0), (1.0, 0.0), (0.0, 5.0), 0.5)
     hip, velocity = state[:2], state[2:]
     assert np.hypot(*hip) == pytest.approx(r, abs=2e-6)
+    assert np.arctan2(hip[1], hip[0]) == pytest.approx(theta, abs=2e-6)
+    assert (hip[0] * velocity[1] - hip[1] * velocity[0]) / (hip @ hip) == pytest.approx(rate, abs=2e-5)
+    assert np.max(fine) < 0.6 * np.max(coarse)
+
+
+@CIRCLE
+def test_the_robot_under_feedback_linearisation_reaches_it_too(scheme, r, theta, rate):
+    """Table 6.2 again, r_c = 0.1 m and 0.5 m/s: exactly a tenth of it, on the parallelogram (6.17)."""
+    robot = {"device": Parallelogram2(), "inner_loop": InnerLoop.LINEARISED}
+    state, coarse, fine = continuous(
+        f"minimum-distance+{scheme}@curve", circle(size=0.2), (0.1, 0.0), (0.0, 0.5), 0.5, **robot
+    )
+    hip, velocity = state[:2], state[2:]
+    assert np.hypot(*hip) == pytest.approx(0.1 * r, abs=2e-7)
     assert np.arctan2(hip[1], hip[0]) == pytest.approx(theta, abs=2e-6)
     assert (hip[0] * velocity[1] - hip[1] * velocity[0]) / (hip @ hip) == pytest.approx(rate, abs=2e-5)
     assert np.max(fine) < 0.6 * np.max(coarse)
@@ -134,3 +157,229 @@ def test_a_loop_that_runs_away_is_stopped_at_its_tick():
     with pytest.raises(RendererError, match="ran away") as caught:
         drive(Explosive(), push, Scene(model=line(), mass=0.1), 1e-3)
     assert caught.value.tick > 0
+
+
+@compiled
+def counting_spring(reals, pieces, samples, memory, hip, velocity, push, dt, ihip, force):
+    """A spring and a damper to the origin that counts its ticks, refuses beyond a radius and breaks at a tick."""
+    memory[0] += 1.0
+    distance = 0.0
+    for i in range(hip.shape[0]):
+        distance += hip[i] * hip[i]
+        ihip[i] = memory[0] * 1e-6
+        force[i] = -reals[0] * hip[i] - reals[1] * velocity[i] - 0.5 * push[i]
+    if distance > reals[2] * reals[2]:
+        return 2
+    if memory[0] > reals[3]:
+        force[0] = np.nan
+    return 0
+
+
+class Spring:
+    """`counting_spring` with its law, or in Python without."""
+
+    refusals = {2: "beyond the radius"}  # noqa: RUF012
+
+    def __init__(self, *, law, stiffness=300.0, damping=3.0, radius=1e3, breaks=1e9):
+        self.reals = np.array([stiffness, damping, radius, breaks])
+        self.none = np.zeros((1, 1))
+        if law:
+            self.law = CompiledLaw(counting_spring, self.reals, self.none, self.none, 1, self.refusals)
+
+    def reset(self, hip):
+        self.memory = np.zeros(1)
+        self.push = np.zeros(hip.size)
+
+    def feel(self, push):
+        self.push = push
+
+    def step(self, hip, velocity, dt):
+        ihip, force = np.empty_like(hip), np.empty_like(hip)
+        number = counting_spring(
+            self.reals, self.none, self.none, self.memory, hip, velocity, self.push, dt, ihip, force
+        )
+        if number:
+            raise DomainError(self.refusals[number])
+        return Response(ihip, force)
+
+
+DEVICES = (PointMass(0.3), PointMass(0.3, 3), Parallelogram2(), Parallelogram3())
+EFFECTS = {
+    "none": Imperfections(),
+    "all": Imperfections(
+        encoder_step=ENCODER_STEP,
+        torque_limit=0.5,
+        delay=1.4e-3,
+        friction=0.02,
+        velocity_cutoff=80.0,
+        force_sensor=ForceSensor(step=0.01, noise=0.02, cutoff=300.0, seed=3),
+    ),
+}
+
+
+def trial(size, *, hand=False, push=0.0, duration=0.1, speed=0.3):
+    position, velocity, way = np.zeros(size), np.zeros(size), np.zeros((3, size))
+    position[0], velocity[1] = 0.02, speed
+    way[:, :2] = (0.02, 0.0), (0.05, 0.02), (0.0, 0.03)
+    grip = Hand(path=Path(np.linspace(0.0, duration, 3), way), stiffness=300.0, damping=3.0) if hand else None
+    force = np.zeros((2, size))
+    force[1] = push
+    return Experiment(duration, position, velocity, np.array([0.0, duration]), force, grip)
+
+
+def same(one, other):
+    assert one.channels.keys() == other.channels.keys()
+    assert dict(one.meta) == dict(other.meta)
+    assert np.array_equal(one.time, other.time)
+    for name, values in one.channels.items():
+        assert np.array_equal(values, other.channels[name]), name
+
+
+@pytest.mark.parametrize("effects", EFFECTS)
+@pytest.mark.parametrize("hand", [False, True], ids=["pushed", "drawn"])
+@settings(deadline=None, max_examples=15)
+@given(
+    device=st.sampled_from(DEVICES),
+    loop=st.sampled_from(InnerLoop),
+    stiffness=st.floats(0.0, 500.0),
+    push=st.floats(0.1, 3.0),
+)
+def test_a_compiled_law_gives_the_numbers_of_its_renderer_in_python(effects, hand, device, loop, stiffness, push):
+    """To the last bit, in every channel; and the loop of the plain point mass is the same in either way."""
+    scene = Scene(model=line(), mass=1.0, device=device, inner_loop=loop, imperfections=EFFECTS[effects])
+    pushed = trial(device.dimension, hand=hand, push=push)
+    runs = [drive(Spring(law=law, stiffness=stiffness), pushed, scene, 1e-3) for law in (True, False)]
+    same(*runs)
+    assert len(runs[0]) == 101
+
+
+@pytest.mark.parametrize("law", [True, False], ids=["compiled", "python"])
+@pytest.mark.parametrize("device", DEVICES, ids=lambda device: f"{device.name}{device.dimension}")
+def test_a_refusal_ends_the_run_at_its_tick(law, device):
+    scene = Scene(model=line(), mass=1.0, device=device)
+    away = trial(device.dimension, push=0.1, speed=0.5)
+    whole = drive(Spring(law=law, stiffness=0.0, damping=0.0), away, scene, 1e-3)
+    ended = drive(Spring(law=law, stiffness=0.0, damping=0.0, radius=0.03), away, scene, 1e-3)
+    tick = int(np.argmax(np.linalg.norm(whole.hip, axis=1) > 0.03))
+    assert 0 < tick == len(ended)
+    assert ended.meta["ended"] == {"tick": tick, "time": whole.time[tick], "what": "beyond the radius", "why": ""}
+    for name, values in ended.channels.items():
+        assert np.array_equal(values, whole.channels[name][:tick])
+    assert "ended" not in whole.meta
+
+
+@pytest.mark.parametrize("law", [True, False], ids=["compiled", "python"])
+@pytest.mark.parametrize("device", DEVICES[1:3], ids=lambda device: device.name)
+def test_a_refusal_at_the_start_is_an_error(law, device):
+    with pytest.raises(DomainError, match="beyond the radius"):
+        drive(Spring(law=law, radius=0.01), trial(device.dimension), Scene(model=line(), device=device), 1e-3)
+
+
+@pytest.mark.parametrize("law", [True, False], ids=["compiled", "python"])
+def test_an_answer_that_is_not_finite_is_told_with_its_tick(law):
+    scene = Scene(model=line(), device=Parallelogram2())
+    with pytest.raises(RendererError, match="not finite") as caught:
+        drive(Spring(law=law, breaks=7), trial(2), scene, 1e-3)
+    assert caught.value.tick == 7
+
+
+@pytest.mark.parametrize("law", [True, False], ids=["compiled", "python"])
+def test_a_robot_that_leaves_its_workspace_ends_the_run(law):
+    """Driven outwards at 0.9 m/s it meets a joint limit; all recorded joints are inside, the next are not."""
+    device = Parallelogram2()
+    scene = Scene(model=line(), mass=1.0, device=device)
+    recording = drive(Spring(law=law, stiffness=-200.0, damping=0.0), trial(2, duration=2.0, speed=0.9), scene, 1e-3)
+    assert 0 < len(recording) == recording.meta["ended"]["tick"] < 2001
+    assert recording.meta["ended"]["time"] == pytest.approx(1e-3 * len(recording))
+    joints = recording.channels["joint_position"]
+    assert all(device.margin(q) > 0.0 for q in joints)
+    beyond = joints[-1] + 1e-3 * recording.channels["joint_velocity"][-1]
+    assert device.margin(beyond) < 0.1 * device.margin(joints[0])
+    assert "parallelogram-2dof" in recording.meta["ended"]["what"]
+
+
+def test_a_start_outside_of_the_workspace_is_an_error():
+    scene = Scene(model=line(), device=Parallelogram2())
+    outside = Experiment(0.1, np.array([2.0, 0.0]), np.zeros(2), np.zeros(1), np.zeros((1, 2)))
+    with pytest.raises(DomainError, match=r"2, 0"):
+        drive(Spring(law=True), outside, scene, 1e-3)
+
+
+def test_an_experiment_in_another_dimension_than_the_device_is_an_error():
+    with pytest.raises(InputError, match="moves in 3D"):
+        drive(Spring(law=True), trial(2), Scene(model=line(), device=Parallelogram3()), 1e-3)
+
+
+@pytest.mark.parametrize("device", DEVICES, ids=lambda device: f"{device.name}{device.dimension}")
+def test_an_experiment_starts_where_and_as_fast_as_it_says(device):
+    started = trial(device.dimension)
+    recording = drive(Spring(law=True), started, Scene(model=line(), device=device), 1e-3)
+    np.testing.assert_allclose(recording.hip[0], started.position, atol=1e-15)
+    np.testing.assert_allclose(recording.velocity[0], started.velocity, atol=1e-15)
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    device=st.sampled_from(DEVICES),
+    stiffness=st.floats(1.0, 2000.0),
+    damping=st.floats(0.0, 20.0),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_a_hand_at_rest_is_passive(device, stiffness, damping, seed):
+    """With no renderer's force, kinetic energy and that in the hand's grip only fall, to the accuracy of the motion."""
+    rng = np.random.default_rng(seed)
+    size = device.dimension
+    position, velocity = 0.03 * rng.standard_normal(size), 0.5 * rng.standard_normal(size)
+    home = 0.02 * rng.standard_normal(size)
+    grip = Hand(path=Path([0.0, 1.0], [home, home]), stiffness=stiffness, damping=damping)
+    held = Experiment(0.1, position, velocity, np.zeros(1), np.zeros((1, size)), grip)
+    recording = drive(Constant(np.zeros(size)), held, Scene(model=line(), device=device), 1e-3)
+    joints = recording.channels.get("joint_position", recording.hip)
+    rates = recording.channels.get("joint_velocity", recording.velocity)
+    kinetic = np.array([0.5 * v @ device.inertia(q) @ v for q, v in zip(joints, rates, strict=True)])
+    energy = kinetic + 0.5 * stiffness * np.sum((recording.hip - home) ** 2, axis=1)
+    assert np.diff(energy).max() <= 4e-9 * energy.max()
+
+
+def test_the_hand_s_force_is_its_mean_over_the_tick():
+    """Momentum: what the point mass gains in a tick is the force's impulse, the operator's and the renderer's."""
+    drawn = trial(2, hand=True, push=1.0)
+    recording = drive(Spring(law=True), drawn, Scene(model=line(), mass=0.3), 1e-3)
+    gained = 0.3 * np.diff(recording.velocity, axis=0)
+    given_ = 1e-3 * (recording.force + recording.channels["operator_force"])[:-1]
+    assert np.abs(gained - given_).max() < 1e-8 * np.abs(gained).max()
+
+
+@settings(deadline=None, max_examples=25)
+@given(seed=st.integers(0, 2**32 - 1), hand=st.booleans())
+def test_the_point_mass_is_linear_in_force(seed, hand):
+    """From rest at the origin, the answer to the sum of two pushes is the sum of the answers."""
+    one, two = np.random.default_rng(seed).standard_normal((2, 5, 2))
+    times = np.linspace(0.0, 0.1, 5)
+    grip = Hand(path=Path([0.0, 1.0], np.zeros((2, 2))), stiffness=200.0, damping=1.0) if hand else None
+
+    def hips(force):
+        pushed = Experiment(0.1, np.zeros(2), np.zeros(2), times, force, grip)
+        return drive(Spring(law=True), pushed, Scene(model=line(), mass=0.3), 1e-3).hip
+
+    size = np.abs(hips(one)).max() + np.abs(hips(two)).max()
+    # Each tick is exact, or with a hand true to 1e-9 between samples: a hundred of them in a stable loop.
+    assert np.abs(hips(one + two) - hips(one) - hips(two)).max() <= (1e-7 if hand else 1e-12) * size
+
+
+def test_a_hand_draws_any_recording_s_path():
+    """m e'' + b e' + k e = m y_d'', critically damped: |e| <= m a / k, and a dt / (w exp 1) for the path's corners."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 1001)
+    drawn = drive(Constant(np.zeros(2)), trial(2, push=1.0, duration=0.5), Scene(model=line(), mass=0.3), 1e-3)
+    circle_ = 0.05 * np.column_stack([np.cos(angle), np.sin(angle)])
+    stiffness, mass = 5000.0, 0.1
+    omega = np.sqrt(stiffness / mass)
+    for time, path in ((drawn.time, drawn.hip), (1e-3 * np.arange(1001), circle_)):
+        rate = np.diff(path, axis=0) / 1e-3
+        hand = Hand(path=Path(time, path), stiffness=stiffness, damping=2.0 * np.sqrt(stiffness * mass))
+        led = Experiment(float(time[-1]), path[0], rate[0], np.zeros(1), np.zeros((1, 2)), hand)
+        recording = drive(Constant(np.zeros(2)), led, Scene(model=line(), mass=mass), 1e-3)
+        bend = np.abs(np.diff(rate, axis=0) / 1e-3).max()
+        bound = np.sqrt(2.0) * bend * (mass / stiffness + 1e-3 / (omega * np.e))
+        assert np.linalg.norm(recording.hip - path, axis=1).max() <= bound
+        assert bound < 2e-3

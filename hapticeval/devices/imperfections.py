@@ -17,12 +17,26 @@ ENCODER_STEP = 2.0 * math.pi / ENCODER_COUNTS
 @dataclass(frozen=True, kw_only=True)
 class ForceSensor:
     """A sensor at the handle: `step` (N, 0 = none) is its quantum, `noise` (N) the standard deviation of each sample,
-    `cutoff` (Hz, inf = none) of its first-order low-pass; `seed` of the noise."""
+    `cutoff` (Hz, inf = none) of its first-order low-pass; `seed` of the noise.
+
+    Raises `InputError` for a number that is negative, or not finite where it must be.
+    """
 
     step: float = 0.0
     noise: float = 0.0
     cutoff: float = math.inf
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, value in (("step", self.step), ("noise", self.noise)):
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InputError(f"the force sensor's {name} = {value!r} N", why="it must be finite and not negative")
+        if not self.cutoff > 0.0:
+            raise InputError(
+                f"the force sensor's cutoff = {self.cutoff!r} Hz",
+                why="it must be positive",
+                todo="leave it out for none",
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from scipy.signal import cont2discrete, lfilter, lfilter_zi
 
 from hapticeval.geometry.frame import Frame
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.sampling import HOLD_TICKS, LAG_TICKS, TELLS, place, touching, unsettled_by_path
+from hapticeval.phenomena.sampling import HOLD_TICKS, LAG_TICKS, TELLS, loaded, place, touching, unsettled_by_path
+from hapticeval.phenomena.surface_motion import decay_rate
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
-from hapticeval.types import Array
+from hapticeval.types import Array, BoolArray
 
 SPEEDS = (0.5, 0.75)
 """The experiment is run at these shares of its speed too, so that error can be told by v^2."""
@@ -71,23 +75,50 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 
 
 def _terms(recording: Recording, scene: Scene) -> tuple[Array, Array, Array, float]:
-    """Per sample in contact: surface error, the operator's static share of it, the centripetal cost (all m).
+    """Per sample in contact, once under way: surface error, the operator's share of it, the centripetal cost (all m).
 
-    The cost is what a spring pays when it alone supplies (3.8): kappa v_t^2 m / K_p, outwards. The last number is
-    the largest |kappa| v_t, rad/s, the rate at which the normal turns.
+    The cost is what a spring pays when it alone supplies (3.8): kappa v_t^2 m / K_p, outwards, as the assigned dynamics
+    answer to it. The last number is the largest |kappa| v_t, rad/s, the rate at which the normal turns.
     """
-    contact = touching(recording, scene)
-    hip = recording.hip[contact]
-    if hip.shape[0] == 0:
-        empty = np.empty(0)
-        return empty, empty, empty, 0.0
-    frame = scene.model.boundary.frame(hip)
-    turning, speed2 = _bending(frame, recording.velocity[contact])
-    push = np.zeros(hip.shape[0])
+    frame = scene.model.boundary.frame(recording.hip)
+    turning, speed2 = _bending(frame, recording.velocity)
+    push = np.zeros(len(recording))
     if "operator_force" in recording.channels:
-        push = np.sum(recording.channels["operator_force"][contact] * frame.normal, axis=1) / scene.stiffness
-    cost = speed2 * scene.mass / scene.stiffness
-    return frame.distance, push, cost, float(np.max(turning))
+        push = np.sum(recording.channels["operator_force"] * frame.normal, axis=1)
+    cost, share = (_answer(force, recording, scene) for force in (speed2 * scene.mass, push))
+    bearing = touching(recording, scene)
+    if not scene.bilateral:
+        bearing &= loaded(recording, scene)  # inside and without force, as after a touch, nothing bends the path
+    judged = bearing & _under_way(recording, scene, bearing)
+    fastest = float(np.max(turning[judged], initial=0.0))
+    return frame.distance[judged], share[judged], cost[judged], fastest
+
+
+def _answer(force: Array, recording: Recording, scene: Scene) -> Array:
+    """The error (n,), m, with which m n'' + K_d n' + K_p n answers to an outward force (n,), N, held between samples.
+
+    It starts in equilibrium with the first. Undamped dynamics never come to an answer: then it is the static one.
+    """
+    if decay_rate(scene) == 0.0 or force.size < 2:
+        return force / scene.stiffness
+    numerator, denominator, _ = cont2discrete(
+        ([1.0], [scene.mass, scene.damping, scene.stiffness]), recording.dt, method="zoh"
+    )
+    numerator = np.ravel(numerator)
+    rest = lfilter_zi(numerator, denominator) * force[0]
+    answered, _ = lfilter(numerator, denominator, force, zi=rest)
+    return np.asarray(answered)
+
+
+def _under_way(recording: Recording, scene: Scene, bearing: BoolArray) -> BoolArray:
+    """Without the start of the contact (n,): until the assigned dynamics have died out to a hundredth.
+
+    Before, error has other causes. Of a run shorter than twice that, all of it.
+    """
+    since = recording.time - recording.time[int(np.argmax(bearing))]
+    rate = decay_rate(scene)
+    lasts = math.log(100.0) / rate if rate > 0.0 else 0.0
+    return np.asarray(since >= lasts if 2.0 * lasts <= since[-1] else since >= 0.0)
 
 
 def _bending(frame: Frame, velocity: Array) -> tuple[Array, Array]:
@@ -148,11 +179,12 @@ CHECK = Check(
     metric="share of the centripetal force that position error has to supply",
     unit="",
     bound=(
-        "1.5 kappa v T: while a force is held for a tick T the normal turns by kappa v T, half of it on average, and "
-        "one tick more may pass between sample and force. The verdict is inconclusive within two standard errors of "
-        "the bound. On a bilateral constraint the force at the start, where the error is zero, must supply "
-        "m kappa v^2 to the same share, within the three ticks that a proxy may lag. A bound above 0.1 is "
-        "inconclusive."
+        "Cost and push count as the assigned dynamics answer to them, from when the start has died out to a "
+        "hundredth, and while the surface bears a force. 1.5 kappa v T: while a force is held for a tick T the "
+        "normal turns by kappa v T, half of it on average, and one tick more may pass between sample and force. The "
+        "verdict is inconclusive within two standard errors of the bound. On a bilateral constraint the force at "
+        "the start, where the error is zero, must supply m kappa v^2 to the same share, within the three ticks that "
+        "a proxy may lag. A bound above 0.1 is inconclusive."
     ),
     judge=judge,
 )

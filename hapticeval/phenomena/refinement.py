@@ -33,8 +33,8 @@ def left(runs: Runs, measure: Callable[[Recording], Array]) -> Left:
 
     A held force lags by half a tick, an effect of first order in T, which this removes. What it leaves of an effect of
     any single higher order is less than d' = q(T/4) - q(T/2); where a first and a second order cancel in d', it is a
-    third of |2 d' - d|, d = q(T/2) - q(T), which Richardson's next step would correct by. `change` is the larger of |d'|
-    and half of that.
+    third of |2 d' - d|, d = q(T/2) - q(T), which Richardson's next step would correct by. `change` is the larger of
+    |d'| and half of |2 d' - d|.
     """
     base = measure(runs.base)
     if runs.refine is None:

@@ -187,10 +187,14 @@ def test_points_are_tried_in_order() -> None:
     assert holds(POINT, make_model("circle", size=100.0)).margin == math.inf
 
 
-def test_a_line_that_never_comes_near_is_refused() -> None:
-    far = Parallelogram2(ParallelogramParameters(l1=1e-3, l4=1e-3))
-    assert holds(FLAT, make_model("line")).holds
-    assert not holds(far, [(0.5, 0.0)]).holds
+def test_of_an_unbounded_line_only_a_part_must_lie_inside() -> None:
+    """A robot of 2 mm reaches little of it, and the point with the greatest margin is named."""
+    small = Parallelogram2(ParallelogramParameters(l1=1e-3, l4=1e-3))
+    assert not holds(small, [(-0.1, 0.0), (0.1, 0.0)]).holds
+    fit = holds(small, make_model("line"))
+    assert fit.holds
+    assert abs(fit.point[0]) < 2e-3
+    assert fit.margin == small.margin(small.joints(fit.point))
 
 
 def test_what_is_no_place_is_refused() -> None:
