@@ -112,6 +112,7 @@ def draw(order: Order) -> Drawing:
     """Read a recording and draw it; what the user can mend is told in the figure's place."""
     from hapticeval.geometry.catalogue import make_model
     from hapticeval.recordings.hdf5 import read_recording
+    from hapticeval.recordings.recording import REQUIRED
 
     suite, case, renderer = order.key
     try:
@@ -127,5 +128,8 @@ def draw(order: Order) -> Drawing:
     if recording is None:
         title = f"{renderer} refuses the model of {suite}/{case}: its outline, and where the reason was seen"
         return Drawing(svg=refusal_svg(model, order.position, prefix=order.prefix, title=title))
+    lacking = [name for name in REQUIRED if name not in recording.channels]
+    if lacking:
+        return Drawing(problem=f"the recording has no channel '{lacking[0]}'")
     title = f"{renderer} in {suite}/{case}: HIP, IHIP, response force and steps against time"
     return Drawing(svg=figure_svg(recording, model, marks=order.marks, prefix=order.prefix, title=title))

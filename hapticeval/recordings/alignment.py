@@ -14,7 +14,7 @@ from hapticeval.recordings.abscissa import Abscissa
 from hapticeval.recordings.passes import Heading, Way, headings, seam, ways
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import GAP_STEPS, LAG, nominal_step
-from hapticeval.types import Array, BoolArray
+from hapticeval.types import Array, BoolArray, IntArray
 
 POINTS = 721
 """Places of the grid over all that the runs cover: half a degree of a full turn."""
@@ -176,16 +176,14 @@ def _laps(
         used = np.unique(np.concatenate([rows[right[mask] - 1], rows[right[mask]]]))
         columns = dict(_columns(recording, force, rows[right - 1], rows[right], share, mask, abscissa.curve))
         times = recording.time[used]
-        yield Pass(
-            number, part.direction, lap - low, float(times.min()), float(times.max()), columns, mask
-        )
+        yield Pass(number, part.direction, lap - low, float(times.min()), float(times.max()), columns, mask)
 
 
 def _columns(
     recording: Recording,
     force: Array,
-    before: Array,
-    after: Array,
+    before: IntArray,
+    after: IntArray,
     share: Array,
     mask: BoolArray,
     curve: Curve | None,

@@ -11,8 +11,8 @@ import numpy as np
 from hapticeval.errors import RefusalError, RendererError
 from hapticeval.playback import answered, declared, lead
 from hapticeval.recordings.recording import Recording, backward_difference
-from hapticeval.renderer import Renderer, SelfDriven
 from hapticeval.recordings.stretches import Stretch, steps
+from hapticeval.renderer import Renderer, SelfDriven
 from hapticeval.stimulus import Path
 from hapticeval.types import Array
 
@@ -56,9 +56,7 @@ def rerendered(
     return tuple(_stretch(renderer, path, stretch, meta) for stretch in path.stretches)
 
 
-def _stretch(
-    renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, meta: Mapping[str, Any]
-) -> Recording:
+def _stretch(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, meta: Mapping[str, Any]) -> Recording:
     time = path.recording.time[stretch.rows]
     hip, dt = path.hip[stretch.rows], steps(path.recording, stretch)
     if isinstance(renderer, SelfDriven):
@@ -75,9 +73,7 @@ def _stretch(
     )
 
 
-def _reversed(
-    renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, meta: Mapping[str, Any]
-) -> Recording:
+def _reversed(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, meta: Mapping[str, Any]) -> Recording:
     """The same HIPs in the opposite order, each step as long as it was."""
     time = path.recording.time[stretch.rows]
     back = time[-1] - time[::-1]
@@ -94,12 +90,10 @@ def _reversed(
     )
 
 
-def _whole(
-    renderer: SelfDriven, time: Array, hip: Array, dt: float | Array, meta: Mapping[str, Any]
-) -> Recording:
+def _whole(renderer: SelfDriven, time: Array, hip: Array, dt: float | Array, meta: Mapping[str, Any]) -> Recording:
     if not isinstance(dt, float):
         raise RefusalError(
-            "a recording whose clock is not regular",
+            "the recording's clock is not regular",
             why="it answers a stimulus whole, at one sampling time, and a recording is never re-timed",
             todo="choose a renderer that is asked step by step",
         )
