@@ -87,7 +87,6 @@ def counting(tmp_path, monkeypatch):
     sys.modules.pop("countingmodule", None)
 
 
-
 def file_of(folder, case, renderer):
     entry = next(e for e in read_results(folder).runs if (e["case"], e["renderer"]) == (case, renderer))
     return folder / entry["recording"]

@@ -25,6 +25,8 @@ LEVEL = 0.05
 DEALS = 9999
 COMMON = 0.05
 """Two curves must share this much of the grid for a distance."""
+HALF = 0.5
+"""A repeat covers at least this share of what the fullest one does: the end of a last lap is none."""
 COMPARED = ("direction", "leaning", "magnitude", "depth")
 
 
@@ -98,10 +100,16 @@ def repeats(passes: Sequence[Pass], column: str, reference: Array) -> Repeats:
     runs = np.array([each.run for each in passes])
     several = np.unique(runs)
     if several.size == 1:
-        return Repeats(values, masks, "laps of one run")
+        return _full(values, masks, "laps of one run")
     counts = np.array([masks[runs == run].sum(axis=0) for run in several])
     sums = np.array([np.where(masks[runs == run], values[runs == run], 0.0).sum(axis=0) for run in several])
-    return Repeats(sums / np.maximum(counts, 1), counts > 0, "runs")
+    return _full(sums / np.maximum(counts, 1), counts > 0, "runs")
+
+
+def _full(values: Array, masks: BoolArray, basis: str) -> Repeats:
+    coverage = masks.mean(axis=1)
+    kept = coverage >= HALF * coverage.max()
+    return Repeats(values[kept], masks[kept], basis)
 
 
 def bands(aligned: Aligned) -> tuple[Band, ...]:
