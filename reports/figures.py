@@ -105,7 +105,7 @@ def _draw_force(axes: Axes, recording: Recording) -> None:
 
 
 def _draw_below(axes: Axes, recording: Recording) -> None:
-    if recording.meta.get("source") == "playback" and len(recording) > 2:
+    if recording.meta.get("source") in ("playback", "replay") and len(recording) > 2:
         _draw_steps(axes, recording)
         return
     depth = MM * np.linalg.norm(recording.ihip - recording.hip, axis=1)

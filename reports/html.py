@@ -13,6 +13,9 @@ from hapticeval.costs import Costs
 from hapticeval.reports.bench_section import COLUMNS, bench_section
 from hapticeval.reports.marks import Mark, marks_of
 from hapticeval.reports.quantity import quantity
+from hapticeval.reports.replay_section import COLUMNS as REPLAY_COLUMNS
+from hapticeval.reports.replay_section import Section as ReplaySection
+from hapticeval.reports.replay_section import replay_section
 from hapticeval.reports.table import SYMBOLS, Cell, cell_of, matrix, ran, renderers, summary
 from hapticeval.results import Results
 
@@ -69,6 +72,7 @@ class ShownCase:
     scene: str
     comparison: Drawing | None
     runs: Sequence[ShownRun]
+    replay: ReplaySection | None
 
 
 def render_html(results: Results, drawings: Mapping[RunKey, Drawing], *, costs: Costs | None = None) -> str:
@@ -103,6 +107,7 @@ def render_html(results: Results, drawings: Mapping[RunKey, Drawing], *, costs: 
         checks=_checks(results),
         bench=None if costs is None else bench_section(costs),
         bench_columns=COLUMNS,
+        replay_columns=REPLAY_COLUMNS,
         versions={name: each for name, each in results.environment.get("versions", {}).items() if each},
     )
 
@@ -135,6 +140,7 @@ def _cases(
             _scene(runs[0].document),
             drawings.get((*key, "")),
             runs,
+            replay_section([run.document for run in runs]),
         )
         for index, (key, runs) in enumerate(grouped.items())
     ]

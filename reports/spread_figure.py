@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ import numpy as np
 
 from hapticeval.files import plain, replacing, without_non_finite
 from hapticeval.recordings.alignment import COLUMNS, Aligned
-from hapticeval.recordings.spread import Band, Comparison, repeats
+from hapticeval.recordings.spread import Band, Comparison
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +28,7 @@ TITLES = {
     "depth": "distance of IHIP and HIP",
 }
 ALONG = {"angle": "polar angle of the HIP", "arc": "arc length along the model"}
-SETTINGS: dict[str, Any] = {
+SETTINGS: Mapping[str, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "hapticeval",
     "font.size": 8.0,
@@ -60,7 +60,8 @@ def write_spread(
     directory.mkdir(parents=True, exist_ok=True)
     paths = [directory / f"comparison.{suffix}" for suffix in ("svg", "png", "md", "json")]
     columns = [name for name in TITLES if any(band.column == name for band in bands)]
-    with rc_context(SETTINGS):
+    settings: Any = dict(SETTINGS)
+    with rc_context(settings):
         rows = (len(columns) + 1) // 2
         figure = Figure(figsize=(9.0, 0.9 + 2.6 * rows), facecolor="white")
         FigureCanvasAgg(figure)
@@ -89,10 +90,12 @@ def _draw(axes: Axes, aligned: Aligned, bands: Sequence[Band], column: str) -> N
     names = list(dict.fromkeys(band.renderer for band in bands))
     ways = len({band.direction for band in bands}) > 1
     for band in bands:
-        colour = COLOURS[names.index(band.renderer) % len(COLOURS)]
+        order = names.index(band.renderer)
+        colour = COLOURS[order % len(COLOURS)]
+        width = 0.9 + 1.1 * (len(names) - 1 - order) / max(len(names) - 1, 1)  # curves that coincide are all seen
         seen = band.count > 0
         label = band.renderer + (f", {'forward' if band.direction > 0 else 'backward'}" if ways else "")
-        label += f" ({int(band.count.max())} passes)"
+        label += f" ({int(band.count.max())} repeats)"
         at = across * aligned.grid
 
         def shown(values: Any, seen: Any = seen) -> Any:
@@ -100,7 +103,8 @@ def _draw(axes: Axes, aligned: Aligned, bands: Sequence[Band], column: str) -> N
 
         axes.fill_between(at, shown(band.low), shown(band.high), color=colour, alpha=0.18, linewidth=0.0)
         axes.plot(
-            at, shown(band.median), color=colour, linewidth=1.2, label=label, linestyle="-" if band.direction > 0 else "--"
+            at, shown(band.median), color=colour, linewidth=width, label=label,
+            linestyle="-" if band.direction > 0 else "--",
         )  # fmt: skip
     axes.set_title(TITLES[column])
     axes.set_xlabel(f"{ALONG.get(aligned.by, aligned.by)} ({along})")
@@ -133,9 +137,8 @@ def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator
     across, along = SCALE.get(aligned.unit, (1.0, aligned.unit))
     for each in comparisons:
         scale, unit = SCALE.get(COLUMNS[each.column][0], (1.0, COLUMNS[each.column][0]))
-        basis = {repeats(aligned, name, each.direction)[1] for name in (each.first, each.second)}
         size = f"{scale * each.difference:.3g} {unit}"
-        tested = f"p = {each.p:.2g}, {each.repeats[0]} and {each.repeats[1]} repeats ({' and '.join(sorted(basis))})"
+        tested = f"p = {each.p:.2g}, {each.repeats[0]} and {each.repeats[1]} repeats ({each.basis})"
         head = f"- {each.first} and {each.second}, {'forward' if each.direction > 0 else 'backward'}, "
         head += f"{TITLES[each.column]}: "
         if each.outcome == "differs":

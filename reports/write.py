@@ -167,6 +167,7 @@ def _model(document: Mapping[str, Any]) -> Model:
 
 def _alone(order: Order) -> Drawing:
     from hapticeval.recordings.hdf5 import read_recording
+    from hapticeval.recordings.recording import REQUIRED
 
     suite, case, renderer = order.key
     recording = None if order.file is None else read_recording(order.file)
@@ -174,6 +175,9 @@ def _alone(order: Order) -> Drawing:
     if recording is None:
         title = f"{renderer} refuses the model of {suite}/{case}: its outline, and where the reason was seen"
         return Drawing(svg=refusal_svg(model, order.position, prefix=order.prefix, title=title))
+    lacking = [name for name in REQUIRED if name not in recording.channels]
+    if lacking:
+        return Drawing(problem=f"the recording has no channel '{lacking[0]}'")
     title = f"{renderer} in {suite}/{case}: HIP, IHIP, response force and steps against time"
     svg = figure_svg(recording, model, marks=order.marks, prefix=order.prefix, title=title)
     if has_charts(recording):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hapticeval.commands.arguments import FormatName, MappingFile
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.output import say
 
@@ -46,6 +47,8 @@ def compare(
     split: Annotated[
         bool, typer.Option("--split", help="Take a run that turns back as one pass for each way.")
     ] = False,
+    mapping: MappingFile = None,
+    format_: FormatName = None,
     directory: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Where table and figure go.")
     ] = Path(),
@@ -66,7 +69,7 @@ def compare(
     from hapticeval.recordings.spread import compare as compared
     from hapticeval.reports.spread_figure import table, write_spread
 
-    runs = [_run(each) for each in files]
+    runs = [_run(each, mapping, format_) for each in files]
     abscissa = Abscissa(by, centre=_centre(centre), curve=_curve(model, runs))
     aligned = align(runs, abscissa, split=split)
     refused: HapticevalError | None = None
@@ -80,13 +83,14 @@ def compare(
         raise refused
 
 
-def _run(text: str) -> Run:
+def _run(text: str, mapping: Path | None, format_: str | None) -> Run:
     from hapticeval.recordings.alignment import Run
-    from hapticeval.recordings.hdf5 import read_recording
+    from hapticeval.recordings.conversion import is_recording, load_recording
 
     renderer, equals, name = text.partition("=")
     file = Path(name if equals else text)
-    recording = read_recording(file)
+    recording = load_recording(file, mapping=None if is_recording(file) else mapping, format=format_)
+    recording.require("hip", "force")
     said = renderer if equals else recording.meta.get("renderer")
     if not isinstance(said, str) or not said:
         raise InputError(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hapticeval.commands.arguments import FormatName, MappingFile
 from hapticeval.commands.running import cores, report_on, watch
 from hapticeval.output import DEFAULT_DIRECTORY, prepare, say
 
@@ -55,6 +56,8 @@ def replay(
             show_default=False,
         ),
     ] = None,
+    mapping: MappingFile = None,
+    format_: FormatName = None,
     directory: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Where results and reports go.")
     ] = DEFAULT_DIRECTORY,
@@ -68,14 +71,15 @@ def replay(
     \b
     Examples:
       hapticeval replay run7.h5 -r constraint -r minimum-distance
-      hapticeval replay stroke.h5 -r mapping --model cassinian --scene stiffness=1000
+      hapticeval replay signal.svc --mapping handwriting.toml --model circle --scene stiffness=1000
       hapticeval replay run7.h5 --as-recorded
     """
     from hapticeval.discovery import own_renderers
-    from hapticeval.recordings.hdf5 import read_recording
+    from hapticeval.recordings.conversion import load_recording
     from hapticeval.replay.subject import subject
 
-    made = subject(file, read_recording(file), model=_model(model), suite_case=suite_case, scene=scene or ())
+    recording = load_recording(file, mapping=mapping, format=format_)
+    made = subject(file, recording, model=_model(model), suite_case=suite_case, scene=scene or ())
     if as_recorded:
         raise typer.Exit(_as_recorded(made, renderers))
     raise typer.Exit(_replay(made, renderers or list(own_renderers()), directory, seed))

@@ -10,11 +10,16 @@ import numpy as np
 from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
 from hapticeval.recordings.recording import CHANNELS, Recording
-from hapticeval.recordings.stretches import Stretch
+from hapticeval.recordings.stretches import LAG, Stretch
 from hapticeval.types import Array, BoolArray
 
 QUARTER = 0.5 * math.pi
 """A HIP that turns further about the centre in one step passes too near to it for its angle to be followed."""
+
+MOST_BENT = 0.99
+"""Share of the radius of curvature beyond which the foot is no function of the HIP that anyone could follow."""
+TINY = 1e-9
+"""Metres below which a step of the foot is rounding."""
 
 
 @dataclass(frozen=True)
@@ -100,25 +105,16 @@ class Abscissa:
         return np.array(values[stretch.rows][:, int(column)]), leaps
 
     def _leaps(self, hip: Array, step: Array) -> BoolArray:
-        """Steps of the foot that the HIP's own step, stretched by the curvature at the foot, does not account for.
+        """Steps of the foot that three of the HIP's own, stretched by the curvature at the foot, do not account for.
 
-        From depth d under a convex surface the foot moves by the HIP's step / (1 - kappa d); beyond the chord of what
-        three steps make it is elsewhere on the outline.
+        From depth d under a convex surface the foot moves by the HIP's step / (1 - kappa d).
         """
         assert self.curve is not None
         moved = np.linalg.norm(np.diff(hip, axis=0), axis=1)
         u = self.curve.nearest(hip)
         depth = np.maximum(-self.curve.signed_distance(hip), 0.0)
-        bent = np.minimum(depth * np.maximum(np.asarray(self.curve.curvature(u)), 0.0), 0.99)
-        stretched = moved / (1.0 - np.maximum(bent[1:], bent[:-1]))
-        return np.asarray(np.abs(step) > 3.0 * stretched + 2.0 * depth[1:] * self._turning(u))
-
-    def _turning(self, u: Array) -> Array:
-        """How far the outward normal turns between feet, rad: at a concave corner many HIPs lie between two feet."""
-        assert self.curve is not None
-        normal = np.asarray(self.curve.normal(u))
-        angle = np.arctan2(normal[:, 1], normal[:, 0])
-        return np.abs(_wrapped(np.diff(angle), 2.0 * math.pi))
+        bent = np.minimum(depth * np.maximum(np.asarray(self.curve.curvature(u)), 0.0), MOST_BENT)
+        return np.asarray(np.abs(step) > LAG * moved / (1.0 - np.maximum(bent[1:], bent[:-1])) + TINY)
 
 
 def _wrapped(value: Array, period: float) -> Array:

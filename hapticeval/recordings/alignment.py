@@ -14,7 +14,7 @@ from hapticeval.recordings.abscissa import Abscissa
 from hapticeval.recordings.passes import Heading, Way, headings, seam, ways
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import GAP_STEPS, LAG, nominal_step
-from hapticeval.types import Array, BoolArray
+from hapticeval.types import Array, BoolArray, IntArray
 
 POINTS = 721
 """Places of the grid over all that the runs cover: half a degree of a full turn."""
@@ -126,6 +126,8 @@ def _joined(recording: Recording) -> tuple[Array, BoolArray]:
     """The force (n, N), and between which samples (n - 1,) the run is one smooth contact."""
     force, hip = recording.force, recording.hip
     contact = np.any(force != 0.0, axis=1)
+    if recording.valid is not None:
+        contact &= recording.valid
     moved = np.linalg.norm(np.diff(hip, axis=0), axis=1)
     both = contact[1:] & contact[:-1]
     joined = both & (np.diff(recording.time) <= GAP_STEPS * nominal_step(recording))
@@ -182,8 +184,8 @@ def _laps(
 def _columns(
     recording: Recording,
     force: Array,
-    before: Array,
-    after: Array,
+    before: IntArray,
+    after: IntArray,
     share: Array,
     mask: BoolArray,
     curve: Curve | None,
@@ -192,7 +194,8 @@ def _columns(
         return np.asarray(values[before] + share[:, np.newaxis] * (values[after] - values[before]))
 
     pushed, hip = at(force), at(recording.hip)
-    yield "magnitude", np.where(mask, np.linalg.norm(pushed, axis=1), 0.0)
+    size = np.linalg.norm(force, axis=1)
+    yield "magnitude", np.where(mask, size[before] + share * (size[after] - size[before]), 0.0)
     if force.shape[1] == 2:
         direction = np.arctan2(pushed[:, 1], pushed[:, 0])
         if curve is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -59,10 +60,13 @@ class Clock:
         assert self.start is not None
         return self.start
 
-    @property
+    @cached_property
     def seconds(self) -> Array:
-        """Time since `start`, s: (n,), each the double nearest to the stamp."""
-        out: Array = (self.nanoseconds - self.zero) / 1e9
+        """Time since `start`, s: (n,), each the double nearest to the stamp; read-only."""
+        out = np.empty(self.nanoseconds.shape)
+        np.subtract(self.nanoseconds, self.zero, out=out, dtype=np.int64, casting="unsafe")
+        out /= 1e9
+        out.flags.writeable = False
         return out
 
     @property

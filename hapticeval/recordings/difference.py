@@ -10,12 +10,12 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.recording import Recording
-from hapticeval.types import Array
+from hapticeval.types import Array, IntArray
 
 
 @dataclass(frozen=True)
 class Apart:
-    """Root mean square and maximum of a distance (m or N) over all samples, and time (s) and row of the maximum."""
+    """Root mean square and maximum of a distance (m or N); time (s) and the reference's row of the maximum."""
 
     rms: float
     max: float
@@ -47,21 +47,20 @@ def difference(recording: Recording, reference: Recording) -> Difference:
     Raises `InputError` where they have no samples in common times: nothing is interpolated.
     """
     rows = _same_times(recording, reference)
-    found = {}
+    found: dict[str, Apart | None] = {}
     for name in ("ihip", "force"):
-        lacking = any(name not in each.channels for each in (recording, reference))
-        found[name] = (
-            None
-            if lacking
-            else _apart(recording.channels[name][rows[0]], reference.channels[name][rows[1]], recording.time[rows[0]])
-        )
+        if any(name not in each.channels for each in (recording, reference)):
+            found[name] = None
+            continue
+        values, others = recording.channels[name][rows[0]], reference.channels[name][rows[1]]
+        found[name] = _apart(values, others, reference.time[rows[1]], rows[1])
     contact = None
     if all(value is not None for value in found.values()):
         contact = float(np.mean(recording.contact[rows[0]] != reference.contact[rows[1]]))
     return Difference(found["ihip"], found["force"], rows[0].size, contact)
 
 
-def _same_times(recording: Recording, reference: Recording) -> tuple[Any, Any]:
+def _same_times(recording: Recording, reference: Recording) -> tuple[IntArray, IntArray]:
     _, mine, theirs = np.intersect1d(recording.time, reference.time, assume_unique=True, return_indices=True)
     if mine.size == 0:
         raise InputError(
@@ -72,7 +71,7 @@ def _same_times(recording: Recording, reference: Recording) -> tuple[Any, Any]:
     return mine, theirs
 
 
-def _apart(values: Array, others: Array, time: Array) -> Apart:
+def _apart(values: Array, others: Array, time: Array, rows: IntArray) -> Apart:
     distance = np.linalg.norm(values - others, axis=1)
-    row = int(np.argmax(distance))
-    return Apart(float(np.sqrt(np.mean(distance**2))), float(distance[row]), float(time[row]), row)
+    at = int(np.argmax(distance))
+    return Apart(float(np.sqrt(np.mean(distance**2))), float(distance[at]), float(time[at]), int(rows[at]))

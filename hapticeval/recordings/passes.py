@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -64,7 +65,7 @@ def headings(way: Way, recording: Recording, *, slack: float, split: bool, label
             why="a place that is passed twice has two answers, and a curve over it can hold only one",
             todo="split the run into its monotone stretches with --split, or cut the recording there",
         )
-    for first, last in zip(turns[:-1], turns[1:], strict=True):
+    for first, last in pairwise(turns):
         direction = 1 if way.along[last] > way.along[first] else -1
         yield _onwards(way, first, last, direction)
 

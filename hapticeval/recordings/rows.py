@@ -48,9 +48,9 @@ def check_finite(name: str, values: Array, valid: BoolArray | None = None) -> No
 def check_increasing(name: str, values: Any, valid: BoolArray | None = None, *, unit: str = "s") -> None:
     """Raise `InputError` with the first row (of those that are `valid`) at which `values` does not increase."""
     kept = values if valid is None else values[valid]
-    steps = np.diff(kept)
-    if steps.size and not np.all(steps > 0):
-        at = int(np.argmax(steps <= 0)) + 1
+    rises = kept[1:] > kept[:-1]
+    if not rises.all():
+        at = int(np.argmin(rises)) + 1
         row = at if valid is None else int(np.flatnonzero(valid)[at])
         before, after = (f"{x:.9g}" if isinstance(x, float) else f"{x}" for x in kept[at - 1 : at + 1].tolist())
         raise InputError(

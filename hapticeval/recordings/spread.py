@@ -25,6 +25,8 @@ LEVEL = 0.05
 DEALS = 9999
 COMMON = 0.05
 """Two curves must share this much of the grid for a distance."""
+HALF = 0.5
+"""A repeat covers at least this share of what the fullest one does: the end of a last lap is none."""
 COMPARED = ("direction", "leaning", "magnitude", "depth")
 
 
@@ -43,7 +45,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two renderers over what both cover.
+    """Two renderers over what at least two `repeats` of each cover; `basis` says what these are.
 
     `difference` is the root mean square of the difference of their medians, `spread` that between repeats of one
     renderer, both in the column's unit; `p` of the permutation test, times the number of pairs compared, and `least`
@@ -56,6 +58,7 @@ class Comparison:
     direction: int
     column: str
     repeats: tuple[int, int]
+    basis: str
     difference: float
     spread: float
     p: float
@@ -77,29 +80,47 @@ class Comparison:
         return "within the spread" if self.least < LEVEL else "too few repeats to tell"
 
 
-def repeats(aligned: Aligned, renderer: str, direction: int) -> tuple[tuple[Pass, ...], str]:
-    """What counts as repeats of a renderer, and what that is: runs, else the laps of a single run.
+@dataclass(frozen=True)
+class Repeats:
+    """The repeats of one renderer in one column and direction: `values` and `masks` (k, m), and what they are."""
 
-    Laps of one run are by one hand in one mood; where there are several runs, the fullest pass of each stands for it.
+    values: Array
+    masks: BoolArray
+    basis: str
+
+
+def repeats(passes: Sequence[Pass], column: str, reference: Array) -> Repeats:
+    """What counts as repeats: the runs, at each place with the mean of their laps; of a single run, its laps.
+
+    Laps of one run are by one hand in one mood, and no repeats of their own where there are several runs. `reference`
+    (m,) is the branch that angles are taken on.
     """
-    found = aligned.of(renderer, direction)
-    runs = {each.run for each in found}
-    if len(runs) > 1:
-        fullest = (max((one for one in found if one.run == run), key=lambda one: one.coverage) for run in sorted(runs))
-        return tuple(fullest), "runs"
-    return found, "laps of one run"
+    values = np.array([_branch(each.columns[column], reference, column) for each in passes])
+    masks = np.array([each.mask for each in passes])
+    runs = np.array([each.run for each in passes])
+    several = np.unique(runs)
+    if several.size == 1:
+        return _full(values, masks, "laps of one run")
+    counts = np.array([masks[runs == run].sum(axis=0) for run in several])
+    sums = np.array([np.where(masks[runs == run], values[runs == run], 0.0).sum(axis=0) for run in several])
+    return _full(sums / np.maximum(counts, 1), counts > 0, "runs")
+
+
+def _full(values: Array, masks: BoolArray, basis: str) -> Repeats:
+    coverage = masks.mean(axis=1)
+    kept = coverage >= HALF * coverage.max()
+    return Repeats(values[kept], masks[kept], basis)
 
 
 def bands(aligned: Aligned) -> tuple[Band, ...]:
-    """Median, lowest and highest of the passes of each renderer, direction and column."""
+    """Median, lowest and highest of the repeats of each renderer, direction and column."""
     found = []
     for column, direction, groups in _groups(aligned):
         reference = _reference(column, [one for each in groups.values() for one in each])
         for renderer, passes in groups.items():
-            values = np.array([_branch(each.columns[column], reference, column) for each in passes])
-            masks = np.array([each.mask for each in passes])
-            filled = np.where(masks, values, np.nan)
-            count = masks.sum(axis=0)
+            made = repeats(passes, column, reference)
+            filled = np.where(made.masks, made.values, np.nan)
+            count = made.masks.sum(axis=0)
             seen = count > 0
             median, low, high = (np.zeros(count.size) for _ in range(3))
             median[seen] = np.nanmedian(filled[:, seen], axis=0)
@@ -121,18 +142,18 @@ def compare(aligned: Aligned, *, seed: int = 0) -> tuple[Comparison, ...]:
         )
     found = []
     for column, direction, groups in _groups(aligned):
-        kept = {renderer: repeats(aligned, renderer, direction)[0] for renderer in groups}
-        for renderer, passes in kept.items():
-            if len(passes) < 2 and len(kept) > 1:
+        reference = _reference(column, [one for each in groups.values() for one in each])
+        kept = {renderer: repeats(passes, column, reference) for renderer, passes in groups.items()}
+        for renderer, made in kept.items():
+            if len(made.values) < 2 and len(kept) > 1:
                 raise InputError(
                     f"'{renderer}' has a single {'forward' if direction > 0 else 'backward'} run",
                     why="without repeats the hand's own variation is not known, and any difference could be the hand's",
                     todo="record it again, as often as you can: with fewer than four repeats each no test can decide",
                 )
-        reference = _reference(column, [one for each in kept.values() for one in each])
         pairs = list(combinations(kept, 2))
         for first, second in pairs:
-            comparison = _compared(aligned, column, direction, first, second, kept, reference, len(pairs), seed)
+            comparison = _compared(aligned, column, direction, first, second, kept, len(pairs), seed)
             if comparison is not None:
                 found.append(comparison)
     if not found:
@@ -161,36 +182,34 @@ def _compared(
     direction: int,
     first: str,
     second: str,
-    kept: dict[str, tuple[Pass, ...]],
-    reference: Array,
+    kept: dict[str, Repeats],
     pairs: int,
     seed: int,
 ) -> Comparison | None:
     from scipy.stats import permutation_test
 
-    passes = [*kept[first], *kept[second]]
-    sizes = len(kept[first]), len(kept[second])
-    values = np.array([_branch(each.columns[column], reference, column) for each in passes])
-    masks = np.array([each.mask for each in passes])
-    distance = _distances(values, masks)
+    groups = kept[first], kept[second]
+    sizes = len(groups[0].values), len(groups[1].values)
+    count = sum(sizes)
+    distance = _distances(np.vstack([each.values for each in groups]), np.vstack([each.masks for each in groups]))
     if not np.isfinite(distance).all():
         return None
-    medians = [_median(values[part], masks[part]) for part in (slice(0, sizes[0]), slice(sizes[0], None))]
+    medians = [_median(each.values, each.masks) for each in groups]
     common = medians[0][1] & medians[1][1]
+    if np.mean(common) < COMMON:
+        return None
     apart = np.where(common, medians[0][0] - medians[1][0], 0.0)
     worst = int(np.argmax(np.abs(apart)))
-    within = [
-        distance[i, j] for part in (range(sizes[0]), range(sizes[0], len(passes))) for i, j in combinations(part, 2)
-    ]
+    within = [distance[i, j] for part in (range(sizes[0]), range(sizes[0], count)) for i, j in combinations(part, 2)]
     test = permutation_test(
-        (np.arange(sizes[0]), np.arange(sizes[0], len(passes))),
+        (np.arange(sizes[0]), np.arange(sizes[0], count)),
         lambda a, b: _energy(distance, a, b),
         vectorized=False,
         n_resamples=DEALS,
         alternative="greater",
         random_state=seed,
     )
-    deals = math.comb(len(passes), sizes[0])
+    deals = math.comb(count, sizes[0])
     least = (2.0 if sizes[0] == sizes[1] else 1.0) / deals if deals <= DEALS else 1.0 / (DEALS + 1)
     return Comparison(
         first,
@@ -198,6 +217,7 @@ def _compared(
         direction,
         column,
         sizes,
+        " and ".join(sorted({each.basis for each in groups})),
         float(np.sqrt(np.mean(apart[common] ** 2))),
         float(np.sqrt(np.mean(np.square(within)))),
         min(1.0, pairs * float(test.pvalue)),
@@ -228,9 +248,11 @@ def _energy(distance: Array, a: Array, b: Array) -> float:
 
 
 def _median(values: Array, masks: BoolArray) -> tuple[Array, BoolArray]:
-    """The median where every curve has an answer, and where that is."""
-    every = masks.all(axis=0)
-    return np.where(every, np.median(values, axis=0), 0.0), every
+    """The median where at least two curves have an answer, and where that is."""
+    seen = masks.sum(axis=0) >= 2
+    out = np.zeros(seen.size)
+    out[seen] = np.nanmedian(np.where(masks, values, np.nan)[:, seen], axis=0)
+    return out, seen
 
 
 def _reference(column: str, passes: Sequence[Pass]) -> Array:

@@ -52,12 +52,13 @@ def stretches(recording: Recording, sound: BoolArray | None = None) -> tuple[Str
 
 
 def nominal_step(recording: Recording) -> float:
-    """The declared sampling time, s, as far as the median of the steps bears it out; that median otherwise."""
+    """The declared sampling time, s, as far as the median of the steps bears it out; otherwise that, in whole ns."""
     median = recording.dt
     declared = recording.meta.get("dt")
     if isinstance(declared, int | float) and abs(declared - median) <= _stamp(recording):
         return float(declared)
-    return median
+    whole = round(median, 9)
+    return whole if abs(whole - median) <= _stamp(recording) else median
 
 
 def steps(recording: Recording, stretch: Stretch) -> float | Array:

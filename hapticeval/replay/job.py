@@ -14,9 +14,9 @@ from hapticeval.judging import Judged, Recorded, built, judge_recorded
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.recordings.difference import Difference, difference
-from hapticeval.recordings.recording import Recording
-from hapticeval.replay import OPEN_LOOP, RECORDED
+from hapticeval.recordings.recording import REQUIRED, Recording
 from hapticeval.recordings.stretches import Stretch, stretches, told
+from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.merge import merged
 from hapticeval.replay.rerender import HandPath, joined, rerendered
 from hapticeval.replay.subject import SUITE, Subject
@@ -40,11 +40,13 @@ class Replay:
         path = hand_path(self.subject)
         if job.renderer == RECORDED:
             judged = judge_recorded(lambda _: self._recorded(path), merged, job.renderer, job.suite, job.case)
+            if any(name not in path.recording.channels for name in REQUIRED):
+                judged = _shown_only(judged, job.case.checks)
         else:
             judged = judge_recorded(
                 lambda scene: self._replayed(job.renderer, scene, path), merged, job.renderer, job.suite, job.case
             )
-            judged = _without_gate(judged)
+            judged = _shown_only(judged, LOOP_NEEDED)
         return kept(judged, job, directory)
 
     def _recorded(self, path: HandPath) -> Recorded:
@@ -62,7 +64,7 @@ class Replay:
         def runs(part: Recording, stretch: Stretch) -> Runs:
             # The samples backwards are as much the recorded path as forwards; finer samples would be invented.
             def reverse() -> Recording:
-                return rerendered(built(resolve(name), scene), path, backwards=[stretch])[0]
+                return rerendered(renderer, path, backwards=[stretch])[0]
 
             return Runs(part, reverse=cache(reverse))
 
@@ -120,11 +122,11 @@ def hand_path(subject: Subject) -> HandPath:
     return HandPath(recording, found)
 
 
-def _without_gate(judged: Judged) -> Judged:
-    """Checks that no given path can settle are shown, and decide no exit code."""
+def _shown_only(judged: Judged, checks: Sequence[str]) -> Judged:
+    """Of `checks`, what is inconclusive is shown and decides no exit code: no renderer could have made it otherwise."""
     verdicts = tuple(
         replace(verdict, level=Level.INFO)
-        if verdict.check in LOOP_NEEDED and verdict.outcome is Outcome.INCONCLUSIVE
+        if verdict.check in checks and verdict.outcome is Outcome.INCONCLUSIVE
         else verdict
         for verdict in judged.verdicts
     )

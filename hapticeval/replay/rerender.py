@@ -11,8 +11,8 @@ import numpy as np
 from hapticeval.errors import RefusalError, RendererError
 from hapticeval.playback import answered, declared, lead
 from hapticeval.recordings.recording import Recording, backward_difference
-from hapticeval.renderer import Renderer, SelfDriven
 from hapticeval.recordings.stretches import Stretch, steps
+from hapticeval.renderer import Renderer, SelfDriven
 from hapticeval.stimulus import Path
 from hapticeval.types import Array
 
@@ -93,7 +93,7 @@ def _reversed(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch,
 def _whole(renderer: SelfDriven, time: Array, hip: Array, dt: float | Array, meta: Mapping[str, Any]) -> Recording:
     if not isinstance(dt, float):
         raise RefusalError(
-            "a recording whose clock is not regular",
+            "the recording's clock is not regular",
             why="it answers a stimulus whole, at one sampling time, and a recording is never re-timed",
             todo="choose a renderer that is asked step by step",
         )

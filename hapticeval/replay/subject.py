@@ -11,7 +11,6 @@ from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.files import file_stem
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.recordings.recording import Recording
-from hapticeval.replay import OPEN_LOOP
 from hapticeval.scene import Scene
 from hapticeval.suite import Case, load_suite
 
@@ -65,7 +64,7 @@ def subject(
     made = Case(
         name=file_stem(file.stem),
         title=f"Replay of {file.name}",
-        shows=f"The hand path of a recording, sample by sample, through other renderers. {OPEN_LOOP}",
+        shows="The hand path of a recording, sample by sample, through other renderers.",
         citation="",
         model=_model(file, recording, model, template),
         depth_of="model",

@@ -30,6 +30,8 @@ UNITS: Mapping[str, tuple[str, float]] = {"ihip": ("mm", 1e3), "force": ("N", 1.
 def _apart(found: Mapping[str, Any] | None, unit: str, scale: float) -> str:
     if found is None:
         return "not recorded"
+    if found["max"] == 0.0:
+        return "equal to the last bit"
     return (
         f"rms {scale * found['rms']:.3g} {unit}, at most {scale * found['max']:.3g} {unit} at t = {found['time']:.4g} s"
     )

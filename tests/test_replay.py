@@ -1,0 +1,396 @@
+"""Replays: bit for bit with the recorded renderer, on the recorded clock, and honest about what a path cannot settle."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+
+from hapticeval.cli import main
+from hapticeval.discovery import own_renderers
+from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.events import JobFinished, RunFinished, RunStarted
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
+from hapticeval.playback import play
+from hapticeval.recordings.hdf5 import read_recording, write_recording
+from hapticeval.recordings.recording import Recording, backward_difference
+from hapticeval.replay import OPEN_LOOP, RECORDED
+from hapticeval.replay.as_recorded import as_recorded
+from hapticeval.replay.job import Replay, replay_plan
+from hapticeval.replay.merge import merged
+from hapticeval.replay.subject import subject
+from hapticeval.results import read_results
+from hapticeval.runner import execute, plan
+from hapticeval.scene import Scene
+from hapticeval.stimulus import Path
+
+SUITE = """
+title = "two cases"
+[[case]]
+name = "push"
+title = "a closed loop"
+model = { kind = "circle" }
+scene = { mass = 0.5, damping = 4.0 }
+checks = ["continuous-contact", "contact-normal-force", "centripetal-force", "impulsive-collision"]
+experiment = { duration = 0.3, position = [0.103, 0.0], velocity = [-0.1, 0.2], force = [[0.0, -2.0, 0.0]] }
+[[case]]
+name = "slide"
+title = "a playback"
+model = { kind = "circle" }
+scene = { stiffness = 750.0, damping = 3.0 }
+checks = ["continuous-contact", "memoryless"]
+trajectory = { kind = "scaled", depth = 0.002, from_angle = -10, to_angle = 100, duration = 0.4 }
+"""
+
+STEPPED = tuple(name for name in own_renderers() if name != "ideal")
+VARIANTS = ("minimum-distance+pp-v", "constraint+pp-d@curve", "minimum-distance@lut")
+
+COUNTING = """
+import numpy as np
+from hapticeval import Response
+
+class Counting:
+    log = []
+    def __init__(self, scene):
+        pass
+    def reset(self, hip):
+        self.log.append(("reset", tuple(hip)))
+    def step(self, hip, velocity, dt):
+        self.log.append(("step", dt, tuple(velocity)))
+        return Response(hip, 0 * hip)
+"""
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """The folder of a run of both cases by every built-in renderer, and some variants."""
+    folder = tmp_path_factory.mktemp("ran")
+    (folder / "two.toml").write_text(SUITE)
+    events = list(execute(plan([str(folder / "two.toml")], [*own_renderers(), *VARIANTS]), folder / "out"))
+    assert isinstance(events[-1], RunFinished)
+    return folder / "out"
+
+
+@pytest.fixture
+def counting(tmp_path, monkeypatch):
+    """A renderer that writes down what it is asked, as `countingmodule:Counting`."""
+    (tmp_path / "countingmodule.py").write_text(COUNTING)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    from countingmodule import Counting
+
+    Counting.log.clear()
+    yield Counting.log
+    sys.modules.pop("countingmodule", None)
+
+
+def file_of(folder, case, renderer):
+    entry = next(e for e in read_results(folder).runs if (e["case"], e["renderer"]) == (case, renderer))
+    return folder / entry["recording"]
+
+
+def opened(file, **options):
+    return subject(file, read_recording(file), **options)
+
+
+def circle_run(time, *, hip=None, meta=None, channels=("ihip", "force"), valid=None):
+    """A slide on the circle by the exact constraint renderer, sampled at any times."""
+    from hapticeval.renderers import minimum_distance
+
+    angle = 2.0 * time
+    hip = 0.098 * np.column_stack([np.cos(angle), np.sin(angle)]) if hip is None else hip
+    scene = Scene(model=make_model("circle"))
+    answers = minimum_distance(scene).run(hip, 1e-3)
+    given = dict(zip(("ihip", "force"), answers, strict=True))
+    said = {"renderer": "minimum-distance", "scene": {"stiffness": 1000.0, "model": {"kind": "circle"}}, **(meta or {})}
+    return Recording(time, {"hip": hip, **{name: given[name] for name in channels}}, said, valid=valid)
+
+
+def replayed(recording, tmp_path, renderers, **options):
+    """Results and recordings by renderer of a replay, in this process."""
+    made = subject(tmp_path / "log.h5", recording, **options)
+    from hapticeval.replay.job import Replay
+
+    work = Replay(made)
+    out = {}
+    for job in replay_plan(made, renderers).jobs:
+        judged, file = work(job, tmp_path / "out", 0)
+        out[job.renderer] = judged, None if file is None else read_recording(tmp_path / "out" / file)
+    return out
+
+
+@pytest.mark.parametrize("case", ["slide", "push"])
+@pytest.mark.parametrize("renderer", [*STEPPED, *VARIANTS])
+def test_the_recorded_renderer_gives_the_log_again_to_the_last_bit(ran, case, renderer):
+    found = as_recorded(opened(file_of(ran, case, renderer)))
+    assert found.renderer == renderer
+    assert [each.channel for each in found.channels] == ["ihip", "force"]
+    for each in found.channels:
+        assert each.largest == 0.0, each.told()
+    assert found.follows
+
+
+def test_a_rigid_tool_cannot_be_computed_again_from_where_it_was(ran):
+    with pytest.raises(InputError, match="tool physics of its own"):
+        as_recorded(opened(file_of(ran, "push", "ideal")))
+
+
+def test_a_replay_keeps_samples_and_clock(tmp_path, counting):
+    rng = np.random.default_rng(3)
+    time = 5.0 + np.cumsum(rng.choice([0.007, 0.008], 200))
+    out = replayed(circle_run(time), tmp_path, ["countingmodule:Counting"])
+    _, recording = out["countingmodule:Counting"]
+    np.testing.assert_array_equal(recording.time, time)
+    np.testing.assert_array_equal(recording.hip, circle_run(time).hip)
+    steps = [entry[1] for entry in counting if entry[0] == "step"][:200]
+    np.testing.assert_array_equal(steps[1:], np.diff(time))
+    assert out["countingmodule:Counting"][0].replay["clock"].startswith("irregular, 7 to 8 ms")
+
+
+def test_every_gap_starts_the_renderer_anew(tmp_path, counting):
+    time = np.arange(300) * 1e-3
+    time[200:] += 0.5
+    valid = np.ones(300, dtype=bool)
+    valid[90:100] = False
+    recording = circle_run(time, valid=valid)
+    out = replayed(recording, tmp_path, ["countingmodule:Counting"], model=None)
+    judged, answer = out["countingmodule:Counting"]
+    starts = [entry[1] for entry in counting if entry[0] == "reset"][:3]
+    assert starts == [tuple(recording.hip[row]) for row in (0, 100, 200)]
+    assert (judged.replay["stretches"], judged.replay["rows"], judged.replay["rows_left_out"]) == (3, 290, 10)
+    np.testing.assert_array_equal(answer.time, time[valid])
+    assert len(answer.meta["stretches"]) == 3
+
+
+def test_one_missed_cycle_is_no_gap(tmp_path, counting):
+    time = np.delete(np.arange(100) * 1e-3, 50)
+    judged, _ = replayed(circle_run(time), tmp_path, ["countingmodule:Counting"])["countingmodule:Counting"]
+    assert judged.replay["stretches"] == 1
+    steps = [entry[1] for entry in counting if entry[0] == "step"]
+    assert steps[50] == time[50] - time[49] > 1.5e-3
+
+
+def test_the_velocity_is_the_recorded_one(tmp_path, counting):
+    time = np.arange(50) * 1e-3
+    recording = circle_run(time)
+    filtered = 0.5 * backward_difference(recording.hip, time)
+    recording = Recording(time, {**recording.channels, "velocity": filtered}, recording.meta)
+    replayed(recording, tmp_path, ["countingmodule:Counting"])
+    seen = [entry[2] for entry in counting if entry[0] == "step"][:50]
+    np.testing.assert_array_equal(seen, filtered)
+
+
+def test_a_rigid_tool_refuses_a_clock_that_is_not_regular(tmp_path):
+    time = np.cumsum(np.resize([0.007, 0.008], 100))
+    judged, recording = replayed(circle_run(time), tmp_path, ["ideal"])["ideal"]
+    assert recording is None
+    assert {verdict.outcome for verdict in judged.verdicts} == {Outcome.NOT_APPLICABLE}
+    assert "clock is not regular" in judged.refusal.what
+
+
+def test_the_recorded_run_is_a_column_and_the_difference_is_told(tmp_path):
+    time = np.arange(200) * 1e-3
+    recording = circle_run(time)
+    shifted = np.array(recording.ihip)
+    shifted[120] += [0.0, 3e-4]
+    log = Recording(time, {**recording.channels, "ihip": shifted}, recording.meta)
+    out = replayed(log, tmp_path, ["minimum-distance"])
+    assert list(out) == [RECORDED, "minimum-distance"]
+    assert out[RECORDED][0].replay["difference"] is None
+    found = out["minimum-distance"][0].replay["difference"]
+    assert found["ihip"]["row"] == 120
+    assert found["ihip"]["max"] == pytest.approx(3e-4, rel=1e-9)
+    assert found["ihip"]["rms"] == pytest.approx(3e-4 / np.sqrt(200.0), rel=1e-9)
+    assert found["force"]["max"] == 0.0
+    assert out["minimum-distance"][0].replay["note"] == OPEN_LOOP
+
+
+def test_what_a_fixed_path_cannot_settle_is_inconclusive_and_stops_no_gate(ran, tmp_path):
+    out = replayed(read_recording(file_of(ran, "push", "constraint")), tmp_path, ["minimum-distance", "constraint"])
+    for renderer, (judged, _) in out.items():
+        found = {verdict.check: verdict for verdict in judged.verdicts}
+        assert set(found) == {"continuous-contact", "contact-normal-force", "centripetal-force", "impulsive-collision"}
+        if renderer == RECORDED:
+            assert found["impulsive-collision"].level is Level.MUST
+            assert found["impulsive-collision"].outcome in (Outcome.PASS, Outcome.FAIL)
+            continue
+        for check in ("centripetal-force", "impulsive-collision"):
+            assert found[check].outcome is Outcome.INCONCLUSIVE
+            assert "does not answer" in found[check].finding.message
+            assert found[check].as_expected
+
+
+def test_a_recording_without_answers_is_no_failure_of_its_own(tmp_path):
+    time = np.arange(100) * 1e-3
+    out = replayed(circle_run(time, channels=()), tmp_path, ["minimum-distance"])
+    judged, _ = out[RECORDED]
+    assert all(verdict.outcome is Outcome.INCONCLUSIVE for verdict in judged.verdicts)
+    assert all("no channel 'ihip'" in verdict.finding.message for verdict in judged.verdicts)
+    assert all(verdict.as_expected for verdict in judged.verdicts)
+    found = out["minimum-distance"][0].replay["difference"]
+    assert found["ihip"] is None
+    assert found["force"] is None
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "follows"),
+    [
+        (lambda x: x, "follows to the last bit", True),
+        (lambda x: x.astype(np.float32).astype(float), "follows to rounding", True),
+        (lambda x: -x, "its sign is turned", False),
+        (lambda x: 0.5 * x, "its gain is 0.5", False),
+        (lambda x: np.vstack([x[:1], x[:1], x[:-2]]), "the log is 2 ticks late", False),
+        (lambda x: np.vstack([x[3:], x[-3:]]), "the log is 3 ticks early", False),
+        (lambda x: -np.vstack([x[:1], x[:-1]]), "1 tick late and its sign is turned", False),
+        (lambda x: np.where(np.arange(len(x))[:, None] < 70, x, 1.7 * x[::-1]), "from row 70 on", False),
+    ],
+)
+def test_how_a_log_departs_from_its_renderer_is_told(tmp_path, change, words, follows):
+    time = np.arange(200) * 1e-3
+    depth = 0.002 + 0.001 * np.sin(9.0 * time)
+    hip = (0.1 - depth)[:, None] * np.column_stack([np.cos(2 * time), np.sin(2 * time)])
+    recording = circle_run(time, hip=hip)
+    log = Recording(time, {**recording.channels, "force": change(recording.force)}, recording.meta)
+    found = as_recorded(subject(tmp_path / "log.h5", log))
+    assert found.channels[0].largest == 0.0
+    assert words in found.channels[1].told()
+    assert found.follows is follows
+
+
+def test_a_text_log_follows_to_its_last_decimal(tmp_path):
+    time = np.arange(200) * 1e-3
+    recording = circle_run(time)
+    rounded = {name: np.round(values, 5) for name, values in recording.channels.items()}
+    found = as_recorded(subject(tmp_path / "log.h5", Recording(time, rounded, recording.meta)))
+    assert found.follows, found.told()
+    assert found.channels[0].largest > 1e-6
+    assert found.channels[0].tolerance < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("meta", "options", "message"),
+    [
+        ({"scene": {"stiffness": 1000.0}}, {}, "--model circle"),
+        ({"scene": {"model": {"kind": "circle"}}}, {}, "--scene stiffness=1000"),
+        ({}, {"scene": ["stiffness"]}, "it has no value"),
+        ({}, {"scene": ["stiffness=-3"]}, "must be finite and positive"),
+        ({}, {"scene": ["bilateral=2"]}, "is true or false"),
+        ({}, {"suite_case": "cassinian-deep-slide"}, "SUITE/CASE"),
+    ],
+)
+def test_what_the_recording_does_not_say_must_be_given(tmp_path, meta, options, message):
+    with pytest.raises(InputError) as caught:
+        subject(tmp_path / "log.h5", circle_run(np.arange(9) * 1e-3, meta=meta), **options)
+    assert message in str(caught.value)
+
+
+def test_the_scene_is_the_given_one_over_the_recordings(tmp_path):
+    recording = circle_run(np.arange(9) * 1e-3)
+    case = subject(tmp_path / "log.h5", recording, scene=["stiffness=400", "bilateral=true"]).case
+    assert case.scene["stiffness"] == 400.0
+    assert case.build_scene().bilateral
+    other = subject(tmp_path / "log.h5", recording, suite_case="thesis/star-convex-corner").case
+    assert other.model["kind"] == "star"
+    assert "broken-contact" in other.checks
+    with pytest.raises(UnknownNameError, match="stiffness"):
+        subject(tmp_path / "log.h5", recording, scene=["stifness=1"])
+
+
+def finding(outcome, value=None):
+    metric = None if value is None else Metric("jump", value, "m")
+    return Finding(outcome, outcome.value, metric, None if value is None else 1.0)
+
+
+def test_stretches_are_weighed_together():
+    lost, passed = finding(Outcome.INCONCLUSIVE), finding(Outcome.PASS, 0.2)
+    assert merged([lost, passed]).outcome is Outcome.PASS
+    worst = merged([finding(Outcome.FAIL, 2.0), passed, finding(Outcome.FAIL, 5.0)])
+    assert worst.metric.value == 5.0
+    assert worst.evidence["stretches"] == {"fail": 2, "pass": 1}
+    assert "stretch 3 of 3" in worst.message
+    assert merged([passed]) is passed
+    assert merged([]).outcome is Outcome.INCONCLUSIVE
+
+
+def test_the_command_writes_results_and_a_page_that_says_open_loop(ran, tmp_path, capsys):
+    file = file_of(ran, "slide", "minimum-distance+pp-v")
+    code = main(["replay", str(file), "-r", "constraint@curve", "-r", "constraint", "-o", str(tmp_path / "out")])
+    said = capsys.readouterr().out
+    results = read_results(tmp_path / "out")
+    assert results.complete
+    assert [run["renderer"] for run in results.runs] == [RECORDED, "constraint@curve", "constraint"]
+    assert code == int(any(not verdict["as_expected"] for verdict in results.verdicts))
+    assert OPEN_LOOP in said
+    assert "IHIP" in said
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Distance from the recorded run" in page
+    assert page.count("the hand would have moved otherwise") >= 3
+    written = read_recording(tmp_path / "out" / results.runs[1]["recording"])
+    assert written.meta["source"] == "replay"
+
+
+def test_as_recorded_decides_the_exit_code(ran, tmp_path, capsys):
+    file = file_of(ran, "push", "constraint")
+    assert main(["replay", str(file), "--as-recorded"]) == 0
+    assert "to the last bit" in capsys.readouterr().out
+    log = read_recording(file)
+    turned = replace(log, channels={**log.channels, "force": -log.force})
+    write_recording(tmp_path / "turned.h5", turned)
+    assert main(["replay", str(tmp_path / "turned.h5"), "--as-recorded"]) == 1
+    assert "its sign is turned" in capsys.readouterr().out
+
+
+def test_an_interrupt_keeps_what_had_finished(ran, tmp_path):
+    made = opened(file_of(ran, "slide", "constraint"))
+    stream = execute(replay_plan(made, ["constraint"]), tmp_path / "out", workers=1, work=Replay(made))
+    assert isinstance(next(stream), RunStarted)
+    assert isinstance(next(stream), JobFinished)
+    end = [stream.throw(KeyboardInterrupt), *stream]
+    assert isinstance(end[-1], RunFinished)
+    results = read_results(tmp_path / "out")
+    assert results.reason == "interrupted by the user"
+    assert results.ran > 0
+    assert results.runs[0]["renderer"] == RECORDED
+
+
+def test_a_steep_map_is_not_called_pop_through_on_one_sampling(tmp_path):
+    """The conformal map runs up a sharp tip as the cube root of the way: steep everywhere, and continuous."""
+    from hapticeval.renderers import conformal, minimum_distance
+
+    scene = Scene(model=make_model("star"))
+    t = np.linspace(0.0, 1.0, 1001)
+    hip = np.column_stack([0.02 * (t - 0.5), np.full(t.size, 0.085)])
+    outcomes = {}
+    for name, factory in (("conformal", conformal), ("minimum-distance", minimum_distance)):
+        recording = play(factory(scene), Path(t, hip), 1e-3)
+        meta = {"scene": {"stiffness": 1000.0, "model": {"kind": "star"}}}
+        log = Recording(recording.time, recording.channels, {**recording.meta, **meta})
+        judged, _ = replayed(log, tmp_path, [name])[name]
+        outcomes[name] = next(v.outcome for v in judged.verdicts if v.check == "continuous-contact")
+    assert outcomes == {"conformal": Outcome.INCONCLUSIVE, "minimum-distance": Outcome.FAIL}
+
+
+STROKE = FilePath(__file__).parents[2] / "shared" / "data" / "handwriting_svc" / "signal.svc"
+MAPPING = FilePath(__file__).parents[1] / "examples" / "handwriting.toml"
+
+
+@pytest.mark.skipif(not STROKE.exists(), reason="needs shared/data/handwriting_svc beside the repository")
+def test_a_pen_stroke_goes_through_renderers_stretch_by_stretch(tmp_path):
+    from hapticeval.recordings.conversion import load_recording
+
+    recording = load_recording(STROKE, mapping=MAPPING)
+    down = np.loadtxt(STROKE, skiprows=1)[:, 3] == 1
+    strokes = int(np.sum(np.diff(np.concatenate([[0], down.astype(int)])) == 1))
+    out = replayed(recording, tmp_path, STEPPED, model={"kind": "circle"}, scene=["stiffness=800"])
+    for name in STEPPED:
+        judged, answer = out[name]
+        assert judged.replay["stretches"] == strokes
+        assert judged.replay["rows"] == down.sum()
+        assert judged.replay["clock"].startswith("irregular")
+        np.testing.assert_array_equal(answer.hip, recording.hip[down])
+        found = {verdict.check: verdict.outcome for verdict in judged.verdicts}
+        assert found["continuous-contact"] in (Outcome.PASS, Outcome.FAIL, Outcome.INCONCLUSIVE)
+        assert answer.contact.any()
