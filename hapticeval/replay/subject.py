@@ -74,6 +74,7 @@ def subject(
         checks=template.checks if template is not None else _checks(recording),
         judged=True,
         published={},
+        closed_form={},
         folder=file.parent,
     )
     try:
