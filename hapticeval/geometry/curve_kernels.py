@@ -183,7 +183,7 @@ def _zero_of_cubic(first: float, last: float, first_rate: float, last_rate: floa
     """About where between 0 and 1 a cubic with these values (<= 0, > 0) and derivatives at 0 and 1 vanishes."""
     rise = last - first
     second, third = 3.0 * rise - 2.0 * first_rate - last_rate, first_rate + last_rate - 2.0 * rise
-    t = -first / rise
+    t: float = -first / rise
     for _ in range(2):
         rate = first_rate + t * (2.0 * second + t * 3.0 * third)
         if rate > 0.0:
@@ -227,12 +227,12 @@ def _nearest_smooth(piece: Array, samples: Array, x: float, y: float) -> float:
     distance known.
     """
     count = samples.shape[0] - 1
-    best, best_u, nearest = np.inf, samples[0, 0], 0
+    best, nearest = np.inf, 0
     for i in range(0, count, BLOCK):
         square = _square(samples, i, x, y)
         if square < best:
             best, nearest = square, i
-    best, best_u = math.sqrt(best), samples[nearest, 0]
+    best, best_u = math.sqrt(best), float(samples[nearest, 0])
     last = _square(samples, 0, x, y)
     for start in range(0, count, BLOCK):
         end = min(start + BLOCK, count)

@@ -28,12 +28,18 @@ def along_field(function):
     return function.jacobian(STATE) * FIELD
 
 
-def linearising(virtual, wanted, field=FIELD, control=INPUT, state=STATE):
-    """(7.11), u = (L_g L_f α)^-1 (-L_f^2 α + v), and v a function of α and L_f α."""
-    rate = virtual.jacobian(state) * field
-    curvature = rate.jacobian(state) * field
-    decoupling = rate.jacobian(state) * control
-    return decoupling.LUsolve(wanted(virtual, rate) - curvature)
+def linearising(virtual, wanted):
+    """(7.11), u = (L_g L_f α)^-1 (-L_f^2 α + v), with v as `wanted` makes it of α and L_f α."""
+    rate = along_field(virtual)
+    decoupling = rate.jacobian(STATE) * INPUT
+    return decoupling.LUsolve(wanted(virtual, rate) - along_field(rate))
+
+
+@cache
+def by_feedback_linearisation():
+    """(6.7) for the output itself and any v: (6.17)."""
+    v = sympy.symbols("v1 v2")
+    return sympy.lambdify([*STATE, *v], linearising(OUTPUT, lambda *_: sympy.Matrix(v)), cse=True)
 
 
 def transversal(virtual, rate):
