@@ -99,7 +99,7 @@ def run(
         list[str] | None,
         typer.Argument(
             metavar="SUITE",
-            help=f"Suite names or TOML files; {DEFAULT_SUITE} if none.",
+            help=f"Suites, groups of suites or TOML files; {DEFAULT_SUITE} if none.",
             show_default=False,
         ),
     ] = None,
@@ -110,7 +110,7 @@ def run(
             "--renderer",
             metavar="NAME",
             help="BASE[+SCHEME][@REPRESENTATION], BASE an entry point or package.module:factory; may be "
-            "repeated. Without it, the renderers that come with hapticeval.",
+            "repeated. Without it, those that the suite names, or that come with hapticeval.",
             show_default=False,
         ),
     ] = None,
@@ -134,16 +134,15 @@ def run(
     Examples:
       hapticeval run
       hapticeval run thesis -r constraint -r minimum-distance@level-set
+      hapticeval run dynamics
       hapticeval run -r mymodule:factory -k 'cassinian-*/continuous-contact'
       hapticeval run mysuite.toml -o out
     """
-    from hapticeval.discovery import own_renderers
     from hapticeval.results import FILE
     from hapticeval.runner import execute, plan
     from hapticeval.terminal import Terminal, exit_code, summary
 
-    names = renderers or list(own_renderers())
-    planned = plan(suites or [DEFAULT_SUITE], names, select=select or (), seed=seed)
+    planned = plan(suites or [DEFAULT_SUITE], renderers or (), select=select or (), seed=seed)
     prepare(directory)
     with Terminal() as terminal:
         results = _watch(execute(planned, directory, workers=_cores()), terminal)

@@ -57,17 +57,16 @@ def drive(renderer: Renderer | SelfDriven, experiment: Experiment, scene: Scene,
             f"the experiment is in {experiment.dimension}D, the {device.name} moves in {device.dimension}D",
             why="hand and device must move in the same space",
         )
-    if _plain(experiment, scene, device) and not (isinstance(renderer, Compiled) and renderer.law is not None):
-        assert isinstance(device, PointMass)
+    law = renderer.law if isinstance(renderer, Compiled) else None
+    if law is None and isinstance(device, PointMass) and _plain(experiment, scene):
         return _drive_point_mass(renderer, experiment, device, dt)
-    return _drive_device(renderer, experiment, scene, device, dt)
+    return _drive_device(renderer, law, experiment, scene, device, dt)
 
 
-def _plain(experiment: Experiment, scene: Scene, device: Device) -> bool:
-    """Whether all that moves is an ideal point mass under forces that run straight: then its integral is exact."""
+def _plain(experiment: Experiment, scene: Scene) -> bool:
+    """Whether a point mass is ideal, and under forces that run straight: then its integral is exact."""
     return (
-        isinstance(device, PointMass)
-        and scene.inner_loop is not InnerLoop.LINEARISED
+        scene.inner_loop is not InnerLoop.LINEARISED
         and experiment.hand is None
         and scene.imperfections == Imperfections()
     )
@@ -102,13 +101,14 @@ def _drive_point_mass(renderer: Renderer, experiment: Experiment, device: PointM
     return _recorded(renderer, time, channels, dt, end)
 
 
-def _drive_device(renderer: Renderer, experiment: Experiment, scene: Scene, device: Device, dt: float) -> Recording:
+def _drive_device(
+    renderer: Renderer, law: CompiledLaw | None, experiment: Experiment, scene: Scene, device: Device, dt: float
+) -> Recording:
     """Any device and any effect, by compiled kernels; the renderer by its own, where it has any."""
     from hapticeval import loop_kernels as kernels
 
     time = sample_times(experiment.duration, dt)
     loop = _Loop(experiment, scene, device, time, dt)
-    law = renderer.law if isinstance(renderer, Compiled) else None
     loop.begin()
     start(renderer, loop.out[kernels.MEASURED_HIP, 0])
     end = None
@@ -198,7 +198,7 @@ class _Loop:
     def __init__(self, experiment: Experiment, scene: Scene, device: Device, time: Array, dt: float) -> None:
         from hapticeval import loop_kernels as kernels
         from hapticeval.compiled import DYNAMICS, KINEMATICS, MARGIN, first_class
-        from hapticeval.devices import integration_kernels as motion
+        from hapticeval.devices import motion_kernels as motion
 
         self.kernels = kernels
         self.device = device
@@ -217,7 +217,7 @@ class _Loop:
         self.settings = np.array([float(scene.inner_loop.code), scene.mass, dt])
         self.exact = self.parameters[:1].copy() if exact else None
         push = experiment.operator_force(ends)
-        self.push = np.ascontiguousarray(push) if exact or hand is not None or push.any() else None
+        self.push = np.ascontiguousarray(push) if hand is not None or push.any() else None
         self.path = None if hand is None else hand.desired(ends)
         self.grip = None if hand is None else np.array([hand.stiffness, hand.damping])
         self.sensing = sensing(scene.imperfections, dt)

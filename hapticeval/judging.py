@@ -10,6 +10,7 @@ from typing import Any
 from hapticeval.closed_loop import drive
 from hapticeval.errors import HapticevalError, RefusalError, RendererError
 from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.surface import Surface
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
@@ -88,10 +89,10 @@ def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
             f"the renderer's factory raised {type(error).__name__}: {error}", why=origin(error)
         ) from error
     surface = getattr(renderer, "surface", None)
-    if surface is not None and not isinstance(surface, Curve):
+    if surface is not None and not isinstance(surface, Curve | Surface):
         raise RendererError(
             f"the renderer's surface is a {type(surface).__name__}",
-            todo="give the hapticeval.geometry Curve that it renders, or leave surface out",
+            todo="give the hapticeval.geometry Curve or Surface that it renders, or leave surface out",
         )
     if not isinstance(renderer, Renderer | SelfDriven):
         raise RendererError(

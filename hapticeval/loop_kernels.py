@@ -28,7 +28,8 @@ import numpy as np
 
 from hapticeval.compiled import compiled
 from hapticeval.devices.inner_loop_kernels import torque
-from hapticeval.devices.integration_kernels import JACOBIAN, advance, fall_free
+from hapticeval.devices.integration_kernels import advance, fall_free
+from hapticeval.devices.motion_kernels import JACOBIAN
 from hapticeval.types import Array
 
 (
@@ -160,11 +161,13 @@ def act(
             continue
         begin, end = (0.0, switch) if part == 0 else (switch, dt)
         force = before if part == 0 else held
-        if exact is not None and push is not None:
+        if exact is not None:
             for i in range(size):
-                slope = (push[tick + 1, i] - push[tick, i]) / dt
-                state[ROW_A, i] = push[tick, i] + begin * slope if begin > 0.0 else push[tick, i]
-                state[ROW_B, i] = push[tick, i] + end * slope if end < dt else push[tick + 1, i]
+                state[ROW_A, i], state[ROW_B, i] = 0.0, 0.0
+                if push is not None:
+                    slope = (push[tick + 1, i] - push[tick, i]) / dt
+                    state[ROW_A, i] = push[tick, i] + begin * slope if begin > 0.0 else push[tick, i]
+                    state[ROW_B, i] = push[tick, i] + end * slope if end < dt else push[tick + 1, i]
             fall_free(exact[0], joints, rates, force, state[ROW_A], state[ROW_B], end - begin)
         else:
             if path is not None:

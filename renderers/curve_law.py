@@ -30,8 +30,8 @@ from __future__ import annotations
 import math
 
 from hapticeval.compiled import compiled
-from hapticeval.geometry.curve_kernels import project
-from hapticeval.geometry.kernels import curvature_rate, evaluate, piece_of
+from hapticeval.geometry.curve_kernels import foot
+from hapticeval.geometry.kernels import curvature_rate
 from hapticeval.types import Array
 
 STIFFNESS, DAMPING, MASS, VISCOSITY, BILATERAL = range(5)
@@ -62,14 +62,12 @@ def answer(
 ) -> int:
     """One tick, of signature `LAW`; `pieces` and `samples` are the curve's, see `geometry.curve_kernels`."""
     bilateral = reals[BILATERAL] != 0.0
-    u, distance, side = project(pieces, samples, hip[0], hip[1])
+    k, u, distance, side, (px, py, dx, dy, ddx, ddy) = foot(pieces, samples, hip[0], hip[1])
     n = side * distance
     free = not bilateral and n > 0.0
     if free and memory[TOUCHES] == 0.0:
         ihip[0], ihip[1], force[0], force[1] = hip[0], hip[1], 0.0, 0.0
         return 0
-    piece = pieces[piece_of(pieces, u)]
-    px, py, dx, dy, ddx, ddy = evaluate(piece, u)
     speed = math.hypot(dx, dy)
     tx, ty = dx / speed, dy / speed
     bend = (dx * ddy - dy * ddx) / (speed * speed * speed)
@@ -83,7 +81,7 @@ def answer(
     press = -reals[STIFFNESS] * n - reals[DAMPING] * across - push_across
     centripetal = mass * bend * along * foot_speed
     if bilateral:
-        turning = 2.0 * bend * across + n * curvature_rate(piece, u) * foot_speed
+        turning = 2.0 * bend * across + n * curvature_rate(pieces[k], u) * foot_speed
         sliding = mass * turning * foot_speed - reals[VISCOSITY] * along + n * bend * push_along
         pressing = press - centripetal
     else:

@@ -1,14 +1,10 @@
-"""The motion of a device between samples: M q̈ + bias = u + Jᵀ F_o - Coulomb friction, for compiled loops.
+"""The motion of a device from one sample to the next, by any method of `integration`, for compiled loops.
 
-Within a tick of `dt` seconds the motors' torque u is held, and so are the ways in which the rest changes:
-
-- the operator's prescribed force runs straight from push[0] to push[1], rows (2, N), N; None is none;
-- the hand (k, b) draws towards a point that runs straight from path[0] to path[1], rows (2, N), m; None is none;
-- Coulomb friction (N,) opposes each joint that moves, and holds one at rest as long as it can; None is none.
-
-Friction makes the right-hand side jump where a joint stops. Each stop and each breaking loose is located to the last
-bits of a step, which ends there: between such events the motion is smooth, and the method keeps its order. That a joint
-at rest breaks loose is decided joint by joint, which is exact where M is diagonal, as it is for all devices here.
+Friction makes the right-hand side of `motion_kernels` jump where a joint stops. Each stop and each breaking loose that
+shows at the end of a step is located to the step's last bits, and the step ends there: between such events the motion
+is smooth, and the method keeps its order. A joint that stops and goes on within one step, of a tick at the most, is
+not seen to. That a joint at rest breaks loose is decided joint by joint, which is exact where M is diagonal, as it is
+for all devices here.
 """
 
 from __future__ import annotations
@@ -20,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from hapticeval.compiled import compiled
-from hapticeval.devices.linear_kernels import solve
+from hapticeval.devices.motion_kernels import END, END_RATE, HOLD, MODE, STAGE, STAGE_RATE, accelerate
 from hapticeval.types import Array
 
 TOLERANCE, EXPONENT, SUBSTEPS = range(3)
@@ -33,67 +29,6 @@ FLOOR = 1e-3
 MOST_STEPS = 100_000
 MOST_EVENTS = 64
 """A joint that stops and breaks loose more often than that in a tick is held at the ends of whole steps only."""
-
-POSITION, VELOCITY, DRIFT, BIAS, NET, START, START_RATE, END, END_RATE, MODE, STAGE, STAGE_RATE, HOLD, ROWS = range(14)
-JACOBIAN, INERTIA, SCRATCH, SQUARES = range(4)
-
-
-@compiled
-def accelerate(
-    kinematics: Callable[..., Any],
-    dynamics: Callable[..., Any],
-    parameters: Array,
-    joints: Array,
-    rates: Array,
-    time: float,
-    dt: float,
-    torque: Array,
-    push: Array | None,
-    path: Array | None,
-    grip: Array | None,
-    friction: Array | None,
-    rows: Array,
-    squares: Array,
-    out: Array,
-) -> None:
-    """q̈ (N,) at `time` seconds into the tick; with friction, also what it takes to hold each joint: rows[HOLD]."""
-    size = joints.shape[0]
-    inertia, bias = squares[INERTIA], rows[BIAS]
-    dynamics(parameters, joints, rates, inertia, bias)
-    for i in range(size):
-        out[i] = torque[i] - bias[i]
-    if push is not None or path is not None:
-        jacobian, position, velocity = squares[JACOBIAN], rows[POSITION], rows[VELOCITY]
-        kinematics(parameters, joints, rates, position, velocity, jacobian, rows[DRIFT])
-        share = time / dt
-        for k in range(size):
-            force = 0.0
-            if push is not None:
-                force += push[0, k] + share * (push[1, k] - push[0, k])
-            if path is not None and grip is not None:
-                way = path[1, k] - path[0, k]
-                force += grip[0] * (path[0, k] + share * way - position[k]) + grip[1] * (way / dt - velocity[k])
-            for i in range(size):
-                out[i] += jacobian[k, i] * force
-    if friction is None:
-        solve(inertia, out)
-        return
-    scratch = squares[SCRATCH]
-    mode, hold, net = rows[MODE], rows[HOLD], rows[NET]
-    for i in range(size):
-        out[i] -= mode[i] * friction[i]
-        net[i] = out[i]
-        for k in range(size):
-            scratch[i, k] = inertia[i, k]
-        if mode[i] == 0.0:
-            out[i] = 0.0
-            for k in range(size):
-                scratch[i, k] = 1.0 if k == i else 0.0
-    solve(scratch, out)
-    for i in range(size):
-        hold[i] = net[i]
-        for k in range(size):
-            hold[i] -= inertia[i, k] * out[k]
 
 
 @compiled
@@ -250,8 +185,10 @@ def advance(
         if adaptive:
             error /= control[TOLERANCE]
             factor = 0.2
-            if error < 1e4:
-                factor = min(5.0, max(0.2, 0.9 * max(error, 1e-8) ** control[EXPONENT]))
+            if error < 1e-5:
+                factor = 5.0
+            elif error < 1e4:
+                factor = min(5.0, max(0.2, 0.9 * error ** control[EXPONENT]))
             if error > 1.0:
                 pace[0] = h * min(factor, 0.9)
                 continue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -75,18 +75,19 @@ class Runner:
 
     def __init__(self, errand: Errand, method: Method, knobs: Array) -> None:
         from hapticeval.compiled import DYNAMICS, KINEMATICS, first_class
-        from hapticeval.devices import integration_kernels as kernels
+        from hapticeval.devices.integration_kernels import advance_many
+        from hapticeval.devices.motion_kernels import ROWS, SQUARES
 
         size = errand.device.dimension
         code = errand.device.kernels
         self.errand = errand
-        self.whole = kernels.advance_many
-        self.before = (
+        self.whole: Callable[..., int] = advance_many
+        self.before: tuple[Any, ...] = (
             first_class(code.kinematics, KINEMATICS), first_class(code.dynamics, DYNAMICS), errand.device.parameters,
         )  # fmt: skip
-        self.after = (
+        self.after: tuple[Any, ...] = (
             errand.dt, errand.torque, None, errand.path, errand.grip, None, method.table,
-            knobs, np.array([errand.dt]), np.zeros((kernels.ROWS, size)), np.empty((kernels.SQUARES, size, size)),
+            knobs, np.array([errand.dt]), np.zeros((ROWS, size)), np.empty((SQUARES, size, size)),
             np.empty((method.b.size, size)),
         )  # fmt: skip
 

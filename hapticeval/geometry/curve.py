@@ -239,7 +239,7 @@ class Curve:
         """The table that `curve_kernels.project` needs: empty unless the curve is one smooth piece."""
         if not self._smooth:
             return np.empty((0, 8))
-        return curve_kernels.sample_table(self.pieces[0], self._panels, 8)
+        return curve_kernels.sample_table(self.pieces[0], self._panels, curve_kernels.BLOCK)
 
     def _evaluated(self, u: ArrayLike) -> Array:
         u = np.asarray(u, dtype=np.float64)

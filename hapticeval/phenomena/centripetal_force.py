@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.signal import cont2discrete, lfilter, lfilter_zi
+from scipy.signal import lfilter, lfilter_zi
 
+from hapticeval.closed_forms import Gains, transversal
 from hapticeval.geometry.frame import Frame
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.sampling import HOLD_TICKS, LAG_TICKS, TELLS, loaded, place, touching, unsettled_by_path
@@ -101,10 +102,13 @@ def _answer(force: Array, recording: Recording, scene: Scene) -> Array:
     """
     if decay_rate(scene) == 0.0 or force.size < 2:
         return force / scene.stiffness
-    numerator, denominator, _ = cont2discrete(
-        ([1.0], [scene.mass, scene.damping, scene.stiffness]), recording.dt, method="zoh"
-    )
-    numerator = np.ravel(numerator)
+    gains, dt = Gains(scene.stiffness / scene.mass, scene.damping / scene.mass, 0.0), recording.dt
+    # How a deflection dies out in one tick and in two gives the recursion that a held force is answered by.
+    once, twice = transversal(gains, "pp-pd", 1.0, 0.0, np.array([dt, 2.0 * dt]))[0]
+    carried = transversal(gains, "pp-pd", 0.0, 1.0, np.array([dt]))[1][0]
+    denominator = np.array([1.0, -once - carried, math.exp(-gains.d * dt)])
+    first, second = (1.0 - once) / scene.stiffness, (1.0 - twice) / scene.stiffness
+    numerator = np.array([0.0, first, second - first + denominator[1] * first])
     rest = lfilter_zi(numerator, denominator) * force[0]
     answered, _ = lfilter(numerator, denominator, force, zi=rest)
     return np.asarray(answered)

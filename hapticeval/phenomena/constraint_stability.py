@@ -11,6 +11,7 @@ from hapticeval.phenomena.sampling import place
 from hapticeval.phenomena.surface_motion import SurfaceMotion, decay_rate
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.scene import Scene
+from hapticeval.types import Array
 
 SHRINKS = math.sqrt(0.5)
 """Between what stays, 1, and what falls as 1 / t, 1/2, while time doubles: the middle, as ratios are compared."""
@@ -57,13 +58,19 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if after <= bound:
         message = f"the tool comes to the surface: from {_mm(distance[tick])} to {_mm(after)} in the last half"
         return Finding(Outcome.PASS, message, metric, bound, evidence)
-    if after > before / SHRINKS:
-        message = f"the distance grows: {_mm(before)}, then {_mm(after)}"
-    elif float(np.ptp(motion.distance[first:][late])) < 0.5 * after:
-        message = f"the tool stands {_mm(after)} off the surface and comes no nearer"
-    else:
-        message = f"the tool swings about the surface, {_mm(after)} off, and is not damped: marginal stability"
+    message = _how(motion.distance[first:][late], before, after)
     return Finding(Outcome.FAIL, message, metric, bound, evidence)
+
+
+def _how(late: Array, before: float, after: float) -> str:
+    """In what way the tool does not come to the surface."""
+    if after > before / SHRINKS:
+        return f"the distance grows: {_mm(before)}, then {_mm(after)}"
+    if float(np.ptp(late)) < 0.5 * after:
+        return f"the tool stands {_mm(after)} off the surface and comes no nearer"
+    if min(float(late.max()), -float(late.min())) > 0.5 * after:
+        return f"the tool swings about the surface, {_mm(after)} to either side, and is not damped: marginal stability"
+    return f"the tool does not come to the surface: up to {_mm(before)} off, then up to {_mm(after)}"
 
 
 def _mm(distance: float) -> str:

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from hapticeval.compiled import DYNAMICS, KINEMATICS, first_class
-from hapticeval.devices import integration_kernels as kernels
 from hapticeval.devices.integration import METHODS, control, default_method
+from hapticeval.devices.integration_kernels import advance
+from hapticeval.devices.motion_kernels import ROWS, SQUARES
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.devices.precision import TARGET, Errand, Runner, errand, errors, moved
@@ -75,13 +76,13 @@ class Tick:
         )
         self.after = (
             dt, np.array(torque, dtype=float), push, None, None, np.array(friction, dtype=float), method.table,
-            control(method), np.array([dt]), np.zeros((kernels.ROWS, size)),
-            np.empty((kernels.SQUARES, size, size)), np.empty((method.b.size, size)),
+            control(method), np.array([dt]), np.zeros((ROWS, size)),
+            np.empty((SQUARES, size, size)), np.empty((method.b.size, size)),
         )  # fmt: skip
 
     def __call__(self, joints, rates):
         joints, rates = np.array(joints, dtype=float), np.array(rates, dtype=float)
-        assert kernels.advance(*self.before, joints, rates, 0.0, self.dt, *self.after) > 0
+        assert advance(*self.before, joints, rates, 0.0, self.dt, *self.after) > 0
         return joints, rates
 
 
@@ -160,7 +161,7 @@ def piecewise(device, joints, rates, friction, torque, push, dt):
     return state[:size], state[size:]
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(30))
 def test_a_robot_with_friction_moves_as_scipy_says_piece_by_piece(seed):
     """Rates so small and pushes so large that in 5 ms joints stop, break loose and turn round."""
     rng = np.random.default_rng(seed)
@@ -175,4 +176,4 @@ def test_a_robot_with_friction_moves_as_scipy_says_piece_by_piece(seed):
     found = Tick(device, np.full(size, 0.4), torque, push, dt)(joints, rates)
     scale = max(np.abs(expected[1]).max(), 1e-3)
     assert np.abs(found[0] - expected[0]).max() < TARGET * np.abs(expected[0]).max()
-    assert np.abs(found[1] - expected[1]).max() < 1e-8 * scale
+    assert np.abs(found[1] - expected[1]).max() < TARGET * scale

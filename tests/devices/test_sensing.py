@@ -183,6 +183,16 @@ def test_a_measured_hand_moves_the_virtual_tool_s_mass():
     assert np.abs(ideal.hip[-1] - expected).max() > 0.3 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("robot", [*ROBOTS, PointMass(0.3)], ids=lambda robot: f"{robot.name}{robot.dimension}")
+def test_an_effect_that_changes_nothing_leaves_the_same_numbers(robot):
+    """Motors that could do more than they are asked, and a sensor that no one heeds: the compiled code is another."""
+    forces = noise(7, 40, robot.dimension, 1.0)
+    ideal, _ = run(forces, robot)
+    idle, _ = run(forces, robot, torque_limit=1e9, force_sensor=ForceSensor())
+    for name, values in ideal.channels.items():
+        assert np.array_equal(values, idle.channels[name]), name
+
+
 def test_nothing_is_measured_where_sensors_are_exact():
     recording, renderer = run(noise(5, 40, 2, 1.0), ROBOTS[0])
     assert not [name for name in recording.channels if name.startswith("measured")]

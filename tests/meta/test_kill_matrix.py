@@ -1,4 +1,4 @@
-"""The checks tested: the ideal contact passes all of them, and each broken renderer fails its own and no other."""
+"""The checks tested: ideal contact and faultless law pass them, and each broken renderer fails its own and no other."""
 
 from __future__ import annotations
 
@@ -6,29 +6,46 @@ import os
 from functools import cache
 from pathlib import Path
 
+import lawbreakers
+import mutants
 import pytest
-from mutants import MUTANTS, factory
+from lawbreakers import LAWBREAKERS
+from mutants import MUTANTS
 
 from hapticeval.ideal import ideal
 from hapticeval.judging import judge
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.suite import load_suite
+from hapticeval.suite import Case, load_suite
 
 PUBLISHED = Path(__file__).with_name("kill_matrix.md")
+
+FAULTLESS = "faultless"
+"""The law that the lawbreakers break."""
+
+BROKEN = {name: check for name, (check, _) in (MUTANTS | LAWBREAKERS).items()}
+
+
+@cache
+def cases(suite: str) -> tuple[Case, ...]:
+    """What is judged; of the dynamic suites, the point mass alone: the robot behind its inner loop moves alike."""
+    judged = [case for case in load_suite(suite).cases if case.judged]
+    return tuple(case for case in judged if suite == "thesis" or "device" not in case.scene)
 
 
 @cache
 def findings(name: str) -> dict[tuple[str, str], Outcome]:
-    made = ideal if name == "ideal" else factory(name)
+    dynamic = name == FAULTLESS or name in LAWBREAKERS
+    make = lawbreakers.factory(name) if dynamic else ideal if name == "ideal" else mutants.factory(name)
+    # A closed form is about the law without a fault; a law with another fault than in its gains has none.
+    known_as = "set-stabilisation" if name in (FAULTLESS, "hurries") else name
     found = {}
-    for case in load_suite("thesis").cases:
-        if not case.judged:
-            continue
-        judged = judge(made, name, "thesis", case)
-        assert judged.error is None, f"{case.name}: {judged.error}"
-        for verdict in judged.verdicts:
-            found[case.name, verdict.check] = verdict.outcome
+    for suite in ("dynamics-line", "dynamics-circle") if dynamic else ("thesis",):
+        for case in cases(suite):
+            judged = judge(make, known_as, suite, case)
+            assert judged.error is None, f"{case.name}: {judged.error}"
+            for verdict in judged.verdicts:
+                found[case.name, verdict.check] = verdict.outcome
     return found
 
 
@@ -36,42 +53,52 @@ def failed(name: str) -> set[str]:
     return {check for (_, check), outcome in findings(name).items() if outcome is Outcome.FAIL}
 
 
-def test_the_ideal_contact_passes_every_check_that_applies():
+@pytest.mark.parametrize("name", ["ideal", FAULTLESS])
+def test_what_is_right_passes_every_check_that_applies(name):
     bad = {
         place: outcome
-        for place, outcome in findings("ideal").items()
+        for place, outcome in findings(name).items()
         if outcome not in (Outcome.PASS, Outcome.NOT_APPLICABLE)
     }
     assert bad == {}
 
 
-def test_the_ideal_contact_passes_each_check_somewhere():
-    passed = {check for (_, check), outcome in findings("ideal").items() if outcome is Outcome.PASS}
+def test_what_is_right_passes_each_check_somewhere():
+    passed = {
+        check
+        for name in ("ideal", FAULTLESS)
+        for (_, check), outcome in findings(name).items()
+        if outcome is Outcome.PASS
+    }
     assert passed == set(CHECKS)
 
 
-@pytest.mark.parametrize("name", MUTANTS)
-def test_a_mutant_fails_its_check_and_no_other(name):
-    assert failed(name) == {MUTANTS[name][0]}
-    others = {place: outcome for place, outcome in findings(name).items() if place[1] != MUTANTS[name][0]}
-    assert others == {place: findings("ideal")[place] for place in others}, "and leaves no other check undecided"
+@pytest.mark.parametrize("name", BROKEN)
+def test_what_is_broken_fails_its_check_and_no_other(name):
+    own = {BROKEN[name]} if name not in LAWBREAKERS else {BROKEN[name], "closed-form"}
+    assert failed(name) == {BROKEN[name]}
+    right = findings(FAULTLESS if name in LAWBREAKERS else "ideal")
+    others = {place: outcome for place, outcome in findings(name).items() if place[1] not in own}
+    assert others == {place: right[place] for place in others}, "and leaves no other check undecided"
 
 
 def test_no_check_is_without_a_mutant():
-    assert {check for check, _ in MUTANTS.values()} == set(CHECKS)
+    assert set(BROKEN.values()) == set(CHECKS)
 
 
 def matrix() -> str:
     lines = [
         "# Kill matrix",
         "",
-        "Rows are the ideal rigid contact and the deliberately broken renderers of `mutants.py`; a cross marks a check "
-        "that fails in at least one case of the thesis suite. Written by `test_kill_matrix.py`, which compares it.",
+        "Rows are the ideal rigid contact and the deliberately broken renderers of `mutants.py`, in the cases of the "
+        "thesis suite, then a faultless set stabilisation and the broken laws of `lawbreakers.py`, in those of "
+        "`dynamics-line` and `dynamics-circle` with a point mass; a cross marks a check that fails in at least one "
+        "case. Written by `test_kill_matrix.py`, which compares it.",
         "",
         "| renderer | " + " | ".join(CHECKS) + " |",
         "|---|" + "---|" * len(CHECKS),
     ]
-    for name in ("ideal", *MUTANTS):
+    for name in ("ideal", *MUTANTS, FAULTLESS, *LAWBREAKERS):
         cells = ["x" if check in failed(name) else "" for check in CHECKS]
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
