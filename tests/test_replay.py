@@ -1,4 +1,4 @@
-"""Replays: bit for bit with the recorded renderer, on the recorded clock, and honest about what a path cannot settle."""
+"""Replays: bit for bit with the recorded renderer, on the recorded clock, honest about what a path cannot settle."""
 
 from __future__ import annotations
 
