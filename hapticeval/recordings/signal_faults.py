@@ -18,6 +18,15 @@ CLIPPED_ROWS = 5
 SPIKE = 20.0
 """A spike stands out of the noise by so many standard deviations of the second difference."""
 
+ABOVE = 4.0
+"""... and of what all rows but a hundredth bend by so many times: signals have quiet and busy stretches."""
+
+FEW = 8
+"""At least so many rows are not counted then: a spike bends three."""
+
+QUANTA = 6.0
+"""... and is so many quanta, or so many usual steps from row to row, high: an encoder at rest dithers by one."""
+
 AGREE = 0.25
 """The rows beside a spike are on one line up to this share of it: otherwise the signal itself has moved."""
 
@@ -45,7 +54,7 @@ def quantum(values: Array) -> float | None:
     steps = steps[steps > FINEST * span]
     if steps.size == 0:
         return None
-    step = float(steps.min())
+    step = _common(steps, FINEST * span)
     for _ in range(3):  # the mean over many steps is finer than the smallest alone
         counts = np.round((distinct - distinct[0]) / step)
         if counts[-1] > 1.0 / FINEST:
@@ -53,6 +62,17 @@ def quantum(values: Array) -> float | None:
         step = float(np.dot(counts, distinct - distinct[0]) / np.dot(counts, counts))
     off = np.abs((distinct - distinct[0]) / step - counts)
     return step if off.max() < WHOLE and counts[-1] > distinct.size / 50 else None
+
+
+def _common(steps: Array, floor: float) -> float:
+    """The largest length that all steps are multiples of, by Euclid's rule; about `floor` where there is none."""
+    common = float(steps[0])
+    for other in steps[: 50 * STUCK_ROWS]:
+        a, b = max(common, float(other)), min(common, float(other))
+        while b > floor:
+            a, b = b, abs(a - b * round(a / b))
+        common = a
+    return common
 
 
 def runs(values: Array, shortest: int) -> list[tuple[int, int]]:
@@ -153,8 +173,15 @@ def _spikes(values: Array, step: float, held: bool) -> list[tuple[int, int]]:
     if values.size < 8:
         return []
     bend = values[1:-1] - 0.5 * (values[2:] + values[:-2])
-    noise = 1.4826 * float(np.median(np.abs(bend)))
-    floor = max(SPIKE * noise, 6.0 * step, 1e-6 * float(np.ptp(values)))
+    size = np.abs(bend)
+    rare = min(size.size - 1, max(FEW, size.size // 100))
+    moved = np.abs(np.diff(values))
+    floor = max(
+        SPIKE * 1.4826 * float(np.median(size)),
+        ABOVE * float(np.partition(size, -(rare + 1))[-(rare + 1)]),
+        QUANTA * step,
+        QUANTA * float(np.median(moved[moved > 0.0])) if np.any(moved > 0.0) else 0.0,
+    )
     found = []
     for row in np.flatnonzero(np.abs(bend) > floor) + 1:
         if row < 2 or row > values.size - 3:
