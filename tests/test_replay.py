@@ -20,7 +20,7 @@ from hapticeval.recordings.hdf5 import read_recording, write_recording
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.as_recorded import as_recorded
-from hapticeval.replay.job import Replay, replay_plan
+from hapticeval.replay.job import prepared, replay_plan
 from hapticeval.replay.merge import merged
 from hapticeval.replay.subject import subject
 from hapticeval.results import read_results
@@ -112,9 +112,7 @@ def circle_run(time, *, hip=None, meta=None, channels=("ihip", "force"), valid=N
 def replayed(recording, tmp_path, renderers, **options):
     """Results and recordings by renderer of a replay, in this process."""
     made = subject(tmp_path / "log.h5", recording, **options)
-    from hapticeval.replay.job import Replay
-
-    work = Replay(made)
+    work = prepared(made)
     out = {}
     for job in replay_plan(made, renderers).jobs:
         judged, file = work(job, tmp_path / "out", 0)
@@ -163,6 +161,36 @@ def test_every_gap_starts_the_renderer_anew(tmp_path, counting):
     assert (judged.replay["stretches"], judged.replay["rows"], judged.replay["rows_left_out"]) == (3, 290, 10)
     np.testing.assert_array_equal(answer.time, time[valid])
     assert len(answer.meta["stretches"]) == 3
+
+
+def test_faults_of_a_real_recording_are_left_out_and_named(tmp_path, counting):
+    time = np.arange(400) * 1e-3
+    rng = np.random.default_rng(11)
+    angle = 2.0 * time
+    hip = 0.098 * np.column_stack([np.cos(angle), np.sin(angle)]) + 1e-7 * rng.standard_normal((400, 2))
+    recording = circle_run(time, hip=hip, meta={"source": "file"})
+    force = np.array(recording.force)
+    force[150:152] += 500.0
+    hip = np.array(hip)
+    hip[300] += 0.05
+    log = Recording(time, {**recording.channels, "hip": hip, "force": force}, recording.meta)
+    out = replayed(log, tmp_path, ["countingmodule:Counting"])
+    assert any(each.startswith("spike in hip") for each in out[RECORDED][0].replay["left_out"])
+    assert 300 not in np.rint(1e3 * out[RECORDED][1].time)
+    assert 300 not in np.rint(1e3 * out["countingmodule:Counting"][1].time)
+    assert 150 in np.rint(1e3 * out["countingmodule:Counting"][1].time), "a fault of the force is none of the path"
+
+
+def test_what_looks_like_a_spike_in_a_simulation_is_the_renderers(tmp_path, counting):
+    time = np.arange(400) * 1e-3
+    recording = circle_run(time, meta={"source": "experiment"})
+    ihip = np.array(recording.ihip)
+    ihip[200] += 0.05
+    log = Recording(time, {**recording.channels, "ihip": ihip}, recording.meta)
+    judged, kept = replayed(log, tmp_path, ["countingmodule:Counting"])[RECORDED]
+    assert len(kept) == 400
+    outcomes = {verdict.check: verdict.outcome for verdict in judged.verdicts}
+    assert outcomes["continuous-contact"] is Outcome.FAIL
 
 
 def test_one_missed_cycle_is_no_gap(tmp_path, counting):
@@ -345,7 +373,7 @@ def test_as_recorded_decides_the_exit_code(ran, tmp_path, capsys):
 
 def test_an_interrupt_keeps_what_had_finished(ran, tmp_path):
     made = opened(file_of(ran, "slide", "constraint"))
-    stream = execute(replay_plan(made, ["constraint"]), tmp_path / "out", workers=1, work=Replay(made))
+    stream = execute(replay_plan(made, ["constraint"]), tmp_path / "out", workers=1, work=prepared(made))
     assert isinstance(next(stream), RunStarted)
     assert isinstance(next(stream), JobFinished)
     end = [stream.throw(KeyboardInterrupt), *stream]
