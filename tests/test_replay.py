@@ -62,6 +62,10 @@ class Counting:
     def step(self, hip, velocity, dt):
         self.log.append(("step", dt, tuple(velocity)))
         return Response(hip, 0 * hip)
+
+class Feeling(Counting):
+    def feel(self, push):
+        self.log.append(("feel", tuple(push)))
 """
 
 
@@ -209,6 +213,15 @@ def test_the_velocity_is_the_recorded_one(tmp_path, counting):
     replayed(recording, tmp_path, ["countingmodule:Counting"])
     seen = [entry[2] for entry in counting if entry[0] == "step"][:50]
     np.testing.assert_array_equal(seen, filtered)
+
+
+def test_a_renderer_that_feels_is_told_the_measured_push(tmp_path, counting):
+    time = np.arange(50) * 1e-3
+    recording = circle_run(time)
+    push = np.random.default_rng(2).standard_normal((50, 2))
+    log = Recording(time, {**recording.channels, "measured_force": push}, recording.meta)
+    replayed(log, tmp_path, ["countingmodule:Feeling"])
+    np.testing.assert_array_equal([entry[1] for entry in counting if entry[0] == "feel"][:50], push)
 
 
 def test_a_rigid_tool_refuses_a_clock_that_is_not_regular(tmp_path):
