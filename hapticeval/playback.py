@@ -12,7 +12,7 @@ import numpy as np
 
 from hapticeval.errors import HapticevalError, RendererError
 from hapticeval.recordings.recording import REQUIRED, Recording, backward_difference
-from hapticeval.renderer import Batch, Renderer, SelfDriven
+from hapticeval.renderer import Batch, Feeling, Renderer, SelfDriven
 from hapticeval.stimulus import Path, Stimulus
 from hapticeval.types import Array
 
@@ -32,16 +32,26 @@ def play(renderer: Renderer | SelfDriven, path: Path, dt: float) -> Recording:
     return Recording(time, channels, meta={"source": "playback", "dt": dt, **declared(renderer)})
 
 
-def lead(renderer: Renderer, hips: Array, velocity: Array, dt: float | Array, *, first: int = 0) -> tuple[Array, Array]:
+def lead(
+    renderer: Renderer,
+    hips: Array,
+    velocity: Array,
+    dt: float | Array,
+    *,
+    pushes: Array | None = None,
+    first: int = 0,
+) -> tuple[Array, Array]:
     """IHIPs and forces, (n, N) each, of a renderer that is reset at the first row of `hips` (n, N) and led on.
 
     With one `dt` (s) for all rows a batch renderer is asked at once, and takes the velocity from the HIPs itself; with
-    a step a row, `dt` (n,), every renderer is asked row by row and given `velocity` (n, N). Errors count ticks from
-    `first` on.
+    a step a row, `dt` (n,), every renderer is asked row by row and given `velocity` (n, N). One that feels is told the
+    measured `pushes` (n, N), N, row by row, where there are any. Errors count ticks from `first` on.
     """
-    if isinstance(renderer, Batch) and not isinstance(dt, np.ndarray):
+    if not isinstance(renderer, Feeling):
+        pushes = None
+    if isinstance(renderer, Batch) and not isinstance(dt, np.ndarray) and pushes is None:
         return _all_at_once(renderer, hips, velocity, dt, first)
-    return _step_by_step(renderer, hips, velocity, dt, first)
+    return _step_by_step(renderer, hips, velocity, dt, first, pushes)
 
 
 def answered(renderer: SelfDriven, stimulus: Stimulus, dt: float) -> Recording:
@@ -116,15 +126,28 @@ def _all_at_once(renderer: Batch, hips: Array, velocity: Array, dt: float, first
 
 
 def _step_by_step(
-    renderer: Renderer, hips: Array, velocity: Array, dt: float | Array, first: int
+    renderer: Renderer, hips: Array, velocity: Array, dt: float | Array, first: int, pushes: Array | None = None
 ) -> tuple[Array, Array]:
     ihips = np.empty_like(hips)
     forces = np.empty_like(hips)
     steps = np.broadcast_to(dt, hips.shape[0]).tolist()
     start(renderer, hips[0])
     for row, step in enumerate(steps):
+        if pushes is not None:
+            _feel(renderer, first + row, hips[row], pushes[row])
         ihips[row], forces[row] = ask(renderer, first + row, hips[row], velocity[row], step)
     return ihips, forces
+
+
+def _feel(renderer: Renderer, tick: int, hip: Array, push: Array) -> None:
+    try:
+        renderer.feel(push.copy())  # type: ignore[attr-defined]
+    except HapticevalError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise RendererError(
+            f"the renderer's feel() raised {type(error).__name__}: {error}", tick=tick, hip=hip, why=origin(error)
+        ) from error
 
 
 def origin(error: BaseException) -> str:

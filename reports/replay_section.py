@@ -46,7 +46,8 @@ def _facts(replay: Mapping[str, Any]) -> str:
     count = replay["stretches"]
     stretches = "in one stretch" if count == 1 else f"in {count} stretches, the renderer reset at the start of each"
     left = replay["rows_left_out"]
-    out = "" if not left else f"; {left} rows are left out: gaps, and rows that are no measurement"
+    why = "; ".join(replay["left_out"]) or "gaps, and rows that are no measurement"
+    out = "" if not left else f"; {left} rows are left out ({why})"
     return f"{replay['rows']} samples, {quantity(replay['seconds'], 's')}, {stretches}{out}. Clock: {replay['clock']}."
 
 

@@ -1,4 +1,4 @@
-"""Replays: bit for bit with the recorded renderer, on the recorded clock, and honest about what a path cannot settle."""
+"""Replays: bit for bit with the recorded renderer, on the recorded clock, honest about what a path cannot settle."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from hapticeval.recordings.hdf5 import read_recording, write_recording
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.as_recorded import as_recorded
-from hapticeval.replay.job import Replay, replay_plan
+from hapticeval.replay.job import prepared, replay_plan
 from hapticeval.replay.merge import merged
 from hapticeval.replay.subject import subject
 from hapticeval.results import read_results
@@ -62,6 +62,10 @@ class Counting:
     def step(self, hip, velocity, dt):
         self.log.append(("step", dt, tuple(velocity)))
         return Response(hip, 0 * hip)
+
+class Feeling(Counting):
+    def feel(self, push):
+        self.log.append(("feel", tuple(push)))
 """
 
 
@@ -112,9 +116,7 @@ def circle_run(time, *, hip=None, meta=None, channels=("ihip", "force"), valid=N
 def replayed(recording, tmp_path, renderers, **options):
     """Results and recordings by renderer of a replay, in this process."""
     made = subject(tmp_path / "log.h5", recording, **options)
-    from hapticeval.replay.job import Replay
-
-    work = Replay(made)
+    work = prepared(made)
     out = {}
     for job in replay_plan(made, renderers).jobs:
         judged, file = work(job, tmp_path / "out", 0)
@@ -165,6 +167,36 @@ def test_every_gap_starts_the_renderer_anew(tmp_path, counting):
     assert len(answer.meta["stretches"]) == 3
 
 
+def test_faults_of_a_real_recording_are_left_out_and_named(tmp_path, counting):
+    time = np.arange(400) * 1e-3
+    rng = np.random.default_rng(11)
+    angle = 2.0 * time
+    hip = 0.098 * np.column_stack([np.cos(angle), np.sin(angle)]) + 1e-7 * rng.standard_normal((400, 2))
+    recording = circle_run(time, hip=hip, meta={"source": "file"})
+    force = np.array(recording.force)
+    force[150:152] += 500.0
+    hip = np.array(hip)
+    hip[300] += 0.05
+    log = Recording(time, {**recording.channels, "hip": hip, "force": force}, recording.meta)
+    out = replayed(log, tmp_path, ["countingmodule:Counting"])
+    assert any(each.startswith("spike in hip") for each in out[RECORDED][0].replay["left_out"])
+    assert 300 not in np.rint(1e3 * out[RECORDED][1].time)
+    assert 300 not in np.rint(1e3 * out["countingmodule:Counting"][1].time)
+    assert 150 in np.rint(1e3 * out["countingmodule:Counting"][1].time), "a fault of the force is none of the path"
+
+
+def test_what_looks_like_a_spike_in_a_simulation_is_the_renderers(tmp_path, counting):
+    time = np.arange(400) * 1e-3
+    recording = circle_run(time, meta={"source": "experiment"})
+    ihip = np.array(recording.ihip)
+    ihip[200] += 0.05
+    log = Recording(time, {**recording.channels, "ihip": ihip}, recording.meta)
+    judged, kept = replayed(log, tmp_path, ["countingmodule:Counting"])[RECORDED]
+    assert len(kept) == 400
+    outcomes = {verdict.check: verdict.outcome for verdict in judged.verdicts}
+    assert outcomes["continuous-contact"] is Outcome.FAIL
+
+
 def test_one_missed_cycle_is_no_gap(tmp_path, counting):
     time = np.delete(np.arange(100) * 1e-3, 50)
     judged, _ = replayed(circle_run(time), tmp_path, ["countingmodule:Counting"])["countingmodule:Counting"]
@@ -181,6 +213,15 @@ def test_the_velocity_is_the_recorded_one(tmp_path, counting):
     replayed(recording, tmp_path, ["countingmodule:Counting"])
     seen = [entry[2] for entry in counting if entry[0] == "step"][:50]
     np.testing.assert_array_equal(seen, filtered)
+
+
+def test_a_renderer_that_feels_is_told_the_measured_push(tmp_path, counting):
+    time = np.arange(50) * 1e-3
+    recording = circle_run(time)
+    push = np.random.default_rng(2).standard_normal((50, 2))
+    log = Recording(time, {**recording.channels, "measured_force": push}, recording.meta)
+    replayed(log, tmp_path, ["countingmodule:Feeling"])
+    np.testing.assert_array_equal([entry[1] for entry in counting if entry[0] == "feel"][:50], push)
 
 
 def test_a_rigid_tool_refuses_a_clock_that_is_not_regular(tmp_path):
@@ -345,7 +386,7 @@ def test_as_recorded_decides_the_exit_code(ran, tmp_path, capsys):
 
 def test_an_interrupt_keeps_what_had_finished(ran, tmp_path):
     made = opened(file_of(ran, "slide", "constraint"))
-    stream = execute(replay_plan(made, ["constraint"]), tmp_path / "out", workers=1, work=Replay(made))
+    stream = execute(replay_plan(made, ["constraint"]), tmp_path / "out", workers=1, work=prepared(made))
     assert isinstance(next(stream), RunStarted)
     assert isinstance(next(stream), JobFinished)
     end = [stream.throw(KeyboardInterrupt), *stream]

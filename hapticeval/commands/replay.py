@@ -95,17 +95,17 @@ def _model(name: str | None) -> Mapping[str, Any] | None:
 
 
 def _replay(made: Subject, renderers: list[str], directory: Path, seed: int) -> int:
-    from hapticeval.replay.job import Replay, hand_path, replay_plan
+    from hapticeval.replay.job import prepared, replay_plan
     from hapticeval.replay.tell import differences
     from hapticeval.results import FILE
     from hapticeval.runner import execute
     from hapticeval.terminal import Terminal, exit_code, summary
 
     planned = replay_plan(made, renderers, seed=seed)
-    hand_path(made)
+    work = prepared(made)
     prepare(directory)
     with Terminal() as terminal:
-        results = watch(execute(planned, directory, workers=cores(), work=Replay(made)), terminal)
+        results = watch(execute(planned, directory, workers=cores(), work=work), terminal)
         written = report_on(directory, terminal)
     say("\n\n".join([differences(results), summary(results, [directory / FILE, *written])]))
     return exit_code(results, terminal.errors)

@@ -105,10 +105,14 @@ def lacks_ihip(recording: Recording, scene: Scene) -> bool:
 
 
 def unsettled_by_path(recording: Recording) -> str | None:
-    """Why a recording cannot show how hand and force act on each other; None where it can."""
-    if recording.meta.get("source") == "replay":
+    """Why a recording cannot show how hand and force act on each other; None where it can.
+
+    An experiment without an operator's force had none; of a real run it is then not known.
+    """
+    source = recording.meta.get("source", "experiment")
+    if source == "replay":
         return "the hand's path was recorded under another force and does not answer this one: a fixed path cannot tell"
-    if "operator_force" not in recording.channels:
+    if source != "experiment" and "operator_force" not in recording.channels:
         return "the operator's force was not recorded: its share in the motion cannot be told from the renderer's"
     return None
 

@@ -101,8 +101,9 @@ def _mat(path: Path, recording: Recording) -> None:
         fields["valid"] = recording.valid.astype(np.uint8)[:, None]
     units = {"time": "s", **{name: recording.signals[name].unit for name in recording.channels}}
     with path.open("wb") as file:
+        stream: Any = file
         savemat(
-            file,
+            stream,
             {"recording": fields, "units": units, "hapticeval": _meta(recording)},
             do_compression=True,
             oned_as="column",

@@ -59,7 +59,7 @@ def as_recorded(subject: Subject, renderers: Sequence[str] = ()) -> AsRecorded:
             why="it has tool physics of its own: the recorded HIP is its tool, and what led it was not recorded",
             todo="run its case again, which is repeatable",
         )
-    path = hand_path(subject)
+    path, _ = hand_path(subject)
     again = joined(rerendered(renderer, path))
     log = joined([path.recording.part(stretch.rows) for stretch in path.stretches])
     bounds = _rounding(log, scene)

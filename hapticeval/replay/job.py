@@ -15,10 +15,11 @@ from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.recordings.difference import Difference, difference
 from hapticeval.recordings.recording import REQUIRED, Recording
-from hapticeval.recordings.stretches import Stretch, stretches, told
+from hapticeval.recordings.stretches import Stretch, told
 from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.merge import merged
 from hapticeval.replay.rerender import HandPath, joined, rerendered
+from hapticeval.replay.sound import Soundness, soundness
 from hapticeval.replay.subject import SUITE, Subject
 from hapticeval.runner import Done, Job, Plan, kept, seed_all
 from hapticeval.scene import Scene
@@ -30,34 +31,41 @@ LOOP_NEEDED = ("impulsive-collision", "centripetal-force")
 
 @dataclass(frozen=True)
 class Replay:
-    """The runner's work: judges the recorded run, or replays its hand path through the job's renderer."""
+    """The runner's work: judges the recorded run, or replays its hand path through the job's renderer.
+
+    `judged` are the stretches of the recorded run that its checks read, `left_out` what they do not, in words.
+    """
 
     subject: Subject
+    path: HandPath
+    judged: tuple[Stretch, ...]
+    left_out: tuple[str, ...]
 
     def __call__(self, job: Job, directory: Path, seed: int) -> Done:
         """One job, in a process of its own."""
         seed_all(seed)
-        path = hand_path(self.subject)
+        path = self.path
         if job.renderer == RECORDED:
-            judged = judge_recorded(lambda _: self._recorded(path), merged, job.renderer, job.suite, job.case)
+            judged = judge_recorded(lambda _: self._recorded(), merged, job.renderer, job.suite, job.case)
             if any(name not in path.recording.channels for name in REQUIRED):
                 judged = _shown_only(judged, job.case.checks)
         else:
             judged = judge_recorded(
-                lambda scene: self._replayed(job.renderer, scene, path), merged, job.renderer, job.suite, job.case
+                lambda scene: self._replayed(job.renderer, scene), merged, job.renderer, job.suite, job.case
             )
             judged = _shown_only(judged, LOOP_NEEDED)
         return kept(judged, job, directory)
 
-    def _recorded(self, path: HandPath) -> Recorded:
-        parts = [path.recording.part(stretch.rows) for stretch in path.stretches]
+    def _recorded(self) -> Recorded:
+        parts = [self.path.recording.part(stretch.rows) for stretch in self.judged]
         return Recorded(
             joined(parts),
             tuple(Runs(part) for part in parts),
-            self._document(path, None, "The recorded run as it was.", parts),
+            self._document(None, "The recorded run as it was.", parts, left_out=self.left_out),
         )
 
-    def _replayed(self, name: str, scene: Scene, path: HandPath) -> Recorded:
+    def _replayed(self, name: str, scene: Scene) -> Recorded:
+        path = self.path
         renderer = built(resolve(name), scene)
         parts = rerendered(renderer, path)
 
@@ -72,13 +80,14 @@ class Replay:
         return Recorded(
             whole,
             tuple(runs(part, stretch) for part, stretch in zip(parts, path.stretches, strict=True)),
-            self._document(path, difference(whole, path.recording), OPEN_LOOP, parts),
+            self._document(difference(whole, path.recording), OPEN_LOOP, parts),
             simulated_seconds=float(sum(part.time[-1] - part.time[0] for part in parts)),
         )
 
     def _document(
-        self, path: HandPath, found: Difference | None, note: str, parts: Sequence[Recording]
+        self, found: Difference | None, note: str, parts: Sequence[Recording], *, left_out: Sequence[str] = ()
     ) -> Mapping[str, Any]:
+        path = self.path
         rows = sum(map(len, parts))
         return {
             "file": self.subject.file,
@@ -87,13 +96,14 @@ class Replay:
             "stretches": len(parts),
             "rows": rows,
             "rows_left_out": len(path.recording) - rows,
+            "left_out": list(left_out),
             "seconds": float(sum(part.time[-1] - part.time[0] for part in parts)),
             "difference": None if found is None else found.document(),
         }
 
 
 def replay_plan(subject: Subject, renderers: Sequence[str], *, seed: int = 0) -> Plan:
-    """The recorded run and each of `renderers`, as a plan for the runner with `Replay(subject)` as its work.
+    """The recorded run and each of `renderers`, as a plan for the runner with `prepared(subject)` as its work.
 
     Raises what `resolve` raises, and `InputError` for a renderer that would be taken for the recorded run.
     """
@@ -108,18 +118,27 @@ def replay_plan(subject: Subject, renderers: Sequence[str], *, seed: int = 0) ->
     return Plan((suite,), (RECORDED, *names), jobs, (), seed)
 
 
-def hand_path(subject: Subject) -> HandPath:
-    """The hand path of a recording. Raises `InputError` where no two samples in a row are usable."""
+def prepared(subject: Subject) -> Replay:
+    """The work of a replay: what of the recording is sound is found once, for all renderers.
+
+    Raises `InputError` where no two sound samples follow each other.
+    """
+    path, found = hand_path(subject)
+    return Replay(subject, path, found.judged or path.stretches, found.left_out)
+
+
+def hand_path(subject: Subject) -> tuple[HandPath, Soundness]:
+    """The hand path of a recording, and its soundness. Raises `InputError` where it has none."""
     recording = subject.recording
     recording.require("hip")
-    found = stretches(recording)
-    if not found:
+    found = soundness(recording)
+    if not found.path:
         raise InputError(
             f"{subject.file} has no stretch of hand path to replay",
             why="no two sound samples follow each other",
             todo="look at it with `hapticeval inspect`",
         )
-    return HandPath(recording, found)
+    return HandPath(recording, found.path), found
 
 
 def _shown_only(judged: Judged, checks: Sequence[str]) -> Judged:

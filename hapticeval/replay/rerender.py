@@ -65,7 +65,9 @@ def _stretch(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, 
     # A batch makes the velocity itself: only where that is the recorded one may it stand for single steps.
     if isinstance(dt, float) and not np.array_equal(velocity, backward_difference(hip, time)):
         dt = np.full(time.size, dt)
-    ihip, force = lead(renderer, hip, velocity, dt, first=stretch.first)
+    felt = path.recording.channels.get("measured_force")
+    pushes = None if felt is None else felt[stretch.rows]
+    ihip, force = lead(renderer, hip, velocity, dt, pushes=pushes, first=stretch.first)
     return Recording(
         time,
         {"hip": hip, "ihip": ihip, "force": force, "velocity": velocity},

@@ -99,7 +99,7 @@ def test_an_object_that_only_matlab_reads_is_named_and_the_rest_is_read(tmp_path
     path.write_bytes(path.read_bytes() + opaque("position_log", "timeseries") + opaque("plant_model", "ss"))
     table = read_table(path)
     assert list(table.columns) == ["before"]
-    assert "position_log (timeseries), plant_model (ss)" in table.warnings[0]
+    assert "position_log (timeseries), plant_model (ss)" in table.remarks[0]
 
 
 def mat73(path):
@@ -141,7 +141,7 @@ def test_a_73_file_has_the_column_names_of_a_5_file(tmp_path):
     assert table["scope.signals[1].values"].tolist() == list(range(12))
     assert table.notes["scope.signals[0].values[0]"] == "label: Lever positions (rad)"
     assert table.attributes["Ts"] == 5e-4
-    assert "ts (timeseries)" in table.warnings[0]
+    assert "ts (timeseries)" in table.remarks[0]
 
 
 def test_any_hdf5_file_is_columns_by_path(tmp_path):
@@ -155,7 +155,7 @@ def test_any_hdf5_file_is_columns_by_path(tmp_path):
     assert set(table.columns) == {"rig/x[0]", "rig/x[1]", "log.t", "log.n"}
     assert dict(table.units) == {"rig/x[0]": "mm", "rig/x[1]": "mm"}
     assert table.attributes["@operator"] == "A"
-    assert "'words'" in table.warnings[0]
+    assert "'words'" in table.remarks[0]
 
 
 @pytest.mark.parametrize("name", ["a.h5", "a.npz"])

@@ -99,7 +99,7 @@ def test_an_empty_cell_is_nan_and_located(tmp_path):
 def test_a_text_column_is_left_out_and_named(tmp_path):
     table = read_table(written(tmp_path, "a.csv", "t,state,x\n0,free,1\n1,touch,2\n"))
     assert list(table.columns) == ["t", "x"]
-    assert "'state' is text" in table.warnings[0]
+    assert "'state' is text" in table.remarks[0]
 
 
 def test_a_row_too_long_is_named_by_its_line(tmp_path):

@@ -78,11 +78,12 @@ def read_delimited(path: Path) -> Table:
         ) from error
     columns: dict[str, Any] = {}
     warnings: list[str] = []
+    remarks: list[str] = []
     for name in names:
         values = pd.to_numeric(frame[name], errors="coerce").to_numpy(dtype=np.float64)
         empty = np.flatnonzero(np.isnan(values) & ~_says_nan(frame[name]))
         if empty.size == len(values) and len(values):
-            warnings.append(f"the column '{name}' is text, which is left out")
+            remarks.append(f"the column '{name}' is text, which is left out")
             units.pop(name, None)
             continue
         if empty.size:
@@ -96,7 +97,7 @@ def read_delimited(path: Path) -> Table:
         clock = next((name for name in columns if UNIT.sub(r"\1", name).strip().lower() in CLOCKS), None)
         step = None if clock is None else step_of(np.asarray(columns[clock]))
         warnings.append(cut_row(len(frame), step, units.get(clock or "", "of its clock")))
-    return Table(columns, units=units, warnings=tuple(warnings))
+    return Table(columns, units=units, warnings=tuple(warnings), remarks=tuple(remarks))
 
 
 def _header(path: Path, head: list[str]) -> tuple[list[str], dict[str, str], int, str]:

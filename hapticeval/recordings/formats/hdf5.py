@@ -44,7 +44,7 @@ def read_hdf5(path: Path) -> Table:
     columns: dict[str, Any] = {}
     units: dict[str, str] = {}
     attributes: dict[str, Any] = {}
-    warnings: list[str] = []
+    remarks: list[str] = []
 
     def visit(name: str, node: Any) -> None:
         for key, value in node.attrs.items():
@@ -56,7 +56,7 @@ def read_hdf5(path: Path) -> Table:
         for path_, values in found.items():
             array = np.asarray(values)
             if array.dtype.kind not in "fiub":
-                warnings.append(f"'{path_}' is of type {array.dtype}, which is left out")
+                remarks.append(f"'{path_}' is of type {array.dtype}, which is left out")
             elif array.size == 1:
                 attributes[path_] = array.ravel()[0].item()
             elif array.size:
@@ -68,7 +68,7 @@ def read_hdf5(path: Path) -> Table:
     with opened(path) as file:
         visit("", file)
         file.visititems(visit)
-    return Table(columns, units=units, attributes=attributes, warnings=tuple(warnings))
+    return Table(columns, units=units, attributes=attributes, remarks=tuple(remarks))
 
 
 def _plain(value: Any) -> Any:

@@ -60,15 +60,22 @@ class Tree:
             label = self._attributes.get(f"{stem}.label") or self._attributes.get(f"{stem}.title")
             if label and column.startswith(f"{stem}.values"):
                 notes[column] = f"label: {label}"
-        warnings = list(self._warnings)
+        remarks = []
         if self._objects:
             first = self._objects[0].partition(" ")[0]
-            warnings.append(
+            remarks.append(
                 f"left out, as objects that only MATLAB reads: {', '.join(self._objects)}; to have one, save its "
                 f"numbers in MATLAB: s = struct({first}), or the Time and Data of a timeseries"
             )
         units = {column: unit for column in self._columns if (unit := self._unit(column))}
-        return Table(self._columns, units=units, notes=notes, attributes=self._attributes, warnings=tuple(warnings))
+        return Table(
+            self._columns,
+            units=units,
+            notes=notes,
+            attributes=self._attributes,
+            warnings=tuple(self._warnings),
+            remarks=tuple(remarks),
+        )
 
     def _unit(self, column: str) -> str | None:
         """The unit of a column of a recording that hapticeval wrote, which stands beside it under the same name."""

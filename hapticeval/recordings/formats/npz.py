@@ -24,6 +24,7 @@ def read_npz(path: Path) -> Table:
     columns: dict[str, Any] = {}
     attributes: dict[str, Any] = {}
     warnings: list[str] = []
+    remarks: list[str] = []
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             for name in file.files:
@@ -36,7 +37,7 @@ def read_npz(path: Path) -> Table:
                     if values.dtype.kind in "US" and values.size == 1:
                         attributes[part] = str(values.ravel()[0])
                     elif values.dtype.kind not in "fiub":
-                        warnings.append(f"the array '{part}' is of type {values.dtype}, which is left out")
+                        remarks.append(f"the array '{part}' is of type {values.dtype}, which is left out")
                     elif values.size == 1:
                         attributes[part] = values.ravel()[0].item()
                     elif values.size:
@@ -47,7 +48,9 @@ def read_npz(path: Path) -> Table:
             why=f"{error}; the index of an .npz stands at its end, and without it nothing is read safely",
             todo="copy it again from where it was recorded",
         ) from error
-    return Table(columns, units=_units(attributes), attributes=attributes, warnings=tuple(warnings))
+    return Table(
+        columns, units=_units(attributes), attributes=attributes, warnings=tuple(warnings), remarks=tuple(remarks)
+    )
 
 
 def _parts(name: str, array: Any) -> dict[str, Any]:

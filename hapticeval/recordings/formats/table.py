@@ -18,7 +18,8 @@ class Table:
     """Columns of numbers, each (n,), float64 or int64; they may differ in length, as topics of a bag do.
 
     `units` holds only what the file or its format states; `notes` is the file's text about a column, a scope's label;
-    `attributes` are single numbers and texts of the file, `warnings` what could not be read and what was left out.
+    `attributes` are single numbers and texts of the file; `warnings` say what is missing or damaged, `remarks` what
+    is whole but no column of numbers.
     Integers stay integers: nanoseconds of a wall clock do not fit into a float.
 
     Raises `InputError`, naming the column, for one that is not a row of numbers.
@@ -29,6 +30,7 @@ class Table:
     notes: Mapping[str, str] = field(default_factory=dict)
     attributes: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
     format: str = ""
 
     def __post_init__(self) -> None:
@@ -36,7 +38,8 @@ class Table:
         object.__setattr__(self, "columns", MappingProxyType(columns))
         for name in ("units", "notes", "attributes"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
-        object.__setattr__(self, "warnings", tuple(self.warnings))
+        for name in ("warnings", "remarks"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """A column, (n,). Raises `UnknownNameError`, which suggests the closest, for one that is not there."""

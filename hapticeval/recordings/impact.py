@@ -1,0 +1,190 @@
+"""Contacts of a tool with a wall in one dimension: impulse, apparent stiffness, restitution, each with its error.
+
+The press p is the wall's force against the tool, positive, less what the sensor read just before the touch. Of each
+contact
+
+    impulse      J = integral of p dt                         N s
+    stiffness    slope of p over x, from touch to peak        N/m, by least squares
+    restitution  - (speed after) / (speed before)             by the slope of x over `SPEED_WINDOW`; none where a
+                                                              contact lasts longer than `HAND`
+
+A contact begins with a tool that moves into the wall: a force that rises while the tool leaves is told apart, because a
+wall cannot make it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticeval.errors import InputError
+from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.signal_faults import quantum
+from hapticeval.types import Array
+
+SPEED_WINDOW = 3e-3
+"""Seconds over which a speed is the slope of the position: short against an impact's approach, long against a tick."""
+
+BEFORE = 10e-3
+"""Seconds before the touch over which the sensor's own reading is taken."""
+
+SHARE = 0.1
+"""Of the largest force: where a contact begins, if the recording does not state its `force_floor`."""
+
+TOUCH = 0.05
+"""Of the peak: a contact lasts while the press is above it."""
+
+LOADING = (0.1, 0.9)
+"""Between these shares of the peak the slope is taken: below it the sensor wanders, above it the contact turns."""
+
+HAND = 0.1
+"""Seconds; a longer contact is pushed by the hand, which reacts by then, and its speeds tell no restitution."""
+
+LEAST_ROWS = 4
+"""A slope needs so many rows."""
+
+STUDENT = (12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26, 2.23)
+"""Two-sided 95 per cent points of Student's t for one to ten degrees of freedom."""
+
+
+@dataclass(frozen=True)
+class Impact:
+    """One contact, rows [first, end): begin (s) and duration (s), peak press (N), depth below the touch (m), and the
+    measures above; `stiffness_error` and `restitution_error` are standard errors, from the scatter about the line and
+    from the quantum of the position."""
+
+    first: int
+    end: int
+    begin: float
+    duration: float
+    peak: float
+    depth: float
+    impulse: float
+    stiffness: float
+    stiffness_error: float
+    speed_before: float
+    speed_after: float
+    restitution: float
+    restitution_error: float
+
+
+@dataclass(frozen=True)
+class Impacts:
+    """The contacts of a recording, and when (s) a force rose without an approach; `floor` (N) is where one begins."""
+
+    contacts: tuple[Impact, ...]
+    unexplained: tuple[float, ...]
+    floor: float
+
+    def mean(self, measure: str) -> tuple[float, float]:
+        """Mean of a measure over the contacts, and half the width of its 95 per cent interval; NaN where not known."""
+        values = np.array([getattr(contact, measure) for contact in self.contacts])
+        values = values[np.isfinite(values)]
+        if values.size == 0:
+            return math.nan, math.nan
+        if values.size == 1:
+            return float(values[0]), math.nan
+        point = STUDENT[values.size - 2] if values.size - 2 < len(STUDENT) else 1.96
+        return float(values.mean()), point * float(values.std(ddof=1)) / math.sqrt(values.size)
+
+
+def impacts(recording: Recording, *, floor: float | None = None) -> Impacts:
+    """The contacts of a recording in one dimension.
+
+    The tool is the IHIP and its force `wall_force`, where that channel is there (a teleoperated tool at a real wall);
+    else they are the HIP and the force on the hand. `floor` (N) is the force that free motion does not reach: the
+    argument, else `meta["force_floor"]`, else a tenth of the largest. Raises `InputError` for another dimension and for
+    a missing channel.
+    """
+    if recording.dimension != 1:
+        raise InputError(
+            f"a recording in {recording.dimension} dimensions",
+            why="impulse and restitution are told apart from sliding in one dimension only",
+            todo="take the checks of a suite: hapticeval replay",
+        )
+    remote = "wall_force" in recording.channels
+    force = recording.channel("wall_force" if remote else "force")[:, 0]
+    place = recording.channel("ihip" if remote else "hip")[:, 0]
+    valid = np.ones(force.size, dtype=bool) if recording.valid is None else recording.valid
+    sign = -math.copysign(1.0, float(force[valid][np.argmax(np.abs(force[valid]))]))
+    press, into = np.where(valid, -sign * force, 0.0), sign * place
+    if floor is None:
+        declared = recording.meta.get("force_floor")
+        floor = float(declared) if isinstance(declared, int | float) else SHARE * float(press.max())
+    on = np.concatenate([[False], (press > floor) & valid, [False]])
+    edges = np.flatnonzero(np.diff(on.astype(np.int8)))
+    step = quantum(into[valid]) or 0.0
+    contacts, unexplained = [], []
+    for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        if end - first < LEAST_ROWS:
+            continue
+        made = _impact(recording.time, press, into, first, end, step)
+        if made is None:
+            unexplained.append(float(recording.time[first]))
+        else:
+            contacts.append(made)
+    return Impacts(tuple(contacts), tuple(unexplained), floor)
+
+
+def _impact(time: Array, press: Array, into: Array, first: int, end: int, step: float) -> Impact | None:
+    """The contact over rows [first, end) above the floor; None where the tool does not move into the wall."""
+    tick = float(np.median(np.diff(time)))
+    window, before = max(2, round(SPEED_WINDOW / tick)), max(2, round(BEFORE / tick))
+    speed = _slope(into, first - window, first, tick)
+    if not speed > step / (window * tick):
+        return None
+    rest = float(np.median(press[max(0, first - 2 * before) : max(1, first - before // 2)]))
+    top = float(press[first:end].max()) - rest
+    touch = first
+    while touch > 0 and press[touch - 1] > rest + TOUCH * top:
+        touch -= 1
+    leave = end
+    while leave < press.size and press[leave] > rest + TOUCH * top:
+        leave += 1
+    load = press[touch:leave] - rest
+    peak = int(np.argmax(load))
+    rows = np.arange(peak + 1)
+    rows = rows[(load[rows] >= LOADING[0] * top) & (load[rows] <= LOADING[1] * top)]
+    stiffness, error = _fit(into[touch + rows], load[rows])
+    after = [_slope(into, row, row + window, tick) for row in range(touch + peak, leave)]
+    back = min([each for each in after if math.isfinite(each)], default=math.nan)
+    if time[leave - 1] - time[touch] > HAND:
+        back = math.nan
+    speed = max(_slope(into, row - window, row, tick) for row in range(max(window, touch - window), touch + 1))
+    spread = math.sqrt(2.0 / 12.0) * step / (window * tick)
+    ratio = -back / speed
+    return Impact(
+        first=touch,
+        end=leave,
+        begin=float(time[touch]),
+        duration=float(time[leave - 1] - time[touch]),
+        peak=float(load[peak]),
+        depth=float(into[touch:leave].max() - into[touch]),
+        impulse=float(np.trapezoid(load, time[touch:leave])),
+        stiffness=stiffness,
+        stiffness_error=error,
+        speed_before=speed,
+        speed_after=back,
+        restitution=ratio,
+        restitution_error=math.hypot(spread / speed, ratio * spread / speed),
+    )
+
+
+def _slope(values: Array, first: int, last: int, tick: float) -> float:
+    """The mean speed between two rows, NaN where one is not there."""
+    if first < 0 or last >= values.size or last <= first:
+        return math.nan
+    return float(values[last] - values[first]) / ((last - first) * tick)
+
+
+def _fit(x: Array, y: Array) -> tuple[float, float]:
+    """Slope of y over x by least squares, and its standard error; NaN where x does not move."""
+    centred = x - x.mean()
+    square = float(np.dot(centred, centred))
+    if x.size < LEAST_ROWS or square == 0.0:
+        return math.nan, math.nan
+    slope = float(np.dot(centred, y)) / square
+    off = y - y.mean() - slope * centred
+    return slope, math.sqrt(float(np.dot(off, off)) / (x.size - 2) / square)

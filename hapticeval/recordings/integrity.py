@@ -1,0 +1,184 @@
+"""Whether a recording can be trusted: one report of its clock, its columns, and what has to follow from what."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from hapticeval.geometry.model import Model
+from hapticeval.recordings import inverse, relations
+from hapticeval.recordings.finding import Fault, Severity
+from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.signal_faults import examine_column, quantum
+from hapticeval.recordings.timing import Timing, examine_timing
+from hapticeval.types import Array, BoolArray
+
+HELD = ("N", "N m")
+"""Units of what jumps by nature: forces and torques."""
+
+LEFT_OUT = ("stuck", "spike")
+"""Findings whose rows are no measurement of the hand, though they are valid: checks leave them out."""
+
+
+@dataclass(frozen=True)
+class ColumnFacts:
+    """A column at a glance: unit, range over the valid rows, and the quantum of its lattice, if it has one."""
+
+    unit: str
+    low: float
+    high: float
+    quantum: float | None
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Rows [first, end) and their times, s."""
+
+    first: int
+    end: int
+    time: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Soundness:
+    """What checks may use, and what was left out and why."""
+
+    sound: tuple[Interval, ...]
+    left_out: tuple[tuple[Interval, str], ...]
+
+    def rows(self, count: int) -> BoolArray:
+        """True where a row is sound, (count,)."""
+        mask = np.zeros(count, dtype=bool)
+        for interval in self.sound:
+            mask[interval.first : interval.end] = True
+        return mask
+
+
+@dataclass(frozen=True)
+class Integrity:
+    """The report: what the clock and the columns are like, and the findings, worst and earliest first."""
+
+    rows: int
+    valid_rows: int
+    duration: float
+    timing: Timing
+    columns: Mapping[str, ColumnFacts]
+    faults: tuple[Fault, ...] = field(default=())
+
+    @property
+    def suspicious(self) -> bool:
+        """Whether anything was found that a person should look at."""
+        return any(fault.severity is not Severity.NOTE for fault in self.faults)
+
+
+def examine(
+    recording: Recording,
+    *,
+    device: inverse.Kinematics | None = None,
+    model: Model | None = None,
+    stiffness: float | None = None,
+    others: Mapping[str, Recording] | None = None,
+) -> Integrity:
+    """Examine a recording. With a `device`, a `model` or a `stiffness` K_p (N/m, where K_d = 0) also the inverse checks
+    of thesis (2.28), (2.8) and (6.1); with `others`, runs by name, whether it shares a signal with one of them.
+    """
+    stamps = recording.nanoseconds
+    start = 0 if recording.clock is None or recording.clock.start is None else recording.clock.start
+    declared = recording.meta.get("dt")
+    ordered = _measured(recording)
+    timing, faults = examine_timing(
+        stamps,
+        start=start,
+        declared_step=float(declared) if isinstance(declared, int | float) else None,
+        valid=recording.valid,
+    )
+    faults += _counted(recording)
+    columns = {}
+    for name, values in relations.columns_of(recording).items():
+        channel = name if name in recording.signals else name.rpartition(".")[0]
+        unit = recording.signals[channel].unit
+        kept = values[ordered & np.isfinite(values)]
+        if kept.size:
+            columns[name] = ColumnFacts(unit, float(kept.min()), float(kept.max()), quantum(kept))
+        faults += examine_column(name, values, recording.time, ordered, held=unit in HELD)
+    faults += relations.copies(recording)
+    faults += relations.velocities(recording)
+    faults += relations.force_lag(recording)
+    faults += relations.units(recording)
+    for name, other in (others or {}).items():
+        faults += relations.of_another_run(recording, other, name)
+    if device is not None:
+        faults += inverse.forward_kinematics(recording, device) + inverse.transposed_jacobian(recording, device)
+    if stiffness is not None:
+        faults += inverse.spring(recording, stiffness)
+    if model is not None:
+        faults += inverse.on_the_model(recording, model)
+    order = list(Severity)
+    faults.sort(key=lambda fault: (order.index(fault.severity), fault.first if fault.first is not None else -1))
+    times = recording.time[ordered]
+    return Integrity(
+        rows=len(recording),
+        valid_rows=int(np.sum(ordered)),
+        duration=float(times[-1] - times[0]) if times.size else 0.0,
+        timing=timing,
+        columns=columns,
+        faults=tuple(faults),
+    )
+
+
+def sound_intervals(recording: Recording, report: Integrity | None = None) -> Soundness:
+    """The stretches that checks may use: valid, without a gap in the clock, and without the rows of a finding that is
+    no measurement; and what was left out, with the reason."""
+    report = examine(recording) if report is None else report
+    keep = _measured(recording).copy()
+    left: list[tuple[Interval, str]] = []
+    for first, end in _stretches(~keep):
+        left.append((_interval(recording.time, first, end), "no measurement"))
+    cuts = set()
+    for fault in report.faults:
+        if fault.first is None or fault.end is None:
+            continue
+        if fault.kind == "gap":
+            cuts.add(fault.first + 1)
+        elif fault.kind in LEFT_OUT and keep[fault.first : fault.end].any():
+            keep[fault.first : fault.end] = False
+            what = f"{fault.kind} in {fault.channel}"
+            left.append((_interval(recording.time, fault.first, fault.end), what))
+    sound = []
+    for first, end in _stretches(keep):
+        edges = [first, *sorted(cut for cut in cuts if first < cut < end), end]
+        sound += [_interval(recording.time, a, b) for a, b in pairwise(edges)]
+    return Soundness(tuple(sound), tuple(sorted(left, key=lambda item: item[0].first)))
+
+
+def _measured(recording: Recording) -> BoolArray:
+    return np.ones(len(recording), dtype=bool) if recording.valid is None else recording.valid
+
+
+def _counted(recording: Recording) -> list[Fault]:
+    """What the clock counted, and what the import said."""
+    faults = []
+    missed = None if recording.clock is None else recording.clock.missed
+    if missed:
+        faults.append(
+            Fault("missed", Severity.SUSPICIOUS, f"{missed} cycles of the loop have no row", "see the logger", "time")
+        )
+    for warning in recording.meta.get("import", {}).get("warnings", ()):
+        faults.append(Fault("import", Severity.SUSPICIOUS, str(warning), "copy or record the file again"))
+    declared = recording.meta.get("rows")
+    if isinstance(declared, int) and declared != len(recording):
+        message = f"{declared} rows are declared, {len(recording)} are there"
+        faults.append(Fault("rows", Severity.SUSPICIOUS, message, "copy or record the file again"))
+    return faults
+
+
+def _stretches(mask: BoolArray) -> Sequence[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _interval(time: Array, first: int, end: int) -> Interval:
+    return Interval(first, end, (float(time[first]), float(time[end - 1])))

@@ -1,0 +1,281 @@
+"""The live recorder: rows of a running loop into a journal, without the loop ever waiting for a disk."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from hapticeval.errors import HapticevalError, InputError
+from hapticeval.recordings.channels import Signal
+from hapticeval.recordings.journal import HEADERS, Layout, opening
+from hapticeval.recordings.metadata import check_metadata
+from hapticeval.recordings.ring import EVENT, EVENTS, Ring, State
+from hapticeval.recordings.writer import Writer
+
+ROWS = 16_384
+"""Rows that the ring holds: 16 s at 1 kHz, for a disk that is busy or full for a while."""
+
+START = 60.0
+STOP = 60.0
+"""Seconds within which the writer must have started, and ended."""
+
+OVERRUN, HEAD, TAIL = int(State.OVERRUN), int(State.HEAD), int(State.TAIL)
+
+
+class LossWarning(UserWarning):
+    """A recorder lost rows: its message says how many and why."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """How a recorder ended, or stands: `rows` in the journal, and what is not there.
+
+    `waiting` rows are in memory and not in the file: lost, once the recorder is closed. `overrun` rows found the memory
+    full; `missed` cycles the loop itself told of; `events_lost` found no room. `failure` says what went wrong, if
+    anything did.
+    """
+
+    rows: int
+    waiting: int
+    overrun: int
+    missed: int
+    events_lost: int
+    failure: str
+
+    @property
+    def lost(self) -> int:
+        """Rows that were handed over and are in no file."""
+        return self.waiting + self.overrun
+
+    def __str__(self) -> str:
+        told = f"{self.rows} rows recorded, {self.lost} lost"
+        if self.events_lost:
+            told += f", {self.events_lost} events lost"
+        if self.missed:
+            told += f", {self.missed} cycles missed by the loop"
+        return told + (f" ({self.failure})" if self.failure else "")
+
+
+class Recorder:
+    """Records the rows of one loop to a journal, which `recover` reads and `finish` makes an HDF5 recording of.
+
+        with Recorder(Path("run.journal"), {"hip": 2, "force": 2}) as recorder:
+            while running:
+                recorder.append(hip, force)
+
+    `channels` gives each channel's columns, in the order in which `append` takes them; 0 is a single number. `signals`
+    declares those that are not in `CHANNELS`; `meta` is the recording's. A process beside the loop does the writing.
+
+    `append` never waits: a row that finds the memory full is counted, and its place shows in the sequence numbers.
+    Raises `InputError` where the journal is there already and for channels nobody declared, `HapticevalError` where
+    the file or the writer cannot be made. Needs a POSIX system.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        channels: Mapping[str, int],
+        *,
+        signals: Mapping[str, Signal] | None = None,
+        meta: Mapping[str, Any] | None = None,
+        rows: int = ROWS,
+    ) -> None:
+        anchor = (time.monotonic_ns(), time.time_ns())
+        layout = Layout(channels, signals or {}, check_metadata(meta or {}), anchor)
+        self.path = Path(path)
+        self._names = tuple(channels)
+        self._columns = tuple(channels.values())
+        begin = opening(layout)
+        self._ring = Ring(layout.dtype.itemsize, rows)
+        self._capacity = rows
+        self._state = self._ring.state
+        slots = self._ring.rows(layout.dtype)
+        self._sequences, self._stamps = slots["sequence"], slots["nanoseconds"]
+        self._slots = tuple(slots[name] for name in channels)
+        self._head = 0
+        self._sequence = 0
+        self._summary: Summary | None = None
+        self._journal = _created(self.path)
+        try:
+            os.write(self._journal, begin)
+            self._state[State.BYTES], self._state[State.BLOCKS] = len(begin), HEADERS
+            self._process = self._started()
+        except BaseException as error:
+            os.close(self._journal)
+            os.close(self._ring.descriptor)
+            if isinstance(error, OSError):
+                raise HapticevalError(f"cannot record to {path}", why=str(error)) from error
+            raise
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        ring = self._ring
+        arguments = (ring.descriptor, self._journal, ring.size, ring.capacity, os.getpid())
+        # The interpreter looks for modules where this one does, and not in the folder that it happens to run in.
+        start = f"import sys; sys.path[:] = {json.dumps(sys.path)}; import hapticeval.recordings.writer as w; w.main()"
+        process = subprocess.Popen(
+            [sys.executable, "-c", start, *(str(each) for each in arguments)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            pass_fds=(ring.descriptor, self._journal),
+            start_new_session=True,
+        )
+        until = time.monotonic() + START
+        while not self._state[State.READY]:
+            if process.poll() is not None or time.monotonic() > until:
+                process.kill()
+                raise HapticevalError(
+                    "the writer of the recorder did not start",
+                    why=f"its process ended with code {process.wait()}",
+                    todo="see what it wrote to the standard error",
+                )
+            time.sleep(0.001)
+        return process
+
+    def append(self, *values: Any, at: int | None = None) -> None:
+        """Record one row: the channels in their order, and its stamp (ns of a monotonic clock; now, where not given).
+
+        Raises `InputError`, naming the channel, for values of another shape; the row is not recorded then.
+        """
+        head = self._head
+        if head - self._state[TAIL] >= self._capacity:
+            self._sequence += 1
+            self._state[OVERRUN] += 1
+            return
+        slot = head % self._capacity
+        try:
+            for column, count, value in zip(self._slots, self._columns, values, strict=True):
+                if count and len(value) != count:
+                    raise ValueError
+                column[slot] = value
+        except (TypeError, ValueError):
+            raise self._misfit(values) from None
+        self._sequences[slot] = self._sequence
+        self._stamps[slot] = time.monotonic_ns() if at is None else at
+        self._sequence += 1
+        self._head = head + 1
+        self._state[HEAD] = head + 1
+
+    def missed(self, cycles: int) -> None:
+        """Tell that the loop left out so many cycles since the last row."""
+        if cycles < 0:
+            raise InputError(f"{cycles} cycles cannot have been missed")
+        self._state[State.MISSED] += cycles
+        self._sequence += cycles
+
+    def event(self, kind: str, text: str = "", *, at: int | None = None) -> None:
+        """Record that something happened. Texts are cut after 216 bytes, kinds after 32."""
+        head = self._state[State.EVENT_HEAD]
+        if head - self._state[State.EVENT_TAIL] >= EVENTS:
+            self._state[State.EVENT_OVERRUN] += 1
+            return
+        event = self._ring.events[head % EVENTS]
+        for name, given in (("kind", kind), ("text", text)):
+            if not isinstance(given, str) or "\0" in given or (name == "kind" and not given):
+                raise InputError(f"an event has the {name} {given!r}", todo="give it as text")
+            event[name] = given.encode()[: EVENT[name].itemsize].decode(errors="ignore").encode()
+        event["nanoseconds"] = time.monotonic_ns() if at is None else at
+        self._state[State.EVENT_HEAD] = head + 1
+
+    @property
+    def writer(self) -> int:
+        """The process that writes."""
+        return self._process.pid
+
+    @property
+    def summary(self) -> Summary:
+        """How it stands, and, once closed, how it ended."""
+        if self._summary is not None:
+            return self._summary
+        state, code = self._state, self._process.poll()
+        failure = ""
+        lacks = state[HEAD] > state[TAIL] or state[OVERRUN] or state[State.EVENT_OVERRUN]
+        if state[State.ERROR] and lacks:
+            failure = f"the journal could not be written: {os.strerror(state[State.ERROR])}"
+        elif code is not None and (code or not state[State.CLOSED]):
+            failure = f"the writer's process ended with code {code}"
+        return Summary(
+            rows=state[TAIL],
+            waiting=state[HEAD] - state[TAIL],
+            overrun=state[OVERRUN],
+            missed=state[State.MISSED],
+            events_lost=state[State.EVENT_OVERRUN],
+            failure=failure,
+        )
+
+    def close(self) -> Summary:
+        """Have everything written, and say what was recorded and what was lost, which is a `LossWarning` as well.
+
+        Where the writer has died, this process writes what is still in memory.
+        """
+        if self._summary is not None:
+            return self._summary
+        self._state[State.CLOSED] = 1
+        assert self._process.stdin is not None
+        with contextlib.suppress(OSError):
+            self._process.stdin.close()
+        try:
+            self._process.wait(STOP)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        if self._process.returncode:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._journal, self._state[State.BYTES])
+            Writer(self._ring, self._journal).finish(self.summary.failure)
+        self._summary = summary = self.summary
+        self._slots, self._columns = (), ()
+        os.close(self._journal)
+        os.close(self._ring.descriptor)
+        if summary.lost or summary.events_lost or summary.failure:
+            warnings.warn(f"{self.path.name}: {summary}", LossWarning, stacklevel=2)
+        return summary
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is not None:
+            self.event("ended", f"{type(error).__name__}: {error}".replace("\0", " "))
+        self.close()
+
+    def _misfit(self, values: tuple[Any, ...]) -> InputError:
+        if self._summary is not None:
+            return InputError("the recorder is closed")
+        if len(values) != len(self._names):
+            return InputError(
+                f"append() was given {len(values)} channels", why=f"this recorder has: {', '.join(self._names)}"
+            )
+        for name, count, value in zip(self._names, self._columns, values, strict=True):
+            if getattr(value, "shape", None) is None and not isinstance(value, list | tuple | float | int):
+                return InputError(f"append() was given a {type(value).__name__} for '{name}'")
+            given = len(value) if hasattr(value, "__len__") and getattr(value, "shape", True) != () else 0
+            if given != count:
+                return InputError(
+                    f"append() was given {given or 'one number without columns'} for '{name}'",
+                    why=f"the recorder was made for {count or 'one number'}",
+                )
+        return InputError(f"append() was given {values!r}", why="not all of it is numbers")
+
+
+def _created(path: Path) -> int:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
+    except FileExistsError:
+        raise InputError(
+            f"{path} is there already", why="nothing is written over a recording", todo="give another name"
+        ) from None
+    except OSError as error:
+        raise HapticevalError(f"cannot record to {path}", why=str(error)) from error

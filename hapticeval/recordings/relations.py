@@ -1,0 +1,276 @@
+"""What is wrong between columns: copies, shifted copies, a velocity that is no derivative, a force that lags, units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hapticeval.recordings.finding import Fault, Severity
+from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.signal_faults import quantum
+from hapticeval.types import Array, BoolArray
+
+COPY_ROWS = 50
+"""Fewer moving rows than these can be equal by chance or by design."""
+
+LAGS = 20
+"""Ticks over which a lag is looked for."""
+
+LAG_TICKS = 3
+"""A proxy may answer up to three ticks late without being wrong, as peers do."""
+
+NOISY = 3.0
+"""A derivative that varies by less than so many quanta a difference is encoder noise."""
+
+LINEAR = 0.95
+"""The steps of a force that is made of IHIP - HIP correlate with those by at least this, at the right lag."""
+
+LIKE = 0.8
+"""Correlation below which a velocity is not the derivative of its position."""
+
+SLOPE = 0.2
+"""How far the ratio of a velocity to its position's derivative may be from one; a wrong unit is further off by far."""
+
+LIMITS: Mapping[str, tuple[float, str]] = {
+    "m": (3.0, "a workspace of {0:.4g} m: are these millimetres?"),
+    "rad": (4.0 * np.pi, "angles over {0:.4g} rad, more than two turns: are these degrees?"),
+    "m/s": (50.0, "a speed of {0:.4g} m/s: are these mm/s?"),
+    "rad/s": (500.0, "{0:.4g} rad/s: are these degrees a second?"),
+    "N": (2000.0, "a force of {0:.4g} N: are these millinewtons?"),
+    "N m": (500.0, "a torque of {0:.4g} N m: are these N mm?"),
+}
+"""By unit, the extent (of a position or an angle) or peak (of the others) that no desk-top haptic device has."""
+
+LEAST = {"m": 1e-5}
+"""An extent below which a device has hardly moved, or its metres were meant to be something larger."""
+
+
+def columns_of(recording: Recording) -> dict[str, Array]:
+    """Every column by name: `hip.x`, `joint_torque.0`, `grip`."""
+    found = {}
+    for name, values in recording.channels.items():
+        if values.ndim == 1:
+            found[name] = values
+        else:
+            parts = "xyz" if recording.signals[name].frame == "world" else [str(k) for k in range(values.shape[1])]
+            found |= {f"{name}.{parts[k]}": values[:, k] for k in range(values.shape[1])}
+    return found
+
+
+def copies(recording: Recording) -> list[Fault]:
+    """Columns that are another one over again, or its negative, or shifted by some ticks: no second measurement.
+
+    An IHIP may be the HIP, and a sensor exact: these are the same signal by what they mean, and are not told.
+    """
+    keep = _sound(recording)
+    columns = {name: values[keep] for name, values in columns_of(recording).items()}
+    moving = {name: values for name, values in columns.items() if np.count_nonzero(np.diff(values)) >= COPY_ROWS}
+    mapped = recording.meta.get("import", {}).get("columns", {})
+    faults = []
+    names = list(moving)
+    for place, one in enumerate(names):
+        for other in names[place + 1 :]:
+            a, b = one.partition(".")[0], other.partition(".")[0]
+            if a != b and _same_by_meaning(a, b):
+                continue
+            said = a != b and bool(set(mapped.get(a, ())) & set(mapped.get(b, ())))
+            fault = _copy(one, other, moving[one], moving[other], said=said)
+            if fault is not None:
+                faults.append(fault)
+    return faults
+
+
+def _same_by_meaning(a: str, b: str) -> bool:
+    place = {"hip", "ihip", "measured_hip", "joint_position"}
+    return {a, b} <= place or {a, b} in ({"velocity", "measured_velocity"}, {"operator_force", "measured_force"})
+
+
+def _copy(one: str, other: str, a: Array, b: Array, *, said: bool) -> Fault | None:
+    if np.array_equal(a, b) or np.array_equal(a, -b):
+        how = "" if np.array_equal(a, b) else "minus "
+        why = ", as the mapping says" if said else ""
+        return Fault(
+            "copy",
+            Severity.NOTE if said else Severity.SUSPICIOUS,
+            f"it is {how}'{one}' over again{why}: no second measurement",
+            "" if said else "see which column of the file belongs here",
+            other,
+        )
+    lag = shift(a, b)
+    if lag is None:
+        return None
+    return Fault(
+        "shifted copy",
+        Severity.SUSPICIOUS,
+        f"it is '{one}' {abs(lag)} rows {'later' if lag > 0 else 'earlier'}: no second measurement",
+        "see which column of the file belongs here",
+        other,
+        measures={"rows": lag},
+    )
+
+
+def shift(a: Array, b: Array) -> int | None:
+    """By how many rows `b` is `a` later (negative: earlier), to the last bit; None where it is not.
+
+    The correlation of the steps says which lag to look at; equality over the whole overlap decides.
+    """
+    size = min(a.size, b.size)
+    if size < 2 * COPY_ROWS:
+        return None
+    da, db = np.diff(a[:size]), np.diff(b[:size])
+    length = 1 << int(np.ceil(np.log2(2 * size)))
+    spectrum = np.conj(np.fft.rfft(da, length)) * np.fft.rfft(db, length)
+    found = int(np.argmax(np.fft.irfft(spectrum, length)))
+    lag = found if found < length // 2 else found - length
+    if lag == 0 or abs(lag) > size - COPY_ROWS:
+        return None
+    x, y = (a[: size - lag], b[lag:size]) if lag > 0 else (a[-lag:size], b[: size + lag])
+    return lag if np.array_equal(x, y) and np.count_nonzero(np.diff(x)) >= COPY_ROWS else None
+
+
+def of_another_run(recording: Recording, other: Recording, name: str) -> list[Fault]:
+    """Columns that another run, called `name`, holds too, at some shift: two runs of a hand never agree to the bit."""
+    theirs = columns_of(other)
+    faults = []
+    for column, values in columns_of(recording).items():
+        if column not in theirs or np.count_nonzero(np.diff(values)) < COPY_ROWS:
+            continue
+        size = min(values.size, theirs[column].size)
+        same = np.array_equal(values[:size], theirs[column][:size])
+        lag = 0 if same else shift(theirs[column], values)
+        if lag is not None:
+            where = "" if lag == 0 else f", {abs(lag)} rows {'later' if lag > 0 else 'earlier'}"
+            message = f"it is that of {name}{where}, bit for bit"
+            todo = "see which run was meant: a hand never moves the same way twice"
+            faults.append(Fault("from another run", Severity.SUSPICIOUS, message, todo, column))
+    return faults
+
+
+def velocities(recording: Recording) -> list[Fault]:
+    """Velocities against the derivative of their position: ratio, correlation and lag."""
+    pairs = (("hip", "velocity"), ("joint_position", "joint_velocity"), ("ihip", "tool_velocity"))
+    faults = []
+    for place, speed in pairs:
+        if place not in recording.channels or speed not in recording.channels:
+            continue
+        positions, speeds = recording.channels[place], recording.channels[speed]
+        if positions.shape != speeds.shape:
+            continue
+        for column in range(positions.shape[1]):
+            fault = _velocity(recording, place, f"{speed}.{_part(recording, speed, column)}", positions[:, column],
+                              speeds[:, column])  # fmt: skip
+            faults += [] if fault is None else [fault]
+    return faults
+
+
+def _velocity(recording: Recording, place: str, name: str, position: Array, speed: Array) -> Fault | None:
+    fits = [
+        fit
+        for rows in recording.sound_rows()
+        if (fit := _derivative_fit(position[rows], speed[rows], recording.time[rows])) is not None
+    ]
+    if not fits:
+        return None
+    slope, like, lag, _ = max(fits, key=lambda fit: fit[3])
+    measures = {"ratio": slope, "correlation": like, "lag": lag}
+    if like < LIKE:
+        message = f"it is no derivative of '{place}': correlation {like:.2f} at best"
+    elif abs(slope - 1.0) > SLOPE:
+        message = f"it is {slope:.4g} times the derivative of '{place}': sign or unit?"
+    elif abs(lag) > LAGS // 2:
+        message = f"it is {abs(lag)} ticks {'behind' if lag > 0 else 'ahead of'} the derivative of '{place}'"
+    else:
+        return None
+    return Fault("velocity", Severity.SUSPICIOUS, message, "see its column, unit and sign", name, measures=measures)
+
+
+def _derivative_fit(position: Array, speed: Array, time: Array) -> tuple[float, float, int, int] | None:
+    """Ratio, correlation, lag in ticks, rows; None where too little moves above the noise of the differences."""
+    if position.size < 4 * LAGS:
+        return None
+    width = 4  # rows on either side: a derivative over nine rows is quiet enough to compare with
+    rate = (position[2 * width :] - position[: -2 * width]) / (time[2 * width :] - time[: -2 * width])
+    smooth = np.convolve(speed, np.ones(2 * width) / (2 * width), "valid")[: rate.size]
+    noise = (quantum(position) or 0.0) / float(np.median(time[2 * width :] - time[: -2 * width]))
+    if np.std(rate) <= NOISY * noise:
+        return None
+    best, at = 0.0, 0
+    for lag in range(-LAGS, LAGS + 1):
+        x, y = (rate[: rate.size - lag], smooth[lag:]) if lag >= 0 else (rate[-lag:], smooth[: rate.size + lag])
+        like = _correlation(x, y)
+        if abs(like) > abs(best) + 1e-12 or (abs(like) >= abs(best) - 1e-12 and abs(lag) < abs(at)):
+            best, at = like, lag
+    x, y = (rate[: rate.size - at], smooth[at:]) if at >= 0 else (rate[-at:], smooth[: rate.size + at])
+    slope = float(np.dot(x, y) / np.dot(x, x)) if np.any(x) else float("inf")
+    return slope, abs(best), at, position.size
+
+
+def force_lag(recording: Recording) -> list[Fault]:
+    """By how many ticks the force follows IHIP - HIP, of which it is made where no damping is."""
+    if not {"hip", "ihip", "force"} <= recording.channels.keys():
+        return []
+    best, at = 0.0, 0
+    keep = max(recording.sound_rows(), key=lambda rows: rows.stop - rows.start)
+    force = np.diff(recording.force[keep], axis=0)  # steps tell a lag more sharply than the signals
+    reach = np.diff((recording.ihip - recording.hip)[keep], axis=0)
+    if len(force) < 4 * LAGS or not np.any(np.std(force, axis=0)) or not np.any(np.std(reach, axis=0)):
+        return []
+    for lag in range(-LAGS, LAGS + 1):
+        x, y = (reach[: len(reach) - lag], force[lag:]) if lag >= 0 else (reach[-lag:], force[: len(force) + lag])
+        like = _correlation(x.ravel(), y.ravel())
+        if like > best + 1e-12:
+            best, at = like, lag
+    there = _correlation(reach.ravel(), force.ravel())
+    if best < LINEAR or best - there < 1.0 - LINEAR or not LAG_TICKS < abs(at) < LAGS:
+        return []
+    when = "after" if at > 0 else "before"
+    return [
+        Fault(
+            "force lag",
+            Severity.SUSPICIOUS,
+            f"the force comes {abs(at)} ticks {when} the IHIP - HIP that it is made of (correlation {best:.3f})",
+            "see whether both were logged in the same tick, and the delay of the loop",
+            "force",
+            measures={"lag": at, "correlation": best},
+        )
+    ]
+
+
+def units(recording: Recording) -> list[Fault]:
+    """Extents and peaks that no haptic device has: a unit taken for another."""
+    keep = _sound(recording)
+    faults = []
+    for name, values in columns_of(recording).items():
+        kept = values[keep]
+        unit = recording.signals[name.partition(".")[0] if name not in recording.signals else name].unit
+        if kept.size == 0 or unit not in LIMITS:
+            continue
+        extent = unit in ("m", "rad")
+        size = float(np.ptp(kept) if extent else np.max(np.abs(kept)))
+        limit, words = LIMITS[unit]
+        todo = "see the unit in the mapping"
+        if size > limit:
+            faults.append(Fault("unit", Severity.SUSPICIOUS, words.format(size), todo, name, measures={"size": size}))
+        elif extent and name.startswith("hip") and 0.0 < size < LEAST.get(unit, 0.0) and _all_small(recording, keep):
+            message = f"the hand moves by {1e6 * size:.3g} um: is the unit larger than it was mapped to?"
+            faults.append(Fault("unit", Severity.SUSPICIOUS, message, todo, name, measures={"size": size}))
+    return faults
+
+
+def _all_small(recording: Recording, keep: BoolArray) -> bool:
+    return bool(np.max(np.ptp(recording.hip[keep], axis=0)) < LEAST["m"])
+
+
+def _sound(recording: Recording) -> BoolArray:
+    return np.ones(len(recording), dtype=bool) if recording.valid is None else recording.valid
+
+
+def _part(recording: Recording, name: str, column: int) -> str:
+    return "xyz"[column] if recording.signals[name].frame == "world" else str(column)
+
+
+def _correlation(x: Array, y: Array) -> float:
+    x, y = x - x.mean(), y - y.mean()
+    scale = float(np.sqrt(np.dot(x, x) * np.dot(y, y)))
+    return float(np.dot(x, y)) / scale if scale > 0.0 else 0.0

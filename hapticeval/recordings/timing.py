@@ -1,0 +1,110 @@
+"""How regular a clock is: rate, jitter, gaps, repeated stamps and stamps that go back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticeval.recordings.finding import Fault, Severity
+from hapticeval.types import Array, BoolArray, IntArray
+
+CATCH_UP = 3
+"""A late row is no gap where the clock is on its grid again after as many rows: nothing is missing then."""
+
+HALF = 0.5
+"""Half a sampling time decides whether a row is missing or late."""
+
+SETTING = 0.01
+"""A quartz is within 1e-4 of its rate, so one per cent is another setting than the declared one."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Of `rows` stamps: the median step (s), the mean rate (Hz) between gaps, and the deviation of steps from the
+    median, s, at 50, 95, 99 and 100 per cent; `missing` rows and the seconds in gaps."""
+
+    rows: int
+    step: float
+    rate: float
+    jitter: tuple[float, float, float, float]
+    missing: int
+    missing_seconds: float
+
+
+def examine_timing(
+    stamps: IntArray, *, start: int = 0, declared_step: float | None = None, valid: BoolArray | None = None
+) -> tuple[Timing, list[Fault]]:
+    """The timing of stamps (n,), ns, in the order in which they were recorded, and what is wrong with it.
+
+    Times in findings count from `start` (ns). `declared_step` (s) is what the loop was meant to take. A gap beside rows
+    that are not `valid` is a note.
+    """
+    seconds: Array = (stamps - start) / 1e9
+    steps = np.diff(stamps)
+    rising = steps[steps > 0]
+    if rising.size == 0:
+        return Timing(int(stamps.size), 0.0, 0.0, (0.0,) * 4, 0, 0.0), []
+    median = float(np.median(rising))
+    faults = []
+    for row in np.flatnonzero(steps <= 0) + 1:
+        again = steps[row - 1] == 0
+        faults.append(
+            Fault(
+                "duplicate" if again else "reversal",
+                Severity.FAULT,
+                f"the time repeats that of row {row - 1}"
+                if again
+                else f"the time goes back by {-1e-9 * steps[row - 1]:.6g} s",
+                'convert with [time] disorder = "mask", which marks the row as no measurement; or mend the file',
+                "time",
+                int(row),
+                int(row) + 1,
+                (float(seconds[row]),) * 2,
+            )
+        )
+    missing, lost = 0, 0.0
+    late = steps > (1.0 + HALF) * median
+    gaps = [row for row in np.flatnonzero(late) if not _caught_up(stamps, int(row), median)]
+    for row in gaps:
+        count = round(steps[row] / median) - 1
+        missing += count
+        lost += 1e-9 * float(steps[row] - median)
+        faults.append(
+            Fault(
+                "gap",
+                Severity.SUSPICIOUS if valid is None or valid[row : row + 2].all() else Severity.NOTE,
+                f"about {count} row{'s' * (count != 1)} missing ({1e-9 * (steps[row] - median):.4g} s)",
+                "checks run on either side of it; see whether the loop or the logger was late",
+                "time",
+                int(row),
+                int(row) + 2,
+                (float(seconds[row]), float(seconds[row + 1])),
+                {"missing": count},
+            )
+        )
+    regular = np.delete(steps, gaps)
+    regular = regular[regular > 0]
+    off = np.abs(regular - median) * 1e-9
+    jitter = tuple(float(value) for value in np.percentile(off, [50, 95, 99, 100]))
+    mean = float(np.mean(regular)) * 1e-9
+    timing = Timing(int(stamps.size), median * 1e-9, 1.0 / mean, jitter, missing, lost)  # type: ignore[arg-type]
+    if declared_step is not None and abs(mean - declared_step) > SETTING * declared_step:
+        faults.append(
+            Fault(
+                "rate",
+                Severity.SUSPICIOUS,
+                f"the loop was meant to take {1e3 * declared_step:.6g} ms, its rows are {1e3 * mean:.6g} ms apart",
+                "see whether every cycle was logged, and whether the unit of time is right",
+                "time",
+                measures={"declared": declared_step, "found": mean},
+            )
+        )
+    return timing, faults
+
+
+def _caught_up(stamps: IntArray, row: int, median: float) -> bool:
+    """Whether the rows after a long step make up for it: then it was late, and nothing is missing."""
+    last = min(row + 1 + CATCH_UP, stamps.size - 1)
+    after = np.arange(row + 2, last + 1)
+    return bool(np.any(stamps[after] - stamps[row] < (after - row + HALF) * median))

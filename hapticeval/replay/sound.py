@@ -1,0 +1,53 @@
+"""Which samples of a recording can be led through a renderer, which can be judged, and what is left out and why."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.stretches import Stretch, stretches
+
+SIMULATED = ("playback", "experiment", "replay")
+"""Sources whose every number is an answer: what looks like a spike there is the renderer's."""
+
+SEEN = ("hip", "measured_hip")
+"""Channels that a renderer is given: only their faults break the hand's path."""
+
+TOLD = 12
+"""So many left-out intervals are named; of more, the number."""
+
+
+@dataclass(frozen=True)
+class Soundness:
+    """`path` are the stretches that renderers are led along, `judged` those in which the recorded run is judged.
+
+    A fault of the recorded force or IHIP takes its rows out of the second alone. `left_out` says what and when.
+    """
+
+    path: tuple[Stretch, ...]
+    judged: tuple[Stretch, ...]
+    left_out: tuple[str, ...]
+
+
+def soundness(recording: Recording) -> Soundness:
+    """What of a recording can be used. A simulated one is examined for gaps only."""
+    if recording.meta.get("source") in SIMULATED:
+        found = stretches(recording)
+        return Soundness(found, found, ())
+    from hapticeval.recordings.integrity import LEFT_OUT, examine, sound_intervals
+
+    report = examine(recording)
+    intervals = sound_intervals(recording, report)
+    hand = np.ones(len(recording), dtype=bool) if recording.valid is None else np.array(recording.valid)
+    for fault in report.faults:
+        if fault.kind in LEFT_OUT and fault.channel.partition(".")[0] in SEEN and fault.first is not None:
+            hand[fault.first : fault.end] = False
+    told = [f"{why}, {each.time[0]:.4g} to {each.time[1]:.4g} s" for each, why in intervals.left_out]
+    rest = len(told) - TOLD
+    return Soundness(
+        stretches(recording, hand),
+        stretches(recording, intervals.rows(len(recording))),
+        tuple(told if rest <= 0 else [*told[:TOLD], f"and {rest} more"]),
+    )

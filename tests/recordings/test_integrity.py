@@ -1,0 +1,331 @@
+"""Faults that are planted in a clean recording are found, each by its name and where it is; clean ones have none."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hapticeval.devices.imperfections import ENCODER_STEP
+from hapticeval.devices.parallelogram import Parallelogram2
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.recordings.clock import Clock
+from hapticeval.recordings.finding import Severity
+from hapticeval.recordings.integrity import examine, sound_intervals
+from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.relations import shift
+from hapticeval.recordings.signal_faults import quantum
+
+ROWS = 600
+STIFFNESS = 1000.0
+DEVICE = Parallelogram2()
+MODEL = make_model("circle", size=0.1)
+
+
+def parts(seed=0, *, quantised=True):
+    """A copy of what `made` makes, to plant faults in."""
+    stamps, channels = made(seed, quantised)
+    return stamps.copy(), {name: values.copy() for name, values in channels.items()}
+
+
+@lru_cache(maxsize=256)
+def made(seed, quantised):
+    """Stamps (ns) and channels of a hand that slides around a disc, pressing: every channel follows from the joints."""
+    random = np.random.default_rng(seed)
+    stamps = 5_000_000_000 + np.arange(ROWS) * 1_000_000
+    turn = random.uniform(0.0, 6.0) + 1.3 * np.sin(np.arange(ROWS) * 4e-3 + random.uniform(0.0, 6.0))
+    depth = 2e-3 + 1e-3 * np.sin(np.arange(ROWS) * 0.017 + random.uniform(0.0, 6.0))
+    outward = np.column_stack([np.cos(turn), np.sin(turn)])
+    joints = np.array([DEVICE.joints(point) for point in (0.05 - depth)[:, None] * outward])
+    if quantised:
+        joints = np.round(joints / ENCODER_STEP) * ENCODER_STEP
+    hip = np.array([DEVICE.position(row) for row in joints])
+    ihip = 0.05 * hip / np.linalg.norm(hip, axis=1)[:, None]
+    force = STIFFNESS * (ihip - hip)
+    torque = np.array([DEVICE.jacobian(row).T @ f for row, f in zip(joints, force, strict=True)])
+    velocity = np.gradient(hip, 1e-3, axis=0)
+    velocity += random.normal(scale=0.02 * velocity.std(), size=velocity.shape)
+    return stamps, {
+        "hip": hip,
+        "ihip": ihip,
+        "force": force,
+        "velocity": velocity,
+        "joint_position": joints,
+        "joint_torque": torque,
+    }
+
+
+def recording(stamps, channels, *, valid=None, **meta):
+    return Recording.clocked(Clock(stamps), channels, {"dt": 1e-3, **meta}, valid=valid)
+
+
+def full(given, **more):
+    return examine(given, device=DEVICE, model=MODEL, stiffness=STIFFNESS, **more)
+
+
+def found(report):
+    return [(fault.kind, fault.channel, fault.first, fault.end) for fault in report.faults]
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 99), quantised=st.booleans())
+def test_a_clean_recording_has_no_findings(seed, quantised):
+    run = recording(*parts(seed, quantised=quantised))
+    report = full(run)
+    assert report.faults == ()
+    assert not report.suspicious
+    assert [(i.first, i.end) for i in sound_intervals(run, report).sound] == [(0, ROWS)]
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 99), row=st.integers(5, ROWS - 10), missing=st.integers(1, 50))
+def test_a_gap_is_found_with_the_rows_it_lacks(seed, row, missing):
+    stamps, channels = parts(seed)
+    stamps[row:] += missing * 1_000_000
+    run = recording(stamps, {"hip": channels["hip"]})
+    (fault,) = examine(run).faults
+    assert (fault.kind, fault.first, fault.measures["missing"]) == ("gap", row - 1, missing)
+    assert fault.time == pytest.approx(((row - 1) * 1e-3, (row + missing) * 1e-3))
+    assert [(i.first, i.end) for i in sound_intervals(run).sound] == [(0, row), (row, ROWS)]
+
+
+@given(row=st.integers(1, ROWS - 5), late=st.integers(1, 999_999))
+def test_a_row_that_is_late_is_jitter_and_no_gap(row, late):
+    stamps, channels = parts()
+    stamps[row] += late
+    report = examine(recording(stamps, {"hip": channels["hip"]}))
+    assert report.faults == ()
+    assert report.timing.jitter[3] == pytest.approx(late * 1e-9)
+    assert report.timing.rate == pytest.approx(1000.0)
+
+
+@given(row=st.integers(1, ROWS - 2), back=st.integers(0, 50))
+def test_stamps_that_repeat_or_go_back_are_named(row, back):
+    stamps, channels = parts()
+    stamps[row] = stamps[row - 1] - back * 1_000
+    run = recording(stamps, {"hip": channels["hip"]}, valid=np.arange(ROWS) != row)
+    faults = [fault for fault in examine(run).faults if fault.severity is Severity.FAULT]
+    assert [(f.kind, f.first, f.end) for f in faults] == [("reversal" if back else "duplicate", row, row + 1)]
+
+
+@settings(max_examples=30)
+@given(
+    seed=st.integers(0, 99),
+    row=st.integers(10, ROWS - 12),
+    size=st.floats(5e-3, 1.0) | st.floats(-1.0, -5e-3),
+    channel=st.sampled_from(["hip", "ihip"]),
+    column=st.integers(0, 1),
+)
+def test_a_spike_is_found_in_its_row(seed, row, size, channel, column):
+    stamps, channels = parts(seed)
+    channels[channel][row, column] += size
+    kept = {name: channels[name] for name in ("hip", "ihip")}
+    report = examine(recording(stamps, kept))
+    assert ("spike", f"{channel}.{'xy'[column]}", row, row + 1) in found(report)
+    assert {kind for kind, *_ in found(report)} <= {"spike", "unit"}
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 99), row=st.integers(20, ROWS - 80), rows=st.integers(20, 60), column=st.integers(0, 1))
+def test_a_frozen_sensor_is_found_over_its_rows(seed, row, rows, column):
+    stamps, channels = parts(seed)
+    joints = channels["joint_position"]
+    speed = np.abs(np.diff(joints[:, column]))[row - 9 : row + rows + 9]
+    gone = abs(joints[row + rows, column] - joints[row - 1, column])
+    joints[row : row + rows, column] = joints[row - 1, column]
+    report = examine(recording(stamps, {"joint_position": joints}))
+    name = f"joint_position.{column}"
+    if gone > 4.5 * max(speed.max(), ENCODER_STEP):  # else it hardly moved: a hand at rest looks the same
+        ((kind, channel, first, end),) = found(report)
+        assert (kind, channel) == ("stuck", name)
+        assert first <= row
+        assert end == row + rows
+    else:
+        assert all(kind == "stuck" for kind, *_ in found(report))
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 99), share=st.floats(0.6, 0.85))
+def test_a_clipped_column_is_found(seed, share):
+    random = np.random.default_rng(seed)
+    values = np.sin(np.arange(ROWS) * 0.05 + random.uniform(0, 6))[:, None]
+    clipped = np.clip(values, -share, share)
+    report = examine(recording(np.arange(ROWS) * 1_000_000, {"hip": clipped}))
+    assert {fault.kind for fault in report.faults} == {"saturated"}
+    spans = [(fault.first, fault.end) for fault in report.faults]
+    inside = np.abs(values[:, 0]) >= share
+    assert all(inside[first:end].all() for first, end in spans)
+    assert len(spans) >= 5
+
+
+def test_clipped_motors_are_a_note():
+    torque = np.clip(np.sin(np.arange(ROWS) * 0.05)[:, None], -0.7, 0.7)
+    report = examine(recording(np.arange(ROWS) * 1_000_000, {"joint_torque": torque}))
+    assert {fault.kind for fault in report.faults} == {"saturated"}
+    assert not report.suspicious
+
+
+@given(rows=st.sets(st.integers(0, ROWS - 1), min_size=1, max_size=20))
+def test_rows_without_a_number_are_counted_and_left_out(rows):
+    stamps, channels = parts()
+    channels["hip"][sorted(rows)] = np.nan
+    valid = ~np.isnan(channels["hip"][:, 0])
+    run = recording(stamps, {"hip": channels["hip"]}, valid=valid)
+    faults = [fault for fault in examine(run).faults if fault.kind == "no number"]
+    assert [fault.channel for fault in faults] == ["hip.x", "hip.y"]
+    assert (faults[0].first, faults[0].end) == (min(rows), max(rows) + 1)
+    assert f"{len(rows)} rows" in faults[0].message
+    assert sound_intervals(run).rows(ROWS).tolist() == valid.tolist()
+
+
+@settings(max_examples=30)
+@given(step=st.floats(1e-7, 1e-3), seed=st.integers(0, 99))
+def test_the_quantum_of_an_encoder_is_found(step, seed):
+    random = np.random.default_rng(seed)
+    counts = np.cumsum(random.integers(-3, 4, size=400))
+    assert quantum(counts * step + random.normal()) == pytest.approx(step, rel=1e-6)
+
+
+@given(seed=st.integers(0, 99))
+def test_a_signal_that_no_encoder_made_has_no_quantum(seed):
+    assert quantum(np.random.default_rng(seed).normal(size=500)) is None
+
+
+@settings(max_examples=25)
+@given(lag=st.integers(-250, 250), seed=st.integers(0, 99))
+def test_a_column_that_is_another_one_shifted_is_found(lag, seed):
+    long = np.cumsum(np.random.default_rng(seed).normal(size=ROWS + 250))
+    begin = max(0, lag)
+    a, b = long[begin : begin + ROWS], long[begin - lag : begin - lag + ROWS]
+    assert shift(a, b) == (lag or None)
+    stamps, channels = parts()
+    channels = {"hip": channels["hip"], "force": np.column_stack([a, b])}
+    kinds = [(fault.kind, fault.channel) for fault in examine(recording(stamps, channels)).faults]
+    assert kinds == [("shifted copy" if lag else "copy", "force.y")]
+
+
+def test_an_independent_column_is_no_copy():
+    random = np.random.default_rng(0)
+    assert shift(random.normal(size=400), random.normal(size=400)) is None
+
+
+def test_a_signal_of_another_run_is_found():
+    one, other = (recording(*parts(seed)) for seed in (1, 2))
+    assert full(one, others={"run 2": other}).faults == ()
+    mixed = dict(one.channels) | {"force": other.channels["force"]}
+    faults = examine(recording(parts(1)[0], mixed), others={"run 2": other}).faults
+    assert {(fault.kind, fault.channel) for fault in faults} == {
+        ("from another run", "force.x"),
+        ("from another run", "force.y"),
+    }
+
+
+@pytest.mark.parametrize(
+    ("factor", "kinds"), [(1.0, set()), (-1.0, {"velocity"}), (1e-3, {"velocity"}), (57.3, {"velocity"})]
+)
+def test_a_velocity_is_the_derivative_of_its_position(factor, kinds):
+    stamps, channels = parts(3)
+    channels["velocity"] = channels["velocity"] * factor
+    report = examine(recording(stamps, {name: channels[name] for name in ("hip", "velocity")}))
+    assert {fault.kind for fault in report.faults} == kinds
+
+
+def test_a_velocity_of_something_else_is_found():
+    stamps, channels = parts(3)
+    channels["velocity"] = np.random.default_rng(0).normal(size=(ROWS, 2))
+    report = examine(recording(stamps, {name: channels[name] for name in ("hip", "velocity")}))
+    assert {fault.kind for fault in report.faults} == {"velocity"}
+
+
+@pytest.mark.parametrize("lag", [-12, -2, 0, 3, 5, 15])
+def test_a_force_that_lags_is_found(lag):
+    stamps, channels = parts(4)
+    random = np.random.default_rng(0)
+    reach = np.cumsum(random.normal(size=(ROWS + 40, 2)), axis=0) * 1e-4
+    hip = channels["hip"]
+    run = {"hip": hip, "ihip": hip + reach[20 : 20 + ROWS], "force": 1e3 * reach[20 - lag : 20 - lag + ROWS]}
+    faults = [fault for fault in examine(recording(stamps, run)).faults if fault.kind == "force lag"]
+    assert [fault.measures["lag"] for fault in faults] == ([lag] if abs(lag) > 3 else [])
+
+
+@pytest.mark.parametrize(
+    ("channel", "factor", "kind"),
+    [("hip", 1e3, "unit"), ("joint_position", 180.0 / np.pi, "unit"), ("force", 1e6, "unit"), ("hip", 1e-6, "unit")],
+)
+def test_a_unit_that_no_device_has_is_suspected(channel, factor, kind):
+    stamps, channels = parts(5)
+    report = examine(recording(stamps, {channel: channels[channel] * factor}))
+    assert {fault.kind for fault in report.faults} == {kind}
+    assert {fault.channel.partition(".")[0] for fault in report.faults} == {channel}
+
+
+@pytest.mark.parametrize(("dt", "kinds"), [(1e-3, set()), (1.004e-3, set()), (1.02e-3, {"rate"}), (2e-3, {"rate"})])
+def test_a_declared_rate_is_held_against_the_clock(dt, kinds):
+    stamps, channels = parts()
+    assert {fault.kind for fault in examine(recording(stamps, {"hip": channels["hip"]}, dt=dt)).faults} == kinds
+
+
+def test_declared_rows_and_missed_cycles_are_told():
+    stamps, channels = parts()
+    run = recording(stamps, {"hip": channels["hip"]}, rows=ROWS + 7)
+    assert [fault.message for fault in examine(run).faults] == [f"{ROWS + 7} rows are declared, {ROWS} are there"]
+    sequence = np.arange(ROWS) + (np.arange(ROWS) > 100) * 3
+    counted = Recording.clocked(Clock(stamps, sequence=sequence), {"hip": channels["hip"]})
+    assert [fault.kind for fault in examine(counted).faults] == ["missed"]
+
+
+def planted(change):
+    stamps, channels = parts(6)
+    change(channels)
+    return full(recording(stamps, channels))
+
+
+def of_kind(report, *kinds):
+    return {fault.kind: fault for fault in report.faults if fault.kind in kinds}
+
+
+@pytest.mark.parametrize(
+    ("change", "kinds"),
+    [
+        (lambda c: c["joint_position"].__iadd__([0.01, 0.0]), {"forward kinematics", "torque"}),
+        (lambda c: c["hip"].__iadd__([1e-4, 0.0]), {"forward kinematics", "spring"}),
+        (lambda c: c["joint_torque"].__imul__([1.0, -1.0]), {"torque"}),
+        (lambda c: c["force"].__imul__(-1.0), {"torque", "spring"}),
+        (lambda c: c["force"].__imul__(1.001), {"torque", "spring"}),
+        (lambda c: c["ihip"].__iadd__([0.0, 1e-4]), {"spring", "surface"}),
+    ],
+)
+def test_what_does_not_follow_is_found(change, kinds):
+    report = planted(change)
+    assert {fault.kind for fault in report.faults} == kinds
+    assert all("off by up to" in fault.message for fault in report.faults)
+
+
+def test_residuals_are_told_in_quanta_and_the_stiffness_that_fits():
+    report = planted(lambda c: c["hip"].__iadd__([1e-4, 0.0]))
+    assert "quanta" in of_kind(report, "forward kinematics")["forward kinematics"].message
+    report = planted(lambda c: c["force"].__imul__(1.25))
+    assert of_kind(report, "spring")["spring"].measures["stiffness"] == pytest.approx(1250.0)
+
+
+def test_a_residual_is_placed():
+    def change(channels):
+        channels["force"][200:300] *= 1.5
+
+    fault = of_kind(planted(change), "spring")["spring"]
+    assert (fault.first, fault.end) == (200, 300)
+    assert fault.measures["rows"] == 100
+
+
+def test_left_out_rows_are_named_with_their_reason():
+    stamps, channels = parts(7)
+    channels["hip"][50, 0] += 0.5
+    valid = np.arange(ROWS) // 100 != 2
+    run = recording(stamps, {"hip": channels["hip"]}, valid=valid)
+    soundness = sound_intervals(run)
+    assert [(i.first, i.end) for i in soundness.sound] == [(0, 50), (51, 200), (300, ROWS)]
+    reasons = [(i.first, i.end, why) for i, why in soundness.left_out]
+    assert reasons == [(50, 51, "spike in hip.x"), (200, 300, "no measurement")]

@@ -1,0 +1,316 @@
+"""The live recorder against what ends recordings: a slow writer, a dead one, a killed loop, a full disk."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from hapticeval.errors import InputError
+from hapticeval.recordings.recorder import LossWarning, Recorder
+from hapticeval.recordings.recording import Signal
+from hapticeval.recordings.recovery import recover
+
+CHANNELS = {"hip": 2, "force": 2}
+GRIP = {"grip": Signal("N", "grip force", "device")}
+
+
+def feed(recorder, count, first=0):
+    for k in range(first, first + count):
+        recorder.append((k, -k), (0.5 * k, 1.0))
+
+
+def assert_fed(recording):
+    """The rows are those that `feed` gave, each at its number."""
+    k = recording.clock.sequence.astype(float)
+    np.testing.assert_array_equal(recording.hip, np.column_stack([k, -k]))
+    np.testing.assert_array_equal(recording.force, np.column_stack([0.5 * k, np.ones_like(k)]))
+
+
+def until(condition):
+    deadline = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_what_is_appended_is_recorded(tmp_path):
+    path = tmp_path / "deep" / "run.journal"
+    stamps = [7, 1_000_007, 2_500_000]
+    rng = np.random.default_rng(3)
+    hips, joints, grips = rng.normal(size=(3, 1)), rng.normal(size=(3, 4)), rng.normal(size=3)
+    channels = {"hip": 1, "joint_position": 4, "grip": 0}
+    with Recorder(path, channels, signals=GRIP, meta={"who": "A. Tester"}) as recorder:
+        recorder.event("start", "touches the wall", at=1_000_000)
+        for row, stamp in enumerate(stamps):
+            recorder.append(hips[row], list(joints[row]), grips[row], at=stamp)
+    summary = recorder.close()
+    assert (summary.rows, summary.lost, summary.failure) == (3, 0, "")
+    recording = recover(path).recording
+    assert recording.nanoseconds.tolist() == stamps
+    assert recording.time.tolist() == [0.0, 0.001, 0.002499993]
+    for name, values in (("hip", hips), ("joint_position", joints), ("grip", grips)):
+        assert recording.channels[name].tobytes() == values.tobytes()
+    assert recording.signals["grip"] == GRIP["grip"]
+    assert [event[1:] for event in recording.events] == [("start", "touches the wall")]
+    assert recording.meta["who"] == "A. Tester"
+    assert abs(recording.clock.anchor[1] - time.time_ns()) < 3600 * 10**9
+
+
+def test_rows_beyond_the_ring_arrive_in_order_where_the_writer_keeps_up(tmp_path):
+    with Recorder(tmp_path / "run.journal", CHANNELS, rows=64) as recorder:
+        for first in range(0, 300, 50):
+            feed(recorder, 50, first)
+            until(lambda: recorder.summary.waiting == 0)
+    recording = recover(tmp_path / "run.journal").recording
+    assert recording.clock.sequence.tolist() == list(range(300))
+    assert_fed(recording)
+
+
+def test_a_stopped_writer_never_stops_the_loop_and_every_row_lost_is_counted(tmp_path):
+    path = tmp_path / "run.journal"
+    recorder = Recorder(path, CHANNELS, rows=100)
+    feed(recorder, 20)
+    until(lambda: recorder.summary.waiting == 0)
+    os.kill(recorder.writer, signal.SIGSTOP)
+    feed(recorder, 250, 20)
+    summary = recorder.summary
+    assert (summary.rows, summary.waiting, summary.overrun) == (20, 100, 150)
+    os.kill(recorder.writer, signal.SIGCONT)
+    until(lambda: recorder.summary.waiting == 0)
+    feed(recorder, 5, 270)
+    with pytest.warns(LossWarning, match=r"run\.journal: 125 rows recorded, 150 lost"):
+        recorder.close()
+    recording = recover(path).recording
+    assert recording.clock.sequence.tolist() == [*range(120), *range(270, 275)]
+    assert recording.clock.missed == 150
+    assert_fed(recording)
+    (event,) = [event for event in recording.events if event.kind == "overrun"]
+    assert event.text == "150 rows were lost: the writer was too late"
+
+
+def test_cycles_that_the_loop_missed_are_told(tmp_path):
+    with Recorder(tmp_path / "run.journal", CHANNELS) as recorder:
+        feed(recorder, 3)
+        recorder.missed(4)
+        feed(recorder, 2, 7)
+    assert recorder.summary.missed == 4
+    recording = recover(tmp_path / "run.journal").recording
+    assert recording.clock.sequence.tolist() == [0, 1, 2, 7, 8]
+    assert recording.clock.missed == 4
+
+
+def test_a_dead_writer_is_told_and_its_work_done_at_the_end(tmp_path):
+    recorder = Recorder(tmp_path / "run.journal", CHANNELS, rows=1000)
+    feed(recorder, 30)
+    os.kill(recorder.writer, signal.SIGKILL)
+    until(lambda: recorder.summary.failure)
+    assert recorder.summary.failure == "the writer's process ended with code -9"
+    feed(recorder, 400, 30)
+    with pytest.warns(LossWarning, match=r"430 rows recorded, 0 lost \(the writer's process ended"):
+        summary = recorder.close()
+    assert (summary.rows, summary.lost) == (430, 0)
+    recording = recover(tmp_path / "run.journal").recording
+    assert recording.clock.sequence.tolist() == list(range(430))
+    assert_fed(recording)
+    assert recording.events[-1].text == "the writer's process ended with code -9"
+
+
+LOOP = """
+import sys, time
+from pathlib import Path
+from hapticeval.recordings.recorder import Recorder
+recorder = Recorder(Path(sys.argv[1]), {"hip": 2, "force": 2})
+print(recorder.writer, flush=True)
+begin = time.monotonic()
+k = 0
+while True:
+    recorder.append((k, -k), (0.5 * k, 1.0))
+    k += 1
+    if k % 100 == 0:
+        print(k, time.monotonic_ns(), flush=True)
+    time.sleep(max(0.0, begin + 0.001 * k - time.monotonic()))
+"""
+
+
+@pytest.mark.parametrize("writer_too", [False, True])
+def test_a_killed_loop_loses_at_most_a_second(tmp_path, writer_too):
+    path = tmp_path / "run.journal"
+    loop = subprocess.Popen([sys.executable, "-c", LOOP, str(path)], stdout=subprocess.PIPE, text=True)
+    writer = int(loop.stdout.readline())
+    for _ in range(7):
+        count, stamp = (int(x) for x in loop.stdout.readline().split())
+    loop.kill()
+    if writer_too:
+        os.kill(writer, signal.SIGKILL)
+    loop.wait()
+    loop.stdout.close()
+    if not writer_too:
+        until(lambda: not recover(path).losses)
+    salvaged = recover(path)
+    assert_fed(salvaged.recording)
+    assert salvaged.recording.clock.missed == 0
+    if writer_too:
+        assert stamp - salvaged.recording.nanoseconds[-1] < 1_000_000_000
+        assert "was not closed" in str(salvaged.losses[-1]) or "breaks off" in str(salvaged.losses[-1])
+    else:
+        assert len(salvaged.recording) >= count
+        assert salvaged.recording.events[-1][1:] == ("ended", "the process of the loop ended without closing")
+
+
+def test_a_full_disk_does_not_stop_the_loop_and_what_was_lost_is_told(tmp_path):
+    path = tmp_path / "run.journal"
+    recorder = Recorder(path, CHANNELS, rows=200)
+    resource.prlimit(recorder.writer, resource.RLIMIT_FSIZE, (16_000, 16_000))
+    feed(recorder, 150)
+    until(lambda: recorder.summary.waiting == 0)
+    sent = 150
+    while recorder.summary.overrun == 0:
+        feed(recorder, 50, sent)
+        sent += 50
+        time.sleep(0.05)
+    with pytest.warns(LossWarning, match="lost"):
+        summary = recorder.close()
+    assert summary.rows + summary.lost == sent
+    assert summary.waiting == 200
+    assert summary.failure == "the journal could not be written: File too large"
+    salvaged = recover(path)
+    assert salvaged.recording.clock.sequence.tolist() == list(range(summary.rows))
+    assert_fed(salvaged.recording)
+    # the end is short, and finds room where no block of rows does
+    assert str(salvaged.losses[-1]).startswith("the end, rows that the recorder could not write: 200 rows (")
+    told = [event.text for event in salvaged.recording.events if event.kind == "overrun"]
+    assert told[-1].endswith("rows were lost: the journal could not be written: File too large")
+
+
+def test_a_disk_that_is_full_for_a_while_loses_nothing(tmp_path):
+    path = tmp_path / "run.journal"
+    with Recorder(path, CHANNELS, rows=2000) as recorder:
+        writer = recorder.writer
+        resource.prlimit(writer, resource.RLIMIT_FSIZE, (8_000, resource.RLIM_INFINITY))
+        feed(recorder, 1000)
+        time.sleep(0.3)
+        assert recorder.summary.waiting > 500
+        resource.prlimit(writer, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+    assert (recorder.summary.lost, recorder.summary.failure) == (0, "")
+    salvaged = recover(path)
+    assert salvaged.losses == ()
+    assert salvaged.recording.clock.sequence.tolist() == list(range(1000))
+    assert_fed(salvaged.recording)
+
+
+def test_appending_takes_no_memory_beyond_what_was_there_at_the_start(tmp_path):
+    hip, force = np.zeros(2), np.ones(2)
+    with Recorder(tmp_path / "run.journal", CHANNELS, rows=40_000) as recorder:
+        recorder.append(hip, force)
+        tracemalloc.start()
+        recorder.append(hip, force)
+        before = tracemalloc.get_traced_memory()[0]
+        tracemalloc.reset_peak()
+        for _ in range(20_000):
+            recorder.append(hip, force)
+        after, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+    # a row is 48 bytes: keeping each would take 960 kB; a call's own few numbers come and go
+    assert after - before < 2_000
+    assert peak - before < 4_000
+
+
+MISFITS = [
+    (((0.0, 0.0),), r"given 1 channels"),
+    (((0.0, 0.0), (0.0, 0.0, 0.0)), r"given 3 for 'force'"),
+    (((0.0,), (0.0, 0.0)), r"given 1 for 'hip'"),
+    ((np.zeros(1), np.zeros(2)), r"given 1 for 'hip'"),
+    ((1.0, (0.0, 0.0)), r"given one number without columns for 'hip'"),
+    ((("x", "y"), (0.0, 0.0)), r"append\(\) was given .*'x'"),
+    ((None, (0.0, 0.0)), r"a NoneType for 'hip'"),
+]
+
+
+def test_values_that_do_not_fit_are_refused_and_not_recorded(tmp_path):
+    with Recorder(tmp_path / "run.journal", CHANNELS) as recorder:
+        for row, (values, message) in enumerate(MISFITS):
+            with pytest.raises(InputError, match=message):
+                recorder.append(*values)
+            feed(recorder, 1, row)
+    recording = recover(tmp_path / "run.journal").recording
+    assert recording.clock.sequence.tolist() == list(range(len(MISFITS)))
+    assert_fed(recording)
+
+
+def test_a_loop_that_breaks_leaves_its_reason(tmp_path):
+    def loop():
+        with Recorder(tmp_path / "run.journal", CHANNELS) as recorder:
+            feed(recorder, 2)
+            raise RuntimeError("the motor is hot")
+
+    with pytest.raises(RuntimeError, match="hot"):
+        loop()
+    (event,) = recover(tmp_path / "run.journal").recording.events
+    assert event[1:] == ("ended", "RuntimeError: the motor is hot")
+
+
+def test_events_are_cut_where_a_letter_ends_and_counted_when_there_are_too_many(tmp_path):
+    recorder = Recorder(tmp_path / "run.journal", CHANNELS)
+    feed(recorder, 1)
+    recorder.event("long", "ö" * 200)
+    with pytest.raises(InputError, match="an event has the kind"):
+        recorder.event("")
+    for k in range(5000):
+        recorder.event("many", str(k))
+    with pytest.warns(LossWarning, match="events lost"):
+        recorder.close()
+    events = recover(tmp_path / "run.journal").recording.events
+    assert events[0].text == "ö" * 108
+    kept = [event for event in events if event.kind == "many"]
+    assert len(kept) + recorder.summary.events_lost == 5000
+    assert f"{recorder.summary.events_lost} events were lost" in " ".join(event.text for event in events)
+
+
+def test_nothing_is_recorded_over_a_file_or_after_the_end(tmp_path):
+    path = tmp_path / "run.journal"
+    path.write_bytes(b"precious")
+    with pytest.raises(InputError, match="is there already"):
+        Recorder(path, CHANNELS)
+    assert path.read_bytes() == b"precious"
+    with Recorder(tmp_path / "other.journal", CHANNELS) as recorder:
+        feed(recorder, 1)
+    with pytest.raises(InputError, match="closed"):
+        feed(recorder, 1)
+
+
+def test_a_script_needs_no_guard_and_ctrl_c_ends_with_everything_written(tmp_path):
+    script = tmp_path / "json.py"  # a name that must not be found before the real one
+    script.write_text(
+        "import sys; sys.path.pop(0)\n"
+        "import time\n"
+        "from pathlib import Path\n"
+        "from hapticeval.recordings.recorder import Recorder\n"
+        "with Recorder(Path(sys.argv[1]), {'hip': 2, 'force': 2}) as recorder:\n"
+        "    for k in range(50): recorder.append((k, -k), (0.5 * k, 1.0))\n"
+        "    print(flush=True)\n"
+        "    time.sleep(60)\n"
+    )
+    path = tmp_path / "run.journal"
+    loop = subprocess.Popen(
+        [sys.executable, str(script), str(path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+        cwd=tmp_path,
+    )
+    loop.stdout.readline()
+    os.killpg(loop.pid, signal.SIGINT)
+    loop.wait()
+    loop.stdout.close()
+    salvaged = recover(path)
+    assert salvaged.losses == ()
+    assert_fed(salvaged.recording)
+    assert salvaged.recording.events[-1].kind == "ended"

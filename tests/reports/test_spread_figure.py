@@ -1,0 +1,107 @@
+"""The comparison of runs as picture, table and document: all of it, and the same each time."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+from hapticeval.cli import main
+from hapticeval.recordings.abscissa import Abscissa
+from hapticeval.recordings.alignment import Run, align
+from hapticeval.recordings.hdf5 import write_recording
+from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.spread import bands, compare
+from hapticeval.reports.spread_figure import table, write_spread
+
+ANGLE = np.linspace(0.2, 2.2, 400)
+
+
+def recording(seed, *, more=0.0, renderer=None):
+    rng = np.random.default_rng(seed)
+    size = 2.0 + more + 0.1 * rng.standard_normal() + 0.1 * np.sin(5.0 * ANGLE + rng.uniform(0.0, 6.28))
+    outward = np.column_stack([np.cos(ANGLE), np.sin(ANGLE)])
+    hip = (0.1 - 1e-3 * size)[:, None] * outward
+    meta = {"scene": {"model": {"kind": "circle"}}, **({"renderer": renderer} if renderer else {})}
+    return Recording(1e-3 * np.arange(400), {"hip": hip, "ihip": 0.1 * outward, "force": size[:, None] * outward}, meta)
+
+
+@pytest.fixture(scope="module")
+def aligned():
+    runs = [
+        Run(f"{name}{seed}", name, recording(seed + 10 * k, more=k)) for k, name in enumerate("ab") for seed in range(4)
+    ]
+    return align(runs, Abscissa("angle"), points=101)
+
+
+def test_everything_is_written_twice_alike(aligned, tmp_path):
+    found = compare(aligned)
+    first = write_spread(tmp_path / "one", aligned, bands(aligned), found)
+    again = write_spread(tmp_path / "two", aligned, bands(aligned), found)
+    assert [path.suffix for path in first] == [".svg", ".png", ".md", ".json"]
+    for one, two in zip(first, again, strict=True):
+        assert one.read_bytes() == two.read_bytes()
+    words = " ".join(ET.parse(first[0]).getroot().itertext())
+    for expected in ("direction of the force", "size of the force", "a (4 repeats)", "b (4 repeats)", "degrees"):
+        assert expected in words
+    document = json.loads(first[3].read_text())
+    assert document["by"] == "angle"
+    assert len(document["grid"]) == 101
+    assert {each["outcome"] for each in document["comparisons"]} <= {"differs", "within the spread"}
+    assert len(document["passes"]) == 8
+
+
+def test_the_table_states_each_difference_in_spreads(aligned):
+    text = table(aligned, compare(aligned))
+    size = re.search(r"a and b, forward, size of the force: differs by (\S+) N, which is (\S+) times the repeat", text)
+    assert size is not None
+    assert float(size[1]) == pytest.approx(1.0, abs=0.2)
+    assert float(size[2]) > 3.0
+    assert "a and b, forward, direction of the force: within the spread" in text
+    assert len(re.findall(r"\| [ab] \| [ab]\d \| forward \| 1 \| \S+ \| \S+ \| (?:9\d\.?\d*|100) % \|", text)) == 8
+    assert "takes two renderers" in table(aligned, ())
+
+
+def files(folder, *names):
+    out = []
+    for k, name in enumerate(names):
+        path = folder / f"{k}.h5"
+        write_recording(path, recording(k, more=1.0 if name == "b" else 0.0, renderer=name))
+        out.append(str(path))
+    return out
+
+
+def test_the_command_compares_and_writes(tmp_path, capsys):
+    given = files(tmp_path, *"aaaabbbb")
+    assert main(["compare", *given, "--by", "arc", "-o", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "differs by" in said
+    assert (tmp_path / "out" / "comparison.png").exists()
+    assert json.loads((tmp_path / "out" / "comparison.json").read_text())["by"] == "arc"
+
+
+def test_a_single_repeat_is_drawn_and_refused(tmp_path, capsys):
+    given = files(tmp_path, *"aaab")
+    assert main(["compare", *given, "-o", str(tmp_path / "out")]) == 2
+    told = capsys.readouterr()
+    assert "'b' has a single forward run" in told.err
+    assert (tmp_path / "out" / "comparison.svg").exists()
+
+
+def test_a_run_without_a_renderer_must_be_named(tmp_path, capsys):
+    path = tmp_path / "plain.h5"
+    write_recording(path, recording(1))
+    assert main(["compare", str(path), "-o", str(tmp_path)]) == 2
+    assert f"constraint={path}" in capsys.readouterr().err
+    assert main(["compare", f"mine={path}", "-o", str(tmp_path / "out")]) == 0
+    assert "| mine |" in capsys.readouterr().out
+
+
+def test_angles_are_shown_in_degrees(aligned, tmp_path):
+    found = table(aligned, compare(aligned))
+    most = [line.split("most at ")[1].split()[0] for line in found.splitlines() if "most at" in line]
+    assert all(math.degrees(0.2) - 1.0 <= float(each) <= math.degrees(2.2) + 1.0 for each in most)
