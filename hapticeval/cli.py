@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from hapticeval import __version__
-from hapticeval.commands import bench, compare, device, field, flow, integrators, limits, replay
+from hapticeval.commands import bench, compare, device, field, flow, integrators, limits, record, replay
 from hapticeval.commands.running import cores as _cores
 from hapticeval.commands.running import report_on as _report
 from hapticeval.commands.running import watch as _watch
@@ -191,6 +191,7 @@ app.command(epilog=bench.EXIT_CODES)(bench.bench)
 app.command()(device.device)
 app.command()(field.field)
 app.command()(flow.flow)
+app.command(epilog=record.EXIT_CODES)(record.record)
 app.command(epilog=replay.EXIT_CODES)(replay.replay)
 app.command(epilog=compare.EXIT_CODES)(compare.compare)
 app.command()(integrators.integrators)

@@ -69,7 +69,7 @@ def resolve(name: str) -> RendererFactory:
     called, and for a suffix on a factory that has no variants.
     """
     parts = parse(name)
-    factory = _load(parts.base)
+    factory = load(parts.base)
     if parts.regulation is None and parts.representation is None:
         return cast("RendererFactory", factory)
     variant = getattr(factory, "variant", None)
@@ -94,8 +94,8 @@ def resolve(name: str) -> RendererFactory:
     return cast("RendererFactory", variant(**chosen))
 
 
-def _load(base: str) -> Any:
-    """The factory of an entry point, or of `package.module:factory`."""
+def load(base: str) -> Any:
+    """What is called to make what `base` names: an entry point of the group, or `package.module:factory`."""
     module, colon, attribute = base.partition(":")
     if not colon:
         known = known_renderers()

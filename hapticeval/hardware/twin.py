@@ -61,13 +61,14 @@ class _Plant:
         self, device: Device, imperfections: Imperfections, position: Array, hand: Hand | None, dt: float
     ) -> None:
         from hapticeval.compiled import DYNAMICS, KINEMATICS, first_class
-        from hapticeval.devices import integration_kernels as motion
+        from hapticeval.devices import motion_kernels as motion
         from hapticeval.devices.integration import control, default_method
+        from hapticeval.devices.integration_kernels import advance
         from hapticeval.devices.sensing import actuation
 
         count = device.dimension
         method = default_method()
-        self._advance = motion.advance
+        self._advance = advance
         self._kernels = (
             first_class(device.kernels.kinematics, KINEMATICS),
             first_class(device.kernels.dynamics, DYNAMICS),
@@ -79,9 +80,9 @@ class _Plant:
         friction = imperfections.friction
         self._friction = None if friction is None else np.full(count, friction)
         self._grip = None if hand is None else np.array([hand.stiffness, hand.damping])
-        limit, whole, self._rest = (np.inf, 0.0, 0.0) if (given := actuation(imperfections, dt)) is None else given
-        self._limit = limit
-        self._line = [np.zeros(count) for _ in range(int(whole) + 2)]
+        motors = actuation(imperfections, dt)
+        self._limit, ticks, self._rest = (np.inf, 0.0, 0.0) if motors is None else (float(each) for each in motors)
+        self._line = [np.zeros(count) for _ in range(int(ticks) + 2)]
         self._settings = (method.table, control(method), np.array([dt]))
         self._scratch = (
             np.zeros((motion.ROWS, count)),

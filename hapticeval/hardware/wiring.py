@@ -18,31 +18,31 @@ class Wiring:
     """How the parallelogram (or any other `device`) is wired.
 
     `counts_per_turn` of the encoders, None where the raw positions are radians already; `offsets` (N,) is the raw
-    reading at joint angle zero; `directions` (N,) of +1 or -1 turn a raw step into a positive joint angle and a
-    positive command into a positive torque; `torque_per_command` is what one unit of command gives (N m), 1 where
-    commands are torques.
+    reading at joint angle zero, 0 where none is given; `directions` (N,) of +1 or -1 turn a raw step into a positive
+    joint angle and a positive command into a positive torque; `torque_per_command` is what one unit of command gives
+    (N m), 1 where commands are torques.
 
     Raises `InputError` for an entry that does not fit the device or is not finite.
     """
 
     device: Device
     counts_per_turn: float | None = ENCODER_COUNTS
-    offsets: tuple[float, ...] | None = None
-    directions: tuple[int, ...] | None = None
+    offsets: tuple[float, ...] = ()
+    directions: tuple[int, ...] = ()
     torque_per_command: float = 1.0
 
     def __post_init__(self) -> None:
         count = self.device.dimension
         for name, default in (("offsets", 0.0), ("directions", 1)):
             given = getattr(self, name)
-            values = (default,) * count if given is None else tuple(given)
+            values = tuple(given) or (default,) * count
             if len(values) != count or not all(math.isfinite(value) for value in values):
                 raise InputError(
                     f"wiring: {name} = {given!r}",
                     why=f"the {self.device.name} has {count} joints, a finite number each",
                 )
             object.__setattr__(self, name, values)
-        if set(self.directions or ()) - {1, -1}:
+        if set(self.directions) - {1, -1}:
             raise InputError(f"wiring: directions = {self.directions!r}", todo="give 1 or -1 for each joint")
         for name, value in (("counts_per_turn", self.counts_per_turn), ("torque_per_command", self.torque_per_command)):
             if value is not None and not (math.isfinite(value) and value > 0.0):
@@ -55,11 +55,12 @@ class Wiring:
 
     def joints(self, raw: Array) -> Array:
         """Joint angles (..., N), rad, from raw positions (..., N)."""
-        return np.asarray(self.directions) * (np.asarray(raw, dtype=np.float64) - self.offsets) * self.step
+        turned: Array = np.asarray(self.directions) * (np.asarray(raw, dtype=np.float64) - np.array(self.offsets))
+        return np.asarray(turned * self.step)
 
     def raw(self, joints: Array) -> Array:
         """Raw positions (..., N) from joint angles (..., N), rad; whole counts where there are counts."""
-        raw = np.asarray(self.directions) * np.asarray(joints, dtype=np.float64) / self.step + self.offsets
+        raw = np.asarray(self.directions) * np.asarray(joints, dtype=np.float64) / self.step + np.array(self.offsets)
         return raw if self.counts_per_turn is None else np.round(raw)
 
     def torques(self, commands: Array) -> Array:
