@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from hapticeval import __version__
-from hapticeval.commands import bench, compare, field, flow, limits, replay
+from hapticeval.commands import bench, compare, convert, field, flow, inspect, limits, replay
 from hapticeval.commands.running import cores as _cores
 from hapticeval.commands.running import report_on as _report
 from hapticeval.commands.running import watch as _watch
@@ -192,5 +192,7 @@ app.command(epilog=bench.EXIT_CODES)(bench.bench)
 app.command()(field.field)
 app.command()(flow.flow)
 app.command(epilog=replay.EXIT_CODES)(replay.replay)
+app.command(epilog=inspect.EXIT_CODES)(inspect.inspect)
+app.command()(convert.convert)
 app.command(epilog=compare.EXIT_CODES)(compare.compare)
 app.command(epilog=limits.EXIT_CODES)(limits.limits)
