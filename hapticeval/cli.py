@@ -12,7 +12,19 @@ from typing import Annotated
 import typer
 
 from hapticeval import __version__
-from hapticeval.commands import bench, compare, device, field, flow, integrators, limits, record, replay
+from hapticeval.commands import (
+    bench,
+    compare,
+    convert,
+    device,
+    field,
+    flow,
+    inspect,
+    integrators,
+    limits,
+    record,
+    replay,
+)
 from hapticeval.commands.running import cores as _cores
 from hapticeval.commands.running import report_on as _report
 from hapticeval.commands.running import watch as _watch
@@ -187,12 +199,14 @@ def report(
     say("\n".join(f"wrote {path}" for path in written))
 
 
-app.command(epilog=bench.EXIT_CODES)(bench.bench)
-app.command()(device.device)
-app.command()(field.field)
-app.command()(flow.flow)
 app.command(epilog=record.EXIT_CODES)(record.record)
+app.command(epilog=inspect.EXIT_CODES)(inspect.inspect)
+app.command()(convert.convert)
 app.command(epilog=replay.EXIT_CODES)(replay.replay)
 app.command(epilog=compare.EXIT_CODES)(compare.compare)
-app.command()(integrators.integrators)
+app.command(epilog=bench.EXIT_CODES)(bench.bench)
+app.command()(field.field)
+app.command()(flow.flow)
+app.command()(device.device)
 app.command(epilog=limits.EXIT_CODES)(limits.limits)
+app.command()(integrators.integrators)

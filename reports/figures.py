@@ -15,10 +15,11 @@ import numpy as np
 
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.stretches import GAP_STEPS
 from hapticeval.reports.marks import Mark, labels
 from hapticeval.reports.plane import draw_plane
 from hapticeval.reports.svg import drawn, inlined
-from hapticeval.types import Array, IntArray
+from hapticeval.types import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -116,9 +117,10 @@ def _draw_below(axes: Axes, recording: Recording) -> None:
 
 def _draw_steps(axes: Axes, recording: Recording) -> None:
     """Steps of both points on one axis: an IHIP that jumps where the HIP does not is pop-through."""
-    time = recording.time[1:]
-    hip = MM * np.linalg.norm(np.diff(recording.hip, axis=0), axis=1)
-    ihip = MM * np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1)
+    joined = ~_gaps(recording.time)
+    time = recording.time[1:][joined]
+    hip = MM * np.linalg.norm(np.diff(recording.hip, axis=0), axis=1)[joined]
+    ihip = MM * np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1)[joined]
     _trace(axes, time, ihip, "IHIP", "ihip")
     _trace(axes, time, hip, "HIP", "hip", dashes=(4, 1.2))
     axes.set_ylabel("step a tick\n(mm)")
@@ -137,9 +139,18 @@ def _trace(
     dashes: tuple[float | None, float | None] = (None, None),
 ) -> None:
     kept = extremes(values, BUCKETS)
-    (line,) = axes.plot(time[kept], values[kept], color=drawn(role), label=label, linewidth=linewidth)
+    # No line leads over a gap: it would show what nobody measured.
+    cuts = np.flatnonzero(np.diff(np.cumsum(np.append(False, _gaps(time)))[kept])) + 1
+    shown = [np.insert(each[kept], cuts, np.nan) for each in (time, values)]
+    (line,) = axes.plot(*shown, color=drawn(role), label=label, linewidth=linewidth)
     if dashes[0] is not None:
         line.set_dashes([each for each in dashes if each is not None])
+
+
+def _gaps(time: Array) -> BoolArray:
+    """Between which samples (n - 1,) the clock has a gap."""
+    steps = np.diff(time)
+    return np.asarray(steps > GAP_STEPS * np.median(steps)) if steps.size else np.zeros(0, dtype=bool)
 
 
 def extremes(values: Array, buckets: int) -> IntArray:

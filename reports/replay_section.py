@@ -37,7 +37,8 @@ def replay_section(runs: Sequence[Mapping[str, Any]]) -> Section | None:
         return None
     first = told[0][1]
     replayed = [(name, each) for name, each in told if each["difference"] is not None]
-    rows = [[name, *_apart(each["difference"])] for name, each in replayed]
+    comparable = any(each["difference"][name] is not None for _, each in replayed for name in ("ihip", "force"))
+    rows = [[name, *_apart(each["difference"])] for name, each in replayed] if comparable else []
     # The recorded run has a note of its own, about itself; that of a replayed one holds for the table.
     return Section(first["file"], replayed[0][1]["note"] if replayed else first["note"], _facts(first), rows)
 

@@ -141,7 +141,9 @@ def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator
         tested = f"p = {each.p:.2g}, {each.repeats[0]} and {each.repeats[1]} repeats ({each.basis})"
         head = f"- {each.first} and {each.second}, {'forward' if each.direction > 0 else 'backward'}, "
         head += f"{TITLES[each.column]}: "
-        if each.outcome == "differs":
+        if each.outcome == "too little in common":
+            yield f"{head}too little in common: {100.0 * each.common:.3g} % of the way"
+        elif each.outcome == "differs":
             yield (
                 f"{head}differs by {size}, which is {each.times:.3g} times the repeat spread of "
                 f"{scale * each.spread:.3g} {unit} ({tested}); most at {across * each.worst:.4g} {along}"

@@ -13,6 +13,9 @@ SYMBOLS: Mapping[str, str] = MappingProxyType(
     {"pass": "✓", "fail": "✗", "inconclusive": "?", "not-applicable": "-", "error": "!"}
 )
 
+LEVELS = ("must", "should", "info")
+"""From the heaviest down: a row has the heaviest level that any of its verdicts has."""
+
 
 @dataclass(frozen=True)
 class Cell:
@@ -83,7 +86,7 @@ def matrix(results: Results) -> list[MatrixRow]:
     return [
         MatrixRow(
             *key,
-            next(iter(given.values()))["level"],
+            min((each["level"] for each in given.values()), key=LEVELS.index),
             tuple(cell_of(given[name]) if name in given else None for name in names),
         )
         for key, given in found.items()

@@ -52,6 +52,7 @@ VARIANTS = ("minimum-distance+pp-v", "constraint+pp-d@curve", "minimum-distance@
 COUNTING = """
 import numpy as np
 from hapticeval import Response
+from hapticeval.errors import DomainError
 
 class Counting:
     log = []
@@ -62,6 +63,12 @@ class Counting:
     def step(self, hip, velocity, dt):
         self.log.append(("step", dt, tuple(velocity)))
         return Response(hip, 0 * hip)
+
+class Bounded(Counting):
+    def step(self, hip, velocity, dt):
+        if hip[1] > 0.05:
+            raise DomainError("beyond the edge")
+        return super().step(hip, velocity, dt)
 
 class Feeling(Counting):
     def feel(self, push):
@@ -213,6 +220,23 @@ def test_the_velocity_is_the_recorded_one(tmp_path, counting):
     replayed(recording, tmp_path, ["countingmodule:Counting"])
     seen = [entry[2] for entry in counting if entry[0] == "step"][:50]
     np.testing.assert_array_equal(seen, filtered)
+
+
+def test_what_leads_out_of_a_renderers_domain_ends_the_stretch(tmp_path, counting):
+    time = np.arange(600) * 1e-3
+    log = circle_run(time)
+    beyond = int(np.argmax(log.hip[:, 1] > 0.05))
+    judged, recording = replayed(log, tmp_path, ["countingmodule:Bounded"])["countingmodule:Bounded"]
+    assert judged.error is None
+    assert len(recording) == beyond
+    assert judged.replay["left_out"] == [f"{time[beyond]:.6g} to {time[-1]:.6g} s: beyond the edge"]
+    outside = circle_run(1.0 + time[:90])
+    judged, recording = replayed(outside, tmp_path, ["countingmodule:Bounded"])["countingmodule:Bounded"]
+    assert judged.error is not None
+    assert "beyond the edge" in str(judged.error)
+    found = as_recorded(subject(tmp_path / "log.h5", log), ["countingmodule:Bounded"])
+    assert not found.follows
+    assert "gives no answer from" in found.told()
 
 
 def test_a_renderer_that_feels_is_told_the_measured_push(tmp_path, counting):

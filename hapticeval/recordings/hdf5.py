@@ -69,7 +69,9 @@ def write_recording(path: Path, recording: Recording, *, replace: bool = False) 
             file.attrs["rows"] = len(recording)
             _create(file, "meta", np.frombuffer(meta.encode(), dtype=np.uint8))
             _create(file, "events", _event_table(recording.events))
-            _fill(_signals(file, recording), len(recording))
+            signals = _signals(file, recording)
+            file.flush()  # so that what names and finds the rows lies before them, where a cut file still has it
+            _fill(signals, len(recording))
     except OSError as error:
         raise HapticevalError(f"cannot write the recording {path}", why=str(error)) from error
 

@@ -135,11 +135,14 @@ def _impact(time: Array, press: Array, into: Array, first: int, end: int, step: 
     speed = _slope(into, first - window, first, tick)
     if not speed > step / (window * tick):
         return None
-    rest = float(np.median(press[max(0, first - 2 * before) : max(1, first - before // 2)]))
-    top = float(press[first:end].max()) - rest
-    touch = first
-    while touch > 0 and press[touch - 1] > rest + TOUCH * top:
-        touch -= 1
+    top = float(press[first:end].max())
+    touch, rest = first, float(np.median(press[max(0, first - 2 * before) : max(1, first - before)]))
+    for _ in range(3):  # what the sensor reads before the touch says where the touch is, and the other way round
+        touch = first
+        while touch > 0 and press[touch - 1] > rest + TOUCH * (top - rest):
+            touch -= 1
+        rest = float(np.median(press[max(0, touch - 1 - before) : max(1, touch - 1)]))
+    top -= rest
     leave = end
     while leave < press.size and press[leave] > rest + TOUCH * top:
         leave += 1

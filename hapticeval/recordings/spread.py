@@ -24,7 +24,7 @@ from hapticeval.types import Array, BoolArray, IntArray
 LEVEL = 0.05
 DEALS = 9999
 COMMON = 0.05
-"""Two curves must share this much of the grid for a distance."""
+"""Two curves must share this much of the grid for a distance, and two medians for a difference."""
 HALF = 0.5
 """A repeat covers at least this share of what the fullest one does: the end of a last lap is none."""
 COMPARED = ("direction", "leaning", "magnitude", "depth")
@@ -74,7 +74,9 @@ class Comparison:
 
     @property
     def outcome(self) -> str:
-        """ "differs", "within the spread", or "too few repeats to tell"."""
+        """ "differs", "within the spread", "too few repeats to tell", or "too little in common"."""
+        if math.isnan(self.difference):
+            return "too little in common"
         if self.p < LEVEL:
             return "differs"
         return "within the spread" if self.least < LEVEL else "too few repeats to tell"
@@ -133,30 +135,32 @@ def bands(aligned: Aligned) -> tuple[Band, ...]:
 def compare(aligned: Aligned, *, seed: int = 0) -> tuple[Comparison, ...]:
     """Every two renderers, in each direction and column, against the spread between repeats.
 
-    Raises `InputError`, naming it, for a renderer with a single repeat: nothing says what of it is the hand's.
+    A direction in which a renderer has a single repeat is left out for it. Raises `InputError`, naming it, for a
+    renderer that has no more in any: nothing says what of it is the hand's.
     """
     renderers = list(dict.fromkeys(run.renderer for run in aligned.runs))
     if len(renderers) < 2:
         raise InputError(
             f"all runs are of '{renderers[0]}'", why="a comparison takes two renderers", todo="name runs of another one"
         )
-    found = []
+    found: list[Comparison] = []
+    repeated: set[str] = set()
     for column, direction, groups in _groups(aligned):
         reference = _reference(column, [one for each in groups.values() for one in each])
-        kept = {renderer: repeats(passes, column, reference) for renderer, passes in groups.items()}
-        for renderer, made in kept.items():
-            if len(made.values) < 2 and len(kept) > 1:
-                raise InputError(
-                    f"'{renderer}' has a single {'forward' if direction > 0 else 'backward'} run",
-                    why="without repeats the hand's own variation is not known, and any difference could be the hand's",
-                    todo="record it again, as often as you can: with fewer than four repeats each no test can decide",
-                )
+        made = {renderer: repeats(passes, column, reference) for renderer, passes in groups.items()}
+        kept = {renderer: each for renderer, each in made.items() if len(each.values) > 1}
+        repeated |= set(kept)
         pairs = list(combinations(kept, 2))
         for first, second in pairs:
-            comparison = _compared(aligned, column, direction, first, second, kept, len(pairs), seed)
-            if comparison is not None:
-                found.append(comparison)
-    if not found:
+            found.append(_compared(aligned, column, direction, first, second, kept, len(pairs), seed))
+    for renderer in renderers:
+        if renderer not in repeated:
+            raise InputError(
+                f"'{renderer}' has a single repeat",
+                why="without repeats the hand's own variation is not known, and any difference could be the hand's",
+                todo="record it again, as often as you can: with fewer than four repeats each no test can decide",
+            )
+    if all(math.isnan(each.difference) for each in found):
         raise InputError(
             "no two renderers were led over the same places in the same direction", why="nothing is common to compare"
         )
@@ -185,19 +189,19 @@ def _compared(
     kept: dict[str, Repeats],
     pairs: int,
     seed: int,
-) -> Comparison | None:
+) -> Comparison:
     from scipy.stats import permutation_test
 
     groups = kept[first], kept[second]
     sizes = len(groups[0].values), len(groups[1].values)
     count = sum(sizes)
     distance = _distances(np.vstack([each.values for each in groups]), np.vstack([each.masks for each in groups]))
-    if not np.isfinite(distance).all():
-        return None
     medians = [_median(each.values, each.masks) for each in groups]
     common = medians[0][1] & medians[1][1]
-    if np.mean(common) < COMMON:
-        return None
+    share, basis = float(np.mean(common)), " and ".join(sorted({each.basis for each in groups}))
+    if share < COMMON or not np.isfinite(distance).all():
+        nothing = (math.nan, math.nan, 1.0, 1.0, math.nan, math.nan)
+        return Comparison(first, second, direction, column, sizes, basis, *nothing, share)
     apart = np.where(common, medians[0][0] - medians[1][0], 0.0)
     worst = int(np.argmax(np.abs(apart)))
     within = [distance[i, j] for part in (range(sizes[0]), range(sizes[0], count)) for i, j in combinations(part, 2)]
@@ -217,14 +221,14 @@ def _compared(
         direction,
         column,
         sizes,
-        " and ".join(sorted({each.basis for each in groups})),
+        basis,
         float(np.sqrt(np.mean(apart[common] ** 2))),
         float(np.sqrt(np.mean(np.square(within)))),
         min(1.0, pairs * float(test.pvalue)),
         min(1.0, pairs * least),
         float(abs(apart[worst])),
         float(aligned.grid[worst]),
-        float(np.mean(common)),
+        share,
     )
 
 

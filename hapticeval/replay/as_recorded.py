@@ -15,7 +15,7 @@ from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.renderer import SelfDriven
 from hapticeval.replay.explain import Deviation, deviation
 from hapticeval.replay.job import hand_path
-from hapticeval.replay.rerender import joined, rerendered
+from hapticeval.replay.rerender import Part, joined, rerendered
 from hapticeval.replay.subject import Subject
 from hapticeval.scene import Scene
 
@@ -31,16 +31,18 @@ class AsRecorded:
     renderer: str
     rows: int
     channels: tuple[Deviation, ...]
+    ended: tuple[str, ...] = ()
 
     @property
     def follows(self) -> bool:
-        """Whether every channel does, to rounding."""
-        return bool(self.channels) and all(each.follows for each in self.channels)
+        """Whether every channel does, to rounding, over the whole log."""
+        return bool(self.channels) and all(each.follows for each in self.channels) and not self.ended
 
     def told(self) -> str:
         """A line a channel."""
         head = f"{self.file} as recorded: {self.renderer} computed again over {self.rows} samples"
-        return "\n".join([head, *(f"  {each.told()}" for each in self.channels)])
+        ends = (f"  the renderer gives no answer from {each}" for each in self.ended)
+        return "\n".join([head, *(f"  {each.told()}" for each in self.channels), *ends])
 
 
 def as_recorded(subject: Subject, renderers: Sequence[str] = ()) -> AsRecorded:
@@ -60,8 +62,9 @@ def as_recorded(subject: Subject, renderers: Sequence[str] = ()) -> AsRecorded:
             todo="run its case again, which is repeatable",
         )
     path, _ = hand_path(subject)
-    again = joined(rerendered(renderer, path))
-    log = joined([path.recording.part(stretch.rows) for stretch in path.stretches])
+    parts = rerendered(renderer, path)
+    again = joined([part.recording for part in parts])
+    log = joined([path.recording.part(_answered(part)) for part in parts])
     bounds = _rounding(log, scene)
     found = tuple(
         deviation(channel, again.channels[channel], log.channels[channel], log.time, tolerance=bounds[channel])
@@ -72,7 +75,12 @@ def as_recorded(subject: Subject, renderers: Sequence[str] = ()) -> AsRecorded:
         raise InputError(
             f"{subject.file} has neither IHIP nor force", why="there is nothing to compare the renderer's answer with"
         )
-    return AsRecorded(subject.file, name, len(log), found)
+    ended = tuple(part.ended for part in parts if part.ended)
+    return AsRecorded(subject.file, name, len(log), found, ended)
+
+
+def _answered(part: Part) -> slice:
+    return slice(part.stretch.first, part.stretch.first + len(part.recording))
 
 
 def _name(subject: Subject, renderers: Sequence[str]) -> str:

@@ -18,7 +18,7 @@ from hapticeval.recordings.recording import REQUIRED, Recording
 from hapticeval.recordings.stretches import Stretch, told
 from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.merge import merged
-from hapticeval.replay.rerender import HandPath, joined, rerendered
+from hapticeval.replay.rerender import HandPath, Part, backwards, joined, rerendered
 from hapticeval.replay.sound import Soundness, soundness
 from hapticeval.replay.subject import SUITE, Subject
 from hapticeval.runner import Done, Job, Plan, kept, seed_all
@@ -69,19 +69,24 @@ class Replay:
         renderer = built(resolve(name), scene)
         parts = rerendered(renderer, path)
 
-        def runs(part: Recording, stretch: Stretch) -> Runs:
+        def runs(part: Part) -> Runs:
+            if part.ended:
+                return Runs(part.recording)
             # The samples backwards are as much the recorded path as forwards; finer samples would be invented.
-            def reverse() -> Recording:
-                return rerendered(renderer, path, backwards=[stretch])[0]
+            return Runs(part.recording, reverse=cache(lambda: backwards(renderer, path, part.stretch)))
 
-            return Runs(part, reverse=cache(reverse))
-
-        whole = joined(parts)
+        recordings = [part.recording for part in parts]
+        whole = joined(recordings)
         return Recorded(
             whole,
-            tuple(runs(part, stretch) for part, stretch in zip(parts, path.stretches, strict=True)),
-            self._document(difference(whole, path.recording), OPEN_LOOP, parts),
-            simulated_seconds=float(sum(part.time[-1] - part.time[0] for part in parts)),
+            tuple(runs(part) for part in parts),
+            self._document(
+                difference(whole, path.recording),
+                OPEN_LOOP,
+                recordings,
+                left_out=[part.ended for part in parts if part.ended],
+            ),
+            simulated_seconds=float(sum(each.time[-1] - each.time[0] for each in recordings)),
         )
 
     def _document(

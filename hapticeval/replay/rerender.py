@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hapticeval.errors import RefusalError, RendererError
+from hapticeval.errors import DomainError, RefusalError, RendererError
 from hapticeval.playback import answered, declared, lead
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.recordings.stretches import Stretch, steps
@@ -40,39 +40,83 @@ class HandPath:
         return backward_difference(self.hip[stretch.rows], self.recording.time[stretch.rows])
 
 
-def rerendered(
-    renderer: Renderer | SelfDriven, path: HandPath, *, backwards: Sequence[Stretch] | None = None
-) -> tuple[Recording, ...]:
+@dataclass(frozen=True)
+class Part:
+    """The answers over a stretch, in full or, where the renderer was led out of its domain, up to there."""
+
+    stretch: Stretch
+    recording: Recording
+    ended: str = ""
+
+
+def rerendered(renderer: Renderer | SelfDriven, path: HandPath) -> tuple[Part, ...]:
     """The renderer's answers along each stretch, from a reset each, at the recorded samples and times.
 
     The HIP is never resampled. A renderer that answers a stimulus whole is given straight lines between the samples;
-    it is refused (`RefusalError`) on a clock that is not regular, since it knows one sampling time. Raises
-    `RendererError` where the renderer breaks, with the recording's own row as the tick. `backwards` names stretches
-    to lead the hand through in the opposite order instead.
+    it is refused (`RefusalError`) on a clock that is not regular, since it knows one sampling time. A `DomainError`
+    ends the stretch, and the error goes on only where nothing of the path is answered. Raises `RendererError` where
+    the renderer breaks, with the recording's own row as the tick.
     """
     meta = {"source": "replay", **declared(renderer)}
-    if backwards is not None:
-        return tuple(_reversed(renderer, path, stretch, meta) for stretch in backwards)
-    return tuple(_stretch(renderer, path, stretch, meta) for stretch in path.stretches)
+    parts: list[Part] = []
+    left: DomainError | None = None
+    for stretch in path.stretches:
+        try:
+            parts.append(_stretch(renderer, path, stretch, meta))
+        except DomainError as error:
+            left = error
+    if not parts and left is not None:
+        raise left
+    return tuple(parts)
 
 
-def _stretch(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, meta: Mapping[str, Any]) -> Recording:
+def backwards(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch) -> Recording:
+    """The same samples of a stretch in the opposite order, each step as long as it was."""
+    return _reversed(renderer, path, stretch, {"source": "replay", **declared(renderer)})
+
+
+def _stretch(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, meta: Mapping[str, Any]) -> Part:
     time = path.recording.time[stretch.rows]
     hip, dt = path.hip[stretch.rows], steps(path.recording, stretch)
     if isinstance(renderer, SelfDriven):
-        return _whole(renderer, time, hip, dt, meta)
+        return Part(stretch, _whole(renderer, time, hip, dt, meta))
     velocity = path.velocity(stretch)
+    felt = path.recording.channels.get("measured_force")
+    pushes = None if felt is None else felt[stretch.rows]
     # A batch makes the velocity itself: only where that is the recorded one may it stand for single steps.
     if isinstance(dt, float) and not np.array_equal(velocity, backward_difference(hip, time)):
         dt = np.full(time.size, dt)
-    felt = path.recording.channels.get("measured_force")
-    pushes = None if felt is None else felt[stretch.rows]
-    ihip, force = lead(renderer, hip, velocity, dt, pushes=pushes, first=stretch.first)
-    return Recording(
-        time,
-        {"hip": hip, "ihip": ihip, "force": force, "velocity": velocity},
-        {**meta, "dt": float(np.median(dt))},
-    )
+    ended = ""
+    try:
+        ihip, force = lead(renderer, hip, velocity, dt, pushes=pushes, first=stretch.first)
+    except DomainError as error:
+        rows = _answered_rows(renderer, hip, velocity, np.broadcast_to(dt, time.size), pushes)
+        if rows < 2:
+            raise
+        whole = slice(0, rows)
+        ended = f"{time[rows]:.6g} to {time[-1]:.6g} s: {error.what}"
+        time, hip, velocity = time[whole], hip[whole], velocity[whole]
+        dt, pushes = np.broadcast_to(dt, rows).copy(), None if pushes is None else pushes[whole]
+        ihip, force = lead(renderer, hip, velocity, dt, pushes=pushes, first=stretch.first)
+    channels = {"hip": hip, "ihip": ihip, "force": force, "velocity": velocity}
+    return Part(stretch, Recording(time, channels, {**meta, "dt": float(np.median(dt))}), ended)
+
+
+def _answered_rows(renderer: Renderer, hip: Array, velocity: Array, dt: Array, pushes: Array | None) -> int:
+    """How many samples a renderer answers before it is led out of its domain: found by bisection on the path."""
+    low, high = 0, hip.shape[0]
+    while high - low > 1:
+        middle = (low + high) // 2
+        try:
+            lead(
+                renderer, hip[:middle], velocity[:middle], dt[:middle].copy(),
+                pushes=None if pushes is None else pushes[:middle],
+            )  # fmt: skip
+        except DomainError:
+            high = middle
+        else:
+            low = middle
+    return low
 
 
 def _reversed(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, meta: Mapping[str, Any]) -> Recording:

@@ -77,7 +77,7 @@ def test_a_turned_force_is_found_across_the_cut_of_the_angles():
 
 def test_a_single_repeat_is_refused():
     rng = np.random.default_rng(5)
-    with pytest.raises(InputError, match="'b' has a single forward run") as caught:
+    with pytest.raises(InputError, match="'b' has a single repeat") as caught:
         compared(hands(rng, "a", 4), hands(rng, "b", 1))
     assert "could be the hand's" in caught.value.why
     with pytest.raises(InputError, match="two renderers"):
@@ -129,3 +129,22 @@ def test_the_band_is_the_median_between_the_extremes():
     np.testing.assert_allclose(found.median[seen], 2.0, rtol=1e-4)
     np.testing.assert_allclose(found.low[seen], 1.0, rtol=1e-4)
     np.testing.assert_allclose(found.high[seen], 4.0, rtol=1e-4)
+
+
+def test_runs_over_other_places_are_not_compared():
+    rng = np.random.default_rng(10)
+    far = [run("b", k, 2.0 + 0.1 * rng.standard_normal(500), angle=ANGLE + 1.88) for k in range(3)]
+    near = [run("c", k, 2.0 + 0.1 * rng.standard_normal(500)) for k in range(3)]
+    found = compared(hands(rng, "a", 3), far, near)
+    assert found["a", "b", "magnitude"].outcome == "too little in common"
+    assert found["a", "c", "magnitude"].outcome == "too few repeats to tell"
+    with pytest.raises(InputError, match="same places"):
+        compared(hands(rng, "a", 3), far)
+
+
+def test_a_stray_way_back_does_not_stop_the_comparison():
+    rng = np.random.default_rng(12)
+    back = run("b", 9, np.full(500, 2.0), angle=ANGLE[::-1])
+    found = align([*hands(rng, "a", 4), *hands(rng, "b", 4), back], Abscissa("angle"), points=101)
+    assert {each.direction for each in found.passes} == {1, -1}
+    assert {each.direction for each in compare(found)} == {1}

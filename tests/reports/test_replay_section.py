@@ -6,12 +6,14 @@ import html
 import re
 from dataclasses import asdict
 
+import numpy as np
 import pytest
 from reports_synthetic import synthetic_results
 
 from hapticeval.replay import OPEN_LOOP
 from hapticeval.reports.html import render_html
 from hapticeval.reports.replay_section import COLUMNS, replay_section
+from hapticeval.reports.table import matrix
 from hapticeval.results import Results, validate
 
 APART = {"rms": 1e-4, "max": 2.5e-3, "time": 1.25, "row": 1250}
@@ -75,3 +77,40 @@ def test_rows_have_a_cell_a_column(replayed: Results) -> None:
     assert section is not None
     assert section.rows
     assert {len(row) for row in section.rows} == {len(COLUMNS)}
+
+
+def test_a_path_without_answers_has_no_table(replayed: Results) -> None:
+    runs = [run for run in replayed.runs if "replay" in run]
+    for run in runs:
+        if run["replay"]["difference"] is not None:
+            run["replay"]["difference"] |= {"ihip": None, "force": None}
+    section = replay_section(runs)
+    assert section is not None
+    assert section.rows == []
+
+
+def test_no_line_leads_over_a_gap() -> None:
+    from matplotlib.figure import Figure
+
+    from hapticeval.reports.figures import _trace
+
+    axes = Figure().add_subplot()
+    time = np.concatenate([np.arange(900), 5000.0 + np.arange(900)]) * 1e-3
+    _trace(axes, time, np.sin(time), "", "ink")
+    across, _ = axes.lines[0].get_data()
+    assert np.isnan(across).sum() == 1
+    lower, upper = across[: np.argmax(np.isnan(across))], across[np.argmax(np.isnan(across)) + 1 :]
+    assert lower.max() < 1.0
+    assert upper.min() >= 5.0
+
+
+def test_a_row_of_the_matrix_has_the_heaviest_of_its_levels(replayed: Results) -> None:
+    first = replayed.verdicts[0]
+    key = (first["suite"], first["case"], first["check"])
+    same = [each for each in replayed.verdicts if (each["suite"], each["case"], each["check"]) == key]
+    assert len(same) > 1
+    for each in same:
+        each["level"] = "must"
+    first["level"] = "info"
+    row = next(row for row in matrix(replayed) if (row.suite, row.case, row.check) == key)
+    assert row.level == "must"

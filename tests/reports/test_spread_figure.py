@@ -88,7 +88,7 @@ def test_a_single_repeat_is_drawn_and_refused(tmp_path, capsys):
     given = files(tmp_path, *"aaab")
     assert main(["compare", *given, "-o", str(tmp_path / "out")]) == 2
     told = capsys.readouterr()
-    assert "'b' has a single forward run" in told.err
+    assert "'b' has a single repeat" in told.err
     assert (tmp_path / "out" / "comparison.svg").exists()
 
 

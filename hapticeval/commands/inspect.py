@@ -1,0 +1,153 @@
+"""`hapticeval inspect`: what a file holds, and whether it can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hapticeval.output import say
+
+if TYPE_CHECKING:
+    from hapticeval.recordings.formats import Table
+    from hapticeval.recordings.recording import Recording
+
+EXIT_CODES = """\b
+Exit codes:
+  0  sound, as far as can be told
+  1  something is suspicious, or rows are missing
+  2  wrong usage, or unreadable
+"""
+
+
+def inspect(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording, or a foreign file.", show_default=False)],
+    mapping: Annotated[
+        Path | None,
+        typer.Option("--mapping", metavar="TOML", help="What the columns of a foreign file are.", show_default=False),
+    ] = None,
+    write_mapping: Annotated[
+        Path | None,
+        typer.Option("--write-mapping", metavar="TOML", help="Write the proposed mapping here.", show_default=False),
+    ] = None,
+    format_: Annotated[
+        str | None,
+        typer.Option(
+            "--format", metavar="NAME", help="A format by name, or package.module:function.", show_default=False
+        ),
+    ] = None,
+    model: Annotated[
+        str | None,
+        typer.Option("--model", metavar="MODEL", help="What was touched, as in circle:size=0.2.", show_default=False),
+    ] = None,
+    stiffness: Annotated[
+        float | None,
+        typer.Option("--stiffness", metavar="N/M", help="K_p, where K_d is zero.", show_default=False),
+    ] = None,
+    against: Annotated[
+        list[Path] | None,
+        typer.Option("--against", metavar="FILE", help="Another recording: is a signal copied?", show_default=False),
+    ] = None,
+    directory: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where the picture goes.")] = Path(),
+) -> None:
+    """Examine a recording: clock, channels, units, and what has to follow from what.
+
+    Of a foreign file without a mapping it shows the columns and proposes a mapping.
+
+    \b
+    Examples:
+      hapticeval inspect run7.h5
+      hapticeval inspect log.mat --write-mapping rig.toml
+      hapticeval inspect log.mat --mapping rig.toml
+      hapticeval inspect run7.h5 --model circle:size=0.2 --stiffness 1000 --against run6.h5
+    """
+    from hapticeval.recordings.conversion import is_recording, load_recording
+    from hapticeval.recordings.formats import read_table
+
+    if mapping is None and not is_recording(file):
+        raise typer.Exit(_foreign(read_table(file, format=format_), file, write_mapping))
+    recording = load_recording(file, mapping=mapping, format=format_)
+    others = {other.name: load_recording(other, mapping=mapping) for other in against or []}
+    raise typer.Exit(_examined(recording, file, model, stiffness, others, directory))
+
+
+def _foreign(table: Table, file: Path, write_mapping: Path | None) -> int:
+    """Show the columns, and a mapping to begin with."""
+    from hapticeval.recordings.export import refuse_existing
+    from hapticeval.recordings.formats import formats
+    from hapticeval.recordings.proposal import propose
+
+    text = propose(table, file=file.name)
+    parts = [f"{file}: {formats()[table.format].about if table.format in formats() else table.format}", text]
+    parts += [f"remark: {remark}" for remark in table.remarks] + [f"suspicious: {text}" for text in table.warnings]
+    if write_mapping is not None:
+        refuse_existing(write_mapping)
+        write_mapping.write_text(text, encoding="utf-8")
+        parts.append(f"wrote {write_mapping}")
+    else:
+        parts.append(f"To keep it: hapticeval inspect {file.name} --write-mapping mapping.toml")
+    say("\n".join(parts))
+    return 1 if table.warnings else 0
+
+
+def _examined(
+    recording: Recording,
+    file: Path,
+    model: str | None,
+    stiffness: float | None,
+    others: dict[str, Recording],
+    directory: Path,
+) -> int:
+    from hapticeval.recordings.impact import impacts
+    from hapticeval.recordings.integrity import examine, sound_intervals
+    from hapticeval.recordings.tell import contacts, summary
+    from hapticeval.reports.integrity_figure import write_integrity
+
+    report = examine(
+        recording,
+        device=_device(recording),
+        model=_model(recording, model),
+        stiffness=_stiffness(recording) if stiffness is None else stiffness,
+        others=others,
+    )
+    soundness = sound_intervals(recording, report)
+    parts = [summary(report, soundness, title=file.name)]
+    if recording.dimension == 1 and {"wall_force", "force"} & recording.channels.keys():
+        parts.append(contacts(impacts(recording)))
+    written = write_integrity(directory, recording, report, soundness, title=file.name)
+    say("\n\n".join([*parts, "\n".join(f"wrote {path}" for path in written)]))
+    return int(report.suspicious)
+
+
+def _device(recording: Recording) -> Any:
+    """The robot that a recording names, where it has its joints."""
+    from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3, ParallelogramParameters
+
+    kinds = {"parallelogram-2dof": Parallelogram2, "parallelogram-3dof": Parallelogram3}
+    kind = kinds.get(str(recording.meta.get("device")))
+    if kind is None or "joint_position" not in recording.channels:
+        return None
+    known = ParallelogramParameters.__dataclass_fields__
+    said = recording.meta.get("device_parameters", {})
+    return kind(ParallelogramParameters(**{name: value for name, value in said.items() if name in known}))
+
+
+def _model(recording: Recording, name: str | None) -> Any:
+    from hapticeval.geometry.catalogue import make_model
+    from hapticeval.picturing import model_named
+
+    if name is not None:
+        return model_named(name)
+    scene = recording.meta.get("scene", {})
+    said = scene.get("model", recording.meta.get("model")) if isinstance(scene, Mapping) else None
+    return make_model(**said) if isinstance(said, Mapping) and "kind" in said else None
+
+
+def _stiffness(recording: Recording) -> float | None:
+    """K_p of a recording that says it, where it says no damping."""
+    for table in (recording.meta.get("gains"), recording.meta.get("scene")):
+        if isinstance(table, Mapping) and "stiffness" in table and not table.get("damping"):
+            return float(table["stiffness"])
+    return None

@@ -1,0 +1,134 @@
+"""Reports on recordings as text: what was examined, what was found, what was left out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from hapticeval.recordings.finding import Severity
+from hapticeval.recordings.impact import Impacts
+from hapticeval.recordings.integrity import Integrity, Soundness
+from hapticeval.recordings.recording import Recording
+
+MOST = 20
+"""Findings of one kind and channel beyond so many are counted, not listed."""
+
+
+def summary(report: Integrity, soundness: Soundness, *, title: str) -> str:
+    """The whole report: clock, columns, findings, and the intervals that checks may use."""
+    timing = report.timing
+    jitter = ", ".join(f"{1e6 * value:.4g}" for value in timing.jitter)
+    lines = [
+        f"{title}: {report.valid_rows} of {report.rows} rows are measurements, over {report.duration:.6g} s",
+        f"clock: {timing.rate:.6g} Hz, median step {1e3 * timing.step:.6g} ms; steps off by {jitter} us "
+        "(50, 95, 99, 100 %)",
+    ]
+    if timing.missing:
+        lines.append(f"       about {timing.missing} rows missing, {timing.missing_seconds:.4g} s")
+    lines += ["", *_aligned([
+        ("column", "unit", "lowest", "highest", "quantum"),
+        *((name, facts.unit, f"{facts.low:.6g}", f"{facts.high:.6g}",
+           "-" if facts.quantum is None else f"{facts.quantum:.6g}") for name, facts in report.columns.items()),
+    ])]  # fmt: skip
+    lines += ["", *_faults(report)]
+    lines += ["", *_intervals(soundness)]
+    return "\n".join(lines)
+
+
+def _faults(report: Integrity) -> list[str]:
+    if not report.faults:
+        return ["nothing found"]
+    lines = []
+    counts: dict[tuple[str, str], int] = {}
+    for fault in report.faults:
+        key = (fault.kind, fault.channel)
+        counts[key] = counts.get(key, 0) + 1
+        if counts[key] > MOST:
+            continue
+        name = " ".join(part for part in (fault.kind, fault.channel) if part)
+        lines.append(f"{fault.severity}: {name} ({fault.place}): {fault.message}")
+        if fault.todo and fault.severity is not Severity.NOTE and counts[key] == 1:
+            lines.append(f"  what to do: {fault.todo}")
+    lines += [
+        f"and {count - MOST} more: {kind} {channel}".rstrip()
+        for (kind, channel), count in counts.items()
+        if count > MOST
+    ]
+    return lines
+
+
+def _intervals(soundness: Soundness) -> list[str]:
+    spans = soundness.sound
+    shown = ", ".join(f"{span.time[0]:.6g} to {span.time[1]:.6g} s" for span in spans[:MOST])
+    more = f" and {len(spans) - MOST} more" if len(spans) > MOST else ""
+    lines = [f"sound: {shown}{more}" if spans else "sound: nothing"]
+    reasons: dict[str, list[int]] = {}
+    for span, why in soundness.left_out:
+        reasons.setdefault(why, []).append(span.end - span.first)
+    lines += [f"left out: {sum(rows)} rows in {len(rows)} places: {why}" for why, rows in reasons.items()]
+    return lines
+
+
+def contacts(found: Impacts) -> str:
+    """The contacts of a recording in one dimension, and their means with 95 per cent intervals."""
+    lines = [
+        f"contacts above {found.floor:.4g} N: {len(found.contacts)}"
+        + (f"; a force without an approach at {_times(found.unexplained)}" if found.unexplained else "")
+    ]
+    if not found.contacts:
+        return lines[0]
+    rows: list[Sequence[str]] = [
+        ("begin s", "for ms", "peak N", "depth mm", "impulse N s", "stiffness N/m", "in m/s", "out m/s", "restitution")
+    ]
+    rows += [
+        (
+            f"{each.begin:.4f}",
+            f"{1e3 * each.duration:.3g}",
+            f"{each.peak:.3g}",
+            f"{1e3 * each.depth:.3g}",
+            f"{each.impulse:.3g}",
+            _number(each.stiffness),
+            f"{each.speed_before:.3g}",
+            _known(each.speed_after),
+            _known(each.restitution),
+        )
+        for each in found.contacts
+    ]
+    lines += _aligned(rows)
+    for measure, unit in (("impulse", "N s"), ("stiffness", "N/m"), ("restitution", "")):
+        mean, half = found.mean(measure)
+        if math.isfinite(mean):
+            interval = f" ± {_number(half, 2)}" if math.isfinite(half) else ""
+            lines.append(f"{measure}: {_number(mean)}{interval} {unit}".rstrip() + " (mean, 95 %)" * bool(interval))
+        else:
+            lines.append(f"{measure}: none, as the contacts last so long that the hand pushes through them")
+    return "\n".join(lines)
+
+
+def converted(recording: Recording) -> str:
+    """What a conversion made: rows, channels, and which rows are no measurement."""
+    said = recording.meta.get("import", {})
+    lines = [
+        f"{len(recording)} rows, {recording.time[-1] - recording.time[0]:.6g} s: {', '.join(recording.channels)}",
+        *(f"no measurement: {count} rows {why}" for why, count in said.get("left out", {}).items()),
+        *(f"suspicious: {warning}" for warning in said.get("warnings", ())),
+    ]
+    return "\n".join(lines)
+
+
+def _known(value: float) -> str:
+    return _number(value) if math.isfinite(value) else "-"
+
+
+def _number(value: float, digits: int = 3) -> str:
+    """Significant digits without an exponent."""
+    return f"{float(f'{value:.{digits}g}'):g}"
+
+
+def _times(times: Sequence[float]) -> str:
+    return ", ".join(f"{time:.4g} s" for time in times)
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]

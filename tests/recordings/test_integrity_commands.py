@@ -1,0 +1,158 @@
+"""`hapticeval inspect` and `convert`: exit codes, pictures, and words; and contacts in one dimension."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hapticeval.cli import main
+from hapticeval.errors import InputError
+from hapticeval.recordings.hdf5 import write_recording
+from hapticeval.recordings.impact import impacts
+from hapticeval.recordings.recording import Recording
+
+DT = 5e-4
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def smooth(rows=400):
+    turn = np.arange(rows) * 0.01
+    hip = 0.1 * np.column_stack([np.cos(turn), np.sin(turn)])
+    return {"hip": hip, "ihip": hip * 1.01, "force": 1000.0 * (hip * 1.01 - hip)}
+
+
+def saved(path, channels, **meta):
+    rows = len(next(iter(channels.values())))
+    write_recording(path, Recording(np.arange(rows) * 1e-3, channels, {"dt": 1e-3, **meta}))
+
+
+def test_a_sound_recording_ends_with_0_and_a_picture(here, capsys):
+    saved(here / "run.h5", smooth(), scene={"stiffness": 1000.0, "model": {"kind": "circle", "size": 0.202}})
+    assert main(["inspect", "run.h5"]) == 0
+    assert "nothing found" in capsys.readouterr().out
+    assert (here / "integrity-run-h5.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_suspicious_one_ends_with_1_and_says_where(here, capsys):
+    channels = smooth()
+    channels["hip"][200, 0] += 0.05
+    saved(here / "run.h5", channels)
+    assert main(["inspect", "run.h5"]) == 1
+    shown = capsys.readouterr().out
+    assert "suspicious: spike hip.x (row 200, 0.2 s)" in shown
+    assert "left out: 1 rows in 1 places: spike in hip.x" in shown
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        (["--stiffness", "900"], "1000 N/m fits best, 900 N/m is declared"),
+        (["--model", "circle:size=0.21"], "surface ihip"),
+        (["--against", "other.h5"], "it is that of other.h5"),
+    ],
+)
+def test_what_is_told_by_an_option(here, capsys, option, words):
+    saved(here / "run.h5", smooth())
+    saved(here / "other.h5", smooth())
+    assert main(["inspect", "run.h5", *option]) == 1
+    assert words in capsys.readouterr().out
+
+
+def test_unreadable_ends_with_2(here, capsys):
+    (here / "run.h5").write_bytes(b"\x89PNG\r\n\x1a\n")
+    assert main(["inspect", "run.h5"]) == 2
+    assert "is a PNG picture" in capsys.readouterr().err
+    assert main(["inspect", "none.h5"]) == 2
+
+
+def test_a_foreign_file_that_is_cut_ends_with_1(here, capsys):
+    (here / "a.csv").write_text("t [s],x\n0,1\n0.001,2\n0.002,33")
+    assert main(["inspect", "a.csv", "--write-mapping", "m.toml"]) == 1
+    shown = capsys.readouterr().out
+    assert "suspicious: the file ends within row 2: 1 row (0.001 s) left out" in shown
+    assert main(["inspect", "a.csv", "--write-mapping", "m.toml"]) == 2  # nothing is written over
+
+
+def test_a_missing_column_suggests_the_closest(here, capsys):
+    (here / "a.csv").write_text("t,pos_x\n0,1\n1,2\n")
+    (here / "m.toml").write_text(
+        '[time]\ncolumn = "t"\nunit = "s"\n[channels.hip]\ncolumns = ["posx"]\nunit = "mm"\nsign = 1\n'
+    )
+    assert main(["convert", "a.csv", "--mapping", "m.toml", "-o", "a.h5"]) == 2
+    assert "did you mean pos_x?" in capsys.readouterr().err
+    assert not (here / "a.h5").exists()
+
+
+def test_a_recording_is_converted_for_other_programs_and_back(here):
+    saved(here / "run.h5", smooth())
+    for suffix in ("npz", "mat"):
+        assert main(["convert", "run.h5", "-o", f"run.{suffix}"]) == 0
+        assert main(["inspect", f"run.{suffix}", "--write-mapping", f"{suffix}.toml"]) == 0
+        assert main(["convert", f"run.{suffix}", "--mapping", f"{suffix}.toml", "-o", f"{suffix}.h5"]) == 0
+        assert main(["inspect", f"{suffix}.h5", "--against", "run.h5"]) == 1  # the same signals, and so it says
+    assert main(["convert", "run.h5", "-o", "run.h5"]) == 2
+
+
+def bounce(stiffness, restitution, speed, *, mass=0.3, rows=2400, bias=0.0, step=0.0, into=1.0):
+    """A tool that flies at a wall at 0, is thrown back by a spring that is softer on the way out, and flies on."""
+    time = np.arange(rows) * DT
+    touch = 0.4
+    frequency = np.sqrt(stiffness / mass)
+    back = np.pi / 2 / frequency
+    away = back / restitution
+    depth = speed / frequency
+    x = np.where(time < touch, speed * (time - touch), 0.0)
+    pressing = (time >= touch) & (time < touch + back)
+    x[pressing] = depth * np.sin(frequency * (time[pressing] - touch))
+    leaving = (time >= touch + back) & (time < touch + back + away)
+    x[leaving] = depth * np.cos(frequency * restitution * (time[leaving] - touch - back))
+    gone = time >= touch + back + away
+    x[gone] = -speed * restitution * (time[gone] - touch - back - away)
+    press = np.where(pressing, stiffness * x, 0.0) + np.where(leaving, stiffness * restitution**2 * x, 0.0)
+    x = np.round(x / step) * step if step else x
+    channels = {"hip": into * x[:, None], "force": -into * (press + bias)[:, None]}
+    made = Recording(time, channels, {"force_floor": 0.3 * stiffness * depth})
+    impulse = mass * speed * (1.0 + restitution)
+    return made, impulse
+
+
+@settings(max_examples=40)
+@given(
+    stiffness=st.floats(2000.0, 20_000.0),
+    restitution=st.floats(0.5, 0.9),
+    speed=st.floats(0.05, 0.5),
+    bias=st.floats(-0.02, 0.02),
+    into=st.sampled_from([1.0, -1.0]),
+)
+def test_a_bounce_has_the_impulse_stiffness_and_restitution_it_was_made_with(stiffness, restitution, speed, bias, into):
+    made, impulse = bounce(stiffness, restitution, speed, bias=bias, into=into, step=1e-7)
+    (contact,) = impacts(made).contacts
+    # Below a twentieth of the peak the contact is left out: of the way out, whose press is e^2 of the way in, that is
+    # e (1 - cos(asin(0.05 / e^2))) / (1 + e) of the impulse, 0.7 % for e = 0.5. And the press drops by 1 - e^2 of the
+    # peak between two ticks at the turn: half a tick of it is w dt (1 - e^2) / 2 / (1 + e), w = sqrt(k / m).
+    ticks = DT * np.sqrt(stiffness / 0.3)
+    assert contact.impulse == pytest.approx(impulse, rel=0.008 + ticks / 4)
+    assert contact.stiffness == pytest.approx(stiffness, rel=0.01)
+    assert contact.speed_before == pytest.approx(speed, rel=0.01 + 1e-4 / speed)
+    assert contact.restitution == pytest.approx(restitution, rel=0.02 + 1e-3 / speed)
+
+
+def test_a_force_while_the_tool_leaves_is_no_contact():
+    time = np.arange(1000) * DT
+    x = -0.1 * time[:, None]
+    push = np.where((time > 0.2) & (time < 0.22), 2.0, 0.0)[:, None]
+    found = impacts(Recording(time, {"hip": x, "force": -push}, {"force_floor": 0.5}))
+    assert found.contacts == ()
+    assert found.unexplained == (pytest.approx(0.2005),)
+
+
+def test_contacts_are_of_one_dimension():
+    with pytest.raises(InputError, match="2 dimensions"):
+        impacts(Recording(np.arange(400) * 1e-3, smooth()))

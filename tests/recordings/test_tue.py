@@ -1,0 +1,133 @@
+"""A real teleoperation rig: its files come in with units and signs right, and its contacts are judged."""
+
+from __future__ import annotations
+
+import shutil
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hapticeval.cli import main
+from hapticeval.recordings.conversion import load_recording
+from hapticeval.recordings.formats import read_table
+from hapticeval.recordings.hdf5 import read_recording
+from hapticeval.recordings.impact import impacts
+from hapticeval.recordings.integrity import examine, sound_intervals
+
+ROOT = Path(__file__).parents[2]
+DATA = ROOT.parent / "shared" / "data" / "tue_1dof_teleop"
+MAPPING = ROOT / "examples" / "tue_1dof_teleop.toml"
+MAPPING_M2 = ROOT / "examples" / "tue_1dof_teleop_m2.toml"
+RIGID, FOAM, FREE = "question1a_rigid", "m2_question1a_foam", "question1a_free_motion"
+LEVER = 0.075
+QUANTUM = 2.0 * np.pi / 300_000
+
+pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="needs shared/data/tue_1dof_teleop beside the repository")
+
+
+@lru_cache
+def run(name):
+    return load_recording(DATA / f"{name}.mat", mapping=MAPPING_M2 if name == FOAM else MAPPING)
+
+
+def test_objects_that_only_matlab_reads_are_named_and_the_scopes_are_read():
+    table = read_table(DATA / f"{RIGID}.mat")
+    assert table.warnings == ()
+    assert "Zm (tf)" in table.remarks[0]
+    assert "scope.signals[0].values[1]" in table.columns
+    assert "scope.signals[0].values[2]" not in table.columns  # the wall, which the label promises
+    assert table["scope.time"][0] == pytest.approx(23.3715)
+
+
+@pytest.mark.parametrize("name", [RIGID, FOAM, FREE])
+def test_units_signs_and_clock(name):
+    made = run(name)
+    assert made.time[0] == 0.0
+    assert np.all(np.diff(made.clock.nanoseconds) == 500_000)
+    assert np.max(np.abs(made.hip)) < 0.7 * LEVER  # the lever's range
+    assert np.array_equal(made.channels["operator_force"], -made.force)
+    report = examine(made)
+    assert report.columns["hip.x"].quantum == pytest.approx(QUANTUM * LEVER, rel=1e-6)
+    assert report.columns["joint_position.1"].quantum == pytest.approx(QUANTUM, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", [RIGID, FOAM, FREE])
+def test_real_measurements_raise_no_suspicion(name):
+    report = examine(run(name))
+    assert [(fault.kind, fault.severity) for fault in report.faults] == [("copy", "note")]  # the mapping uses it twice
+    (interval,) = sound_intervals(run(name), report).sound
+    assert (interval.first, interval.end) == (0, len(run(name)))
+
+
+def test_an_impact_throws_the_hand_back():
+    made = run(RIGID)
+    for contact in impacts(made).contacts:
+        force = made.force[contact.first : contact.end, 0]
+        assert force[np.argmax(np.abs(force))] < -4.0
+
+
+def test_on_foam_the_signs_are_those_of_the_rigs_balance_and_of_energy():
+    """Held still, the hand balances the master's motor and the wall the slave's; and a lever gives no energy away."""
+    made = run(FOAM)
+    still = np.abs(made.velocity[:, 0]) < 4e-3
+    motors = made.channels["joint_torque"] / LEVER
+    hand = np.polyfit(motors[still, 0], made.channels["operator_force"][still, 0], 1)[0]
+    wall = np.polyfit(motors[still, 1], made.channels["wall_force"][still, 0], 1)[0]
+    assert hand == pytest.approx(-1.0, abs=0.1)
+    assert wall == pytest.approx(-1.0, abs=0.1)
+    received = (made.channels["operator_force"][:, 0] + motors[:, 0]) * made.velocity[:, 0]
+    assert np.sum(received) * made.dt > 0.0
+
+
+def test_impacts_on_the_rigid_wall():
+    found = impacts(run(RIGID))
+    assert len(found.contacts) == 7
+    mass = 1.5839e-3 / LEVER**2  # the lever's inertia at the tip
+    for each in found.contacts:
+        assert each.duration < 0.02
+        # J = m (v before - v after), but for the motor and the hand, which push during the impact
+        assert each.impulse == pytest.approx(mass * (each.speed_before - each.speed_after), rel=0.2)
+        assert 0.35 < each.restitution < 0.55
+        assert 2e4 < each.stiffness < 6e4
+    assert found.mean("restitution")[0] == pytest.approx(0.467, abs=0.01)
+    assert len(found.unexplained) == 1  # the sensor reads a force while the tool leaves
+
+
+def test_foam_is_some_forty_times_softer_and_tells_no_restitution():
+    found = impacts(run(FOAM))
+    assert len(found.contacts) == 5
+    assert found.mean("stiffness")[0] < impacts(run(RIGID)).mean("stiffness")[0] / 30.0
+    assert all(np.isnan(each.restitution) for each in found.contacts)
+    assert all(1e-3 < each.depth < 4e-3 for each in found.contacts)
+
+
+def test_free_motion_is_no_contact():
+    assert impacts(run(FREE)).contacts == ()
+
+
+def test_a_file_cut_short_gives_its_whole_variables(tmp_path):
+    data = (DATA / f"{FOAM}.mat").read_bytes()
+    path = tmp_path / "cut.mat"
+    path.write_bytes(data[: len(data) // 2])
+    table = read_table(path)
+    assert "the file is cut within the variable" in table.warnings[-1]
+    whole = read_table(DATA / f"{FOAM}.mat")
+    assert 0 < len(table.columns) < len(whole.columns)
+    assert all(np.array_equal(table[name], whole[name]) for name in table.columns)
+
+
+def test_from_file_to_report_by_commands(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(DATA / f"{RIGID}.mat", tmp_path / "rigid.mat")
+    assert main(["inspect", "rigid.mat", "--write-mapping", "proposed.toml"]) == 0
+    assert main(["convert", "rigid.mat", "--mapping", "proposed.toml", "-o", "wrong.h5"]) == 2
+    assert "is not known" in capsys.readouterr().err  # units are never guessed
+    assert main(["convert", "rigid.mat", "--mapping", str(MAPPING), "-o", "rigid.h5"]) == 0
+    assert np.array_equal(read_recording(tmp_path / "rigid.h5").hip, run(RIGID).hip)
+    assert main(["inspect", "rigid.h5", "-o", "pictures"]) == 0
+    shown = capsys.readouterr().out
+    assert "contacts above 0.5 N: 7" in shown
+    assert "restitution: 0.467" in shown
+    assert (tmp_path / "pictures" / "integrity-rigid-h5.png").is_file()
