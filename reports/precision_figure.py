@@ -21,6 +21,7 @@ LOOKS = {
     "rk4": ("#56b4e9", "^"),
     "cash-karp": ("#d55e00", "D"),
     "dormand-prince": ("#0072b2", "v"),
+    "verner": ("#cc79a7", "<"),
     "dop853": ("#009e73", "P"),
 }
 INK, MARK = "#1a1a1a", "#e69f00"

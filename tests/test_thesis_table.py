@@ -35,7 +35,20 @@ def test_the_columns_of_table_6_3_come_out(name):
     }
 
 
-@pytest.mark.parametrize("name", ["minimum-distance", "constraint", "mapping", "conformal", "ideal"])
+def test_set_stabilisation_is_the_first_to_account_for_centripetal_acceleration():
+    """It projects as minimum distance does, and a star has no curvature for it: nothing is said of corners."""
+    table = fill_table([SUITE], verdicts("set-stabilisation"))
+    assert {title: cells.get("set-stabilisation") for title, cells in table.items()} == {
+        "Resists Pop-Through on Curves": "No",
+        "Resists Pop-Through on Corners": None,
+        "Suitable for LUT": "Yes",
+        "Accounts for Centripetal Acceleration": "Yes",
+    }
+
+
+@pytest.mark.parametrize(
+    "name", ["minimum-distance", "constraint", "mapping", "conformal", "ideal", "set-stabilisation"]
+)
 def test_every_verdict_is_as_required_or_as_published(name):
     assert [verdict for verdict in verdicts(name) if not verdict.as_expected] == []
 

@@ -114,6 +114,26 @@ def dormand_prince() -> Method:
     )
 
 
+def verner() -> Method:
+    """Verner's pair 6(5): eight stages."""
+    return runge_kutta(
+        "verner",
+        6,
+        [
+            [1 / 6],
+            [4 / 75, 16 / 75],
+            [5 / 6, -8 / 3, 5 / 2],
+            [-165 / 64, 55 / 6, -425 / 64, 85 / 96],
+            [12 / 5, -8.0, 4015 / 612, -11 / 36, 88 / 255],
+            [-8263 / 15000, 124 / 75, -643 / 680, -81 / 250, 2484 / 10625],
+            [3501 / 1720, -300 / 43, 297275 / 52632, -319 / 2322, 24068 / 84065, 0.0, 3850 / 26703],
+        ],
+        [3 / 40, 0.0, 875 / 2244, 23 / 72, 264 / 1955, 0.0, 125 / 11592, 43 / 616],
+        [13 / 160, 0.0, 2375 / 5984, 5 / 16, 12 / 85, 3 / 44, 0.0, 0.0],
+        error_order=5,
+    )
+
+
 def dop853() -> Method:
     """Hairer's method of order 8, with its error estimate of order 5: twelve stages. The coefficients are scipy's."""
     from scipy.integrate import DOP853
@@ -129,6 +149,7 @@ METHODS = {
     "rk4": rk4,
     "cash-karp": cash_karp,
     "dormand-prince": dormand_prince,
+    "verner": verner,
     "dop853": dop853,
 }
 """Name -> how to make it."""

@@ -30,6 +30,7 @@ from hapticeval.geometry.kernels import (
     evaluate,
     evaluate_many,
 )
+from hapticeval.geometry.smooth_kernels import BLOCK
 from hapticeval.geometry.validate import checked_points
 from hapticeval.types import Array, BoolArray
 
@@ -239,7 +240,7 @@ class Curve:
         """The table that `curve_kernels.project` needs: empty unless the curve is one smooth piece."""
         if not self._smooth:
             return np.empty((0, 8))
-        return curve_kernels.sample_table(self.pieces[0], self._panels, curve_kernels.BLOCK)
+        return curve_kernels.sample_table(self.pieces[0], self._panels, BLOCK)
 
     def _evaluated(self, u: ArrayLike) -> Array:
         u = np.asarray(u, dtype=np.float64)

@@ -84,7 +84,7 @@ class SurfaceMotion:
 
     def components(self, tangential: Array) -> Array:
         """Tangential vectors (k, N) in the transported bases: (k, N - 1)."""
-        return np.einsum("kij,ki->kj", self.transported, tangential)
+        return np.asarray(np.einsum("kij,ki->kj", self.transported, tangential))
 
     @property
     def pushed(self) -> BoolArray:

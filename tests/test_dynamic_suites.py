@@ -1,0 +1,194 @@
+"""The suites of the closed loop: what chapters 6.3 and 7 say comes out, on the point mass and on the robot."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from hapticeval.discovery import own_renderers, resolve
+from hapticeval.judging import Judged, judge
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.results import read_results
+from hapticeval.runner import execute, plan
+from hapticeval.suite import Case, load_suite, suites_named
+from hapticeval.table import fill_table
+
+GROUP = suites_named("dynamics")
+SCHEMES = ("minimum-distance+pp", "minimum-distance+pp-v", "minimum-distance+pp-d", "minimum-distance+pp-pd")
+
+
+def named(suite: str, name: str) -> Case:
+    return next(case for case in load_suite(f"dynamics-{suite}").cases if case.name == name)
+
+
+@cache
+def judged(suite: str, name: str, renderer: str) -> Judged:
+    case = named(suite, name)
+    case.check_stimulus()
+    found = judge(resolve(renderer), renderer, f"dynamics-{suite}", case)
+    assert found.error is None
+    assert found.refusal is None
+    return found
+
+
+def outcomes(suite: str, name: str, renderer: str) -> dict[str, Outcome]:
+    return {verdict.check: verdict.outcome for verdict in judged(suite, name, renderer).verdicts}
+
+
+def test_the_group_is_the_four_suites():
+    assert GROUP == ("dynamics-cassinian", "dynamics-circle", "dynamics-line", "dynamics-sphere")
+
+
+@pytest.mark.parametrize("suite", GROUP)
+def test_every_case_can_be_built_and_reached_by_its_robot(suite):
+    for case in load_suite(suite).cases:
+        case.check_stimulus()
+
+
+@pytest.mark.parametrize("suite", GROUP)
+def test_every_renderer_of_a_suite_can_be_had_and_is_the_only_one_with_outcomes(suite):
+    loaded = load_suite(suite)
+    for name in loaded.renderers:
+        resolve(name)
+    for case in loaded.cases:
+        assert set(case.published) | set(case.closed_form) <= set(loaded.renderers)
+
+
+@pytest.mark.parametrize("renderer", [*SCHEMES, "set-stabilisation"])
+@pytest.mark.parametrize(
+    ("suite", "name"),
+    [
+        ("line", "line"),
+        ("line", "line-robot"),
+        ("line", "line-along"),
+        ("circle", "circle"),
+        ("circle", "circle-off"),
+        ("circle", "circle-robot"),
+        ("circle", "circle-off-robot"),
+        ("cassinian", "cassinian"),
+        ("cassinian", "cassinian-robot"),
+        ("sphere", "sphere"),
+        ("sphere", "sphere-off-robot"),
+        ("sphere", "sphere-viscous"),
+    ],
+)
+def test_every_verdict_is_as_published_and_every_closed_form_is_met(suite, name, renderer):
+    found = judged(suite, name, renderer)
+    assert [verdict for verdict in found.verdicts if not verdict.as_expected] == []
+    forms = [verdict for verdict in found.verdicts if verdict.check == "closed-form"]
+    assert [verdict.outcome for verdict in forms] == [Outcome.PASS]
+
+
+@pytest.mark.parametrize("device", ["", "-robot"])
+def test_set_stabilisation_alone_passes_all_that_the_circle_asks(device):
+    passing = {
+        renderer
+        for renderer in (*SCHEMES, "set-stabilisation")
+        if {*outcomes("circle", f"circle{device}", renderer).values()}
+        | {*outcomes("circle", f"circle-off{device}", renderer).values()}
+        == {Outcome.PASS}
+    }
+    assert passing == {"set-stabilisation"}
+
+
+def test_the_table_of_the_circle_comes_out():
+    suite = load_suite("dynamics-circle")
+    verdicts = [
+        verdict
+        for name in ("circle", "circle-off", "circle-robot", "circle-off-robot")
+        for renderer in suite.renderers
+        for verdict in judged("circle", name, renderer).verdicts
+    ]
+    assert fill_table([suite], verdicts) == {row.title: row.published for row in suite.rows}
+
+
+def test_charts_and_chart_free_stabilisation_are_one_on_the_sphere():
+    for name in ("sphere", "sphere-viscous", "sphere-driven"):
+        free = judged("sphere", name, "set-stabilisation").recording
+        charts = judged("sphere", name, "set-stabilisation@atlas").recording
+        np.testing.assert_allclose(charts.hip, free.hip, atol=1e-9)
+
+
+def test_the_hand_leads_the_tool_over_both_poles():
+    recording = judged("sphere", "sphere-driven", "set-stabilisation@atlas").recording
+    assert recording.hip[:, 2].max() > 0.09
+    assert recording.hip[:, 2].min() < -0.09
+    assert np.abs(recording.channels["operator_force"]).max() > 0.1
+
+
+EFFECTS = ("encoder", "velocity-filter", "delay", "torque-limit", "friction", "static")
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_an_effect_is_shown_and_never_counts(effect):
+    case = named("circle", f"circle-robot-{effect}")
+    assert not case.judged
+    assert "closed-form" not in case.checks
+    assert case.published == {}
+
+
+def test_an_encoder_is_too_fine_to_hurt_and_friction_stops_the_tool():
+    assert set(outcomes("circle", "circle-robot-encoder", "set-stabilisation").values()) == {Outcome.PASS}
+    rubbed = judged("circle", "circle-robot-friction", "set-stabilisation")
+    tangential = next(verdict for verdict in rubbed.verdicts if verdict.check == "tangential-dynamics")
+    assert tangential.outcome is Outcome.FAIL
+    assert tangential.finding.evidence["apparent_viscosity_kg_s"] > 0.05
+
+
+def test_a_delay_makes_the_tool_gain_speed():
+    """A force that is late by D points ahead of the normal: v' = kappa^2 v^3 D, 1.25 per cent a second here."""
+    delayed = judged("circle", "circle-robot-delay", "set-stabilisation")
+    tangential = next(verdict for verdict in delayed.verdicts if verdict.check == "tangential-dynamics")
+    assert tangential.outcome is Outcome.FAIL
+    assert tangential.finding.metric.value == pytest.approx(5.0**2 * 0.0005, rel=0.1)
+
+
+def test_where_no_renderer_is_named_each_suite_runs_its_own():
+    planned = plan(["dynamics", "thesis"], (), select=["circle*", "star-*"])
+    per_suite = {suite: {job.renderer for job in planned.jobs if job.suite == suite} for suite in (*GROUP, "thesis")}
+    assert per_suite["dynamics-circle"] == set(load_suite("dynamics-circle").renderers)
+    assert per_suite["dynamics-line"] == set()
+    assert per_suite["thesis"] == set(own_renderers())
+    assert {job.renderer for job in plan(["dynamics"], ["constraint"]).jobs} == {"constraint"}
+
+
+FAR = """
+title = "far"
+[[case]]
+name = "out"
+title = "Out of the workspace"
+model = { kind = "circle" }
+checks = ["constraint-stability", "output-invariance", "decoupling", "continuous-contact"]
+scene = { stiffness = 50.0, bilateral = true, device = "parallelogram-2dof", inner_loop = "linearised" }
+experiment = { duration = 1.0, position = [0.1, 0.0], velocity = [4.0, 0.0] }
+"""
+
+
+def test_a_run_that_leaves_the_workspace_ends_there_and_says_so_in_every_verdict(tmp_path):
+    (tmp_path / "far.toml").write_text(FAR)
+    events = list(execute(plan([str(tmp_path / "far.toml")], [SCHEMES[0]]), tmp_path / "out", workers=1))
+    results = read_results(tmp_path / "out")
+    ended = results.runs[0]["ended"]
+    assert 0.0 < ended["time"] < 1.0
+    assert ended["tick"] == round(1000 * ended["time"])
+    found = {verdict["check"]: verdict for verdict in results.verdicts}
+    assert {check: verdict["outcome"] for check, verdict in found.items()} == {
+        "constraint-stability": "fail",
+        "output-invariance": "inconclusive",
+        "decoupling": "inconclusive",
+        "continuous-contact": "inconclusive",
+    }
+    for verdict in found.values():
+        assert f"ended at t = {ended['time']:.4g} s: {ended['what']}" in verdict["message"]
+    assert events[-1].results == results
+
+
+def test_results_say_what_robot_was_driven(tmp_path):
+    list(execute(plan(["dynamics-line"], [SCHEMES[0]], select=["line-robot-enc*"]), tmp_path / "out", workers=1))
+    run = read_results(tmp_path / "out").runs[0]
+    assert run["scene"]["device"] == {"kind": "parallelogram-2dof", "dynamics": "lagrangian", "base_inertia": "sin"}
+    assert run["scene"]["inner_loop"] == "linearised"
+    assert run["scene"]["imperfections"] == {"encoder_step": pytest.approx(2.0 * np.pi / 262144)}
+    assert (run["ended"], run["closed_form"]) == (None, None)
