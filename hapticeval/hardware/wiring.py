@@ -60,16 +60,17 @@ class Wiring:
 
     def raw(self, joints: Array) -> Array:
         """Raw positions (..., N) from joint angles (..., N), rad; whole counts where there are counts."""
-        raw = np.asarray(self.directions) * np.asarray(joints, dtype=np.float64) / self.step + np.array(self.offsets)
+        turned = np.asarray(self.directions) * np.asarray(joints, dtype=np.float64)
+        raw = np.asarray(turned / self.step + np.array(self.offsets))
         return raw if self.counts_per_turn is None else np.round(raw)
 
     def torques(self, commands: Array) -> Array:
         """Joint torques (..., N), N m, from motor commands (..., N)."""
-        return np.asarray(self.directions) * np.asarray(commands, dtype=np.float64) * self.torque_per_command
+        return np.asarray(self.directions * np.asarray(commands, dtype=np.float64) * self.torque_per_command)
 
     def commands(self, torques: Array) -> Array:
         """Motor commands (..., N) from joint torques (..., N), N m."""
-        return np.asarray(self.directions) * np.asarray(torques, dtype=np.float64) / self.torque_per_command
+        return np.asarray(self.directions * np.asarray(torques, dtype=np.float64) / self.torque_per_command)
 
     def hips(self, raw: Array) -> Array:
         """HIPs (n, N), m, from raw positions (n, N), by the forward kinematics (2.28)."""
