@@ -16,7 +16,7 @@ from hapticeval.suite import Case, load_suite, suites_named
 from hapticeval.table import fill_table
 
 GROUP = suites_named("dynamics")
-SCHEMES = ("minimum-distance+pp", "minimum-distance+pp-v", "minimum-distance+pp-d", "minimum-distance+pp-pd")
+SCHEMES = tuple(f"minimum-distance+{scheme}" for scheme in ("pp", "pp-v", "pp-d", "pp-pd", "pp-pd-c"))
 
 
 def named(suite: str, name: str) -> Case:
@@ -101,7 +101,15 @@ def test_the_table_of_the_circle_comes_out():
         for renderer in suite.renderers
         for verdict in judged("circle", name, renderer).verdicts
     ]
-    assert fill_table([suite], verdicts) == {row.title: row.published for row in suite.rows}
+    table = fill_table([suite], verdicts)
+    added = {title: dict(cells).pop("minimum-distance+pp-pd-c") for title, cells in table.items()}
+    in_print = {
+        title: {name: cell for name, cell in cells.items() if name != "minimum-distance+pp-pd-c"}
+        for title, cells in table.items()
+    }
+    assert in_print == {row.title: row.published for row in suite.rows}
+    apart = "Keeps across and along apart on the circle"
+    assert added == {title: "No" if title == apart else "Yes" for title in table}, "what its one added term can do"
 
 
 def test_charts_and_chart_free_stabilisation_are_one_on_the_sphere():
