@@ -200,3 +200,14 @@ def test_results_say_what_robot_was_driven(tmp_path):
     assert run["scene"]["inner_loop"] == "linearised"
     assert run["scene"]["imperfections"] == {"encoder_step": pytest.approx(2.0 * np.pi / 262144)}
     assert (run["ended"], run["closed_form"]) == (None, None)
+
+
+def test_a_sensed_push_moves_the_tool_along_the_surface_and_not_across():
+    """0.3 N against 50 N/m would be 6 mm; along, the hand feels 0.1 kg and no more (8.9)."""
+    for renderer in load_suite("dynamics-circle").renderers:
+        found = judged("circle", "circle-pushed-robot", renderer)
+        assert all(verdict.as_expected for verdict in found.verdicts)
+    recording = judged("circle", "circle-pushed-robot", "set-stabilisation").recording
+    assert np.abs(np.linalg.norm(recording.hip, axis=1) - 0.1).max() < 1e-4
+    springy = judged("circle", "circle-pushed-robot", SCHEMES[3]).recording
+    assert np.abs(np.linalg.norm(springy.hip, axis=1) - 0.1).max() > 1e-3
