@@ -15,8 +15,8 @@ from hapticeval.geometry.curve import Curve
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
-SCHEMES = ("pp", "pp-v", "pp-d", "pp-pd", "set-stabilisation")
-"""The laws that have closed forms, by the names of their regulation schemes."""
+SCHEMES = ("pp", "pp-v", "pp-d", "pp-pd", "pp-pd-c", "set-stabilisation")
+"""The laws that have closed forms, by the names of their regulation schemes; `pp-pd-c` adds m kappa w^2 to PP+PD."""
 
 SHAPES = ("line", "circle", "curve", "sphere")
 
@@ -142,7 +142,10 @@ def transversal(gains: Gains, scheme: str, start: float, rate: float, time: Arra
 
 
 def polar_rates(scheme: str, gains: Gains, radius: float) -> Callable[[float, Array], Sequence[float]]:
-    """d/dt (r, r', theta, theta'): (6.24) PP, (6.25) PP+V, (6.26) PP+PD, (6.27) PP+D, (7.38) set stabilisation."""
+    """d/dt (r, r', theta, theta'): (6.24) PP, (6.25) PP+V, (6.26) PP+PD, (6.27) PP+D, (7.38) set stabilisation.
+
+    PP+PD with the centripetal force added has (6.26) less (r theta')^2 / r_c.
+    """
     k, d, b = gains
 
     def rates(time: float, state: Array) -> Sequence[float]:  # noqa: ARG001 - the integrator's
@@ -151,7 +154,8 @@ def polar_rates(scheme: str, gains: Gains, radius: float) -> Callable[[float, Ar
             return r_rate, -k * (r - radius) - d * r_rate, rate, -b * rate
         damping = 0.0 if scheme == "pp" else d * r_rate
         drag = {"pp-v": d * r, "pp-d": d * (r - radius)}.get(scheme, 0.0)
-        return r_rate, -k * (r - radius) + r * rate**2 - damping, rate, -(2.0 * r_rate + drag) * rate / r
+        given = (r * rate) ** 2 / radius if scheme == "pp-pd-c" else 0.0
+        return r_rate, -k * (r - radius) + r * rate**2 - given - damping, rate, -(2.0 * r_rate + drag) * rate / r
 
     return rates
 
@@ -170,7 +174,8 @@ def curve_rates(scheme: str, gains: Gains, curve: Curve) -> Callable[[float, Arr
         rate = w / (1.0 + n * kappa)
         damping = 0.0 if scheme == "pp" else d * n_rate
         drag = {"pp-v": d * w, "pp-d": d * n * kappa * rate}.get(scheme, 0.0)
-        return n_rate, kappa * w * rate - k * n - damping, rate, -kappa * n_rate * rate - drag
+        given = kappa * w * w if scheme == "pp-pd-c" else 0.0
+        return n_rate, kappa * w * rate - given - k * n - damping, rate, -kappa * n_rate * rate - drag
 
     return rates
 

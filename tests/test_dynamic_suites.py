@@ -16,7 +16,7 @@ from hapticeval.suite import Case, load_suite, suites_named
 from hapticeval.table import fill_table
 
 GROUP = suites_named("dynamics")
-SCHEMES = ("minimum-distance+pp", "minimum-distance+pp-v", "minimum-distance+pp-d", "minimum-distance+pp-pd")
+SCHEMES = tuple(f"minimum-distance+{scheme}" for scheme in ("pp", "pp-v", "pp-d", "pp-pd", "pp-pd-c"))
 
 
 def named(suite: str, name: str) -> Case:
@@ -101,7 +101,15 @@ def test_the_table_of_the_circle_comes_out():
         for renderer in suite.renderers
         for verdict in judged("circle", name, renderer).verdicts
     ]
-    assert fill_table([suite], verdicts) == {row.title: row.published for row in suite.rows}
+    table = fill_table([suite], verdicts)
+    added = {title: dict(cells).pop("minimum-distance+pp-pd-c") for title, cells in table.items()}
+    in_print = {
+        title: {name: cell for name, cell in cells.items() if name != "minimum-distance+pp-pd-c"}
+        for title, cells in table.items()
+    }
+    assert in_print == {row.title: row.published for row in suite.rows}
+    apart = "Keeps across and along apart on the circle"
+    assert added == {title: "No" if title == apart else "Yes" for title in table}, "what its one added term can do"
 
 
 def test_charts_and_chart_free_stabilisation_are_one_on_the_sphere():
@@ -192,3 +200,14 @@ def test_results_say_what_robot_was_driven(tmp_path):
     assert run["scene"]["inner_loop"] == "linearised"
     assert run["scene"]["imperfections"] == {"encoder_step": pytest.approx(2.0 * np.pi / 262144)}
     assert (run["ended"], run["closed_form"]) == (None, None)
+
+
+def test_a_sensed_push_moves_the_tool_along_the_surface_and_not_across():
+    """0.3 N against 50 N/m would be 6 mm; along, the hand feels 0.1 kg and no more (8.9)."""
+    for renderer in load_suite("dynamics-circle").renderers:
+        found = judged("circle", "circle-pushed-robot", renderer)
+        assert all(verdict.as_expected for verdict in found.verdicts)
+    recording = judged("circle", "circle-pushed-robot", "set-stabilisation").recording
+    assert np.abs(np.linalg.norm(recording.hip, axis=1) - 0.1).max() < 1e-4
+    springy = judged("circle", "circle-pushed-robot", SCHEMES[3]).recording
+    assert np.abs(np.linalg.norm(springy.hip, axis=1) - 0.1).max() > 1e-3
