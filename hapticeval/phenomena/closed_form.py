@@ -7,7 +7,7 @@ import numpy as np
 from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.refinement import extrapolated
-from hapticeval.phenomena.sampling import place
+from hapticeval.phenomena.sampling import LED, place
 from hapticeval.phenomena.surface_motion import SurfaceMotion
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.scene import Scene
@@ -25,7 +25,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if runs.law is None:
         return Finding(Outcome.NOT_APPLICABLE, "no closed form is named for this renderer here")
     form = CLOSED_FORMS[runs.law]
-    if base.meta.get("source") == "playback":
+    if base.meta.get("source") in LED:
         return Finding(Outcome.NOT_APPLICABLE, "a closed form is about a tool that moves by itself")
     if SurfaceMotion(base, scene).pushed.any():
         return Finding(Outcome.INCONCLUSIVE, "the operator pushes, and the closed form knows no operator")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.sampling import place
+from hapticeval.phenomena.sampling import LED, place
 from hapticeval.phenomena.surface_motion import SurfaceMotion, decay_rate
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.scene import Scene
@@ -20,7 +20,7 @@ SHRINKS = math.sqrt(0.5)
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the largest distance in the last half of the run with that in the quarter before it."""
     base = runs.base
-    if base.meta.get("source") == "playback":
+    if base.meta.get("source") in LED:
         return Finding(Outcome.NOT_APPLICABLE, "a hand led along a given path is drawn nowhere")
     if not scene.bilateral:
         return Finding(Outcome.NOT_APPLICABLE, "a surface that only pushes holds nothing from outside")

@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.refinement import left
-from hapticeval.phenomena.sampling import TELLS, place
+from hapticeval.phenomena.sampling import LED, TELLS, place
 from hapticeval.phenomena.surface_motion import SurfaceMotion
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import Recording
@@ -20,7 +20,7 @@ GONE = 0.05
 def judge(runs: Runs, scene: Scene) -> Finding:
     """How far the foot's speed strays from the assigned one while the tool moves across."""
     base = runs.base
-    if base.meta.get("source") == "playback":
+    if base.meta.get("source") in LED:
         return Finding(Outcome.NOT_APPLICABLE, "a hand led along a given path has the speed that it is given")
     motion = SurfaceMotion(base, scene)
     distance = np.abs(motion.distance)

@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.refinement import left
-from hapticeval.phenomena.sampling import TELLS, place
+from hapticeval.phenomena.sampling import LED, TELLS, place
 from hapticeval.phenomena.surface_motion import SurfaceMotion
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.scene import Scene
@@ -15,7 +15,7 @@ from hapticeval.scene import Scene
 def judge(runs: Runs, scene: Scene) -> Finding:
     """The largest distance from the surface that faster sampling does not remove."""
     base = runs.base
-    if base.meta.get("source") == "playback":
+    if base.meta.get("source") in LED:
         return Finding(Outcome.NOT_APPLICABLE, "a hand led along a given path does not move by itself")
     if not scene.bilateral:
         return Finding(Outcome.NOT_APPLICABLE, "a surface that only pushes does not keep a tool from leaving")

@@ -41,3 +41,9 @@ CHECKS: Mapping[str, Check] = MappingProxyType(
     }
 )
 """Every check that a suite may name."""
+
+HELD = tuple(
+    module.CHECK.id
+    for module in (constraint_stability, output_invariance, decoupling, tangential_dynamics, closed_form)
+)
+"""What Problem 7.1 asks of a closed loop that a surface holds from both sides."""

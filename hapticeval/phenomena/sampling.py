@@ -8,6 +8,9 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
+LED = ("playback", "replay")
+"""Sources of recordings in which the hand was led along a given path, whatever the force."""
+
 LAG_TICKS = 3
 """A proxy may answer up to three ticks late without being wrong, as peers do."""
 

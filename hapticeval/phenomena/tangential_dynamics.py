@@ -7,7 +7,7 @@ import numpy as np
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.refinement import left
-from hapticeval.phenomena.sampling import TELLS, place
+from hapticeval.phenomena.sampling import LED, TELLS, place
 from hapticeval.phenomena.surface_motion import SurfaceMotion
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import Recording
@@ -18,7 +18,7 @@ from hapticeval.types import Array
 def judge(runs: Runs, scene: Scene) -> Finding:
     """The speed that the foot has gained or lost beyond what the assigned acceleration adds up to."""
     base = runs.base
-    if base.meta.get("source") == "playback":
+    if base.meta.get("source") in LED:
         return Finding(Outcome.NOT_APPLICABLE, "a hand led along a given path has the speed that it is given")
     motion = SurfaceMotion(base, scene)
     top = float(motion.foot_speed.max())

@@ -9,7 +9,7 @@ from typing import Any
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.files import file_stem
-from hapticeval.phenomena.registry import CHECKS
+from hapticeval.phenomena.registry import CHECKS, HELD
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.suite import Case, load_suite
@@ -71,7 +71,7 @@ def subject(
         scene=chosen,
         trajectory={"kind": "recording"},
         experiment=None,
-        checks=template.checks if template is not None else _checks(recording),
+        checks=template.checks if template is not None else _checks(recording, chosen),
         judged=True,
         published={},
         closed_form={},
@@ -119,11 +119,12 @@ def _model(
     )
 
 
-def _checks(recording: Recording) -> tuple[str, ...]:
+def _checks(recording: Recording, scene: Mapping[str, Any]) -> tuple[str, ...]:
     said = recording.meta.get("checks")
     if isinstance(said, list | tuple) and said and all(each in CHECKS for each in said):
         return tuple(said)
-    return tuple(CHECKS)
+    held = scene.get("bilateral", False)
+    return tuple(name for name in CHECKS if held or name not in HELD)
 
 
 def _entry(text: str) -> tuple[str, Any]:
