@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hapticeval.errors import InputError
+from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.kernels import U0, U1, piece_of
 from hapticeval.ideal.advance import follow
 from hapticeval.ideal.motion import BILATERAL, DAMPER, LOADS, MASS, RESTITUTION, SPRING
@@ -31,10 +31,12 @@ class IdealContact:
     It flies by m y'' = F_o; slides by thesis (3.1) with the contact force N = -F_o.nu - m kappa v^2 along the outward
     normal ((3.3), (3.8)), and leaves where N reaches zero or at a convex corner; collides by (3.5); rests in a concave
     corner while the force points into its zone. A bilateral scene holds the tool on the boundary: it never leaves, N
-    has any sign, and at a corner the velocity across the next face is lost.
+    has any sign, and at a corner the velocity across the next face is lost. The tool is all that moves, whatever robot
+    the scene names. Raises `RefusalError` for a model in space.
     """
 
     def __init__(self, scene: Scene) -> None:
+        scene.model.curve  # noqa: B018 - refuses a model in space
         self.scene = scene
 
     @cached_property
@@ -44,10 +46,10 @@ class IdealContact:
     def answer(self, stimulus: Stimulus, dt: float) -> Recording:
         """The tool's motion, sampled every `dt` seconds.
 
-        An `Experiment` pushes the tool. Along a `Path` the hand holds it through the critically damped spring
-        F_o = K (path - y) + 2 sqrt(K m) (path' - y') with the scene's stiffness; the tool starts on the path with the
-        path's velocity, or, if that is inside the model or the scene is bilateral, at rest on the nearest point of
-        the boundary.
+        An `Experiment` pushes the tool, and its hand draws it by its own spring. Along a `Path` the hand holds it
+        through the critically damped spring F_o = K (path - y) + 2 sqrt(K m) (path' - y') with the scene's stiffness;
+        the tool starts on the path with the path's velocity, or, if that is inside the model or the scene is
+        bilateral, at rest on the nearest point of the boundary.
 
         Channels: `hip` = `ihip` = the tool, which cannot penetrate; `velocity` at the sample, before an impact at
         that very time; `force` (of the contact on the tool) and `operator_force` as means until the next sample,
@@ -79,15 +81,20 @@ class IdealContact:
             start = self._start_of_path(values[0], slopes[0])
         else:
             time = sample_times(stimulus.duration, dt)
-            knots, values = stimulus.force_time, stimulus.force
-            slopes = np.vstack([_slopes(knots, values), np.zeros((1, 2))])
+            knots, values, slopes = _pushes(stimulus)
+            if stimulus.hand is not None:
+                if stimulus.hand.stiffness == 0.0 < stimulus.hand.damping:
+                    raise RefusalError(
+                        "the hand only brakes", why="the ideal contact flies in closed form under a spring or a push"
+                    )
+                gains[SPRING], gains[DAMPER] = stimulus.hand.stiffness, stimulus.hand.damping
             start = self._start_of_experiment(stimulus)
         began, lasts, samples = _stretches(time, knots, dt)
         segment = np.searchsorted(knots, began + 0.5 * lasts, side="right") - 1
         known = np.maximum(segment, 0)
         slope = np.where(segment[:, np.newaxis] < 0, 0.0, slopes[known])
         value = values[known] + slope * (began - knots[known])[:, np.newaxis]
-        if gains[SPRING] > 0.0:
+        if isinstance(stimulus, Path):
             value, slope = gains[SPRING] * value + gains[DAMPER] * slope, gains[SPRING] * slope
         out, events = self._followed(start, began, lasts, np.hstack([value, slope]), samples, gains, time.size)
         channels = {
@@ -162,6 +169,23 @@ class IdealContact:
                 u = float(joint)
         state[MODE], state[PIECE], state[U] = SLIDE, index, u
         return state
+
+
+def _pushes(experiment: Experiment) -> tuple[Array, Array, Array]:
+    """Knots (k,), and from each on, N and N/s, (k, 2): what the operator prescribes, and what of the hand's force comes
+    from the path alone, k y_d + b y_d'.
+    """
+    hand = experiment.hand
+    if hand is None:
+        knots, values = experiment.force_time, experiment.force
+        return knots, values, np.vstack([_slopes(knots, values), np.zeros((1, 2))])
+    began = hand.path.time - hand.path.time[0]
+    knots = np.union1d(experiment.force_time, began)
+    drawn = np.column_stack([np.interp(knots, began, column) for column in hand.path.points.T])
+    rates = np.vstack([_slopes(knots, drawn), np.zeros((1, 2))])
+    values = experiment.operator_force(knots)
+    slopes = np.vstack([_slopes(knots, values), np.zeros((1, 2))])
+    return knots, values + hand.stiffness * drawn + hand.damping * rates, slopes + hand.stiffness * rates
 
 
 def _slopes(knots: Array, values: Array) -> Array:

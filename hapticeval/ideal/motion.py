@@ -4,7 +4,8 @@ The operator's force on the tool is, within one stretch of time,
 
     F_o = g0 + g1 tau - k y - d y',      tau from the start of the stretch,
 
-with k = d = 0 in an experiment and a critically damped spring, d = 2 sqrt(k m), when the hand is led along a path.
+with k = d = 0 in an experiment without a hand, the hand's own spring in one with a hand, and a critically damped one,
+d = 2 sqrt(k m), when the hand is led along a path.
 A stretch's numbers are an array `load` (see the column names below).
 """
 
@@ -119,6 +120,21 @@ def slide_step(pace: float, w: float, along: float, load: Array, most: float) ->
 
 
 @compiled
+def ringing(omega: float, half: float, h: float) -> tuple[float, float]:
+    """e^(-at) cos(bt) and e^(-at) sin(bt) / b at t = h; a is `half` and b^2 = omega^2 - a^2, of either sign or zero."""
+    square = omega * omega - half * half
+    if abs(square) <= 1e-12 * omega * omega:
+        decay = math.exp(-half * h)
+        return decay, h * decay
+    if square > 0.0:
+        b, decay = math.sqrt(square), math.exp(-half * h)
+        return decay * math.cos(b * h), decay * math.sin(b * h) / b
+    b = math.sqrt(-square)
+    slow, fast = math.exp((b - half) * h), math.exp((-b - half) * h)
+    return 0.5 * (slow + fast), 0.5 * (slow - fast) / b
+
+
+@compiled
 def flown(
     x: float, y: float, vx: float, vy: float, tau: float, h: float, load: Array
 ) -> tuple[float, float, float, float]:
@@ -138,12 +154,14 @@ def flown(
     drift_x, drift_y = load[G1X] / spring, load[G1Y] / spring
     base_x = (gx - load[DAMPER] * drift_x) / spring
     base_y = (gy - load[DAMPER] * drift_y) / spring
-    decay = math.exp(-omega * h)
+    half = load[DAMPER] / (2.0 * mass)
+    even, odd = ringing(omega, half, h)
     px, py = x - base_x, y - base_y
-    qx, qy = vx - drift_x + omega * px, vy - drift_y + omega * py
+    wx, wy = vx - drift_x, vy - drift_y
+    square = omega * omega
     return (
-        base_x + drift_x * h + (px + qx * h) * decay,
-        base_y + drift_y * h + (py + qy * h) * decay,
-        drift_x + (qx - omega * (px + qx * h)) * decay,
-        drift_y + (qy - omega * (py + qy * h)) * decay,
+        base_x + drift_x * h + px * even + (wx + half * px) * odd,
+        base_y + drift_y * h + py * even + (wy + half * py) * odd,
+        drift_x + wx * even - (half * wx + square * px) * odd,
+        drift_y + wy * even - (half * wy + square * py) * odd,
     )
