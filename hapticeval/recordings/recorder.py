@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import subprocess
@@ -12,8 +13,12 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic_ns
 from types import TracebackType
 from typing import Any
+
+import numpy as np
+from numpy import ndarray
 
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.channels import Signal
@@ -90,7 +95,7 @@ class Recorder:
         meta: Mapping[str, Any] | None = None,
         rows: int = ROWS,
     ) -> None:
-        anchor = (time.monotonic_ns(), time.time_ns())
+        anchor = (monotonic_ns(), time.time_ns())
         layout = Layout(channels, signals or {}, check_metadata(meta or {}), anchor)
         self.path = Path(path)
         self._names = tuple(channels)
@@ -99,20 +104,22 @@ class Recorder:
         self._ring = Ring(layout.dtype.itemsize, rows)
         self._capacity = rows
         self._state = self._ring.state
-        slots = self._ring.rows(layout.dtype)
-        self._sequences, self._stamps = slots["sequence"], slots["nanoseconds"]
-        self._slots = tuple(slots[name] for name in channels)
+        self._numbers = layout.dtype.itemsize // 8
+        self._integers: Any = self._ring.memory[self._ring.rows_at :].cast("q")
+        self._reals: Any = self._ring.memory[self._ring.rows_at :].cast("d")
         self._head = 0
         self._sequence = 0
         self._summary: Summary | None = None
         self._journal = _created(self.path)
         try:
-            os.write(self._journal, begin)
+            if os.write(self._journal, begin) != len(begin):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             self._state[State.BYTES], self._state[State.BLOCKS] = len(begin), HEADERS
             self._process = self._started()
         except BaseException as error:
             os.close(self._journal)
             os.close(self._ring.descriptor)
+            self.path.unlink(missing_ok=True)
             if isinstance(error, OSError):
                 raise HapticevalError(f"cannot record to {path}", why=str(error)) from error
             raise
@@ -129,10 +136,12 @@ class Recorder:
             pass_fds=(ring.descriptor, self._journal),
             start_new_session=True,
         )
+        assert process.stdin is not None
         until = time.monotonic() + START
         while not self._state[State.READY]:
             if process.poll() is not None or time.monotonic() > until:
                 process.kill()
+                process.stdin.close()
                 raise HapticevalError(
                     "the writer of the recorder did not start",
                     why=f"its process ended with code {process.wait()}",
@@ -151,16 +160,25 @@ class Recorder:
             self._sequence += 1
             self._state[OVERRUN] += 1
             return
-        slot = head % self._capacity
+        place = head % self._capacity * self._numbers
         try:
-            for column, count, value in zip(self._slots, self._columns, values, strict=True):
-                if count and len(value) != count:
-                    raise ValueError
-                column[slot] = value
-        except (TypeError, ValueError):
-            raise self._misfit(values) from None
-        self._sequences[slot] = self._sequence
-        self._stamps[slot] = time.monotonic_ns() if at is None else at
+            self._integers[place] = self._sequence
+            self._integers[place + 1] = monotonic_ns() if at is None else at
+            reals = self._reals
+            place += 2
+            # number by number: in a loop that sleeps between rows, the code of array assignments is cold each time
+            for count, value in zip(self._columns, values, strict=True):
+                if count:
+                    if len(value) != count:
+                        raise ValueError
+                    for number in value.tolist() if value.__class__ is ndarray else value:
+                        reals[place] = number
+                        place += 1
+                else:
+                    reals[place] = value
+                    place += 1
+        except (TypeError, ValueError, IndexError):
+            raise self._misfit(values, at) from None
         self._sequence += 1
         self._head = head + 1
         self._state[HEAD] = head + 1
@@ -183,7 +201,7 @@ class Recorder:
             if not isinstance(given, str) or "\0" in given or (name == "kind" and not given):
                 raise InputError(f"an event has the {name} {given!r}", todo="give it as text")
             event[name] = given.encode()[: EVENT[name].itemsize].decode(errors="ignore").encode()
-        event["nanoseconds"] = time.monotonic_ns() if at is None else at
+        event["nanoseconds"] = monotonic_ns() if at is None else at
         self._state[State.EVENT_HEAD] = head + 1
 
     @property
@@ -233,7 +251,7 @@ class Recorder:
                 os.ftruncate(self._journal, self._state[State.BYTES])
             Writer(self._ring, self._journal).finish(self.summary.failure)
         self._summary = summary = self.summary
-        self._slots, self._columns = (), ()
+        self._columns = ()
         os.close(self._journal)
         os.close(self._ring.descriptor)
         if summary.lost or summary.events_lost or summary.failure:
@@ -250,9 +268,11 @@ class Recorder:
             self.event("ended", f"{type(error).__name__}: {error}".replace("\0", " "))
         self.close()
 
-    def _misfit(self, values: tuple[Any, ...]) -> InputError:
+    def _misfit(self, values: tuple[Any, ...], at: Any) -> InputError:
         if self._summary is not None:
             return InputError("the recorder is closed")
+        if at is not None and not isinstance(at, int | np.integer):
+            return InputError(f"append() was given the stamp {at!r}", why="stamps are whole nanoseconds")
         if len(values) != len(self._names):
             return InputError(
                 f"append() was given {len(values)} channels", why=f"this recorder has: {', '.join(self._names)}"

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.channels import CHANNELS, REQUIRED, Signal, declared
 from hapticeval.recordings.clock import Clock
+from hapticeval.recordings.events import Event, among, checked
 from hapticeval.recordings.metadata import check_metadata
 from hapticeval.recordings.rows import backward_difference, check_finite, check_increasing, locked
 from hapticeval.types import Array, BoolArray, IntArray
@@ -33,14 +34,6 @@ __all__ = [
 
 SINGLE = 2.0**-23
 """Spacing of single-precision numbers around 1: what the coarsest honest renderer computes with."""
-
-
-class Event(NamedTuple):
-    """Something that happened at `time` (s, on the recording's time base): a kind in one word, and a text."""
-
-    time: float
-    kind: str
-    text: str = ""
 
 
 class MissingChannelError(InputError):
@@ -124,7 +117,7 @@ class Recording:
         object.__setattr__(self, "meta", MappingProxyType(check_metadata(self.meta)))
         object.__setattr__(self, "valid", valid)
         object.__setattr__(self, "signals", MappingProxyType(signals))
-        object.__setattr__(self, "events", tuple(_event(event) for event in self.events))
+        object.__setattr__(self, "events", tuple(checked(event) for event in self.events))
 
     def _check_clock(self, time: Array, valid: BoolArray | None) -> None:
         if self.clock is None:
@@ -276,11 +269,6 @@ class Recording:
         return float(self.meta.get("standoff", 0.0))
 
 
-def among(events: Iterable[Event], since: float, until: float) -> tuple[Event, ...]:
-    """The events from `since` on and before `until`, s."""
-    return tuple(event for event in events if since <= event.time < until)
-
-
 def _rebuilt(
     time: Array,
     channels: Mapping[str, Array],
@@ -322,12 +310,3 @@ def _check_shape(name: str, array: Array, frame: str, count: int, columns: dict[
         )
     if frame == "world" and width > 3:
         raise InputError(f"channel '{name}' has {width} dimensions", why="the world has one, two or three")
-
-
-def _event(given: Any) -> Event:
-    event = Event(*given)
-    when = isinstance(event.time, int | float | np.floating | np.integer) and np.isfinite(event.time)
-    texts = isinstance(event.kind, str) and isinstance(event.text, str) and "\0" not in event.kind + event.text
-    if not (when and texts and event.kind):
-        raise InputError(f"an event {tuple(event)}", why="it is a finite time (s), a kind and a text")
-    return Event(float(event.time), event.kind, event.text)

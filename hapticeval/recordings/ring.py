@@ -64,10 +64,6 @@ class Ring:
         """The number of the next cycle: rows put in, rows that found the ring full, and cycles told missed."""
         return int(self.state[State.HEAD] + self.state[State.OVERRUN] + self.state[State.MISSED])
 
-    def rows(self, dtype: Any) -> Any:
-        """The slots as an array of structured rows."""
-        return np.frombuffer(self.memory, dtype=dtype, count=self.capacity, offset=self.rows_at)
-
     def bytes_of(self, first: int, count: int) -> memoryview:
         """The bytes of `count` rows from counter `first` on, which must not reach over the end of the ring."""
         begin = self.rows_at + first % self.capacity * self.size

@@ -222,7 +222,7 @@ def test_a_file_cut_short_keeps_the_first_rows_of_every_signal(tmp_path, monkeyp
         assert_from(recording, original)
         sound = np.flatnonzero(recording.valid)
         assert sound.tolist() == [row for row in range(int(sound[-1]) + 1) if row != 5]
-        # of the block in which the file ends some signals are whole; names and places of all are in front, a tenth of it
+        # of the block in which the file ends some signals are whole; names and places of all are the first tenth
         assert len(recording) - (sound[-1] + 1) in (0, 100)
         assert 2000 * (share - 0.1) - 100 <= sound[-1] + 1 <= 2000 * share
         missing = 2000 - len(recording)

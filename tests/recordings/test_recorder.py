@@ -13,7 +13,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from hapticeval.errors import InputError
+from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.recorder import LossWarning, Recorder
 from hapticeval.recordings.recording import Signal
 from hapticeval.recordings.recovery import recover
@@ -228,6 +228,8 @@ MISFITS = [
     (((0.0, 0.0), (0.0, 0.0, 0.0)), r"given 3 for 'force'"),
     (((0.0,), (0.0, 0.0)), r"given 1 for 'hip'"),
     ((np.zeros(1), np.zeros(2)), r"given 1 for 'hip'"),
+    ((np.zeros((1, 2)), np.zeros(2)), r"given 1 for 'hip'"),
+    ((np.zeros((2, 1)), np.zeros(2)), r"append\(\) was given"),
     ((1.0, (0.0, 0.0)), r"given one number without columns for 'hip'"),
     ((("x", "y"), (0.0, 0.0)), r"append\(\) was given .*'x'"),
     ((None, (0.0, 0.0)), r"a NoneType for 'hip'"),
@@ -240,9 +242,31 @@ def test_values_that_do_not_fit_are_refused_and_not_recorded(tmp_path):
             with pytest.raises(InputError, match=message):
                 recorder.append(*values)
             feed(recorder, 1, row)
+        with pytest.raises(InputError, match="stamps are whole nanoseconds"):
+            recorder.append((0.0, 0.0), (0.0, 0.0), at=1.5)
     recording = recover(tmp_path / "run.journal").recording
     assert recording.clock.sequence.tolist() == list(range(len(MISFITS)))
     assert_fed(recording)
+
+
+def test_values_that_are_too_long_reach_no_other_row(tmp_path):
+    recorder = Recorder(tmp_path / "run.journal", CHANNELS, rows=10)
+    os.kill(recorder.writer, signal.SIGSTOP)
+    feed(recorder, 9)
+    with pytest.raises(InputError, match="given 500 for 'force'"):
+        recorder.append((9.0, -9.0), [7.0] * 500)
+    feed(recorder, 1, 9)
+    os.kill(recorder.writer, signal.SIGCONT)
+    assert recorder.close().rows == 10
+    assert_fed(recover(tmp_path / "run.journal").recording)
+
+
+def test_a_recorder_that_cannot_start_leaves_no_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "executable", "false")
+    with pytest.raises(HapticevalError, match="writer of the recorder did not start") as caught:
+        Recorder(tmp_path / "run.journal", CHANNELS)
+    assert "code 1" in caught.value.why
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_loop_that_breaks_leaves_its_reason(tmp_path):
