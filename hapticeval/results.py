@@ -39,7 +39,8 @@ class Results:
 
     `planned` and `ran` count verdicts; an incomplete run says the `reason`. `runs` has an entry a (suite, case,
     renderer), `verdicts` one a check of it. `table` maps row titles to renderers to "Yes" or "No", and
-    `published_table` is the same as printed, where the suites carry it.
+    `published_table` is the same as printed, where the suites carry it. `suites` says of each suite that ran its
+    `name`, `title` and `citation`, and the titles of its `rows`.
     """
 
     planned: int
@@ -54,6 +55,7 @@ class Results:
     table: Mapping[str, Mapping[str, str]]
     timing: Document
     published_table: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    suites: Sequence[Document] = field(default_factory=list)
     format_version: int = FORMAT_VERSION
 
 

@@ -270,6 +270,7 @@ class _Progress:
             verdicts=[verdict_document(verdict) for verdict in self.verdicts],
             table=fill_table(self.plan.suites, self.verdicts),
             published_table={row.title: row.published for suite in self.plan.suites for row in suite.rows},
+            suites=[_suite_document(suite) for suite in self.plan.suites],
             timing={
                 "simulated_seconds": self.simulated,
                 "wall_seconds": wall,
@@ -279,6 +280,15 @@ class _Progress:
         write_results(self.directory, results)
         self.saved = time.perf_counter()
         return results
+
+
+def _suite_document(suite: Suite) -> Mapping[str, Any]:
+    return {
+        "name": suite.name,
+        "title": suite.title,
+        "citation": suite.citation,
+        "rows": [row.title for row in suite.rows],
+    }
 
 
 def _run_document(job: Job, judged: Judged, file: Path | None) -> Mapping[str, Any]:
