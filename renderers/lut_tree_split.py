@@ -79,7 +79,8 @@ def _probed(
         kinds[distance > 0.0] = FREE
         kinds[np.abs(distance) <= 0.5 * side * 2.0**0.5 + source.stray] = EDGE
     held = kinds != FREE
-    points = corner[held][:, np.newaxis] + side * PROBES
+    # The corners are to the last bit the nodes that will be kept: on a medial axis one bit decides for a side.
+    points = origin + side * (np.column_stack([across, up])[held][:, np.newaxis] + PROBES)
     ihips, normals = (part.reshape(-1, PROBES.shape[0], 2) for part in source.project(points.reshape(-1, 2)))
     means = np.einsum("pc,kcd->kpd", WEIGHTS, ihips[:, CORNERS, :])
     apart = np.einsum("kcd,ked->kce", normals[:, CORNERS], normals[:, CORNERS]).min(axis=(1, 2), initial=1.0) < 0.0
