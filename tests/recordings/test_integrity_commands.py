@@ -136,8 +136,8 @@ def test_a_bounce_has_the_impulse_stiffness_and_restitution_it_was_made_with(sti
     (contact,) = impacts(made).contacts
     # Below a twentieth of the peak the contact is left out: of the way out, whose press is e^2 of the way in, that is
     # e (1 - cos(asin(0.05 / e^2))) / (1 + e) of the impulse, 0.7 % for e = 0.5. And the press drops by 1 - e^2 of the
-    # peak between two ticks at the turn: half a tick of it is w dt (1 - e^2) / 2 / (1 + e), w = sqrt(k / m). And each end
-    # may lack one tick more, in which the press goes from a twentieth to w dt beyond it.
+    # peak between two ticks at the turn: half a tick of it is w dt (1 - e^2) / 2 / (1 + e), w = sqrt(k / m). And each
+    # end may lack one tick more, in which the press goes from a twentieth to w dt beyond it.
     ticks = DT * np.sqrt(stiffness / 0.3)
     assert contact.impulse == pytest.approx(impulse, rel=0.008 + ticks / 4 + 2.0 * ticks * (0.05 + ticks) / 1.5)
     assert contact.stiffness == pytest.approx(stiffness, rel=0.01)
