@@ -119,7 +119,7 @@ def hermite():
 
 
 def balance(recording, trial, scene):
-    """Change of kinetic energy, and work less losses, in each tick in which no joint stops or breaks loose; shape (n, 2)."""
+    """Change of kinetic energy, and work less losses, in each tick in which no joint stops or breaks loose: (n, 2)."""
     device = scene.robot
     joints = recording.channels.get("joint_position", recording.hip)
     rates = recording.channels.get("joint_velocity", recording.velocity)
