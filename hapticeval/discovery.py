@@ -94,22 +94,25 @@ def resolve(name: str) -> RendererFactory:
     return cast("RendererFactory", variant(**chosen))
 
 
-def load(base: str) -> Any:
-    """What is called to make what `base` names: an entry point of the group, or `package.module:factory`."""
+def load(base: str, *, kind: str = "renderer") -> Any:
+    """What is called to make what `base` names: `package.module:factory`, or an entry point where it is a renderer.
+
+    `kind` is what it is in messages; a driver of hardware is named as renderers are. Raises as `resolve` does.
+    """
     module, colon, attribute = base.partition(":")
-    if not colon:
+    if not colon and kind == "renderer":
         known = known_renderers()
         if base not in known:
             raise _unknown(base, known)
         module, _, attribute = known[base].value.partition(":")
     elif not module or not attribute:
         raise InputError(
-            f"'{base}' does not name a renderer",
+            f"'{base}' does not name a {kind}",
             why="package.module:factory needs a module before the colon and a factory after it",
         )
     else:
         _see_current_directory()
-    return _factory(base, module.strip(), attribute.strip())
+    return _factory(base, module.strip(), attribute.strip(), kind)
 
 
 def _unknown(base: str, known: Mapping[str, EntryPoint]) -> UnknownNameError:
@@ -119,13 +122,13 @@ def _unknown(base: str, known: Mapping[str, EntryPoint]) -> UnknownNameError:
     return error
 
 
-def _factory(base: str, module: str, attribute: str) -> Any:
+def _factory(base: str, module: str, attribute: str, kind: str) -> Any:
     """Import, look up, and see that it can be called; each failure says which step it was."""
     try:
         found: Any = import_module(module)
     except (Exception, SystemExit) as error:
         raise InputError(
-            f"renderer '{base}': cannot import the module '{module}'",
+            f"{kind} '{base}': cannot import the module '{module}'",
             why=_cause(error),
             todo=f"see that `python -c 'import {module}'` works in the folder where you start hapticeval",
         ) from error
@@ -134,14 +137,15 @@ def _factory(base: str, module: str, attribute: str) -> Any:
             found = getattr(found, part)
         except AttributeError as error:
             raise InputError(
-                f"renderer '{base}': the module '{module}' has no '{attribute}'",
+                f"{kind} '{base}': the module '{module}' has no '{attribute}'",
                 why=str(error),
                 todo=f"it has: {', '.join(_public(found)) or 'no public names'}",
             ) from error
     if not callable(found):
+        takes = "a factory takes a scene and returns a renderer" if kind == "renderer" else "it must be a class"
         raise InputError(
-            f"renderer '{base}': '{attribute}' of '{module}' cannot be called",
-            why=f"it is a {type(found).__name__}; a factory takes a scene and returns a renderer",
+            f"{kind} '{base}': '{attribute}' of '{module}' cannot be called",
+            why=f"it is a {type(found).__name__}; {takes}",
         )
     return found
 

@@ -3,32 +3,33 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hapticeval.errors import InputError
+from hapticeval.errors import HapticevalError, InputError
 from hapticeval.output import say
 
 if TYPE_CHECKING:
-    from hapticeval.devices.device import Device
     from hapticeval.hardware.device import HardwareDevice
+    from hapticeval.hardware.session import Session
     from hapticeval.hardware.wiring import Wiring
+    from hapticeval.recordings.recorder import Summary
     from hapticeval.scene import Scene
 
 TWIN = "twin"
-MODEL = {"kind": "circle", "size": 0.2}
+ROBOT = "parallelogram-2dof"
 STIFFNESS = 300.0
 """N/m: below the bound (2.40) of the robot at 1 kHz all over the model."""
 
 EXIT_CODES = """\b
 Exit codes:
   0  recorded
-  1  recorded, but rows were lost or cycles missed: the message says how many
-  2  wrong usage or input, or the hardware has gone
-  3  the renderer broke
+  1  recorded, but rows were lost, cycles missed, or it ended early: the message says which
+  2  wrong usage or input, or the hardware has gone; what was recorded is kept
+  3  the renderer broke; what was recorded is kept
 """
 
 
@@ -46,8 +47,21 @@ def record(
         str, typer.Option("-r", "--renderer", metavar="NAME", help="As in `run -r`.")
     ] = "minimum-distance+pp-pd",
     robot: Annotated[
-        str, typer.Option(metavar="NAME", help="The robot's kinematics, as in `hapticeval device`.")
-    ] = "parallelogram-2dof",
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help=f"The robot's kinematics, as in `hapticeval device`; {ROBOT} if not given.",
+            show_default=False,
+        ),
+    ] = None,
+    wiring: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="TOML",
+            help="A file with a [device] table: robot, counts a turn, offsets, directions, ...",
+            show_default=False,
+        ),
+    ] = None,
     seconds: Annotated[float, typer.Option(help="How long.", min=0.01)] = 10.0,
     stiffness: Annotated[float, typer.Option(metavar="N/M", help="K_p of the scene.")] = STIFFNESS,
     damping: Annotated[float, typer.Option(metavar="NS/M", help="K_d of the scene.")] = 1.0,
@@ -60,147 +74,183 @@ def record(
     """Run a renderer on a robot and record it.
 
     While it runs, rows go to FILE.journal beside the recording, which survives a crash: `hapticeval convert` reads it.
-    The twin has the robot's encoders, motors, friction and a delay, and a hand that slides round the model.
+    Ctrl-C ends the run and keeps it. The twin has the robot's encoders, motors, friction and a delay, and a hand that
+    slides on the model.
 
     \b
     Examples:
       hapticeval record --device twin -o run.h5
       hapticeval record --device udp://192.168.0.10:5005 -r constraint -o run.h5
-      hapticeval record --device mycard:MyCard --seconds 60 --who Ann -o run.h5
+      hapticeval record --device mycard:MyCard --wiring rig.toml --seconds 60 --who Ann -o run.h5
     """
-    from hapticeval.devices.catalogue import device_named
+    from hapticeval.commands.stability import too_stiff
     from hapticeval.discovery import resolve
-    from hapticeval.hardware.session import SIGNALS, channels, run
-    from hapticeval.hardware.wiring import Wiring
+    from hapticeval.hardware.kinematics import CUTOFF
+    from hapticeval.hardware.session import channels, run, signals, warm
     from hapticeval.judging import built
-    from hapticeval.picturing import model_named
     from hapticeval.recordings.recorder import Recorder
-    from hapticeval.recordings.recovery import finish
     from hapticeval.renderer import Renderer
-    from hapticeval.scene import Scene
     from hapticeval.terminal import Terminal
 
     journal = output.with_suffix(".journal")
     for file in (output, journal):
         if file.exists():
             raise InputError(f"{file} is there already", why="a recording is never written over", todo="name another")
-    device = device_named(robot)
-    scene = Scene(
-        model=model_named(model), stiffness=stiffness, damping=damping, device=device, sampling_time=1.0 / rate
-    )
-    made = built(resolve(renderer), scene)
+    wired = _wiring(robot, wiring)
+    scene = _scene(wired, model, stiffness=stiffness, damping=damping, rate=rate)
+    factory = resolve(renderer)
+    made = built(factory, scene)
     if not isinstance(made, Renderer):
         raise InputError(
             f"'{renderer}' cannot run on hardware", why="it has physics of its own", todo="choose another with -r"
         )
-    wiring = Wiring(device=device)
-    cycles = round(seconds * rate)
-    meta = _meta(scene, wiring, renderer, model=_spec(scene), hardware=hardware, who=who)
+    warning = too_stiff(factory, scene, cutoff=CUTOFF)
+    if warning:
+        typer.echo(f"warning: {warning}", err=True)
+    warm(wired, made, scene)
+    cycles = max(1, round(seconds * rate))
+    meta = _meta(scene, wired, renderer, hardware=hardware, who=who)
+    failure: HapticevalError | None = None
+    session: Session | None = None
     with (
+        _place(hardware, wired, scene) as connect,
+        Recorder(journal, channels(wired.device.dimension), signals=signals(wired), meta=meta) as recorder,
         Terminal() as terminal,
-        _opened(hardware, wiring, scene) as opened,
-        Recorder(journal, channels(device.dimension), signals=SIGNALS, meta=meta) as recorder,
     ):
+        shown = 0
 
         def tell(done: int) -> None:
-            if done % round(rate) == 0:
-                terminal.working(done, cycles, f"{done / rate:.0f} of {seconds:g} s")
+            nonlocal shown
+            if done >= shown + rate:
+                shown = done
+                terminal.working(done - 1, cycles, f"{done / rate:.0f} of {seconds:g} s")
 
-        session = run(opened, wiring, made, scene, recorder, cycles=cycles, tell=tell)
+        try:
+            session = run(connect(), wired, made, scene, recorder, cycles=cycles, tell=tell)
+        except HapticevalError as error:
+            failure = error
         summary = recorder.close()
-    finish(journal, output)
+    _finish(journal, output, summary)
+    if failure is not None:
+        raise failure
+    assert session is not None
+    early = f"; ended early: {session.ended}" if session.ended else ""
+    say(f"{session.cycles} cycles in {(session.cycles + session.missed) / rate:.4g} s{early}")
+    raise typer.Exit(int(bool(summary.lost or session.missed or session.ended)))
+
+
+def _finish(journal: Path, output: Path, summary: Summary) -> None:
+    """Make a recording of the journal, which goes when that is done; one without a row goes at once."""
+    from hapticeval.recordings.recovery import finish
+
+    if not summary.rows:
+        journal.unlink()
+        return
+    try:
+        finish(journal, output)
+    except (HapticevalError, OSError) as error:
+        raise HapticevalError(
+            f"the recording {output} could not be written",
+            why=str(error),
+            todo=f"the run is in {journal}: hapticeval convert {journal} -o FILE.h5",
+        ) from error
     journal.unlink()
-    say(f"{session.cycles} cycles in {session.cycles / rate:.4g} s; {summary}\nwrote {output}")
-    raise typer.Exit(int(bool(summary.lost or session.missed)))
+    say(f"{summary}\nwrote {output}")
+
+
+def _wiring(robot: str | None, file: Path | None) -> Wiring:
+    """From a file; else the named robot with its own encoders, wired straight."""
+    from hapticeval.devices.catalogue import device_named
+    from hapticeval.devices.imperfections import ENCODER_COUNTS
+    from hapticeval.devices.point_mass import PointMass
+    from hapticeval.hardware.wiring import Wiring
+    from hapticeval.hardware.wiring_file import read_wiring
+
+    if file is None:
+        device = device_named(robot or ROBOT)
+        return Wiring(device=device, counts_per_turn=None if isinstance(device, PointMass) else ENCODER_COUNTS)
+    if robot is not None:
+        raise InputError("--robot and --wiring both say which robot it is", todo="leave --robot out")
+    return read_wiring(file)
+
+
+def _scene(wiring: Wiring, model: str, *, stiffness: float, damping: float, rate: float) -> Scene:
+    """The scene, on a model that the robot can reach."""
+    from hapticeval.devices.workspace import require
+    from hapticeval.picturing import model_named
+    from hapticeval.scene import Scene
+
+    touched = model_named(model)
+    require(wiring.device, touched)
+    return Scene(model=touched, stiffness=stiffness, damping=damping, device=wiring.device, sampling_time=1.0 / rate)
 
 
 @contextlib.contextmanager
-def _opened(name: str, wiring: Wiring, scene: Scene) -> Iterator[HardwareDevice]:
-    """The hardware by its name: the twin behind a loopback socket, a robot behind a socket, or a driver."""
-    from hapticeval.hardware.twin import running
+def _place(name: str, wiring: Wiring, scene: Scene) -> Iterator[Callable[[], HardwareDevice]]:
+    """What opens the hardware of that name: the twin behind a loopback socket, a robot behind a socket, or a driver.
+
+    The twin's process starts here, before the recorder's, so that it holds nothing of that.
+    """
     from hapticeval.hardware.udp import UdpDevice
 
+    joints = wiring.device.dimension
     if name == TWIN:
-        with running(_twin(wiring, scene)) as address:
-            device = UdpDevice(address, wiring.device.dimension)
-            yield device
-            device.close()
+        from hapticeval.hardware.demonstration import demonstration
+        from hapticeval.hardware.rig import running
+
+        with running(demonstration(wiring, scene)) as address:
+            yield lambda: UdpDevice(address, joints)
     elif name.startswith("udp://"):
         host, _, port = name.removeprefix("udp://").rpartition(":")
         if not host or not port.isdigit():
             raise InputError(f"--device {name}", why="an address is udp://HOST:PORT", todo="give host and port")
-        yield UdpDevice((host, int(port)), wiring.device.dimension)
+        yield lambda: UdpDevice((host, int(port)), joints)
     else:
         from hapticeval.discovery import load
-        from hapticeval.hardware.device import HardwareDevice
 
-        driver = load(name)()
-        if not isinstance(driver, HardwareDevice):
-            raise InputError(
-                f"'{name}' made a {type(driver).__name__}, which is no hardware",
-                why="a driver has read(), write(command) and close()",
-                todo="see 'Record your robot' in the README",
-            )
-        yield driver
+        made = load(name, kind="driver")
+        yield lambda: _driver(name, made)
 
 
-def _twin(wiring: Wiring, scene: Scene) -> Any:
-    """The robot with all that is imperfect in it, and a hand that slides to and fro round the model, 5 mm inside."""
-    import numpy as np
+def _driver(name: str, factory: Callable[[], Any]) -> HardwareDevice:
+    from hapticeval.hardware.device import HardwareDevice
+    from hapticeval.playback import origin
 
-    from hapticeval.devices.criteria import MOTOR_TORQUE
-    from hapticeval.devices.imperfections import ENCODER_STEP, Imperfections
-    from hapticeval.hardware.twin import Twin
-    from hapticeval.stimulus import Hand, Path
-
-    boundary = scene.model.curve
-    start = boundary.arc_length(boundary.nearest([[1.0, 0.0]]))[0]
-    reach = 0.12 * (boundary.length if boundary.closed else 1.0)
-    time = np.linspace(0.0, 600.0, 24_001)
-    way = boundary.parameter(start + reach * np.sin(0.4 * np.pi * time))
-    path = boundary.position(way) - 0.005 * boundary.normal(way)
-    effects = Imperfections(encoder_step=ENCODER_STEP, torque_limit=MOTOR_TORQUE, delay=2e-4, friction=2e-3)
-    hand = Hand(path=Path(time, path), stiffness=250.0, damping=4.0)
-    return Twin(wiring, effects, position=path[0], hand=hand, dt=scene.sampling_time)
-
-
-def _spec(scene: Scene) -> dict[str, Any]:
-    """The model as a suite names it."""
-    parameters = dict(scene.model.parameters)
-    return {"kind": scene.model.name, **parameters}
+    try:
+        driver = factory()
+    except HapticevalError:
+        raise
+    except Exception as error:
+        raise HapticevalError(
+            f"the driver '{name}' could not be opened: {type(error).__name__}: {error}", why=origin(error)
+        ) from error
+    if not isinstance(driver, HardwareDevice):
+        raise InputError(
+            f"'{name}' made a {type(driver).__name__}, which is no hardware",
+            why="a driver has read(), write(command) and close()",
+            todo="see examples/my_card.py",
+        )
+    return driver
 
 
-def _meta(
-    scene: Scene, wiring: Wiring, renderer: str, *, model: dict[str, Any], hardware: str, who: str
-) -> dict[str, Any]:
+def _meta(scene: Scene, wiring: Wiring, renderer: str, *, hardware: str, who: str) -> dict[str, Any]:
     from datetime import UTC, datetime
 
     from hapticeval.results import environment
 
     gains = {"stiffness": scene.stiffness, "damping": scene.damping, "mass": scene.mass}
+    model = {"kind": scene.model.name, **scene.model.parameters}
+    device = wiring.description()
     told = {
         "source": "hardware",
         "renderer": renderer,
         "scene": {**gains, "sampling_time": scene.sampling_time, "bilateral": scene.bilateral, "model": model},
         "gains": gains,
-        "device": wiring.device.name,
-        "device_parameters": {
-            "hardware": hardware,
-            "counts_per_turn": wiring.counts_per_turn,
-            "offsets": list(wiring.offsets),
-            "directions": list(wiring.directions),
-            **_constants(wiring.device),
-        },
+        "device": device.pop("kind"),
+        "device_parameters": {"hardware": hardware, **device},
         "dt": scene.sampling_time,
         "clock": "monotonic clock of the robot's side",
         "when": datetime.now(UTC).isoformat(timespec="seconds"),
         "software": environment()["versions"],
     }
     return {**told, "who": who} if who else told
-
-
-def _constants(device: Device) -> dict[str, float]:
-    from dataclasses import asdict
-
-    constants = getattr(device, "constants", None)
-    return {} if constants is None else asdict(constants)

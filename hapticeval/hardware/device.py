@@ -10,7 +10,8 @@ from hapticeval.types import Array
 class Reading(NamedTuple):
     """One cycle of the hardware: its own monotonic clock (ns), its own count of cycles, and the raw joint positions.
 
-    Raw is what the hardware has, encoder counts or radians: `Wiring` says what they mean.
+    Raw is what the hardware has, encoder counts or radians: `Wiring` says what they mean. The count increases by one a
+    cycle, whether the loop was there to read it or not: a gap in it tells how many cycles were missed.
     """
 
     nanoseconds: int
@@ -20,28 +21,17 @@ class Reading(NamedTuple):
 
 @runtime_checkable
 class HardwareDevice(Protocol):
-    """A robot as a loop sees it. A driver of your own is a class with these three:
+    """A robot as a loop sees it. A driver of your own is a class with these three: see `examples/my_card.py`.
 
-    class MyCard:
-        def __init__(self):
-            self.card = open_card()                                  # whatever your card's library has
-            self.count = 0
-        def read(self):
-            self.card.wait_for_tick()                                # the hardware sets the pace
-            self.count += 1
-            return Reading(time.monotonic_ns(), self.count, np.array(self.card.encoders(), dtype=float))
-        def write(self, command):
-            self.card.analog_out(command)                            # V, A or N m: see Wiring.torque_per_command
-        def close(self):
-            self.card.analog_out(np.zeros(3))
-            self.card.close()
+    Whatever they raise ends the run: the motors are commanded to zero, `close` is called, and what was recorded is
+    kept.
     """
 
     def read(self) -> Reading:
-        """Wait for the next cycle, and read the encoders. Raises `HapticevalError` when the hardware has gone."""
+        """Wait for the next cycle, and read the encoders."""
 
     def write(self, command: Array) -> None:
         """Motor commands (N,) for this cycle, in the unit that the wiring says."""
 
     def close(self) -> None:
-        """Stop the motors and let go of the hardware; may be called more than once."""
+        """Stop the motors and let go of the hardware."""

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import gc
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from hapticeval.devices.sensing import blend
+from hapticeval.errors import DomainError, HapticevalError
 from hapticeval.hardware.device import HardwareDevice
+from hapticeval.hardware.guard import Guarded
+from hapticeval.hardware.kinematics import CUTOFF, Kinematics, Rates
 from hapticeval.hardware.wiring import Wiring
 from hapticeval.playback import ask, start
 from hapticeval.recordings.channels import Signal
@@ -18,7 +22,9 @@ from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 WORLD, JOINT = ("hip", "velocity", "ihip", "force"), ("joint_position", "joint_torque")
-RAW = Signal("1", "raw joint positions as the hardware gave them: encoder counts, or rad", "joint")
+
+BESIDE = 1e-3
+"""Metres on either side of the surface at which everything is run once before it counts."""
 
 
 def channels(dimension: int) -> dict[str, int]:
@@ -26,15 +32,39 @@ def channels(dimension: int) -> dict[str, int]:
     return dict.fromkeys((*WORLD, *JOINT, "raw"), dimension)
 
 
-SIGNALS = {"raw": RAW}
+def signals(wiring: Wiring) -> dict[str, Signal]:
+    """What `raw` is: encoder counts, or angles as the hardware has them."""
+    unit = "rad" if wiring.counts_per_turn is None else "counts"
+    return {"raw": Signal(unit, "raw joint positions as the hardware gave them", "joint")}
 
 
 @dataclass(frozen=True)
 class Session:
-    """How a session went: `cycles` of the loop, and `missed` ones of the hardware that the loop was too late for."""
+    """How a session went: `cycles` of the loop, `missed` ones of the hardware that the loop was too late for, and what
+    `ended` it before its time, if anything did."""
 
     cycles: int
     missed: int
+    ended: str = ""
+
+
+def warm(wiring: Wiring, renderer: Renderer, scene: Scene) -> None:
+    """Run once what a cycle runs, inside the surface and outside, so that code is compiled before time counts.
+
+    Raises `RendererError` for a renderer that breaks already.
+    """
+    device, kinematics, rates = wiring.device, Kinematics(wiring.device), Rates(wiring.device.dimension)
+    home = device.position(np.zeros(device.dimension))
+    frame = scene.model.boundary.frame(home[None])
+    for side in (-BESIDE, BESIDE):
+        with contextlib.suppress(DomainError):  # of a point that the robot or the renderer does not have
+            joints = device.joints(frame.foot[0] + side * frame.normal[0])
+            kinematics.check(joints)
+            hip, velocity = kinematics.hand(joints, rates.after(scene.sampling_time, joints))
+            start(renderer, hip)
+            _, force = ask(renderer, 0, hip, velocity, scene.sampling_time)
+            torque = scene.inner_loop.torque(device, joints, np.zeros_like(joints), force, mass=scene.mass)
+            wiring.commands(torque)
 
 
 def run(
@@ -45,43 +75,76 @@ def run(
     recorder: Recorder,
     *,
     cycles: int,
-    cutoff: float = 100.0,
+    cutoff: float = CUTOFF,
     tell: Callable[[int], None] | None = None,
 ) -> Session:
-    """Run `cycles` cycles: read, project, answer, command, record; the motors are stopped whatever happens.
+    """Run for `cycles` cycles of the hardware: read, project, answer, command, record; then stop the motors.
 
-    HIP and velocity come from the encoders alone, velocity as their difference through a first-order low-pass of
-    `cutoff` Hz; the scene's inner loop makes torques of the renderer's force. A row has the hardware's stamp.
-    Raises what the hardware raises when it goes, and `RendererError` with the tick when the renderer breaks.
+    They are stopped whatever happens, see `Guarded`. HIP and velocity come from the encoders alone, velocity as their
+    difference through a first-order low-pass of `cutoff` Hz; the scene's inner loop makes torques of the renderer's
+    force. A row has the hardware's stamp.
+
+    Ctrl-C, and a robot or a renderer that is led out of where it is defined, end the session: `ended` says so. Raises
+    `HapticevalError` where the hardware goes or gives nonsense, or stands outside of its workspace at the start, and
+    `RendererError` with the tick when the renderer breaks.
     """
-    device, dt = wiring.device, scene.sampling_time
-    share = blend(cutoff, dt)
-    rates = np.zeros(device.dimension)
-    before: Array | None = None
-    last, missed, done = 0, 0, 0
+    loop = _Loop(wiring, renderer, scene, recorder, cutoff)
+    ended = ""
+    gc.freeze()  # what there is stays: a collection in mid-run then looks at little
     try:
-        for tick in range(cycles):
-            reading = hardware.read()
-            joints = wiring.joints(reading.raw)
-            if before is None:
-                start(renderer, device.position(joints))
-            else:
-                lost = reading.sequence - last - 1
-                if lost > 0:
-                    recorder.missed(lost)
-                    missed += lost
-                rates = rates + share * ((joints - before) / (dt * max(1, lost + 1)) - rates)
-            before, last = joints, reading.sequence
-            hip, velocity = device.position(joints), device.jacobian(joints) @ rates
-            ihip, force = ask(renderer, tick, hip, velocity, dt)
-            torque = scene.inner_loop.torque(device, joints, rates, force, mass=scene.mass)
-            hardware.write(wiring.commands(torque))
-            recorder.append(hip, velocity, ihip, force, joints, torque, reading.raw, at=reading.nanoseconds)
-            done += 1
-            if tell is not None:
-                tell(done)
-    except KeyboardInterrupt:
-        recorder.event("ended", "interrupted by the user")
+        with Guarded(hardware, wiring.device.dimension, scene.sampling_time) as robot:
+            try:
+                while loop.tick + loop.missed < cycles:
+                    reading = robot.read()
+                    loop.step(reading.nanoseconds, reading.sequence, reading.raw, robot.write)
+                    if tell is not None:
+                        tell(loop.tick + loop.missed)
+            except KeyboardInterrupt:
+                ended = "interrupted by the user"
+            except DomainError as error:
+                if loop.tick == 0:
+                    raise HapticevalError(
+                        "the run cannot start where the robot is",
+                        why=f"{error.what}: {error.why}" if error.why else error.what,
+                        todo="move the robot; if it is not there, see the wiring: offsets, directions, counts a turn",
+                    ) from error
+                ended = f"{error.what}: {error.why}" if error.why else error.what
+            except HapticevalError as error:
+                recorder.event("ended", error.what)
+                raise
     finally:
-        hardware.close()
-    return Session(done, missed)
+        gc.unfreeze()
+    if ended:
+        recorder.event("ended", ended)
+    return Session(loop.tick, loop.missed, ended)
+
+
+class _Loop:
+    """What a cycle needs, and what it leaves to the next."""
+
+    def __init__(self, wiring: Wiring, renderer: Renderer, scene: Scene, recorder: Recorder, cutoff: float) -> None:
+        self.wiring, self.renderer, self.scene, self.recorder = wiring, renderer, scene, recorder
+        self.kinematics = Kinematics(wiring.device)
+        self.rates = Rates(wiring.device.dimension, cutoff)
+        self.tick = self.missed = 0
+        self.last = 0
+
+    def step(self, stamp: int, sequence: int, raw: Array, write: Callable[[Array], None]) -> None:
+        """One cycle: from raw positions to motor commands, and a row."""
+        scene, dt = self.scene, self.scene.sampling_time
+        late = sequence - self.last - 1 if self.tick else 0
+        if late:
+            self.recorder.missed(late)
+            self.missed += late
+        self.last = sequence
+        joints = self.wiring.joints(raw)
+        self.kinematics.check(joints)
+        rates = self.rates.after(dt * (late + 1), joints)
+        hip, velocity = self.kinematics.hand(joints, rates)
+        if self.tick == 0:
+            start(self.renderer, hip)
+        ihip, force = ask(self.renderer, self.tick, hip, velocity, dt)
+        torque = scene.inner_loop.torque(self.wiring.device, joints, rates, force, mass=scene.mass)
+        write(self.wiring.commands(torque))
+        self.recorder.append(hip, velocity, ihip, force, joints, torque, raw, at=stamp)
+        self.tick += 1

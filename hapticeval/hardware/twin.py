@@ -1,12 +1,6 @@
-"""The simulated robot as hardware: the plant of closed loops behind encoders and motors, in its own time or in real."""
+"""The simulated robot as hardware: the plant of closed loops behind encoders and motors."""
 
 from __future__ import annotations
-
-import multiprocessing
-import socket
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import numpy as np
 
@@ -14,13 +8,9 @@ from hapticeval.devices.device import Device
 from hapticeval.devices.imperfections import Imperfections
 from hapticeval.errors import HapticevalError
 from hapticeval.hardware.device import Reading
-from hapticeval.hardware.udp import BYE, COMMAND, HELLO, JOINTS, READ, READING, SILENCE, WRITE
 from hapticeval.hardware.wiring import Wiring
 from hapticeval.stimulus import Hand
 from hapticeval.types import Array
-
-SPIN = 200_000
-"""Nanoseconds before a cycle at which waiting turns from sleep to looking at the clock."""
 
 
 class Twin:
@@ -117,59 +107,3 @@ class _Plant:
         )  # fmt: skip
         if taken == 0 or not np.isfinite(joints).all():
             raise HapticevalError("the simulated robot ran away", why="its motors feed energy into it without end")
-
-
-def serve(twin: Twin, connection: socket.socket) -> None:
-    """Run `twin` in real time at `connection`, from a loop's first packet to its last, or until it has gone silent."""
-    connection.settimeout(None)
-    _, loop = connection.recvfrom(COMMAND.size)
-    connection.setblocking(False)
-    cycle = round(twin.dt * 1e9)
-    heard = due = time.monotonic_ns()
-    while True:
-        reading = twin.read()
-        raw = [*reading.raw.tolist(), *([0.0] * JOINTS)][:JOINTS]
-        _wait(due)
-        connection.sendto(READING.pack(READ, reading.sequence, time.monotonic_ns(), *raw), loop)
-        due += cycle
-        _wait(due - cycle // 10)
-        try:
-            while True:
-                mark, count, *values = COMMAND.unpack(connection.recv(COMMAND.size))
-                heard = time.monotonic_ns()
-                if mark == WRITE and count == BYE:
-                    return
-                if mark == WRITE and count != HELLO:
-                    twin.write(np.array(values[: twin.wiring.device.dimension]))
-        except BlockingIOError:
-            pass
-        except ConnectionError:
-            return
-        if time.monotonic_ns() - heard > SILENCE * 1e9:
-            return
-
-
-def _wait(due: int) -> None:
-    """Until the monotonic clock says `due`, ns: asleep for most of it."""
-    left = due - time.monotonic_ns()
-    if left > SPIN:
-        time.sleep((left - SPIN) / 1e9)
-    while time.monotonic_ns() < due:
-        pass
-
-
-@contextmanager
-def running(twin: Twin) -> Iterator[tuple[str, int]]:
-    """`twin` in a process of its own, behind a loopback UDP port: the address to connect to."""
-    connection = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    connection.bind(("127.0.0.1", 0))
-    process = multiprocessing.get_context("fork").Process(target=serve, args=(twin, connection), daemon=True)
-    process.start()
-    try:
-        yield connection.getsockname()
-    finally:
-        process.join(timeout=0.5)
-        if process.is_alive():
-            process.terminate()
-        process.join()
-        connection.close()

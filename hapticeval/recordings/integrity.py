@@ -94,6 +94,7 @@ def examine(
         start=start,
         declared_step=float(declared) if isinstance(declared, int | float) else None,
         valid=recording.valid,
+        sequence=None if recording.clock is None else recording.clock.sequence,
     )
     faults += _counted(recording)
     columns = {}

@@ -6,22 +6,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from hapticeval.recordings.derivative import LAGS, correlation, derivative_fit
 from hapticeval.recordings.finding import Fault, Severity
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.signal_faults import quantum
 from hapticeval.types import Array, BoolArray
 
 COPY_ROWS = 50
 """Fewer moving rows than these can be equal by chance or by design."""
 
-LAGS = 20
-"""Ticks over which a lag is looked for."""
-
 LAG_TICKS = 3
 """A proxy may answer up to three ticks late without being wrong, as peers do."""
-
-NOISY = 3.0
-"""A derivative that varies by less than so many quanta a difference is encoder noise."""
 
 LINEAR = 0.95
 """The steps of a force that is made of IHIP - HIP correlate with those by at least this, at the right lag."""
@@ -82,8 +76,9 @@ def copies(recording: Recording) -> list[Fault]:
 
 
 def _same_by_meaning(a: str, b: str) -> bool:
-    place = {"hip", "ihip", "measured_hip", "joint_position"}
-    return {a, b} <= place or {a, b} in ({"velocity", "measured_velocity"}, {"operator_force", "measured_force"})
+    place = {"hip", "ihip", "measured_hip", "joint_position", "raw"}
+    pairs = ({"velocity", "measured_velocity"}, {"operator_force", "measured_force"}, {"joint_torque", "command"})
+    return {a, b} <= place or {a, b} in pairs
 
 
 def _copy(one: str, other: str, a: Array, b: Array, *, said: bool) -> Fault | None:
@@ -148,7 +143,7 @@ def of_another_run(recording: Recording, other: Recording, name: str) -> list[Fa
 
 
 def velocities(recording: Recording) -> list[Fault]:
-    """Velocities against the derivative of their position: ratio, correlation and lag."""
+    """Velocities against the derivative of their position: ratio, correlation and lag, see `derivative`."""
     pairs = (("hip", "velocity"), ("joint_position", "joint_velocity"), ("ihip", "tool_velocity"))
     faults = []
     for place, speed in pairs:
@@ -165,45 +160,19 @@ def velocities(recording: Recording) -> list[Fault]:
 
 
 def _velocity(recording: Recording, place: str, name: str, position: Array, speed: Array) -> Fault | None:
-    fits = [
-        fit
-        for rows in recording.sound_rows()
-        if (fit := _derivative_fit(position[rows], speed[rows], recording.time[rows])) is not None
-    ]
-    if not fits:
+    fit = derivative_fit(position, speed, recording.time, _sound(recording))
+    if fit is None:
         return None
-    slope, like, lag, _ = max(fits, key=lambda fit: fit[3])
-    measures = {"ratio": slope, "correlation": like, "lag": lag}
-    if like < LIKE:
-        message = f"it is no derivative of '{place}': correlation {like:.2f} at best"
-    elif abs(slope - 1.0) > SLOPE:
-        message = f"it is {slope:.4g} times the derivative of '{place}': sign or unit?"
-    elif abs(lag) > LAGS // 2:
-        message = f"it is {abs(lag)} ticks {'behind' if lag > 0 else 'ahead of'} the derivative of '{place}'"
+    measures = {"ratio": fit.ratio, "correlation": fit.correlation, "lag": fit.lag, "window": fit.window}
+    if fit.correlation < LIKE:
+        message = f"it is no derivative of '{place}': correlation {fit.correlation:.2f} at best"
+    elif abs(fit.ratio - 1.0) > SLOPE:
+        message = f"it is {fit.ratio:.4g} times the derivative of '{place}': sign or unit?"
+    elif abs(fit.lag) > LAGS // 2:
+        message = f"it is {abs(fit.lag)} ticks {'behind' if fit.lag > 0 else 'ahead of'} the derivative of '{place}'"
     else:
         return None
     return Fault("velocity", Severity.SUSPICIOUS, message, "see its column, unit and sign", name, measures=measures)
-
-
-def _derivative_fit(position: Array, speed: Array, time: Array) -> tuple[float, float, int, int] | None:
-    """Ratio, correlation, lag in ticks, rows; None where too little moves above the noise of the differences."""
-    if position.size < 4 * LAGS:
-        return None
-    width = 4  # rows on either side: a derivative over nine rows is quiet enough to compare with
-    rate = (position[2 * width :] - position[: -2 * width]) / (time[2 * width :] - time[: -2 * width])
-    smooth = np.convolve(speed, np.ones(2 * width) / (2 * width), "valid")[: rate.size]
-    noise = (quantum(position) or 0.0) / float(np.median(time[2 * width :] - time[: -2 * width]))
-    if np.std(rate) <= NOISY * noise:
-        return None
-    best, at = 0.0, 0
-    for lag in range(-LAGS, LAGS + 1):
-        x, y = (rate[: rate.size - lag], smooth[lag:]) if lag >= 0 else (rate[-lag:], smooth[: rate.size + lag])
-        like = _correlation(x, y)
-        if abs(like) > abs(best) + 1e-12 or (abs(like) >= abs(best) - 1e-12 and abs(lag) < abs(at)):
-            best, at = like, lag
-    x, y = (rate[: rate.size - at], smooth[at:]) if at >= 0 else (rate[-at:], smooth[: rate.size + at])
-    slope = float(np.dot(x, y) / np.dot(x, x)) if np.any(x) else float("inf")
-    return slope, abs(best), at, position.size
 
 
 def force_lag(recording: Recording) -> list[Fault]:
@@ -218,10 +187,10 @@ def force_lag(recording: Recording) -> list[Fault]:
         return []
     for lag in range(-LAGS, LAGS + 1):
         x, y = (reach[: len(reach) - lag], force[lag:]) if lag >= 0 else (reach[-lag:], force[: len(force) + lag])
-        like = _correlation(x.ravel(), y.ravel())
+        like = correlation(x.ravel(), y.ravel())
         if like > best + 1e-12:
             best, at = like, lag
-    there = _correlation(reach.ravel(), force.ravel())
+    there = correlation(reach.ravel(), force.ravel())
     if best < LINEAR or best - there < 1.0 - LINEAR or not LAG_TICKS < abs(at) < LAGS:
         return []
     when = "after" if at > 0 else "before"
@@ -268,9 +237,3 @@ def _sound(recording: Recording) -> BoolArray:
 
 def _part(recording: Recording, name: str, column: int) -> str:
     return "xyz"[column] if recording.signals[name].frame == "world" else str(column)
-
-
-def _correlation(x: Array, y: Array) -> float:
-    x, y = x - x.mean(), y - y.mean()
-    scale = float(np.sqrt(np.dot(x, x) * np.dot(y, y)))
-    return float(np.dot(x, y)) / scale if scale > 0.0 else 0.0

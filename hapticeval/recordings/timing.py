@@ -21,8 +21,8 @@ SETTING = 0.01
 
 @dataclass(frozen=True)
 class Timing:
-    """Of `rows` stamps: the median step (s), the mean rate (Hz) between gaps, and the deviation of steps from the
-    median, s, at 50, 95, 99 and 100 per cent; `missing` rows and the seconds in gaps."""
+    """Of `rows` stamps: the median step (s), the mean rate (Hz) of cycles, and the deviation of steps from the median,
+    s, at 50, 95, 99 and 100 per cent; `missing` rows and the seconds in gaps."""
 
     rows: int
     step: float
@@ -33,12 +33,18 @@ class Timing:
 
 
 def examine_timing(
-    stamps: IntArray, *, start: int = 0, declared_step: float | None = None, valid: BoolArray | None = None
+    stamps: IntArray,
+    *,
+    start: int = 0,
+    declared_step: float | None = None,
+    valid: BoolArray | None = None,
+    sequence: IntArray | None = None,
 ) -> tuple[Timing, list[Fault]]:
     """The timing of stamps (n,), ns, in the order in which they were recorded, and what is wrong with it.
 
     Times in findings count from `start` (ns). `declared_step` (s) is what the loop was meant to take. A gap beside rows
-    that are not `valid` is a note.
+    that are not `valid` is a note. How many rows are missing there is told by the cycle numbers `sequence` (n,), where
+    there are any, or else by how long it is; the rate is that of all cycles, or else that of the rows between gaps.
     """
     seconds: Array = (stamps - start) / 1e9
     steps = np.diff(stamps)
@@ -63,18 +69,14 @@ def examine_timing(
                 (float(seconds[row]),) * 2,
             )
         )
-    missing, lost = 0, 0.0
-    late = steps > (1.0 + HALF) * median
-    gaps = [row for row in np.flatnonzero(late) if not _caught_up(stamps, int(row), median)]
-    for row in gaps:
-        count = round(steps[row] / median) - 1
-        missing += count
-        lost += 1e-9 * float(steps[row] - median)
+    gaps = _gaps(stamps, steps, median) if sequence is None else _counted(sequence, steps, median)
+    for row, count in gaps.items():
+        lost = 1e-9 * (float(steps[row]) - median)
         faults.append(
             Fault(
                 "gap",
                 Severity.SUSPICIOUS if valid is None or valid[row : row + 2].all() else Severity.NOTE,
-                f"about {count} row{'s' * (count != 1)} missing ({1e-9 * (steps[row] - median):.4g} s)",
+                f"{'about ' * (sequence is None)}{count} row{'s' * (count != 1)} missing ({lost:.4g} s)",
                 "checks run on either side of it; see whether the loop or the logger was late",
                 "time",
                 int(row),
@@ -83,11 +85,16 @@ def examine_timing(
                 {"missing": count},
             )
         )
-    regular = np.delete(steps, gaps)
+    missing = sum(gaps.values())
+    lost = 1e-9 * sum(float(steps[row]) - median for row in gaps)
+    regular = np.delete(steps, list(gaps))
     regular = regular[regular > 0]
-    off = np.abs(regular - median) * 1e-9
+    off = np.abs(regular - median) * 1e-9 if regular.size else np.zeros(1)
     jitter = tuple(float(value) for value in np.percentile(off, [50, 95, 99, 100]))
-    mean = float(np.mean(regular)) * 1e-9
+    mean = 1e-9 * float(np.mean(regular)) if regular.size else 1e-9 * median
+    if sequence is not None and sequence[-1] > sequence[0] and stamps[-1] > stamps[0]:
+        # A row after a gap is late as a rule, and the next step short: only all cycles together have no bias.
+        mean = 1e-9 * float(stamps[-1] - stamps[0]) / float(sequence[-1] - sequence[0])
     timing = Timing(int(stamps.size), median * 1e-9, 1.0 / mean, jitter, missing, lost)  # type: ignore[arg-type]
     if declared_step is not None and abs(mean - declared_step) > SETTING * declared_step:
         faults.append(
@@ -101,6 +108,18 @@ def examine_timing(
             )
         )
     return timing, faults
+
+
+def _gaps(stamps: IntArray, steps: IntArray, median: float) -> dict[int, int]:
+    """Rows after which some are missing, and how many, by the length of the steps."""
+    late = np.flatnonzero(steps > (1.0 + HALF) * median)
+    return {int(row): round(float(steps[row]) / median) - 1 for row in late if not _caught_up(stamps, int(row), median)}
+
+
+def _counted(sequence: IntArray, steps: IntArray, median: float) -> dict[int, int]:
+    """The same by the numbers of the cycles, which know: a row that is only late is there."""
+    jumps = np.diff(sequence)
+    return {int(row): int(jumps[row]) - 1 for row in np.flatnonzero((jumps > 1) & (steps > (1.0 + HALF) * median))}
 
 
 def _caught_up(stamps: IntArray, row: int, median: float) -> bool:

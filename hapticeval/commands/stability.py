@@ -1,0 +1,70 @@
+"""Whether the sampled loop can hold a scene's stiffness, for a warning before a robot is let run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hapticeval.errors import DomainError, InputError
+from hapticeval.geometry.curve import Curve
+from hapticeval.renderer import RendererFactory
+from hapticeval.scene import Scene
+
+if TYPE_CHECKING:
+    from hapticeval.limits.linear import Gains
+    from hapticeval.limits.search import Family
+
+PLACES = 12
+"""Points of the boundary that are tried: the robot's inertia at the hand varies over centimetres."""
+
+
+def too_stiff(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
+    """In words, where the loop with velocities of `cutoff` (Hz) is unstable without a hand; empty where it holds.
+
+    The eigenvalues of `hapticeval.limits`, around rest at points of the boundary, of the motion across the surface: that
+    a tool slides off where it is pressed on a convex one is no matter of sampling. Empty too for what they cannot tell:
+    a renderer without gains that grow with the stiffness.
+    """
+    from hapticeval.limits.linear import Place, SampledLoop, robot_at
+    from hapticeval.limits.search import eigenvalue_limit, family_of
+
+    boundary = scene.model.boundary
+    points = boundary.outline(PLACES) if isinstance(boundary, Curve) else boundary.points(PLACES)
+    sensed = replace(scene, imperfections=replace(scene.imperfections, velocity_cutoff=cutoff))
+    frame = boundary.frame(points)
+    places = [Place(*each) for each in zip(frame.foot, frame.normal, strict=True)]
+    try:
+        family = _across(family_of(factory, scene, places[0]))
+    except (InputError, DomainError):
+        return ""
+    found = []
+    for place in places:
+        try:
+            loop = SampledLoop(sensed, robot_at(scene.robot, place.point))
+        except DomainError:  # the part of an endless surface that the robot does not reach
+            continue
+        facing = family.facing(place)
+        if loop.growth(facing.at(scene.stiffness)) >= 1.0:
+            found.append((eigenvalue_limit(loop, facing, steps=12), place))
+    if not found:
+        return ""
+    limit, place = min(found, key=lambda each: each[0])
+    where = ", ".join(f"{1e3 * value:.4g}" for value in place.point)
+    return (
+        f"without a hand the sampled loop cannot hold {scene.stiffness:.4g} N/m: at ({where}) mm it is stable up to "
+        f"{limit:.4g} N/m; choose a lower --stiffness, a faster --rate, or another --damping"
+    )
+
+
+def _across(family: Family) -> Family:
+    """The gains along the normal alone."""
+    from hapticeval.limits.linear import Gains
+
+    across = np.outer(family.place.normal, family.place.normal)
+
+    def kept(gains: Gains) -> Gains:
+        return Gains(*(across @ part @ across for part in (gains.now, gains.before, gains.rate)))
+
+    return replace(family, offset=kept(family.offset), slope=kept(family.slope))

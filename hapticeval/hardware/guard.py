@@ -1,0 +1,124 @@
+"""A driver made safe for a loop: what it gives is checked, it may not hang, and its motors are stopped at the end."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable
+from types import FrameType, TracebackType
+from typing import Any, TypeVar
+
+import numpy as np
+
+from hapticeval.errors import HapticevalError
+from hapticeval.hardware.device import HardwareDevice, Reading
+from hapticeval.playback import origin
+from hapticeval.types import Array
+
+PATIENCE = 2.0
+"""Seconds that a cycle may take before the hardware counts as gone, but four cycles at least."""
+
+R = TypeVar("R")
+
+
+class Guarded:
+    """`hardware` with `joints` joints and cycles of `dt` seconds, as a context that leaves its motors at rest.
+
+    Whatever a driver raises becomes a `HapticevalError` that names the cycle, and so do readings that are no numbers.
+    A cycle that does not end within `PATIENCE` is broken off by a timer signal, which only the main thread can have,
+    and which a driver that waits in foreign code without returning to Python does not see: give it a time limit.
+    """
+
+    def __init__(self, hardware: HardwareDevice, joints: int, dt: float) -> None:
+        self._hardware, self._joints = hardware, joints
+        self._patience = max(PATIENCE, 4.0 * dt)
+        self._cycle = 0
+        self._last: int | None = None
+        self._doing = "the driver"
+        self._watched = threading.current_thread() is threading.main_thread()
+
+    def __enter__(self) -> Guarded:
+        if self._watched:
+            self._before = signal.signal(signal.SIGALRM, self._late)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self._stop(error)
+        finally:
+            if self._watched:
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+                signal.signal(signal.SIGALRM, self._before)
+
+    def read(self) -> Reading:
+        """The next reading: as many finite numbers as joints, and a count that is later than the last."""
+        self._cycle += 1
+        given = self._asked("read()", self._hardware.read)
+        try:
+            nanoseconds, sequence, raw = given
+            reading = Reading(int(nanoseconds), int(sequence), np.array(raw, dtype=np.float64))
+        except (TypeError, ValueError) as error:
+            raise self._error(f"gave {_short(given)}", "a reading is (nanoseconds, sequence, raw positions)") from error
+        if reading.raw.shape != (self._joints,):
+            raise self._error(
+                f"gave raw positions of shape {reading.raw.shape}", f"the robot has {self._joints} joints"
+            )
+        if not np.isfinite(reading.raw).all():
+            raise self._error(f"gave raw positions {reading.raw.tolist()}", "they must be finite")
+        if self._last is not None and reading.sequence <= self._last:
+            raise self._error(
+                f"counted cycle {reading.sequence} after cycle {self._last}", "the count of cycles must increase"
+            )
+        self._last = reading.sequence
+        self._doing = "the renderer"
+        return reading
+
+    def write(self, command: Array) -> None:
+        """Hand over motor commands (N,)."""
+        self._asked("write()", lambda: self._hardware.write(command))
+
+    def _asked(self, what: str, call: Callable[[], R]) -> R:
+        self._doing = f"the driver's {what}"
+        if self._watched:
+            signal.setitimer(signal.ITIMER_REAL, self._patience, self._patience)
+        try:
+            return call()
+        except HapticevalError:
+            raise
+        except Exception as error:
+            raise HapticevalError(
+                f"the driver's {what} raised {type(error).__name__} in cycle {self._cycle}: {error}",
+                why=origin(error),
+            ) from error
+
+    def _stop(self, cause: BaseException | None) -> None:
+        """Command zero and close, both in any case; say so if either fails, for then the motors may still be on."""
+        problems = []
+        for what, call in (
+            ("write()", lambda: self._hardware.write(np.zeros(self._joints))),
+            ("close()", self._hardware.close),
+        ):
+            try:
+                self._asked(what, call)
+            except HapticevalError as error:
+                problems.append(error.what)
+        if problems:
+            ended = f"; the run had ended because: {cause}" if cause is not None else ""
+            raise HapticevalError(
+                "the motors may still be on", why="; ".join(problems) + ended, todo="switch them off"
+            ) from cause
+
+    def _error(self, what: str, why: str) -> HapticevalError:
+        return HapticevalError(f"the driver's read() {what} in cycle {self._cycle}", why=why)
+
+    def _late(self, _number: int, _frame: FrameType | None) -> None:
+        raise HapticevalError(
+            f"{self._doing} has not come back for {self._patience:g} s in cycle {self._cycle}",
+            todo="see that the hardware is on and answers",
+        )
+
+
+def _short(value: Any) -> str:
+    return f"a {type(value).__name__}: {str(value)[:60]}"
