@@ -42,6 +42,9 @@ Examples:
   hapticeval run -k '*corner*' -r constraint   only the cases whose name has corner in it
   hapticeval list cases                        what there is to run
   hapticeval explain continuous-contact        what a check measures, its bound, and why
+  hapticeval run dynamics                      in closed loop with a robot, against chapters 6.3 and 7
+  hapticeval record -o run.h5                  record a robot; here the simulated one, in real time
+  hapticeval replay run.h5 -r constraint       a recorded hand path through another renderer
   hapticeval bench --quick                     what accuracy costs in time
 """
 
