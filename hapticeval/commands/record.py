@@ -86,7 +86,7 @@ def record(
     from hapticeval.commands.stability import too_stiff
     from hapticeval.discovery import resolve
     from hapticeval.hardware.kinematics import CUTOFF
-    from hapticeval.hardware.session import channels, run, signals, warm
+    from hapticeval.hardware.session import channels, run, signals
     from hapticeval.judging import built
     from hapticeval.recordings.recorder import Recorder
     from hapticeval.renderer import Renderer
@@ -107,7 +107,6 @@ def record(
     warning = too_stiff(factory, scene, cutoff=CUTOFF)
     if warning:
         typer.echo(f"warning: {warning}", err=True)
-    warm(wired, made, scene)
     cycles = max(1, round(seconds * rate))
     meta = _meta(scene, wired, renderer, hardware=hardware, who=who)
     failure: HapticevalError | None = None
@@ -126,7 +125,7 @@ def record(
                 terminal.working(done - 1, cycles, f"{done / rate:.0f} of {seconds:g} s")
 
         try:
-            session = run(connect(), wired, made, scene, recorder, cycles=cycles, tell=tell)
+            session = run(connect, wired, made, scene, recorder, cycles=cycles, tell=tell)
         except HapticevalError as error:
             failure = error
         summary = recorder.close()

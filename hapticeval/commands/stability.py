@@ -23,9 +23,9 @@ PLACES = 12
 def too_stiff(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
     """In words, where the loop with velocities of `cutoff` (Hz) is unstable without a hand; empty where it holds.
 
-    The eigenvalues of `hapticeval.limits`, around rest at points of the boundary, of the motion across the surface: that
-    a tool slides off where it is pressed on a convex one is no matter of sampling. Empty too for what they cannot tell:
-    a renderer without gains that grow with the stiffness.
+    The eigenvalues of `hapticeval.limits`, around rest at points of the boundary, of the motion across the surface:
+    that a tool slides off where it is pressed on a convex one is no matter of sampling. Empty too for what they cannot
+    tell: a renderer without gains that grow with the stiffness.
     """
     from hapticeval.limits.linear import Place, SampledLoop, robot_at
     from hapticeval.limits.search import eigenvalue_limit, family_of

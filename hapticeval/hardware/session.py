@@ -68,7 +68,7 @@ def warm(wiring: Wiring, renderer: Renderer, scene: Scene) -> None:
 
 
 def run(
-    hardware: HardwareDevice,
+    connect: Callable[[], HardwareDevice],
     wiring: Wiring,
     renderer: Renderer,
     scene: Scene,
@@ -80,9 +80,10 @@ def run(
 ) -> Session:
     """Run for `cycles` cycles of the hardware: read, project, answer, command, record; then stop the motors.
 
-    They are stopped whatever happens, see `Guarded`. HIP and velocity come from the encoders alone, velocity as their
-    difference through a first-order low-pass of `cutoff` Hz; the scene's inner loop makes torques of the renderer's
-    force. A row has the hardware's stamp.
+    The hardware is opened by `connect` when all else is ready, code compiled and loaded. Its motors are stopped
+    whatever happens, see `Guarded`. HIP and velocity come from the encoders alone, velocity as their difference through
+    a first-order low-pass of `cutoff` Hz; the scene's inner loop makes torques of the renderer's force. A row has the
+    hardware's stamp.
 
     Ctrl-C, and a robot or a renderer that is led out of where it is defined, end the session: `ended` says so. Raises
     `HapticevalError` where the hardware goes or gives nonsense, or stands outside of its workspace at the start, and
@@ -90,9 +91,10 @@ def run(
     """
     loop = _Loop(wiring, renderer, scene, recorder, cutoff)
     ended = ""
+    warm(wiring, renderer, scene)
     gc.freeze()  # what there is stays: a collection in mid-run then looks at little
     try:
-        with Guarded(hardware, wiring.device.dimension, scene.sampling_time) as robot:
+        with Guarded(connect(), wiring.device.dimension, scene.sampling_time) as robot:
             try:
                 while loop.tick + loop.missed < cycles:
                     reading = robot.read()

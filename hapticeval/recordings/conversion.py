@@ -92,6 +92,9 @@ def convert(table: Table, mapping: FileMapping, *, file: str = "") -> Recording:
     if resampled:
         notes["resampled"] = resampled
     meta = {"source": "file", **({"file": file} if file else {}), **mapping.meta, "import": notes}
+    if mapping.device is not None:
+        known = {key: value for key, value in mapping.device.items() if key != "kind"}
+        meta |= {"device": mapping.device["kind"], "device_parameters": known}
     return Recording.clocked(Clock(stamps, start=start), channels, meta, valid=valid, signals=signals)
 
 

@@ -18,6 +18,23 @@
     divide = "0.075 m"                      # the lever: N m / m is N, and so it is checked
     sign = -1
 
+    [channels.raw]                          # encoders, and motors, of the robot that [device] says
+    columns = ["enc1", "enc2"]
+    unit = "counts"                         # an angle where [device] has no counts_per_turn
+    sign = 1                                # turned by directions, below
+    [channels.command]
+    columns = ["u1", "u2"]
+    unit = "V"                              # what torque_per_command is for
+    sign = 1
+
+    [device]
+    kind = "parallelogram-2dof"
+    counts_per_turn = 262144
+    offsets = [1210, -340]                  # raw readings at joint angle zero
+    directions = [1, -1]                    # of encoder and motor of each joint
+    torque_per_command = 0.35               # N m
+    l1 = 0.3                                # of Table A.1, where it is not so
+
     [gaps]
     column = "pen"
     where = 0                               # rows that are no data
@@ -26,7 +43,8 @@
     device = "rig 7"
 
 A channel's value is sign * column * unit * scale / divide + offset, and its dimension has to come out as the channel's.
-Channels that hapticeval does not know say what they are: `becomes` (an SI unit), `meaning`, `frame`.
+Channels that hapticeval does not know say what they are: `becomes` (an SI unit), `meaning`, `frame`. Of a log with a
+`[device]`, HIP, velocity and force follow from its joints and motors, where no column is mapped to them.
 """
 
 from __future__ import annotations
@@ -44,6 +62,9 @@ from hapticeval.recordings.channels import CHANNELS, Signal
 from hapticeval.recordings.units import Unit, parse_quantity, parse_unit
 
 UNKNOWN = "?"
+
+WIRED = {"raw": "raw joint positions as the hardware gave them", "command": "motor commands"}
+"""Channels that are known where there is a `[device]`: what the numbers mean is for that to say."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +100,7 @@ class FileMapping:
     channels: Mapping[str, Source]
     gaps: tuple[str, float] | None = None
     meta: Mapping[str, Any] = field(default_factory=dict)
+    device: Mapping[str, Any] | None = None
 
 
 def read_mapping(path: Path | str) -> FileMapping:
@@ -96,17 +118,18 @@ def read_mapping(path: Path | str) -> FileMapping:
 def parse_mapping(document: Mapping[str, Any], *, name: str = "the mapping") -> FileMapping:
     """The mapping of a document as TOML gives it. Raises `InputError`, naming the place, for one not complete."""
     _validate(document, name)
-    gaps = document.get("gaps")
+    gaps, device = document.get("gaps"), document.get("device")
     return FileMapping(
         title=document.get("title", ""),
         format=document.get("format"),
         time=_placed(f"{name}: [time]", _time, document["time"]),
         channels={
-            channel: _placed(f"{name}: [channels.{channel}]", _source, spec, channel)
+            channel: _placed(f"{name}: [channels.{channel}]", _source, _wired(spec, channel, device), channel)
             for channel, spec in document["channels"].items()
         },
         gaps=None if gaps is None else (gaps["column"], float(gaps["where"])),
         meta=document.get("meta", {}),
+        device=device,
     )
 
 
@@ -144,6 +167,15 @@ def _time(spec: Mapping[str, Any]) -> TimeBase:
         from_zero=spec.get("start", "zero") == "zero",
         mask_disorder=spec.get("disorder") == "mask",
     )
+
+
+def _wired(spec: Mapping[str, Any], channel: str, device: Mapping[str, Any] | None) -> Mapping[str, Any]:
+    """A channel of `WIRED` with what its unit becomes: counts or an angle of encoders, and of motors what it is."""
+    if device is None or channel not in WIRED:
+        return spec
+    encoders = "counts" if "counts_per_turn" in device else "rad"
+    becomes = encoders if channel == "raw" else spec["unit"]
+    return {"becomes": becomes, "meaning": WIRED[channel], "frame": "joint", **spec}
 
 
 def _source(spec: Mapping[str, Any], channel: str) -> Source:
