@@ -204,7 +204,7 @@ def report(
 
 app.command(epilog=record.EXIT_CODES)(record.record)
 app.command(epilog=inspect.EXIT_CODES)(inspect.inspect)
-app.command()(convert.convert)
+app.command(epilog=convert.EXIT_CODES)(convert.convert)
 app.command(epilog=replay.EXIT_CODES)(replay.replay)
 app.command(epilog=compare.EXIT_CODES)(compare.compare)
 app.command(epilog=bench.EXIT_CODES)(bench.bench)

@@ -27,5 +27,10 @@ MappingFile = Annotated[
 ]
 FormatName = Annotated[
     str | None,
-    typer.Option("--format", metavar="NAME", help="Its format, where it cannot be told.", show_default=False),
+    typer.Option(
+        "--format",
+        metavar="NAME",
+        help="Its format, where it cannot be told: a name, or module:function of an importer of yours.",
+        show_default=False,
+    ),
 ]

@@ -84,12 +84,13 @@ def compare(
 
 
 def _run(text: str, mapping: Path | None, format_: str | None) -> Run:
+    from hapticeval.hardware.logs import load
     from hapticeval.recordings.alignment import Run
-    from hapticeval.recordings.conversion import is_recording, load_recording
+    from hapticeval.recordings.loading import is_ours
 
     renderer, equals, name = text.partition("=")
     file = Path(name if equals else text)
-    recording = load_recording(file, mapping=None if is_recording(file) else mapping, format=format_)
+    recording = load(file, mapping=None if is_ours(file) else mapping, format=format_)
     recording.require("hip", "force")
     said = renderer if equals else recording.meta.get("renderer")
     if not isinstance(said, str) or not said:

@@ -7,7 +7,15 @@ from typing import Annotated
 
 import typer
 
+from hapticeval.commands.arguments import FormatName, MappingFile
 from hapticeval.output import say
+
+EXIT_CODES = """\b
+Exit codes:
+  0  converted
+  1  converted, but something is missing or suspicious
+  2  wrong usage, or unreadable; nothing is written
+"""
 
 
 def convert(
@@ -15,29 +23,30 @@ def convert(
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="FILE", help="The file to write: .h5, .mat, .csv or .npz.")
     ],
-    mapping: Annotated[
-        Path | None,
-        typer.Option("--mapping", metavar="TOML", help="What the columns of a foreign file are.", show_default=False),
-    ] = None,
-    format_: Annotated[
-        str | None,
-        typer.Option(
-            "--format", metavar="NAME", help="A format by name, or package.module:function.", show_default=False
-        ),
-    ] = None,
+    mapping: MappingFile = None,
+    format_: FormatName = None,
+    salvage: Annotated[
+        bool, typer.Option("--salvage", help="Of a recording that is cut short or damaged take what is whole.")
+    ] = False,
 ) -> None:
-    """Convert a foreign file to a recording, or a recording to .mat, .csv or .npz. Nothing is written over.
+    """Convert a foreign file or a journal to a recording, or a recording to .mat, .csv or .npz. Nothing is written over.
+
+    The journal of a run that crashed is beside where its recording would be. What a file lacks is told, and is kept in the recording's events.
 
     \b
     Examples:
       hapticeval convert log.mat --mapping rig.toml -o run7.h5
+      hapticeval convert run7.journal -o run7.h5
       hapticeval convert run7.h5 -o run7.csv
+      hapticeval convert cut.h5 --salvage -o whole.h5
     """
-    from hapticeval.recordings.conversion import load_recording
+    from hapticeval.hardware.logs import load
     from hapticeval.recordings.export import export, refuse_existing
+    from hapticeval.recordings.losses import told_losses
     from hapticeval.recordings.tell import converted
 
     refuse_existing(output)
-    recording = load_recording(file, mapping=mapping, format=format_)
+    recording = load(file, mapping=mapping, format=format_, salvaging=salvage)
     export(output, recording)
     say(f"{converted(recording)}\nwrote {output}")
+    raise typer.Exit(int(bool(told_losses(recording))))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hapticeval.commands.arguments import FormatName, MappingFile
 from hapticeval.output import say
 
 if TYPE_CHECKING:
@@ -24,20 +25,12 @@ Exit codes:
 
 def inspect(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording, or a foreign file.", show_default=False)],
-    mapping: Annotated[
-        Path | None,
-        typer.Option("--mapping", metavar="TOML", help="What the columns of a foreign file are.", show_default=False),
-    ] = None,
+    mapping: MappingFile = None,
     write_mapping: Annotated[
         Path | None,
         typer.Option("--write-mapping", metavar="TOML", help="Write the proposed mapping here.", show_default=False),
     ] = None,
-    format_: Annotated[
-        str | None,
-        typer.Option(
-            "--format", metavar="NAME", help="A format by name, or package.module:function.", show_default=False
-        ),
-    ] = None,
+    format_: FormatName = None,
     model: Annotated[
         str | None,
         typer.Option("--model", metavar="MODEL", help="What was touched, as in circle:size=0.2.", show_default=False),
@@ -54,7 +47,8 @@ def inspect(
 ) -> None:
     """Examine a recording: clock, channels, units, and what has to follow from what.
 
-    Of a foreign file without a mapping it shows the columns and proposes a mapping.
+    Of a foreign file without a mapping it shows the columns and proposes a mapping; of a damaged recording, and of the
+    journal of a run that crashed, it examines what is whole.
 
     \b
     Examples:
@@ -63,19 +57,20 @@ def inspect(
       hapticeval inspect log.mat --mapping rig.toml
       hapticeval inspect run7.h5 --model circle:size=0.2 --stiffness 1000 --against run6.h5
     """
-    from hapticeval.recordings.conversion import is_recording, load_recording
+    from hapticeval.hardware.logs import load
     from hapticeval.recordings.formats import read_table
+    from hapticeval.recordings.loading import is_ours
 
-    if mapping is None and not is_recording(file):
+    if mapping is None and not is_ours(file):
         raise typer.Exit(_foreign(read_table(file, format=format_), file, write_mapping))
-    recording = load_recording(file, mapping=mapping, format=format_)
-    others = {other.name: load_recording(other, mapping=mapping) for other in against or []}
+    recording = load(file, mapping=mapping, format=format_, salvaging=True)
+    others = {other.name: load(other, mapping=None if is_ours(other) else mapping) for other in against or []}
     raise typer.Exit(_examined(recording, file, model, stiffness, others, directory))
 
 
 def _foreign(table: Table, file: Path, write_mapping: Path | None) -> int:
     """Show the columns, and a mapping to begin with."""
-    from hapticeval.recordings.export import refuse_existing
+    from hapticeval.files import creating
     from hapticeval.recordings.formats import formats
     from hapticeval.recordings.proposal import propose
 
@@ -83,8 +78,8 @@ def _foreign(table: Table, file: Path, write_mapping: Path | None) -> int:
     parts = [f"{file}: {formats()[table.format].about if table.format in formats() else table.format}", text]
     parts += [f"remark: {remark}" for remark in table.remarks] + [f"suspicious: {text}" for text in table.warnings]
     if write_mapping is not None:
-        refuse_existing(write_mapping)
-        write_mapping.write_text(text, encoding="utf-8")
+        with creating(write_mapping) as temporary:
+            temporary.write_text(text, encoding="utf-8")
         parts.append(f"wrote {write_mapping}")
     else:
         parts.append(f"To keep it: hapticeval inspect {file.name} --write-mapping mapping.toml")

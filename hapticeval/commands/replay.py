@@ -10,6 +10,7 @@ import typer
 
 from hapticeval.commands.arguments import FormatName, MappingFile
 from hapticeval.commands.running import cores, report_on, watch
+from hapticeval.errors import InputError
 from hapticeval.output import DEFAULT_DIRECTORY, prepare, say
 
 if TYPE_CHECKING:
@@ -75,10 +76,16 @@ def replay(
       hapticeval replay run7.h5 --as-recorded
     """
     from hapticeval.discovery import own_renderers
-    from hapticeval.recordings.conversion import load_recording
+    from hapticeval.hardware.logs import load
     from hapticeval.replay.subject import subject
 
-    recording = load_recording(file, mapping=mapping, format=format_)
+    if file.resolve().is_relative_to((directory / "recordings").resolve()) and not as_recorded:
+        raise InputError(
+            f"{file} is a recording of the results in '{directory}', which a replay into that folder would remove",
+            why="new results take the place of earlier ones",
+            todo="name another folder with -o",
+        )
+    recording = load(file, mapping=mapping, format=format_)
     made = subject(file, recording, model=_model(model), suite_case=suite_case, scene=scene or ())
     if as_recorded:
         raise typer.Exit(_as_recorded(made, renderers))

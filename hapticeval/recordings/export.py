@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
-from hapticeval.files import plain, replacing
+from hapticeval.files import creating, plain
 from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array
 
@@ -32,7 +32,7 @@ def export(path: Path | str, recording: Recording) -> Path:
         raise UnknownNameError("file ending", path.suffix, WRITERS)
     refuse_existing(path)
     try:
-        with replacing(path) as temporary:
+        with creating(path) as temporary:
             write(temporary, recording)
     except OSError as error:
         raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error

@@ -44,6 +44,10 @@ DAMAGE = (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError
 """h5py speaks of one and the same damage in all of these, by where it strikes."""
 
 
+class DamagedError(InputError):
+    """A recording of ours that is cut short or damaged: what is whole of it `salvage` finds."""
+
+
 def write_recording(path: Path, recording: Recording, *, replace: bool = False) -> None:
     """Write a recording so that it reads back bit for bit; the file is there whole or not at all.
 
@@ -294,10 +298,10 @@ def text(holder: Any, name: str) -> str | None:
     return value.decode() if isinstance(value, bytes) else value
 
 
-def damaged(path: Path, why: str) -> InputError:
+def damaged(path: Path, why: str) -> DamagedError:
     """The error of a file that cannot be read as a run."""
-    return InputError(
+    return DamagedError(
         f"the recording {path} is cut short or damaged",
         why=why,
-        todo="copy it again; or take what is whole of it: hapticeval.recordings.salvage.salvage(path)",
+        todo="copy it again; or take what is whole of it: hapticeval convert FILE --salvage -o WHOLE.h5",
     )

@@ -16,7 +16,6 @@ import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -181,9 +180,3 @@ def _said(view: memoryview, at: int) -> int | None:
         return None
     mark, kind, _, rows, length, _ = BLOCK.unpack_from(view, at)
     return rows if mark == MARK and kind == Kind.ROWS and rows and length % rows == 0 else None
-
-
-def is_journal(path: Path) -> bool:
-    """Whether a file begins as journals do."""
-    with path.open("rb") as opened:
-        return opened.read(len(MAGIC)) == MAGIC

@@ -25,6 +25,16 @@ class Loss:
         return f"{self.what}, {self.where}: {self.rows} rows ({self.seconds:.3g} s)"
 
 
+LOST = "lost"
+"""The kind of the events that tell of losses, so that a recording made of a damaged file goes on saying so."""
+
+
+def told_losses(recording: Recording) -> tuple[str, ...]:
+    """What a recording says that it lacks: rows of a damaged file that are lost, and what an import warned of."""
+    lost = tuple(event.text for event in recording.events if event.kind == LOST)
+    return lost + tuple(str(text) for text in recording.meta.get("import", {}).get("warnings", ()))
+
+
 @dataclass(frozen=True)
 class Salvaged:
     """What is whole of a file, as a recording, and the `losses`; of a sound file there are none."""

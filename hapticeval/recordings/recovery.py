@@ -14,7 +14,7 @@ import numpy as np
 from hapticeval.errors import InputError
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.journal import MAGIC, Block, Hole, Kind, Layout, blocks
-from hapticeval.recordings.losses import Loss, Salvaged
+from hapticeval.recordings.losses import LOST, Loss, Salvaged
 from hapticeval.recordings.recording import Clock, Event, Recording
 from hapticeval.types import BoolArray, IntArray
 
@@ -144,7 +144,7 @@ def _made(read: _Read, layout: Layout, rows: Any, losses: Sequence[Loss]) -> Sal
         events.append(Event(last, "ended", read.end["how"]))
     if not valid.all():
         events.append(Event(last, "not-valid", f"{np.count_nonzero(~valid)} rows are not finite or out of order"))
-    events += [Event(last, "lost", str(loss)) for loss in losses]
+    events += [Event(last, LOST, str(loss)) for loss in losses]
     recording = Recording.clocked(clock, channels, layout.meta, valid=valid, signals=layout.signals, events=events)
     return Salvaged(recording, tuple(losses))
 

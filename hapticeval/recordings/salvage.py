@@ -16,8 +16,8 @@ import numpy as np
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.channels import CHANNELS, Signal
 from hapticeval.recordings.clock import Clock
-from hapticeval.recordings.hdf5 import DAMAGE, check_format, check_signature, damaged, read_events, read_signal
-from hapticeval.recordings.losses import Loss, Salvaged
+from hapticeval.recordings.hdf5 import DAMAGE, check_format, check_signature, read_events, read_signal
+from hapticeval.recordings.losses import LOST, Loss, Salvaged
 from hapticeval.recordings.recording import Event, Recording
 from hapticeval.types import BoolArray
 
@@ -85,7 +85,11 @@ def _salvaged(path: Path, file: Any, cut: str) -> Salvaged:
     kept = found.kept
     stamps = found.rows[found.base]
     if stamps is None or not kept.any():
-        raise damaged(path, "no row of it is whole" + (f": {cut}" if cut else ""))
+        raise InputError(
+            f"nothing of {path} can be read",
+            why="no row of it is whole" + (f": {cut}" if cut else ""),
+            todo="copy it again",
+        )
     clock = _clock(file, found, kept) if found.base == "nanoseconds" else None
     time = clock.seconds if clock is not None else stamps.values[kept]
     parts = {name: part for name, part in found.channels.items() if part is not None and part.whole[kept].any()}
@@ -115,7 +119,7 @@ def _salvaged(path: Path, file: Any, cut: str) -> Salvaged:
         clock=clock,
         valid=valid,
         signals={name: part.signal for name, part in parts.items() if part.signal is not None},
-        events=events + tuple(Event(float(time[-1]), "lost", str(loss)) for loss in losses),
+        events=events + tuple(Event(float(time[-1]), LOST, str(loss)) for loss in losses),
     )
     return Salvaged(recording, tuple(losses))
 

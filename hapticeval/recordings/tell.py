@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from hapticeval.recordings.finding import Severity
 from hapticeval.recordings.impact import Impacts
 from hapticeval.recordings.integrity import Integrity, Soundness
+from hapticeval.recordings.losses import told_losses
 from hapticeval.recordings.recording import Recording
 
 MOST = 20
@@ -111,7 +112,7 @@ def converted(recording: Recording) -> str:
     lines = [
         f"{len(recording)} rows, {recording.time[-1] - recording.time[0]:.6g} s: {', '.join(recording.channels)}",
         *(f"no measurement: {count} rows {why}" for why, count in said.get("left out", {}).items()),
-        *(f"suspicious: {warning}" for warning in said.get("warnings", ())),
+        *(f"suspicious: {text}" for text in told_losses(recording)),
     ]
     return "\n".join(lines)
 

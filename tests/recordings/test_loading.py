@@ -1,0 +1,142 @@
+"""Files of every kind at the command line: journals, damaged recordings, and what is never written over."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from hapticeval.cli import main
+from hapticeval.recordings import hdf5
+from hapticeval.recordings.hdf5 import read_recording, write_recording
+from hapticeval.recordings.journal import MAGIC, Kind, Layout, block_head, opening
+from hapticeval.recordings.loading import is_ours, load
+from hapticeval.recordings.losses import LOST, told_losses
+from hapticeval.recordings.recording import Clock, Recording
+
+ROWS = 400
+META = {"renderer": "minimum-distance", "scene": {"stiffness": 1000.0, "model": {"kind": "circle", "size": 0.2}}}
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(rows=ROWS):
+    """A hand that slides under a circle of 0.1 m: its HIPs and IHIPs, and the force of a spring between them."""
+    turn = 1e-3 * np.arange(rows)
+    normal = np.column_stack([np.cos(turn), np.sin(turn)])
+    hip = (0.098 + 0.001 * np.sin(9.0 * turn))[:, None] * normal
+    channels = {"hip": hip, "ihip": 0.1 * normal, "force": 1000.0 * (0.1 * normal - hip)}
+    return Recording.clocked(Clock(1_000_000 * np.arange(rows)), channels, META)
+
+
+def journal(path, recording, *, blocks=8, kept=1.0):
+    """The journal of a run whose process was killed, `kept` (a share) of its bytes."""
+    layout = Layout(dict.fromkeys(recording.channels, 2), {}, recording.meta)
+    table = np.zeros(len(recording), dtype=layout.dtype)
+    table["sequence"], table["nanoseconds"] = np.arange(len(recording)), recording.nanoseconds
+    for name, values in recording.channels.items():
+        table[name] = values
+    made = opening(layout)
+    for number, part in enumerate(np.array_split(table, blocks)):
+        made += block_head(Kind.ROWS, number + 2, len(part), part.tobytes()) + part.tobytes()
+    path.write_bytes(made[: int(kept * len(made))])
+
+
+def cut(path, share):
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+
+
+def test_a_journal_becomes_a_recording_and_says_what_is_lost(here, capsys):
+    journal(here / "run.journal", run(), kept=0.6)
+    assert main(["convert", "run.journal", "-o", "run.h5"]) == 1
+    said = capsys.readouterr().out
+    assert "breaks off inside a block of 50 rows; what came from cycle 200 on is unknown" in said
+    made = read_recording(here / "run.h5")
+    assert len(made) == 200
+    assert made.force.tobytes() == run().force[:200].tobytes()
+    assert [event.kind for event in made.events] == [LOST]
+    for file in ("run.journal", "run.h5"):  # what was lost is not forgotten by converting it
+        assert main(["inspect", file]) == 1
+        assert "suspicious: lost (all): the end, bytes" in capsys.readouterr().out
+
+
+def test_a_killed_run_gets_the_verdicts_of_what_was_saved(here, capsys):
+    journal(here / "run.journal", run(), kept=0.6)
+    write_recording(here / "whole.h5", run().part(slice(0, 200)))
+    for file in ("run.journal", "whole.h5"):
+        assert main(["replay", file, "-r", "minimum-distance", "-o", file[:3]]) in (0, 1)
+    found = [
+        [(each["renderer"], each["check"], each["outcome"], each["metric"]) for each in document["verdicts"]]
+        for document in (json.loads((here / folder / "results.json").read_text()) for folder in ("run", "who"))
+    ]
+    assert found[0] == found[1]
+    assert len(found[0]) == 14
+
+
+def test_one_wrong_byte_hides_no_journal(here):
+    journal(here / "run.journal", run())
+    data = bytearray((here / "run.journal").read_bytes())
+    for place in range(len(MAGIC)):
+        (here / "hurt.journal").write_bytes(data[:place] + bytes([data[place] ^ 4]) + data[place + 1 :])
+        assert is_ours(here / "hurt.journal")
+    assert len(load(here / "hurt.journal")) == ROWS
+
+
+def test_a_recording_that_is_cut_is_examined_and_salvaged_when_asked_to(here, capsys, monkeypatch):
+    monkeypatch.setattr(hdf5, "ROWS_A_CHUNK", 50)
+    write_recording(here / "run.h5", run())
+    cut(here / "run.h5", 0.7)
+    assert main(["convert", "run.h5", "-o", "whole.h5"]) == 2
+    assert "hapticeval convert FILE --salvage -o WHOLE.h5" in capsys.readouterr().err
+    assert not (here / "whole.h5").exists()
+    assert main(["replay", "run.h5", "-r", "minimum-distance"]) == 2  # judged only where someone said so
+    assert main(["convert", "run.h5", "--salvage", "-o", "whole.h5"]) == 1
+    made = read_recording(here / "whole.h5")
+    sound = made.sound_rows()[0]
+    assert sound.stop >= 150
+    assert made.hip[sound].tobytes() == run().hip[sound].tobytes()
+    lost = ROWS - len(made)
+    assert f"every signal, rows {len(made)} to {ROWS - 1}: {lost} rows ({1e-3 * lost:.3g} s)" in told_losses(made)[1]
+    capsys.readouterr()
+    assert main(["inspect", "run.h5"]) == 1
+    shown = capsys.readouterr().out
+    assert "suspicious: lost (all): the end of the file, the file ends at byte" in shown
+
+
+def test_a_damaged_recording_of_which_nothing_is_whole_is_no_recording(here, capsys):
+    write_recording(here / "run.h5", run())
+    cut(here / "run.h5", 0.02)
+    assert main(["inspect", "run.h5"]) == 2
+    assert "salvage" not in capsys.readouterr().err
+
+
+def test_a_recording_needs_no_mapping(here, capsys):
+    journal(here / "run.journal", run())
+    (here / "m.toml").write_text("")
+    assert main(["inspect", "run.journal", "--mapping", "m.toml"]) == 2
+    assert "it needs no mapping" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("suffix", ["h5", "mat", "csv", "npz"])
+def test_nothing_is_written_over(here, capsys, suffix):
+    write_recording(here / "run.h5", run())
+    theirs = here / f"theirs.{suffix}"
+    theirs.write_bytes(b"theirs")
+    assert main(["convert", "run.h5", "-o", theirs.name]) == 2
+    assert "is there already" in capsys.readouterr().err
+    assert theirs.read_bytes() == b"theirs"
+
+
+def test_a_replay_never_removes_the_recording_that_it_replays(here):
+    write_recording(here / "run.h5", run())
+    assert main(["replay", "run.h5", "-r", "minimum-distance", "-o", "results"]) in (0, 1)
+    (kept,) = (here / "results").rglob("minimum-distance.h5")
+    before = kept.read_bytes()
+    assert main(["replay", str(kept.relative_to(here)), "-r", "minimum-distance", "-o", "results"]) == 2
+    assert kept.read_bytes() == before
