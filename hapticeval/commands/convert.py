@@ -29,9 +29,9 @@ def convert(
         bool, typer.Option("--salvage", help="Of a recording that is cut short or damaged take what is whole.")
     ] = False,
 ) -> None:
-    """Convert a foreign file or a journal to a recording, or a recording to .mat, .csv or .npz. Nothing is written over.
+    """Convert a foreign file or a journal to a recording, or a recording to .mat, .csv or .npz.
 
-    The journal of a run that crashed is beside where its recording would be. What a file lacks is told, and is kept in the recording's events.
+    Nothing is written over. What the file lacks is told, and stays in the recording.
 
     \b
     Examples:
@@ -42,11 +42,11 @@ def convert(
     """
     from hapticeval.hardware.logs import load
     from hapticeval.recordings.export import export, refuse_existing
-    from hapticeval.recordings.losses import told_losses
+    from hapticeval.recordings.losses import told_losses, told_warnings
     from hapticeval.recordings.tell import converted
 
     refuse_existing(output)
     recording = load(file, mapping=mapping, format=format_, salvaging=salvage)
     export(output, recording)
     say(f"{converted(recording)}\nwrote {output}")
-    raise typer.Exit(int(bool(told_losses(recording))))
+    raise typer.Exit(int(bool(told_losses(recording) or told_warnings(recording))))

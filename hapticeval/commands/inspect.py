@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hapticeval.commands.arguments import FormatName, MappingFile
+from hapticeval.errors import HapticevalError, InputError
 from hapticeval.output import say
 
 if TYPE_CHECKING:
@@ -78,8 +79,11 @@ def _foreign(table: Table, file: Path, write_mapping: Path | None) -> int:
     parts = [f"{file}: {formats()[table.format].about if table.format in formats() else table.format}", text]
     parts += [f"remark: {remark}" for remark in table.remarks] + [f"suspicious: {text}" for text in table.warnings]
     if write_mapping is not None:
-        with creating(write_mapping) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        try:
+            with creating(write_mapping) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise HapticevalError(f"cannot write {write_mapping}", why=error.strerror or str(error)) from error
         parts.append(f"wrote {write_mapping}")
     else:
         parts.append(f"To keep it: hapticeval inspect {file.name} --write-mapping mapping.toml")
@@ -134,7 +138,14 @@ def _model(recording: Recording, name: str | None) -> Any:
     from hapticeval.picturing import model_named
 
     if name is not None:
-        return model_named(name)
+        made = model_named(name)
+        if recording.dimension != made.dimension:
+            raise InputError(
+                f"the recording is in {recording.dimension}D, the model '{name}' in {made.dimension}D",
+                why="hand and model must live in the same space",
+                todo="give another model with --model",
+            )
+        return made
     scene = recording.meta.get("scene", {})
     said = scene.get("model", recording.meta.get("model")) if isinstance(scene, Mapping) else None
     return make_model(**said) if isinstance(said, Mapping) and "kind" in said else None

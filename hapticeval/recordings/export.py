@@ -11,6 +11,7 @@ import numpy as np
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.files import creating, plain
+from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array
 
@@ -31,6 +32,9 @@ def export(path: Path | str, recording: Recording) -> Path:
     if write is None:
         raise UnknownNameError("file ending", path.suffix, WRITERS)
     refuse_existing(path)
+    if write is write_recording:
+        write(path, recording)  # which itself gives the file whole or not at all
+        return path
     try:
         with creating(path) as temporary:
             write(temporary, recording)
@@ -110,15 +114,9 @@ def _mat(path: Path, recording: Recording) -> None:
         )
 
 
-def _hdf5(path: Path, recording: Recording) -> None:
-    from hapticeval.recordings.hdf5 import write_recording
-
-    write_recording(path, recording)
-
-
 WRITERS: Mapping[str, Callable[[Path, Recording], None]] = {
-    ".h5": _hdf5,
-    ".hdf5": _hdf5,
+    ".h5": write_recording,
+    ".hdf5": write_recording,
     ".mat": _mat,
     ".csv": _csv,
     ".npz": _npz,

@@ -20,6 +20,7 @@ keeps whole rows. Version 1, which is read, had the channels beside `/time`, and
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -77,7 +78,8 @@ def write_recording(path: Path, recording: Recording, *, replace: bool = False) 
             file.flush()  # so that what names and finds the rows lies before them, where a cut file still has it
             _fill(signals, len(recording))
     except OSError as error:
-        raise HapticevalError(f"cannot write the recording {path}", why=str(error)) from error
+        why = os.strerror(error.errno) if error.errno else str(error)
+        raise HapticevalError(f"cannot write the recording {path}", why=why) from error
 
 
 def _signals(file: Any, recording: Recording) -> list[tuple[Any, Any]]:

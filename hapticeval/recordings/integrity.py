@@ -11,7 +11,7 @@ import numpy as np
 from hapticeval.geometry.model import Model
 from hapticeval.recordings import inverse, relations
 from hapticeval.recordings.finding import Fault, Severity
-from hapticeval.recordings.losses import told_losses
+from hapticeval.recordings.losses import told_losses, told_warnings
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.signal_faults import examine_column, quantum
 from hapticeval.recordings.timing import Timing, examine_timing
@@ -168,8 +168,8 @@ def _counted(recording: Recording) -> list[Fault]:
         faults.append(
             Fault("missed", Severity.SUSPICIOUS, f"{missed} cycles of the loop have no row", "see the logger", "time")
         )
-    for text in told_losses(recording):
-        faults.append(Fault("lost", Severity.SUSPICIOUS, text, "copy or record the file again"))
+    for kind, texts in (("lost", told_losses(recording)), ("import", told_warnings(recording))):
+        faults += [Fault(kind, Severity.SUSPICIOUS, text, "copy or record the file again") for text in texts]
     declared = recording.meta.get("rows")
     if isinstance(declared, int) and declared != len(recording):
         message = f"{declared} rows are declared, {len(recording)} are there"

@@ -30,9 +30,13 @@ LOST = "lost"
 
 
 def told_losses(recording: Recording) -> tuple[str, ...]:
-    """What a recording says that it lacks: rows of a damaged file that are lost, and what an import warned of."""
-    lost = tuple(event.text for event in recording.events if event.kind == LOST)
-    return lost + tuple(str(text) for text in recording.meta.get("import", {}).get("warnings", ()))
+    """What of the file that a recording was made of is lost, in words."""
+    return tuple(event.text for event in recording.events if event.kind == LOST)
+
+
+def told_warnings(recording: Recording) -> tuple[str, ...]:
+    """What the import of a foreign file warned of: rows that are cut off, cells without a number."""
+    return tuple(str(text) for text in recording.meta.get("import", {}).get("warnings", ()))
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from hapticeval.recordings.finding import Severity
 from hapticeval.recordings.impact import Impacts
 from hapticeval.recordings.integrity import Integrity, Soundness
-from hapticeval.recordings.losses import told_losses
+from hapticeval.recordings.losses import told_losses, told_warnings
 from hapticeval.recordings.recording import Recording
 
 MOST = 20
@@ -22,7 +22,9 @@ def summary(report: Integrity, soundness: Soundness, *, title: str) -> str:
     lines = [
         f"{title}: {report.valid_rows} of {report.rows} rows are measurements, over {report.duration:.6g} s",
         f"clock: {timing.rate:.6g} Hz, median step {1e3 * timing.step:.6g} ms; steps off by {jitter} us "
-        "(50, 95, 99, 100 %)",
+        "(50, 95, 99, 100 %)"
+        if timing.step > 0.0
+        else "clock: no two rows follow each other, which tell no rate",
     ]
     if timing.missing:
         lines.append(f"       about {timing.missing} rows missing, {timing.missing_seconds:.4g} s")
@@ -112,7 +114,7 @@ def converted(recording: Recording) -> str:
     lines = [
         f"{len(recording)} rows, {recording.time[-1] - recording.time[0]:.6g} s: {', '.join(recording.channels)}",
         *(f"no measurement: {count} rows {why}" for why, count in said.get("left out", {}).items()),
-        *(f"suspicious: {text}" for text in told_losses(recording)),
+        *(f"suspicious: {text}" for text in told_losses(recording) + told_warnings(recording)),
     ]
     return "\n".join(lines)
 

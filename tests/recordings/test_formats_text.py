@@ -201,7 +201,7 @@ def test_empty_and_missing_files_say_so(tmp_path):
         read_table(written(tmp_path, "a.csv", ""))
     with pytest.raises(InputError, match="cannot read"):
         read_table(tmp_path / "none.csv")
-    with pytest.raises(InputError, match="no format that is known"):
+    with pytest.raises(InputError, match="is text without a row of numbers, no recording"):
         read_table(written(tmp_path, "a.csv", "only words here\nand there\n"))
 
 

@@ -100,6 +100,33 @@ def test_a_recording_is_converted_for_other_programs_and_back(here):
     assert main(["convert", "run.h5", "-o", "run.h5"]) == 2
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["inspect", "."], ["is a folder, no recording", "it holds: header.csv, run.h5"]),
+        (["inspect", "header.csv"], ["is text without a row of numbers, no recording"]),
+        (["inspect", "run.h5", "--model", "sphere"], ["the recording is in 2D, the model 'sphere' in 3D"]),
+        (["inspect", "run.h5", "-o", "run.h5"], ["cannot write into run.h5"]),
+        (["convert", "run.h5", "-o", "run.h5/other.h5"], ["cannot write the recording run.h5/other.h5", "why: "]),
+        (["convert", "run.h5", "-o", "run.h5/other.csv"], ["cannot write run.h5/other.csv", "why: "]),
+    ],
+)
+def test_what_cannot_be_read_or_written_is_named(here, capsys, arguments, words):
+    saved(here / "run.h5", smooth())
+    (here / "header.csv").write_text("t,x\n")
+    assert main(arguments) in (1, 2)
+    shown = capsys.readouterr().err
+    assert all(word in shown for word in words)
+    assert "Traceback" not in shown
+    assert ".tmp" not in shown
+
+
+def test_a_single_row_has_no_rate(here, capsys):
+    saved(here / "run.h5", smooth(rows=1))
+    assert main(["inspect", "run.h5"]) == 0
+    assert "clock: no two rows follow each other" in capsys.readouterr().out
+
+
 def bounce(stiffness, restitution, speed, *, mass=0.3, rows=2400, bias=0.0, step=0.0, into=1.0):
     """A tool that flies at a wall at 0, is thrown back by a spring that is softer on the way out, and flies on."""
     time = np.arange(rows) * DT

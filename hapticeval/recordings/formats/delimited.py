@@ -88,9 +88,9 @@ def read_delimited(path: Path) -> Table:
             continue
         if empty.size:
             cell = frame[name].iloc[int(empty[0])]
-            warnings.append(
-                f"the column '{name}' has {empty.size} cells without a number, first at row {empty[0]}: {cell!r}"
-            )
+            cells = "1 cell" if empty.size == 1 else f"{empty.size} cells"
+            said = f": {cell!r}" if isinstance(cell, str) else ", which is empty or NaN"
+            warnings.append(f"the column '{name}' has {cells} without a number, first at row {empty[0]}{said}")
         whole = frame[name].dtype.kind == "i"
         columns[name] = frame[name].to_numpy() if whole else values
     if cut:

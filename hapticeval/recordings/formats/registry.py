@@ -11,7 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
-from hapticeval.recordings.formats.magic import kind
+from hapticeval.recordings.formats.magic import is_text, kind
 from hapticeval.recordings.formats.table import Table
 
 PACKAGE = "hapticeval.recordings.formats"
@@ -113,10 +113,15 @@ def _detect(path: Path) -> Format:
     for found in formats().values():
         if found.fits(path, head):
             return found
-    words = kind(head)
+    if head.startswith(FOLDER):
+        inside = head.decode().splitlines()[1:]
+        words, why = "a folder", f"it holds: {', '.join(inside[:5]) or 'nothing'}{', ...' if len(inside) > 5 else ''}"
+    else:
+        words = kind(head) or ("text without a row of numbers" if is_text(head) else None)
+        why = f"its name ends in '{path.suffix}', its first bytes are {head[:16]!r}"
     raise InputError(
         f"{path} is {words}, no recording" if words else f"{path} is in no format that is known",
-        why=f"its name ends in '{path.suffix}', its first bytes are {head[:8]!r}",
+        why=why,
         todo=f"known formats: {', '.join(formats())}; choose one with --format, or write an importer",
     )
 
