@@ -24,12 +24,43 @@ if TYPE_CHECKING:
 JOINT = 1
 """The joint of Figure 7.8: the second."""
 
+AGREE = 1e-9
+"""Torques this share of the largest apart are the same: rounding makes less."""
+
 NEEDS = ("chart", "eta1", "eta2", "torque1", "torque2")
 
 
 def has_charts(recording: Recording) -> bool:
     """Whether the renderer told of charts, and a robot followed them."""
     return all(name in recording.channels for name in NEEDS)
+
+
+def charts_words(recording: Recording) -> str:
+    """What the figure shows, in words: how often the charts take turns, and how far apart their torques are."""
+    time, chart = recording.time, recording.channels["chart"]
+    apart = np.max(np.abs(recording.channels["torque1"] - recording.channels["torque2"]), axis=1)
+    largest = float(np.max(np.abs(recording.channels["joint_torque"])))
+    far = np.flatnonzero(~(apart <= AGREE * largest))
+    near = np.delete(apart, far)
+    turns = int(np.count_nonzero(np.diff(chart)))
+    words = [f"The charts take turns {turns} time{'' if turns == 1 else 's'}."]
+    if near.size:
+        words.append(f"Their torques agree to {float(near.max()):.1g} N m, of {largest:.3g} N m at the most.")
+    if far.size:
+        angle = np.where(chart == 1.0, recording.channels["eta2"][:, 2], recording.channels["eta1"][:, 2])[far]
+        pole = float(np.degrees(np.max(np.minimum(angle, np.pi - angle))))
+        when = (
+            f"at t = {time[far[0]]:.4g} s"
+            if far.size == 1
+            else f"between t = {time[far[0]]:.4g} and {time[far[-1]]:.4g} s"
+        )
+        words.append(
+            f"Not so in {far.size} of {time.size} samples, {when}, with the chart that is not at work "
+            f"within {pole:.2g}° of its own pole: there they are up to {float(np.max(apart[far])):.3g} N m apart."
+        )
+    else:
+        words.append("The chart that is not at work does not spike near its pole; in print it does.")
+    return " ".join(words)
 
 
 def atlas_svg(recording: Recording, model: Model, *, prefix: str, title: str) -> str:

@@ -20,9 +20,12 @@ from hapticeval.types import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-ROLES = ("hip", "ihip", "one", "two", "three", "mark", "ink")
+ROLES = ("hip", "ihip", "one", "two", "mark", "ink", "three")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (5, 1.5, 1.2, 1.5)))
 """Curves of one colour, or that lie on each other, are told apart by these."""
+
+LEAST = 1e-12
+"""m: distances below are rounding errors of the simulation, and lie on the floor of the logarithmic panel."""
 
 OUT_OF_SIGHT = 3.0
 """A run that goes this many times as far as the median run leaves the picture, which would show nothing else."""
@@ -35,6 +38,9 @@ SLIVER = 3.0
 def comparison_svg(runs: Mapping[str, Recording], model: Model, *, prefix: str, title: str) -> str:
     """The figure as an SVG element: where the tools went, how far off the surface, and how fast along it.
 
+    The distance is drawn twice, the second time by its size in powers of ten: what set stabilisation leaves is a
+    thousandth of what others do.
+
     `runs` maps renderers to their recordings of one case. Of runs in space the first panel shows the shadow.
     """
     from matplotlib import rc_context
@@ -45,26 +51,27 @@ def comparison_svg(runs: Mapping[str, Recording], model: Model, *, prefix: str, 
     settings: Any = {**STYLE, **colours}
     styles = dict(zip(runs, zip(cycle(ROLES), _dashes(len(runs)), strict=False), strict=False))
     with rc_context(settings):
-        figure = Figure(figsize=(8.0, 3.9))
+        figure = Figure(figsize=(8.0, 4.7))
         FigureCanvasSVG(figure)
         figure.patch.set_visible(False)
-        _draw_paths(figure.add_axes((0.08, 0.12, 0.405, 0.76)), runs, styles, model)
-        off = figure.add_axes((0.59, 0.55, 0.39, 0.33))
-        along = figure.add_axes((0.59, 0.12, 0.39, 0.33))
+        _draw_paths(figure.add_axes((0.08, 0.10, 0.405, 0.79)), runs, styles, model)
+        off, size, along = (figure.add_axes((0.59, low, 0.39, 0.23)) for low in (0.66, 0.38, 0.10))
         motions = {name: surface_motion(each, model) for name, each in runs.items()}
         forwards = -1.0 if next(iter(motions.values()))[1][0] < 0.0 else 1.0
         for name, recording in runs.items():
-            role, dashes = styles[name]
             distance, speed = motions[name]
-            for axes, values in ((off, MM * distance), (along, forwards * speed)):
-                kept = extremes(values, BUCKETS)
-                axes.plot(recording.time[kept], values[kept], color=drawn(role), linestyle=dashes, label=name)
-        off.set_ylabel("off the surface (mm)")
-        along.set_ylabel("speed along it (m/s)")
+            sizes = np.log10(np.maximum(np.abs(distance), LEAST))
+            for axes, values in ((off, MM * distance), (size, sizes), (along, forwards * speed)):
+                _trace(axes, recording.time, values, styles[name], name)
+        off.set_ylabel("off the surface\n(mm)")
+        size.set_ylabel("the same, size\n(m)")
+        along.set_ylabel("speed along it\n(m/s)")
         along.set_xlabel("time (s)")
-        off.tick_params(labelbottom=False)
-        _limit(off, [MM * distance for distance, _ in motions.values()])
-        for axes in (off, along):
+        _limit(off, [MM * motions[name][0] for name in _in_sight(runs)])
+        _powers(size, [distance for distance, _ in motions.values()])
+        for axes in (off, size, along):
+            axes.tick_params(labelbottom=axes is along)
+            axes.yaxis.set_label_coords(-0.115, 0.5)
             axes.grid(True, linewidth=0.5)
             axes.set_axisbelow(True)
             axes.set_xlim(0.0, max(float(each.time[-1]) for each in runs.values()))
@@ -99,7 +106,7 @@ def _dashes(count: int) -> list[Any]:
 def _draw_paths(axes: Axes, runs: Mapping[str, Recording], styles: Mapping[str, tuple[str, Any]], model: Model) -> None:
     shown = shown_axes(np.vstack([each.hip for each in runs.values()]))
     paths = {name: MM * recording.hip[:, list(shown)] for name, recording in runs.items()}
-    view = _view(list(paths.values()), shape_of(axes))
+    view = _view([paths[name] for name in _in_sight(runs)], shape_of(axes))
     draw_body(axes, model, view, shown)
     for name, path in paths.items():
         role, dashes = styles[name]
@@ -111,11 +118,16 @@ def _draw_paths(axes: Axes, runs: Mapping[str, Recording], styles: Mapping[str, 
     axes.yaxis.set_label_coords(-0.145, 0.5)
 
 
+def _in_sight(runs: Mapping[str, Recording]) -> list[str]:
+    """All runs but those that leave the others far behind."""
+    extent = {name: float(np.max(np.abs(recording.hip))) for name, recording in runs.items()}
+    middle = float(np.median(list(extent.values())))
+    return [name for name, each in extent.items() if each <= OUT_OF_SIGHT * middle]
+
+
 def _view(paths: list[Array], aspect: float) -> Box:
-    """What most of the paths cover and a margin, in the shape of the axes unless that would leave a sliver."""
-    reach = np.array([[*path.min(axis=0), *path.max(axis=0)] for path in paths])
-    extent = np.max(np.abs(reach), axis=1)
-    seen = reach[extent <= OUT_OF_SIGHT * np.median(extent)]
+    """What the paths cover and a margin, in the shape of the axes unless that would leave a sliver."""
+    seen = np.array([[*path.min(axis=0), *path.max(axis=0)] for path in paths])
     low, high = seen[:, :2].min(axis=0), seen[:, 2:].max(axis=0)
     size = 1.12 * np.maximum(high - low, 1e-3)
     if max(size) > SLIVER * min(size):
@@ -123,10 +135,25 @@ def _view(paths: list[Array], aspect: float) -> Box:
     return box_round(0.5 * (low + high), size, aspect)
 
 
+def _trace(axes: Axes, time: Array, values: Array, style: tuple[str, Any], name: str) -> None:
+    kept = extremes(values, BUCKETS)
+    axes.plot(time[kept], values[kept], color=drawn(style[0]), linestyle=style[1], label=name)
+
+
+def _powers(axes: Axes, distances: list[Array]) -> None:
+    """Whole powers of ten, down to what the run that keeps closest keeps within for half of its time."""
+    worst = max(float(np.max(np.abs(each))) for each in distances)
+    close = min(float(np.median(np.abs(each))) for each in distances)
+    low, high = np.floor(np.log10(max(close, LEAST))), np.ceil(np.log10(max(worst, 10.0 * LEAST)))
+    axes.set_ylim(low, high + 0.3)
+    powers = np.arange(low, high + 1.0, max(1.0, np.ceil((high - low) / 4.0)))
+    superscripts = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+    axes.set_yticks(powers, ["10" + str(int(power)).translate(superscripts) for power in powers])
+
+
 def _limit(axes: Axes, distances: list[Array]) -> None:
-    """The axis shows what most runs do: one that runs away is let out of the picture."""
-    reach = np.array([float(np.max(np.abs(each))) for each in distances])
-    seen = reach[reach <= OUT_OF_SIGHT * max(float(np.median(reach)), 1e-6)]
-    if seen.size < reach.size:
-        top = 1.1 * float(seen.max())
-        axes.set_ylim(-top, top)
+    """The axis shows the runs whose paths are in sight: one that runs away is let out of the picture."""
+    low = min(0.0, *(float(np.min(each)) for each in distances))
+    high = max(0.0, *(float(np.max(each)) for each in distances))
+    pad = 0.08 * max(high - low, 1e-6)
+    axes.set_ylim(low - pad, high + pad)

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hapticeval.reports.quantity import measured
+from hapticeval.reports.scene_words import ended_words
 from hapticeval.reports.table import ran
 from hapticeval.results import Results
 
@@ -22,6 +23,7 @@ def junit(results: Results) -> str:
     """The XML text; an incomplete run has a testcase of its own that is in error and says why."""
     root = ET.Element("testsuites", name="hapticeval", time=f"{results.timing['wall_seconds'] or 0.0:.3f}")
     suites: dict[tuple[str, str], ET.Element] = {}
+    ended = {(run["suite"], run["case"], run["renderer"]): ended_words(run) for run in results.runs}
     seen = {(verdict["suite"], verdict["case"], verdict["renderer"]) for verdict in results.verdicts}
     for run in results.runs:
         suite = _suite(root, suites, run)
@@ -31,7 +33,8 @@ def junit(results: Results) -> str:
             case = _case(suite, run, "run")
             _say(case, "error", error["what"], "\n".join(filter(None, (error["why"], error["todo"]))))
     for verdict in results.verdicts:
-        _tell(_case(_suite(root, suites, verdict), verdict, verdict["check"]), verdict)
+        key = (verdict["suite"], verdict["case"], verdict["renderer"])
+        _tell(_case(_suite(root, suites, verdict), verdict, verdict["check"]), verdict, ended.get(key, ""))
     if not results.complete:
         suite = ET.SubElement(root, "testsuite", name="hapticeval: completeness", time="0")
         case = ET.SubElement(suite, "testcase", classname="hapticeval", name="every planned verdict ran")
@@ -57,10 +60,10 @@ def _case(suite: ET.Element, of: Mapping[str, Any], name: str) -> ET.Element:
     return ET.SubElement(suite, "testcase", classname=classname, name=name)
 
 
-def _tell(case: ET.Element, verdict: Mapping[str, Any]) -> None:
+def _tell(case: ET.Element, verdict: Mapping[str, Any], ended: str) -> None:
     outcome, published = verdict["outcome"], verdict["published"]
     figures = measured(verdict)
-    text = verdict["message"] + (f" ({figures})" if figures else "")
+    text = verdict["message"] + (f" ({figures})" if figures else "") + (f"; the run {ended}" if ended else "")
     if outcome == "error":
         _say(case, "error", text)
     elif not verdict["as_expected"]:

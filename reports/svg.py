@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from types import MappingProxyType
 
@@ -64,6 +64,20 @@ def inlined(svg: str, *, prefix: str, title: str) -> str:
     label = escape(title, quote=True)
     head = f'<svg xmlns="http://www.w3.org/2000/svg" {box[0]} class="figure" role="img" aria-label="{label}">'
     return head + svg[svg.index(">") + 1 :].strip()
+
+
+def classed(elements: Sequence[str]) -> tuple[list[str], str]:
+    """The same elements with their `style` attributes as classes of the page, and the rules of those classes."""
+    classes: dict[str, str] = {}
+
+    def named(found: re.Match[str]) -> str:
+        return f' class="{classes.setdefault(found[1], f"z{len(classes)}")}"'
+
+    def without_styles(tag: re.Match[str]) -> str:
+        return re.sub(r' style="([^"]*)"', named, tag[0])
+
+    changed = [re.sub(r"<[a-z][^<>]*>", without_styles, element) for element in elements]
+    return changed, "\n".join(f".{name} {{{style}}}" for style, name in classes.items())
 
 
 def _rounded(found: re.Match[str]) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
+from hapticeval.reports.scene_words import ended_words
 from hapticeval.results import Results
 
 SYMBOLS: Mapping[str, str] = MappingProxyType(
@@ -102,6 +103,22 @@ def summary(results: Results) -> list[SummaryRow]:
     ]
 
 
+def suite_names(results: Results) -> list[str]:
+    """Every suite of the results, in the order in which they ran."""
+    return list(dict.fromkeys(each["suite"] for each in (*results.runs, *results.verdicts)))
+
+
+def by_suite(results: Results) -> list[tuple[Mapping[str, Any], list[SummaryRow]]]:
+    """The summary's rows in groups, each with the document of its suite; that of rows of no suite is empty."""
+    left = {row.title: row for row in summary(results)}
+    groups: list[tuple[Mapping[str, Any], list[SummaryRow]]] = []
+    for suite in results.suites:
+        rows = [left.pop(title) for title in suite["rows"] if title in left]
+        if rows:
+            groups.append((suite, rows))
+    return [*groups, ({}, list(left.values()))] if left else groups
+
+
 def ran(results: Results) -> str:
     """How much ran, in one sentence: never fewer than planned without the reason."""
     sentence = f"{results.ran} of {results.planned} planned verdicts ran"
@@ -112,9 +129,15 @@ def markdown(results: Results) -> str:
     """Both tables, for a pull request or a wiki."""
     names = renderers(results)
     parts = ["# hapticeval", f"{ran(results)}; seed {results.seed}."]
-    rows = [[row.title, *(_summary_text(*cell) for cell in row.cells)] for row in summary(results)]
-    if rows:
-        parts += ["## Summary of the renderers' performance", _table(["", *names], rows)]
+    groups = by_suite(results)
+    if groups:
+        parts.append("## Summary of the renderers' performance")
+    for suite, group in groups:
+        rows = [[row.title, *(_summary_text(*cell) for cell in row.cells)] for row in group]
+        if suite:
+            parts.append(f"### {_escape(suite['title'] or suite['name'])}")
+            parts += [f"{_escape(suite['citation'])}."] if suite["citation"] else []
+        parts.append(_table(["", *names], rows))
     cells = [
         [f"{row.suite}/{row.case}", row.check, *(_cell_text(cell) for cell in row.cells)] for row in matrix(results)
     ]
@@ -127,6 +150,13 @@ def markdown(results: Results) -> str:
     ]
     if broken:
         parts += ["## Errors", "\n".join(broken)]
+    ended = [
+        _escape(f"- {run['renderer']} on {run['suite']}/{run['case']} {ended_words(run)}")
+        for run in results.runs
+        if run.get("ended")
+    ]
+    if ended:
+        parts += ["## Ended early", "\n".join(ended)]
     return "\n\n".join(parts) + "\n"
 
 

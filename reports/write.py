@@ -13,13 +13,14 @@ from hapticeval.costs import Costs, read_costs
 from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
 from hapticeval.geometry.model import Model
-from hapticeval.reports.atlas_figure import atlas_svg, has_charts
+from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
 from hapticeval.reports.comparison import comparison_svg
 from hapticeval.reports.figures import figure_svg
-from hapticeval.reports.html import Drawing, RunKey, render_html
+from hapticeval.reports.html import render_html
 from hapticeval.reports.junit import junit
 from hapticeval.reports.marks import Mark, marks_of
 from hapticeval.reports.refusal import refusal_svg
+from hapticeval.reports.shown import Drawing, RunKey
 from hapticeval.reports.table import markdown
 from hapticeval.results import Results, read_results
 
@@ -180,7 +181,8 @@ def _alone(order: Order) -> Drawing:
         return Drawing(problem=f"the recording has no channel '{lacking[0]}'")
     title = f"{renderer} in {suite}/{case}: HIP, IHIP, response force and steps against time"
     svg = figure_svg(recording, model, marks=order.marks, prefix=order.prefix, title=title)
-    if has_charts(recording):
-        title = f"{renderer} in {suite}/{case}: distance, coordinates and torques in the two charts of the sphere"
-        svg += atlas_svg(recording, model, prefix=f"{order.prefix}a", title=title)
-    return Drawing(svg=svg)
+    if not has_charts(recording):
+        return Drawing(svg=svg)
+    title = f"{renderer} in {suite}/{case}: distance, coordinates and torques in the two charts of the sphere"
+    charts = atlas_svg(recording, model, prefix=f"{order.prefix}a", title=title)
+    return Drawing(svg=svg, charts=charts, found=charts_words(recording))

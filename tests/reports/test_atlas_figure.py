@@ -10,7 +10,8 @@ from hapticeval.devices.catalogue import make_device
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.reports.atlas_figure import atlas_svg, has_charts
+from hapticeval.recordings.recording import Recording
+from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Experiment, Hand, Path
 
@@ -49,6 +50,20 @@ def test_the_figure_names_what_it_shows():
     svg = atlas_svg(round_the_meridian("set-stabilisation@atlas"), SCENE.model, prefix="a", title="charts")
     for words in ("distance (mm)", "chart 1 (°)", "chart 2 (°)", "torque 2 (N m)", "by chart 2"):
         assert words in svg
+
+
+def test_the_words_count_the_turns_and_say_where_torques_differ():
+    run = round_the_meridian("set-stabilisation@atlas")
+    turns = np.count_nonzero(np.diff(run.channels["chart"]))
+    words = charts_words(run)
+    assert words.startswith(f"The charts take turns {turns} time")
+    assert "does not spike" in words
+    spiking = run.channels["torque2"].copy()
+    spiking[[200, 203]] += np.array([[0.0, 3.0, 0.0], [0.0, -7.5, 0.0]])
+    words = charts_words(Recording(run.time, {**run.channels, "torque2": spiking}, run.meta, signals=run.signals))
+    assert f"Not so in 2 of {len(run)} samples, between t = 0.2 and 0.203 s" in words
+    assert "up to 7.5 N m apart" in words
+    assert "does not spike" not in words
 
 
 @pytest.mark.parametrize("name", ["set-stabilisation", "minimum-distance+pp-pd"])

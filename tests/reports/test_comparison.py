@@ -51,6 +51,14 @@ def test_a_run_that_leaves_does_not_shrink_the_others():
     assert max(shown) < 1000.0
 
 
+def test_what_set_stabilisation_leaves_is_seen_beside_millimetres():
+    runs = {"near": orbit(0.1 + 2e-7, 0.5), "off": orbit(0.104, 0.5)}
+    svg = comparison_svg(runs, make_model("circle", size=0.2), prefix="c", title="t")
+    shown = re.findall(r"10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)</text>", svg)
+    assert "⁻⁷" in shown
+    assert "⁻³" in shown
+
+
 def test_runs_in_space_are_drawn_by_their_shadow():
     angle = np.linspace(0.0, 6.0, 300)
     hip = 0.1 * np.column_stack([np.cos(angle), np.zeros(300), np.sin(angle)])

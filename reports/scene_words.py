@@ -1,0 +1,87 @@
+"""A scene in words: gains, the robot and how it is driven, what is wrong with it; and why a run ended early."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from hapticeval.reports.quantity import quantity
+
+GAINS = {"stiffness": "N/m", "damping": "N s/m", "mass": "kg", "restitution": "", "viscosity": "kg/s"}
+LOOPS = {
+    "static": "static inner loop, torques Jᵀ F (2.8)",
+    "compensated": "inner loop with dynamic compensation (2.11)",
+    "linearised": "inner loop by feedback linearisation (6.7)",
+}
+FIGURES = re.compile(r"Figures? \d+\.\d+(?:(?:,| and| to) \d+\.\d+)*")
+
+
+def scene_words(run: Mapping[str, Any]) -> str:
+    """The scene of a run document in one line, every number with its unit."""
+    scene = run["scene"]
+    words = [f"{name} {quantity(scene[name], unit)}" for name, unit in GAINS.items() if scene.get(name)]
+    if scene["sampling_time"]:
+        words.append(f"{1.0 / scene['sampling_time']:.4g} Hz")
+    return ", ".join([*words, "bilateral" if scene["bilateral"] else "unilateral"])
+
+
+def robot_words(run: Mapping[str, Any]) -> str:
+    """The device of an experiment, its dynamics, inner loop and imperfections, in one line; "" where none is told."""
+    scene = run["scene"]
+    device = scene.get("device")
+    if device is None:
+        return ""
+    words = [device["kind"]]
+    # The robot with a locked base has constant inertia: neither choice makes any difference to it.
+    if device["kind"] == "parallelogram-3dof":
+        dynamics = {"lagrangian": "Lagrangian dynamics", "printed": "dynamics as printed (2.26)"}
+        words += [dynamics.get(device["dynamics"], device["dynamics"]), f"d₀ with {device['base_inertia']}² x₃"]
+    if device["kind"] != "point-mass" and "inner_loop" in scene:
+        words.append(LOOPS[scene["inner_loop"]])
+    wrong = list(_imperfections(scene.get("imperfections") or {}, turning=device["kind"] != "point-mass"))
+    return f"{', '.join(words)}; {', '.join(wrong) if wrong else 'no imperfections'}"
+
+
+def _imperfections(given: Mapping[str, Any], *, turning: bool) -> Iterator[str]:
+    torque, angle = ("N m", "rad") if turning else ("N", "m")
+    step = given.get("encoder_step")
+    if step:
+        counts = f" ({2.0 * math.pi / step:,.0f} counts a turn)" if turning else ""
+        yield f"encoders of {quantity(step, angle)} a count{counts}"
+    if given.get("velocity_cutoff"):
+        yield f"velocity from differences, low-passed at {quantity(given['velocity_cutoff'], 'Hz')}"
+    if given.get("delay"):
+        yield f"torques {quantity(1e3 * given['delay'], 'ms')} late"
+    if given.get("torque_limit"):
+        yield f"motors saturate at {quantity(given['torque_limit'], torque)}"
+    if given.get("friction"):
+        yield f"Coulomb friction of {quantity(given['friction'], torque)} in each joint"
+    sensor = given.get("force_sensor")
+    if sensor is not None:
+        of = [f"{word} {quantity(sensor[name], 'N')}" for name, word in _SENSOR.items() if sensor.get(name)]
+        if sensor.get("cutoff"):
+            of.append(f"low-passed at {quantity(sensor['cutoff'], 'Hz')}")
+        yield "force sensor" + (f" ({', '.join(of)})" if of else ", ideal")
+
+
+_SENSOR = {"step": "quantum", "noise": "noise"}
+
+
+def ended_words(run: Mapping[str, Any]) -> str:
+    """When and why a run ended before its time, in one sentence; "" where it did not."""
+    ended = run.get("ended")
+    if not ended:
+        return ""
+    why = f" ({ended['why']})" if ended["why"] else ""
+    return f"ended early at t = {ended['time']:.4g} s, tick {ended['tick']}: {ended['what']}{why}"
+
+
+def figures_cited(run: Mapping[str, Any]) -> str:
+    """The figures of the thesis that a case's citation names, for instance "Figures 6.22 and 7.3"; "" for none."""
+    found = [each.split(" ", 1)[1] for each in FIGURES.findall(run["citation"] or "")]
+    if not found:
+        return ""
+    several = len(found) > 1 or not re.fullmatch(r"\d+\.\d+", found[0])
+    return f"Figure{'s' if several else ''} {' and '.join(found)}"
