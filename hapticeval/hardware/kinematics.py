@@ -52,7 +52,7 @@ class Kinematics:
     def force(self, joints: Array, torques: Array) -> Array:
         """Force at the hand (N,), N, that joint torques (N,), N m, put there at rest: τ = Jᵀ F (2.8)."""
         self.hand(joints, np.zeros_like(joints))
-        return np.linalg.solve(self._jacobian.T, torques)
+        return np.asarray(np.linalg.solve(self._jacobian.T, torques), dtype=np.float64)
 
     def inside(self, joints: Array) -> bool:
         """Whether joints (N,) lie in the functional configuration space."""

@@ -96,11 +96,14 @@ class Wiring:
 
     def torques(self, commands: Array) -> Array:
         """Joint torques (..., N), N m, from motor commands (..., N)."""
-        return np.asarray(self.directions * np.asarray(commands, dtype=np.float64) * self.torque_per_command)
+        return np.asarray(
+            np.asarray(self.directions) * np.asarray(commands, dtype=np.float64) * self.torque_per_command
+        )
 
     def commands(self, torques: Array) -> Array:
         """Motor commands (..., N) from joint torques (..., N), N m."""
-        return np.asarray(self.directions * np.asarray(torques, dtype=np.float64) / self.torque_per_command)
+        turned = np.asarray(self.directions) * np.asarray(torques, dtype=np.float64)
+        return np.asarray(turned / self.torque_per_command)
 
 
 def _number(value: Any) -> bool:

@@ -10,8 +10,9 @@ and h * p is the position itself, late by the filter's mean lag L = sum_j j h_j,
 the ratio of L to the time in which the motion changes. Both increments carry encoder noise of q / sqrt(6) at most,
 from the rounding at either end, whatever W is, while the motion in them grows with W. So for windows from `SHORTEST`
 rows on, in octaves, the integral of the velocity is regressed on the increment of the position, at the lag that fits
-best, and the window with the best correlation is judged: too short a window is all noise and filter, too long a one
-holds whole strokes. A wrong sign or unit is the same factor in every window, and a shift the same lag.
+best. A wrong sign or unit is the same factor in every window, and a shift the same lag; what a filter does to a
+shaking hand is gone in long windows, where strokes are the most of an increment. So the longest window in which the
+two are alike is judged; where there is none, the one that comes nearest.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.recordings.signal_faults import quantum, stretches
+from hapticeval.recordings.signal_faults import stretches
 from hapticeval.types import Array, BoolArray
 
 LAGS = 20
@@ -29,11 +30,19 @@ LAGS = 20
 SHORTEST = 8
 """Rows of the shortest window."""
 
+LIKE = 0.8
+"""Correlation below which a velocity is not the derivative of its position."""
+
 INDEPENDENT = 10
 """So many windows that do not overlap are the fewest that a correlation is taken from."""
 
 NOISY = 3.0
-"""Increments that vary by less than so many times their encoder noise, q / sqrt(6), tell nothing."""
+"""Increments that vary by less than so many times their encoder noise, q / sqrt(6), tell nothing. Of a position that is
+made of several encoders q is the usual step from row to row, where it steps at all: at rest that is their dither."""
+
+
+ALIKE = 1.1
+"""Lags that leave up to so many times as much unexplained as the best one explain a velocity as well."""
 
 
 class Fit(NamedTuple):
@@ -56,8 +65,12 @@ def derivative_fit(position: Array, speed: Array, time: Array, sound: BoolArray)
     if not found:
         return None
     first, end = max(found, key=lambda each: each[1] - each[0])
+    first += 2 * LAGS  # a filter that starts there knows nothing of what was before
     position, speed, time = position[first:end], speed[first:end], time[first:end]
-    noise = (quantum(position) or 0.0) / np.sqrt(6.0)
+    if position.size < INDEPENDENT * SHORTEST + LAGS:
+        return None
+    steps = np.abs(np.diff(position))
+    noise = float(np.median(steps[steps > 0.0])) / np.sqrt(6.0) if np.any(steps > 0.0) else 0.0
     # The speed at a row is that of the step that led there.
     integral = np.concatenate([[0.0], np.cumsum(speed[1:] * np.diff(time))])
     best: Fit | None = None
@@ -66,7 +79,7 @@ def derivative_fit(position: Array, speed: Array, time: Array, sound: BoolArray)
         moved, made = position[window:] - position[:-window], integral[window:] - integral[:-window]
         if np.std(moved) > NOISY * noise:
             ratio, like, lag = _regressed(moved, made, window // SHORTEST)
-            if best is None or like > best.correlation:
+            if best is None or like >= LIKE or like > best.correlation:
                 best = Fit(ratio, like, lag, window, position.size)
         window *= 2
     return best
@@ -75,11 +88,12 @@ def derivative_fit(position: Array, speed: Array, time: Array, sound: BoolArray)
 def _regressed(moved: Array, made: Array, stride: int) -> tuple[float, float, int]:
     """Slope of `made` on `moved`, their correlation without its sign, and the lag (of the least size) where it is
     best; of one window in `stride`, since they overlap."""
-    best, at = 0.0, 0
-    for lag in sorted(range(-LAGS, LAGS + 1), key=abs):
-        like = correlation(*_shifted(moved, made, lag, stride))
-        if abs(like) > abs(best) + 1e-12:
-            best, at = like, lag
+    lags = sorted(range(-LAGS, LAGS + 1), key=abs)
+    likes = np.array([correlation(*_shifted(moved, made, lag, stride)) for lag in lags])
+    # What noise leaves unexplained hardly depends on the lag: the least lag that explains as much as any.
+    unexplained = 1.0 - np.abs(likes)
+    place = int(np.argmax(unexplained <= ALIKE * unexplained.min() + 1e-12))
+    best, at = float(likes[place]), lags[place]
     x, y = _shifted(moved, made, at, stride)
     x, y = x - x.mean(), y - y.mean()
     return float(np.dot(x, y) / np.dot(x, x)) if np.any(x) else float("inf"), abs(best), at

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hapticeval.recordings.derivative import LAGS, correlation, derivative_fit
+from hapticeval.recordings.derivative import LAGS, LIKE, correlation, derivative_fit
 from hapticeval.recordings.finding import Fault, Severity
 from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array, BoolArray
@@ -19,9 +19,6 @@ LAG_TICKS = 3
 
 LINEAR = 0.95
 """The steps of a force that is made of IHIP - HIP correlate with those by at least this, at the right lag."""
-
-LIKE = 0.8
-"""Correlation below which a velocity is not the derivative of its position."""
 
 SLOPE = 0.2
 """How far the ratio of a velocity to its position's derivative may be from one; a wrong unit is further off by far."""

@@ -70,18 +70,18 @@ def examine_timing(
             )
         )
     gaps = _gaps(stamps, steps, median) if sequence is None else _counted(sequence, steps, median)
-    for row, count in gaps.items():
-        lost = 1e-9 * (float(steps[row]) - median)
+    for place, count in gaps.items():
+        lost = 1e-9 * (float(steps[place]) - median)
         faults.append(
             Fault(
                 "gap",
-                Severity.SUSPICIOUS if valid is None or valid[row : row + 2].all() else Severity.NOTE,
+                Severity.SUSPICIOUS if valid is None or valid[place : place + 2].all() else Severity.NOTE,
                 f"{'about ' * (sequence is None)}{count} row{'s' * (count != 1)} missing ({lost:.4g} s)",
                 "checks run on either side of it; see whether the loop or the logger was late",
                 "time",
-                int(row),
-                int(row) + 2,
-                (float(seconds[row]), float(seconds[row + 1])),
+                place,
+                place + 2,
+                (float(seconds[place]), float(seconds[place + 1])),
                 {"missing": count},
             )
         )

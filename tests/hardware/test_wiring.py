@@ -1,0 +1,115 @@
+"""What a robot's raw numbers mean, there and back."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hapticeval.devices.catalogue import make_device
+from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.hardware.wiring import Wiring
+from hapticeval.hardware.wiring_file import read_wiring
+
+ANGLES = st.floats(-math.pi, math.pi)
+OFFSETS = st.floats(-1e6, 1e6).map(round).map(float)
+
+
+@st.composite
+def wirings(draw, counts=True):
+    dimension = draw(st.sampled_from((2, 3)))
+    each = {"min_size": dimension, "max_size": dimension}
+    return Wiring(
+        device=make_device(f"parallelogram-{dimension}dof"),
+        counts_per_turn=draw(st.sampled_from((4096.0, 262_144.0, 1e7))) if counts else None,
+        offsets=tuple(draw(st.lists(OFFSETS if counts else st.floats(-3.0, 3.0), **each))),
+        directions=tuple(draw(st.lists(st.sampled_from((1, -1)), **each))),
+        torque_per_command=draw(st.floats(1e-3, 1e3)),
+    )
+
+
+@given(wirings(), st.data())
+def test_counts_are_angles_to_half_a_count(wiring, data):
+    joints = np.array(data.draw(st.lists(ANGLES, min_size=wiring.device.dimension, max_size=wiring.device.dimension)))
+    raw = wiring.raw(joints)
+    assert np.array_equal(raw, np.rint(raw))
+    # An offset of 1e6 counts costs 1e6 * 2^-52 counts of rounding beside the half count of the encoder.
+    np.testing.assert_allclose(wiring.joints(raw), joints, rtol=0.0, atol=(0.5 + 1e-9) * wiring.step)
+    np.testing.assert_array_equal(wiring.raw(wiring.joints(raw)), raw)
+
+
+@given(wirings(counts=False), st.data())
+def test_raw_angles_come_back(wiring, data):
+    joints = np.array(data.draw(st.lists(ANGLES, min_size=wiring.device.dimension, max_size=wiring.device.dimension)))
+    np.testing.assert_allclose(wiring.joints(wiring.raw(joints)), joints, rtol=0.0, atol=1e-14)
+
+
+@given(wirings(), st.data())
+def test_commands_are_torques_there_and_back(wiring, data):
+    size = wiring.device.dimension
+    torques = np.array(data.draw(st.lists(st.floats(-10.0, 10.0), min_size=size, max_size=size)))
+    np.testing.assert_allclose(wiring.torques(wiring.commands(torques)), torques, rtol=1e-15)
+
+
+@given(wirings(), st.booleans())
+def test_a_description_makes_the_same_wiring(wiring, counted):
+    if not counted:
+        wiring = Wiring(device=wiring.device, offsets=wiring.offsets)
+    assert Wiring.described(wiring.description()) == wiring
+
+
+def test_a_direction_turns_encoder_and_motor_alike():
+    straight, turned = (
+        Wiring(device=make_device("parallelogram-2dof"), counts_per_turn=1000, directions=(1, sign)) for sign in (1, -1)
+    )
+    raw, command = np.array([10.0, 20.0]), np.array([1.0, 2.0])
+    np.testing.assert_array_equal(turned.joints(raw), straight.joints(raw) * [1, -1])
+    np.testing.assert_array_equal(turned.torques(command), [1.0, -2.0])
+
+
+def test_parameters_of_the_device_are_overridden():
+    wiring = Wiring.described({"kind": "parallelogram-2dof", "l1": 0.31, "counts_per_turn": 4096})
+    assert (wiring.device.constants.l1, wiring.device.constants.l4, wiring.counts_per_turn) == (0.31, 0.346, 4096)
+
+
+@pytest.mark.parametrize(
+    ("table", "error", "words"),
+    [
+        ({"offsets": [0, 0]}, InputError, "lacks its kind"),
+        ({"kind": "parallelogramm"}, UnknownNameError, "unknown device"),
+        ({"kind": "parallelogram-2dof", "l7": 0.3}, UnknownNameError, "unknown parameter"),
+        ({"kind": "parallelogram-2dof", "offsets": [0, 0, 0]}, InputError, "offsets"),
+        ({"kind": "parallelogram-2dof", "offsets": [0, math.nan]}, InputError, "offsets"),
+        ({"kind": "parallelogram-2dof", "directions": [1, 0]}, InputError, "directions"),
+        ({"kind": "parallelogram-2dof", "counts_per_turn": 0}, InputError, "counts_per_turn"),
+        ({"kind": "parallelogram-2dof", "counts_per_turn": "many"}, InputError, "counts_per_turn"),
+        ({"kind": "parallelogram-2dof", "torque_per_command": -1.0}, InputError, "torque_per_command"),
+    ],
+)
+def test_a_table_that_does_not_fit_says_so(table, error, words):
+    with pytest.raises(error, match=words):
+        Wiring.described(table)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[device", "is not TOML"),
+        ("[motor]\nkind = 1", "no table"),
+        ('[device]\nkind = "point-mass"', r"\[device\]: .*lacks the parameter 'mass'"),
+    ],
+)
+def test_a_file_that_is_no_wiring_is_named(tmp_path, text, words):
+    path = tmp_path / "rig.toml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=words) as caught:
+        read_wiring(path)
+    assert "rig.toml" in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(InputError, match="cannot read the wiring"):
+        read_wiring(tmp_path / "rig.toml")
