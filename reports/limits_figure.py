@@ -68,7 +68,8 @@ def _width(axes: Axes, document: Mapping[str, Any]) -> None:
         label = f"T = {1e3 * curve['sampling_time']:.3g} ms"
         axes.plot(curve["damping"], _kilo(curve["eigenvalues"]), color=colour, label=label)
         axes.plot(curve["damping"], _kilo(curve["passive"]), color=colour, linestyle="--", linewidth=1.0)
-    axes.plot([], [], color=COLOURS["quiet"], linestyle="--", linewidth=1.0, label="passive (2.40)")
+    if document["passive"] is not None:
+        axes.plot([], [], color=COLOURS["quiet"], linestyle="--", linewidth=1.0, label="passive (2.40)")
     axes.plot(
         [document["damping"]],
         [1e-3 * document["stiffness"]],
@@ -91,9 +92,10 @@ def _delay(axes: Axes, document: Mapping[str, Any]) -> None:
     curve = document["delay"]
     axes.plot(1e3 * np.array(curve["delay"]), _kilo(curve["eigenvalues"]), color=SERIES[1], label="eigenvalues")
     axes.axhline(1e-3 * document["stiffness"], color=COLOURS["jump"], linewidth=1.0, label="the scene")
-    axes.axhline(
-        1e-3 * document["passive"], color=COLOURS["quiet"], linestyle="--", linewidth=1.0, label="passive (2.40)"
-    )
+    if document["passive"] is not None:
+        axes.axhline(
+            1e-3 * document["passive"], color=COLOURS["quiet"], linestyle="--", linewidth=1.0, label="passive (2.40)"
+        )
     axes.set_ylim(bottom=0.0)
     axes.set_xlim(left=0.0)
     axes.set(xlabel="computation delay (ms)", ylabel="stiffness K (kN/m)", title="Delay")

@@ -38,7 +38,9 @@ def limits(
     device: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="Another device than the scene's: parallelogram-2dof, ...", show_default=False
+            metavar="KIND[:NAME=VALUE,...]",
+            help="Another device than the scene's: parallelogram-2dof, ...",
+            show_default=False,
         ),
     ] = None,
     at: Annotated[
@@ -55,18 +57,18 @@ def limits(
 ) -> None:
     """Find the largest stiffness that stays stable, and what it depends on.
 
-    The bound (2.40), the eigenvalues of the sampled loop, and the loop itself, run. The picture shows the limit over
-    damping and sampling time (Z-width), delay and the workspace.
+    The bound (2.40), the eigenvalues of the sampled loop, and the loop itself, run without encoders, torque limits and
+    friction. The picture shows the limit over damping and sampling time (Z-width), delay and the workspace.
 
     \b
     Examples:
       hapticeval limits thesis/plane-press --device parallelogram-2dof
-      hapticeval limits dynamics-circle/robot -r minimum-distance+pp-v -o pictures
+      hapticeval limits dynamics-circle/circle-robot -r minimum-distance+pp-v -o pictures
       hapticeval limits mysuite.toml/mycase --at 0.05,0.02
     """
     import numpy as np
 
-    from hapticeval.devices.catalogue import make_device
+    from hapticeval.devices.catalogue import device_named
     from hapticeval.discovery import resolve
     from hapticeval.limits.linear import Place
     from hapticeval.limits.study import study
@@ -77,7 +79,7 @@ def limits(
     case = _case(scene)
     built = case.build_scene()
     if device is not None:
-        built = replace(built, device=make_device(device))
+        built = replace(built, device=device_named(device))
     if at is None:
         stimulus = case.build_stimulus(built, None)
         point = stimulus.points[0] if isinstance(stimulus, HandPath) else stimulus.position
@@ -105,8 +107,7 @@ def told(document: Mapping[str, Any]) -> str:
         ("device", f"{document['device']}, {document['inner_loop']} inner loop, at ({place}) mm, "
                    f"wall facing ({normal})"),
         ("", ""),
-        ("bound (2.40)", f"{_stiffness(document['passive'])}  2 (b - |B|) / T with b = "
-                         f"{document['port_damping']:.4g} N s/m, sufficient with any passive hand"),
+        ("bound (2.40)", _bound(document)),
         ("eigenvalues", f"{_stiffness(document['eigenvalues'])}  of the sampled loop, without a hand"),
         ("simulation", f"{_stiffness(document['simulated'])}  the sampled loop itself, run and bisected"),
         ("", ""),
@@ -121,7 +122,9 @@ def verdict(document: Mapping[str, Any]) -> str:
     dt = document["sampling_time"]
     parts = []
     passive = document["passive"]
-    if stiffness > passive:
+    if passive is None:
+        parts.append("the bound (2.40) says nothing about it")
+    elif stiffness > passive:
         parts.append(f"its {stiffness:.4g} N/m exceed the bound (2.40) of {passive:.4g} N/m")
     else:
         parts.append(f"its {stiffness:.4g} N/m are within the bound (2.40)")
@@ -139,6 +142,15 @@ def _seconds(growth: float, dt: float) -> str:
     from math import log
 
     return f"{dt * log(10.0) / abs(log(growth)):.3g} s" if growth not in (0.0, 1.0) else "no time to speak of"
+
+
+def _bound(document: Mapping[str, Any]) -> str:
+    if document["passive"] is None:
+        return f"none: a {document['inner_loop']} inner loop compensates the damping that it counts on"
+    b = document["port_damping"]
+    return (
+        f"{_stiffness(document['passive'])}  2 (b - |B|) / T with b = {b:.4g} N s/m, sufficient with any passive hand"
+    )
 
 
 def _stiffness(value: float | None) -> str:

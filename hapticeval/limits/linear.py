@@ -31,6 +31,11 @@ class Gains:
     before: Array
     rate: Array
 
+    @property
+    def parts(self) -> tuple[Array, Array, Array]:
+        """All three."""
+        return self.now, self.before, self.rate
+
 
 @dataclass(frozen=True)
 class Place:
@@ -41,11 +46,18 @@ class Place:
 
 
 def gains_of(renderer: Renderer, place: Place, dt: float) -> Gains:
-    """A renderer's gains at `place`, by central differences of its own answers, two probes inside the surface.
+    """A renderer's gains at `place`, by central differences of its own answers.
 
-    From inside, so that a unilateral contact is not lost.
+    From inside, so that a unilateral contact is not lost. There a force stands that is there no more on the surface,
+    and that turns as the hand moves along a bent one: the parabola through what is found at three depths is taken at
+    the surface, where such a force is gone.
     """
-    rest = place.point - 2.0 * PROBE * place.normal
+    found = [_gains_inside(renderer, place, depth * PROBE, dt) for depth in (2.0, 4.0, 6.0)]
+    return Gains(*(3.0 * a - 3.0 * b + c for a, b, c in zip(*(each.parts for each in found), strict=True)))
+
+
+def _gains_inside(renderer: Renderer, place: Place, depth: float, dt: float) -> Gains:
+    rest = place.point - depth * place.normal
     still = np.zeros_like(rest)
 
     def force(before: Array, now: Array, velocity: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.limits.linear import Robot
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -28,10 +29,12 @@ def port_damping(robot: Robot, normal: Array, dt: float) -> float:
     return float(np.min((1.0 / (admittance @ normal)).real))
 
 
-def passive_stiffness(scene: Scene, robot: Robot, normal: Array) -> float:
+def passive_stiffness(scene: Scene, robot: Robot, normal: Array) -> float | None:
     """The largest stiffness (N/m) that (2.40) allows, 2 (b - |B|) / T; zero where no stiffness is passive.
 
-    For the static inner loop: one that compensates the device's damping leaves no b to count on.
+    None for all but the static inner loop: one that compensates the device's damping leaves no b to count on.
     """
+    if scene.inner_loop is not InnerLoop.STATIC:
+        return None
     damping = port_damping(robot, normal, scene.sampling_time)
     return max(0.0, 2.0 * (damping - scene.damping) / scene.sampling_time)

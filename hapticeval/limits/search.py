@@ -18,10 +18,13 @@ SOFTEST, STIFFEST = 1.0, 1e7
 """N/m between which limits are looked for."""
 
 STEPS = 40
-"""Halvings: the limit to one part in a million of a decade."""
+"""Halvings: until rounding of the limit's own digits."""
 
 PUSH = 1e-5
 """Metres off the surface at which the loop is let go: small, so that the device stays at its pose."""
+
+RESTS = 1e-7
+"""Share of `PUSH` below which what is left of it is rounding: the loop has settled."""
 
 TICKS = 20_000
 """Ticks of a run: a mode that grows by 1e-6 a tick grows by 2 per cent."""
@@ -29,10 +32,7 @@ TICKS = 20_000
 
 @dataclass(frozen=True)
 class Family:
-    """A renderer's gains at one place as a function of its stiffness, now(K) = offset + K slope, measured.
-
-    `damping` terms stay; `normal` (N,) is that of the place where they were measured.
-    """
+    """A renderer's gains as a function of its stiffness, offset + K slope, as measured at `place`."""
 
     offset: Gains
     slope: Gains
@@ -71,10 +71,10 @@ def family_of(factory: RendererFactory, scene: Scene, place: Place) -> Family:
             )
         found.append(gains_of(renderer, place, scene.sampling_time))
     low, high = scene.stiffness / 64.0, scene.stiffness / 32.0
-    slope = Gains(*((b - a) / (high - low) for a, b in zip(_parts(found[0]), _parts(found[1]), strict=True)))
-    offset = Gains(*(a - low * b for a, b in zip(_parts(found[0]), _parts(slope), strict=True)))
+    slope = Gains(*((b - a) / (high - low) for a, b in zip(found[0].parts, found[1].parts, strict=True)))
+    offset = Gains(*(a - low * b for a, b in zip(found[0].parts, slope.parts, strict=True)))
     family = Family(offset, slope, place)
-    for told, measured in zip(_parts(family.at(2.0 * high)), _parts(found[2]), strict=True):
+    for told, measured in zip(family.at(2.0 * high).parts, found[2].parts, strict=True):
         if np.max(np.abs(told - measured)) > 1e-3 * max(np.max(np.abs(measured)), scene.damping, 1e-9):
             raise InputError(
                 "the renderer's force does not grow in proportion to the scene's stiffness",
@@ -90,8 +90,14 @@ def eigenvalue_limit(loop: SampledLoop, family: Family, *, steps: int = STEPS) -
 
 
 def simulated_limit(factory: RendererFactory, scene: Scene, place: Place) -> float:
-    """The same by running the sampled closed loop itself, let go `PUSH` off the surface, to see whether it settles."""
-    return largest(lambda stiffness: _settles(factory, scene, place, stiffness), steps=14)
+    """The same by running the sampled closed loop itself, let go `PUSH` off the surface, to see whether it settles.
+
+    Its encoders, torque limits and friction are left out: a limit cycle of a count is no instability, motors that
+    saturate bound one, and friction holds a loop at rest that would not stay there.
+    """
+    effects = replace(scene.imperfections, encoder_step=None, torque_limit=None, friction=None)
+    smooth = replace(scene, imperfections=effects)
+    return largest(lambda stiffness: _settles(factory, smooth, place, stiffness), steps=14)
 
 
 def largest(stable: Callable[[float], bool], *, steps: int = STEPS) -> float:
@@ -114,7 +120,7 @@ def largest(stable: Callable[[float], bool], *, steps: int = STEPS) -> float:
 
 
 def _settles(factory: RendererFactory, scene: Scene, place: Place, stiffness: float) -> bool:
-    """Whether the distance from the surface is smaller at the end of a run than after its first tenth."""
+    """Whether the distance from the surface is smaller at the end of a run than after its first tenth, or at rest."""
     held = replace(scene, stiffness=stiffness, bilateral=True)
     try:
         renderer = factory(held)
@@ -129,11 +135,8 @@ def _settles(factory: RendererFactory, scene: Scene, place: Place, stiffness: fl
     distance = scene.model.boundary.signed_distance(run.hip)
     part = len(run) // 10
     # Late against early, each over a tenth: an undamped loop keeps its size within the rounding of the two.
-    return float(np.std(distance[-part:])) < float(np.std(distance[part : 2 * part]))
-
-
-def _parts(gains: Gains) -> tuple[np.ndarray, ...]:
-    return gains.now, gains.before, gains.rate
+    early, late = (float(np.std(distance[rows])) for rows in (slice(part, 2 * part), slice(-part, None)))
+    return late < max(early, RESTS * PUSH)
 
 
 def _rotation(start: np.ndarray, end: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hapticeval.devices.device import Device
+from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.errors import DomainError, InputError
 from hapticeval.limits.linear import Place, SampledLoop, robot_at
 from hapticeval.limits.passivity import passive_stiffness, port_damping
@@ -30,10 +31,18 @@ POSES, DIRECTIONS = 27, 12
 
 
 def study(factory: RendererFactory, scene: Scene, place: Place, progress: Progress) -> dict[str, Any]:
-    """The document that is printed, drawn and written as JSON: SI units, `inf` as None.
+    """The document that is printed, drawn and written as JSON: SI units, `inf` as None, and so what has no meaning.
 
-    Raises `DomainError` for a place outside the device's workspace, and `InputError` for a renderer that has no gains.
+    Raises `DomainError` for a place outside the device's workspace, and `InputError` for a renderer that has no gains
+    and for a place in another dimension than the device's.
     """
+    if scene.robot.dimension != place.point.size:
+        raise InputError(
+            f"the {scene.robot.name} moves in {scene.robot.dimension}D, and '{scene.model.name}' is in "
+            f"{place.point.size}D",
+            why="hand and model must live in the same space",
+            todo="choose another device",
+        )
     stages = ("the loop at one place", "the sampled loop, run", "damping and sampling time", "delay", "workspace")
     progress(0, len(stages), stages[0])
     robot = robot_at(scene.robot, place.point)
@@ -69,10 +78,10 @@ def _width(factory: RendererFactory, scene: Scene, place: Place, dt: float) -> M
     robot = robot_at(scene.robot, place.point)
     inverse = np.linalg.inv(robot.jacobian)
     felt = 1.0 / float(place.normal @ np.linalg.inv(inverse.T @ robot.inertia @ inverse) @ place.normal)
-    mass = scene.mass if scene.inner_loop == "linearised" else felt
+    mass = scene.mass if scene.inner_loop is InnerLoop.LINEARISED else felt
     dampings = np.append(0.0, np.geomspace(1e-4, 2.5, 45) * mass / dt)
     limits: list[float | None] = []
-    passive: list[float] = []
+    passive: list[float | None] = []
     for damping in dampings:
         each = replace(scene, damping=float(damping), sampling_time=dt)
         try:
@@ -121,7 +130,8 @@ def _over_workspace(scene: Scene, family: Family) -> Mapping[str, Any] | None:
             loop = SampledLoop(scene, robot)
             places = [family.facing(Place(point, normal)) for normal in normals]
             limits[row, column] = min(eigenvalue_limit(loop, each, steps=COARSE) for each in places)
-            passive[row, column] = min(passive_stiffness(scene, robot, normal) for normal in normals)
+            bounds = [passive_stiffness(scene, robot, normal) for normal in normals]
+            passive[row, column] = min((bound for bound in bounds if bound is not None), default=np.nan)
     return {
         "axes": [f"y{axis + 1}" for axis in axes],
         "first": grids[0].tolist(),

@@ -179,6 +179,49 @@ def test_the_loop_itself_loses_stability_where_its_eigenvalues_say():
     )
 
 
+@pytest.mark.parametrize("kind", ["circle", "cassinian"])
+@pytest.mark.parametrize("renderer", ["minimum-distance+pp-pd", "set-stabilisation"])
+def test_on_a_bent_constraint_the_limit_is_that_of_the_line(kind, renderer):
+    """The tool is free along it, and across it the triangle of Jury holds: K < 2 B / T, by eigenvalues and in the loop.
+
+    The robot is linearised, its torques held: that its own damping acts within a tick changes the limit by b T / d of
+    a joint at the most, 0.2 per cent.
+    """
+    held = Scene(
+        model=make_model(kind), device=make_device("parallelogram-2dof"), inner_loop=InnerLoop.LINEARISED,
+        stiffness=50.0, damping=4.47, mass=0.1, bilateral=True,
+    )  # fmt: skip
+    place = Place(np.array([0.1, 0.0]), np.array([1.0, 0.0]))
+    loop, family = SampledLoop(held, robot_at(held.robot, place.point)), family_of(resolve(renderer), held, place)
+    assert loop.growth(family.at(50.0)) < 1.0
+    assert eigenvalue_limit(loop, family) == pytest.approx(8940.0, rel=2e-3)
+    assert simulated_limit(resolve(renderer), held, place) == pytest.approx(8940.0, rel=2e-3)
+
+
+def test_what_is_not_linear_does_not_decide():
+    """Rounding of counts makes a limit cycle at any stiffness, and friction holds a loop that would go on to swing."""
+    effects = Imperfections(encoder_step=1e-4, friction=0.02, torque_limit=0.1)
+    factory, plain = resolve("minimum-distance+pp"), robot_scene()
+    assert simulated_limit(factory, replace(plain, imperfections=effects), WALL) == simulated_limit(
+        factory, plain, WALL
+    )
+
+
+@pytest.mark.parametrize("loop", [InnerLoop.COMPENSATED, InnerLoop.LINEARISED])
+def test_no_bound_counts_on_damping_that_is_compensated(loop):
+    compensating = robot_scene(inner_loop=loop)
+    assert passive_stiffness(compensating, robot_at(compensating.robot, WALL.point), WALL.normal) is None
+
+
+def test_a_scene_without_the_bound_is_told_and_drawn(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("hapticeval.limits.study.POSES", 5)
+    monkeypatch.setattr("hapticeval.limits.search.TICKS", 2000)
+    assert main(["limits", "dynamics-circle/circle-robot", "-o", str(tmp_path)]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "none: a linearised inner loop compensates" in shown
+    assert "(2.40) says nothing about it; without a hand the loop settles" in shown
+
+
 def test_the_command_tells_draws_and_ends_with_one_for_an_unstable_scene(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("hapticeval.limits.study.POSES", 5)
     monkeypatch.setattr("hapticeval.limits.search.TICKS", 4000)
@@ -200,6 +243,8 @@ def test_the_command_tells_draws_and_ends_with_one_for_an_unstable_scene(tmp_pat
         (["thesis/plane-press", "--at", "1"], "2 numbers"),
         (["thesis/plane-press", "--device", "parallelogram-2dof", "--at", "5,0"], "5"),
         (["thesis/plane-press", "-r", "ideal"], "physics of its own"),
+        (["thesis/plane-press", "--device", "parallelogram-3dof"], "moves in 3D, and 'line' is in 2D"),
+        (["thesis/plane-press", "--device", "point-mass:mass"], "not name=value"),
     ],
 )
 def test_what_cannot_be_studied_is_told_at_once(arguments, words, tmp_path, capsys):
