@@ -143,10 +143,15 @@ def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator
         head += f"{TITLES[each.column]}: "
         if each.outcome == "too little in common":
             yield f"{head}too little in common: {100.0 * each.common:.3g} % of the way"
-        elif each.outcome == "differs":
+        elif each.outcome in ("differs", "the runs differ"):
+            whose = (
+                ""
+                if each.outcome == "differs"
+                else (". These are single runs: whether other runs of the same renderers would differ is not known")
+            )
             yield (
-                f"{head}differs by {size}, which is {each.times:.3g} times the repeat spread of "
-                f"{scale * each.spread:.3g} {unit} ({tested}); most at {across * each.worst:.4g} {along}"
+                f"{head}{each.outcome} by {size}, which is {each.times:.3g} times the repeat spread of "
+                f"{scale * each.spread:.3g} {unit} ({tested}); most at {across * each.worst:.4g} {along}{whose}"
             )
         elif each.outcome == "within the spread":
             yield f"{head}within the spread: {size} apart, repeats {scale * each.spread:.3g} {unit} ({tested})"

@@ -56,7 +56,8 @@ def compare(
 ) -> None:
     """Compare direction and size of the force across runs that no clock can align.
 
-    Two renderers differ only as far as they differ by more than the repeats of one of them do.
+    Two renderers differ only as far as they differ by more than the repeats of one of them do. Record them in turns:
+    what drifts from the first run to the last would else count as theirs.
 
     \b
     Examples:

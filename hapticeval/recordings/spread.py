@@ -2,16 +2,15 @@
 
 What a hand does differs from run to run, so a difference between two renderers says nothing unless it is held against
 the differences between repeats of one. The repeats are whole curves over the abscissa; the distance of two is the root
-mean square of their difference where both have an answer. If the renderers did not matter, their labels could be
-dealt anew among the curves: the energy statistic, twice the mean distance between the renderers less the mean
-distances within each, is compared with its values under all (or 9999 random) deals. That permutation test is exact
-whatever the shape of the curves, and takes repeats, not samples, as what is independent.
+mean square of their difference where both have an answer. What is independent are repeats, not samples: see
+`permutation` for the test. Over pairs of renderers and over the two directions, whose repeats may be different runs,
+its p is multiplied by their number.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -19,14 +18,15 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.alignment import COLUMNS, Aligned, Pass
+from hapticeval.recordings.permutation import Distances, permuted
 from hapticeval.types import Array, BoolArray, IntArray
 
 LEVEL = 0.05
-DEALS = 9999
 COMMON = 0.05
 """Two curves must share this much of the grid for a distance, and two medians for a difference."""
 HALF = 0.5
 """A repeat covers at least this share of what the fullest one does: the end of a last lap is none."""
+RUNS, LAPS = "runs", "laps of one run"
 COMPARED = ("direction", "leaning", "magnitude", "depth")
 
 
@@ -48,9 +48,9 @@ class Comparison:
     """Two renderers over what at least two `repeats` of each cover; `basis` says what these are.
 
     `difference` is the root mean square of the difference of their medians, `spread` that between repeats of one
-    renderer, both in the column's unit; `p` of the permutation test, times the number of pairs compared, and `least`
-    the smallest that these numbers of repeats can give. `worst` is the place (in the abscissa's unit) of the largest
-    difference of the medians, `largest`.
+    renderer, both in the column's unit; `p` of the permutation test over all columns, times the number of pairs and
+    directions compared, and `least` the smallest that so many repeats can give. `worst` is the place (in the
+    abscissa's unit) of the largest difference of the medians, `largest`.
     """
 
     first: str
@@ -74,20 +74,28 @@ class Comparison:
 
     @property
     def outcome(self) -> str:
-        """ "differs", "within the spread", "too few repeats to tell", or "too little in common"."""
+        """ "differs", "the runs differ", "within the spread", "too few repeats to tell", or "too little in common".
+
+        Laps of one run say how far the hand varies within it, and not whether another run of the same renderer would
+        be as far off: all they can tell is that the runs differ.
+        """
         if math.isnan(self.difference):
             return "too little in common"
         if self.p < LEVEL:
-            return "differs"
+            return "differs" if self.basis == RUNS else "the runs differ"
         return "within the spread" if self.least < LEVEL else "too few repeats to tell"
 
 
 @dataclass(frozen=True)
 class Repeats:
-    """The repeats of one renderer in one column and direction: `values` and `masks` (k, m), and what they are."""
+    """The repeats of one renderer in one column and direction: `values` and `masks` (k, m), and what they are.
+
+    `units` (k,) number them: the same run, or lap of a single run, has the same number in every column.
+    """
 
     values: Array
     masks: BoolArray
+    units: IntArray
     basis: str
 
 
@@ -102,16 +110,16 @@ def repeats(passes: Sequence[Pass], column: str, reference: Array) -> Repeats:
     runs = np.array([each.run for each in passes])
     several = np.unique(runs)
     if several.size == 1:
-        return _full(values, masks, "laps of one run")
+        return _full(values, masks, np.array([each.lap for each in passes]), LAPS)
     counts = np.array([masks[runs == run].sum(axis=0) for run in several])
     sums = np.array([np.where(masks[runs == run], values[runs == run], 0.0).sum(axis=0) for run in several])
-    return _full(sums / np.maximum(counts, 1), counts > 0, "runs")
+    return _full(sums / np.maximum(counts, 1), counts > 0, several, RUNS)
 
 
-def _full(values: Array, masks: BoolArray, basis: str) -> Repeats:
+def _full(values: Array, masks: BoolArray, units: IntArray, basis: str) -> Repeats:
     coverage = masks.mean(axis=1)
     kept = coverage >= HALF * coverage.max()
-    return Repeats(values[kept], masks[kept], basis)
+    return Repeats(values[kept], masks[kept], units[kept], basis)
 
 
 def bands(aligned: Aligned) -> tuple[Band, ...]:
@@ -143,16 +151,20 @@ def compare(aligned: Aligned, *, seed: int = 0) -> tuple[Comparison, ...]:
         raise InputError(
             f"all runs are of '{renderers[0]}'", why="a comparison takes two renderers", todo="name runs of another one"
         )
-    found: list[Comparison] = []
+    families: dict[tuple[int, str, str], dict[str, tuple[Repeats, Repeats]]] = {}
     repeated: set[str] = set()
     for column, direction, groups in _groups(aligned):
         reference = _reference(column, [one for each in groups.values() for one in each])
         made = {renderer: repeats(passes, column, reference) for renderer, passes in groups.items()}
         kept = {renderer: each for renderer, each in made.items() if len(each.values) > 1}
         repeated |= set(kept)
-        pairs = list(combinations(kept, 2))
-        for first, second in pairs:
-            found.append(_compared(aligned, column, direction, first, second, kept, len(pairs), seed))
+        for first, second in combinations(kept, 2):
+            families.setdefault((direction, first, second), {})[column] = kept[first], kept[second]
+    found = [
+        one
+        for (direction, first, second), columns in families.items()
+        for one in _compared(aligned, direction, first, second, columns, len(families), seed)
+    ]
     for renderer in renderers:
         if renderer not in repeated:
             raise InputError(
@@ -182,54 +194,50 @@ def _groups(aligned: Aligned) -> Iterator[tuple[str, int, dict[str, tuple[Pass, 
 
 def _compared(
     aligned: Aligned,
-    column: str,
     direction: int,
     first: str,
     second: str,
-    kept: dict[str, Repeats],
-    pairs: int,
+    columns: Mapping[str, tuple[Repeats, Repeats]],
+    families: int,
     seed: int,
-) -> Comparison:
-    from scipy.stats import permutation_test
+) -> Iterator[Comparison]:
+    """Two renderers in one direction, in every column that both have."""
+    distances = {column: _apart(*groups) for column, groups in columns.items()}
+    testable = {column: each for column, each in distances.items() if np.isfinite(each.values).all()}
+    p, least = permuted(testable, seed=seed)
+    for column, groups in columns.items():
+        medians = [_median(each.values, each.masks) for each in groups]
+        common = medians[0][1] & medians[1][1]
+        share, basis = float(np.mean(common)), " and ".join(sorted({each.basis for each in groups}))
+        sizes = len(groups[0].values), len(groups[1].values)
+        if share < COMMON or column not in testable:
+            nothing = (math.nan, math.nan, 1.0, 1.0, math.nan, math.nan)
+            yield Comparison(first, second, direction, column, sizes, basis, *nothing, share)
+            continue
+        apart = np.where(common, medians[0][0] - medians[1][0], 0.0)
+        worst = int(np.argmax(np.abs(apart)))
+        yield Comparison(
+            first,
+            second,
+            direction,
+            column,
+            sizes,
+            basis,
+            float(np.sqrt(np.mean(apart[common] ** 2))),
+            distances[column].spread,
+            min(1.0, families * p[column]),
+            min(1.0, families * least),
+            float(abs(apart[worst])),
+            float(aligned.grid[worst]),
+            share,
+        )
 
-    groups = kept[first], kept[second]
-    sizes = len(groups[0].values), len(groups[1].values)
-    count = sum(sizes)
-    distance = _distances(np.vstack([each.values for each in groups]), np.vstack([each.masks for each in groups]))
-    medians = [_median(each.values, each.masks) for each in groups]
-    common = medians[0][1] & medians[1][1]
-    share, basis = float(np.mean(common)), " and ".join(sorted({each.basis for each in groups}))
-    if share < COMMON or not np.isfinite(distance).all():
-        nothing = (math.nan, math.nan, 1.0, 1.0, math.nan, math.nan)
-        return Comparison(first, second, direction, column, sizes, basis, *nothing, share)
-    apart = np.where(common, medians[0][0] - medians[1][0], 0.0)
-    worst = int(np.argmax(np.abs(apart)))
-    within = [distance[i, j] for part in (range(sizes[0]), range(sizes[0], count)) for i, j in combinations(part, 2)]
-    test = permutation_test(
-        (np.arange(sizes[0]), np.arange(sizes[0], count)),
-        lambda a, b: _energy(distance, a, b),
-        vectorized=False,
-        n_resamples=DEALS,
-        alternative="greater",
-        random_state=seed,
-    )
-    deals = math.comb(count, sizes[0])
-    least = (2.0 if sizes[0] == sizes[1] else 1.0) / deals if deals <= DEALS else 1.0 / (DEALS + 1)
-    return Comparison(
-        first,
-        second,
-        direction,
-        column,
-        sizes,
-        basis,
-        float(np.sqrt(np.mean(apart[common] ** 2))),
-        float(np.sqrt(np.mean(np.square(within)))),
-        min(1.0, pairs * float(test.pvalue)),
-        min(1.0, pairs * least),
-        float(abs(apart[worst])),
-        float(aligned.grid[worst]),
-        share,
-    )
+
+def _apart(one: Repeats, other: Repeats) -> Distances:
+    """The distances of the repeats of two renderers, each of theirs from every other."""
+    values = _distances(np.vstack([one.values, other.values]), np.vstack([one.masks, other.masks]))
+    units = tuple((side, int(unit)) for side, each in enumerate((one, other)) for unit in each.units)
+    return Distances(values, units)
 
 
 def _distances(values: Array, masks: BoolArray) -> Array:
@@ -242,13 +250,6 @@ def _distances(values: Array, masks: BoolArray) -> Array:
         apart = np.sqrt(np.mean((values[i, both] - values[j, both]) ** 2)) if enough else np.nan
         out[i, j] = out[j, i] = apart
     return out
-
-
-def _energy(distance: Array, a: Array, b: Array) -> float:
-    """Twice the mean distance between two groups of curves, less the mean distances within each."""
-    a, b = a.astype(int), b.astype(int)
-    between = distance[np.ix_(a, b)].mean()
-    return float(2.0 * between - distance[np.ix_(a, a)].mean() - distance[np.ix_(b, b)].mean())
 
 
 def _median(values: Array, masks: BoolArray) -> tuple[Array, BoolArray]:

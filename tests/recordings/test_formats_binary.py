@@ -65,7 +65,7 @@ def test_a_cut_mat_file_gives_the_variables_that_are_whole(tmp_path_factory, com
     path.write_bytes(data[: 128 + round(cut * (len(data) - 128))])
     first = min(_borders(data))
     if len(path.read_bytes()) < first:
-        with pytest.raises(InputError, match="cut within"):
+        with pytest.raises(InputError, match="within the variable"):
             read_table(path)
         return
     table = read_table(path)
@@ -73,6 +73,16 @@ def test_a_cut_mat_file_gives_the_variables_that_are_whole(tmp_path_factory, com
     left_out = next(name for name in values if name not in table.columns)
     ended_between = len(path.read_bytes()) in _borders(data)
     assert ended_between or f"'{left_out}'" in table.warnings[-1] or "'?'" in table.warnings[-1]
+
+
+def test_a_cut_mat_file_says_how_much_of_which_variable_is_missing(tmp_path):
+    path = tmp_path / "a.mat"
+    savemat(path, {"t": np.arange(50.0)[:, None], "force": np.ones((50, 2))})
+    path.write_bytes(path.read_bytes()[:-300])
+    table = read_table(path)
+    assert list(table.columns) == ["t"]
+    assert "within the variable 'force', which is left out with all that followed: 50 x 2" in table.warnings[0]
+    assert "548 of its 848 bytes are there" in table.warnings[0]
 
 
 def _borders(data):

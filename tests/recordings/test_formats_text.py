@@ -231,7 +231,8 @@ def test_a_fresh_importer_is_a_few_lines(tmp_path, monkeypatch):
     written(tmp_path, "acme_logs.py", FRESH)
     path = written(tmp_path, "run.acme", "0|1.5\n10|2.5\n")
     table = read_table(path, format="acme_logs:read_acme")
-    assert (table.format, dict(table.units), column(table, "x")) == ("acme", {"t": "ms"}, [1.5, 2.5])
+    assert (dict(table.units), column(table, "x")) == ({"t": "ms"}, [1.5, 2.5])
+    assert table.format == "acme_logs:read_acme", "the mapping that is proposed then finds it again"
     assert read_table(path).format == "acme"  # known from now on, by its suffix
 
 

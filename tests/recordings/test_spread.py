@@ -11,10 +11,12 @@ from scipy.special import comb
 from hapticeval.errors import InputError
 from hapticeval.recordings.abscissa import Abscissa
 from hapticeval.recordings.alignment import Run, align
+from hapticeval.recordings.permutation import Distances, permuted
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.spread import bands, compare
 
 ANGLE = np.linspace(0.1, 2.0, 500)
+UNITS = tuple((side, k) for side in (0, 1) for k in range(4))
 PLACE = (ANGLE - ANGLE[0]) / np.ptp(ANGLE)
 
 
@@ -26,12 +28,14 @@ def run(renderer, number, size, *, turned=0.0, angle=ANGLE):
     return Run(f"{renderer} {number}", renderer, recording)
 
 
-def hands(rng, renderer, count, *, more=0.0, turned=0.0):
-    """Runs that share a shape and differ by a smooth random push each, as hands do."""
+def hands(rng, renderer, count, *, more=0.0, turned=0.0, trembling=0.0):
+    """Runs that share a shape and differ by a smooth random push each, as hands do, and `trembling` in direction."""
     made = []
     for number in range(count):
         push = 2.0 + 0.2 * rng.standard_normal() + 0.2 * np.sin(6.0 * PLACE + rng.uniform(0.0, 6.28))
-        made.append(run(renderer, number, push + more, turned=turned))
+        made.append(
+            run(renderer, number, push + more, turned=turned + (trembling and trembling * rng.standard_normal()))
+        )
     return made
 
 
@@ -60,11 +64,33 @@ def test_hands_that_differ_are_no_difference_of_renderers():
 
 def test_false_alarms_are_as_rare_as_the_level_says():
     rng = np.random.default_rng(3)
-    alarms = [
-        compared(hands(rng, "a", 4), hands(rng, "b", 4))["a", "b", "magnitude"].outcome == "differs" for _ in range(40)
-    ]
-    # p < 0.05 has probability 2 / 70 under exchange; seven or more of 40 a chance of 1.3e-4.
-    assert sum(alarms) < 7
+    alarms = 0
+    for _ in range(300):
+        points = rng.standard_normal((4, 8))  # four columns that vary apart from each other
+        columns = {f"c{k}": Distances(np.abs(each[:, None] - each), UNITS) for k, each in enumerate(points)}
+        p, least = permuted(columns, seed=0)
+        assert least == 2.0 / comb(8, 4)
+        alarms += min(p.values()) < 0.05
+    # p < 0.05 in any column has a probability of 2 / 70 at most: 8.6 of 300, 20 or more with a chance of 6e-4. Each
+    # column tested by itself would give some 32.
+    assert alarms < 20
+
+
+def test_one_column_that_differs_is_found_among_those_that_do_not():
+    rng = np.random.default_rng(13)
+    found = compared(hands(rng, "a", 4, trembling=0.05), hands(rng, "b", 4, more=3.0, trembling=0.05))
+    assert found["a", "b", "magnitude"].outcome == "differs"
+    assert found["a", "b", "direction"].outcome == "within the spread"
+
+
+def test_the_other_way_is_another_test():
+    rng = np.random.default_rng(14)
+    there = [*hands(rng, "a", 4), *hands(rng, "b", 4, more=9.0)]
+    back = [run(each.renderer, f"{k} back", np.linalg.norm(each.recording.force, axis=1), angle=ANGLE[::-1])
+            for k, each in enumerate(there)]  # fmt: skip
+    found = compare(align([*there, *back], Abscissa("angle"), points=101))
+    assert {each.direction for each in found} == {1, -1}
+    assert [each.p for each in found if each.column == "magnitude"] == [pytest.approx(2.0 * 2.0 / comb(8, 4))] * 2
 
 
 def test_a_turned_force_is_found_across_the_cut_of_the_angles():
@@ -108,7 +134,7 @@ def test_laps_of_a_single_run_stand_in_for_repeats_and_are_named():
     found = compared(*groups)["a", "b", "magnitude"]
     assert found.basis == "laps of one run"
     assert found.repeats[0] >= 5
-    assert found.outcome == "differs"
+    assert found.outcome == "the runs differ", "another run of the same renderer may be as far off"
 
 
 def test_laps_are_no_repeats_where_there_are_several_runs():
@@ -148,3 +174,23 @@ def test_a_stray_way_back_does_not_stop_the_comparison():
     found = align([*hands(rng, "a", 4), *hands(rng, "b", 4), back], Abscissa("angle"), points=101)
     assert {each.direction for each in found.passes} == {1, -1}
     assert {each.direction for each in compare(found)} == {1}
+
+
+def test_the_test_agrees_with_scipys_where_there_is_one_column():
+    from scipy.stats import permutation_test
+
+    rng = np.random.default_rng(15)
+    for sizes in ((4, 4), (3, 5)):
+        points = rng.standard_normal((sum(sizes), 3)) + np.arange(sum(sizes))[:, None] * 0.2
+        apart = np.linalg.norm(points[:, None] - points[None], axis=2)
+
+        def energy(a, b, apart=apart):
+            a, b = a.astype(int), b.astype(int)
+            return 2 * apart[np.ix_(a, b)].mean() - apart[np.ix_(a, a)].mean() - apart[np.ix_(b, b)].mean()
+
+        units = tuple((int(k >= sizes[0]), k) for k in range(sum(sizes)))
+        p, least = permuted({"x": Distances(apart, units)}, seed=0)
+        groups = np.arange(sizes[0]), np.arange(sizes[0], sum(sizes))
+        theirs = permutation_test(groups, energy, vectorized=False, n_resamples=np.inf, alternative="greater")
+        assert p["x"] == pytest.approx(float(theirs.pvalue))
+        assert least == (2.0 if sizes[0] == sizes[1] else 1.0) / comb(8, sizes[0])

@@ -25,6 +25,9 @@ from hapticeval.recordings.formats.table import Table
 HEADER = 128
 COMPRESSED, MATRIX, INT8 = 15, 14, 1
 OPAQUE = 17
+NUMBERS = (6, 15)
+"""From the class of doubles to that of 64-bit integers."""
+
 SUBSYSTEM = slice(116, 124)
 """Where the header says at which byte the data of objects lie, which are no variable."""
 
@@ -47,7 +50,10 @@ def read_matlab5(path: Path) -> Table:
             continue
         kind, name, described = _described(element, order)
         if not whole:
-            tree.warn(f"the file is cut within the variable '{name or '?'}', which is left out with all that followed")
+            tree.warn(
+                f"the file ends at byte {len(data)}, within the variable '{name or '?'}', which is left out with all "
+                f"that followed: {_lost(element, order)}"
+            )
         elif kind == OPAQUE:
             tree.left_out(name, described)
         else:
@@ -114,6 +120,21 @@ def _described(element: bytes, order: str) -> tuple[int, str, str]:
     except (struct.error, zlib.error, UnicodeDecodeError):
         return 0, "", ""
     return kind, words[0], words[-1]
+
+
+def _lost(element: bytes, order: str) -> str:
+    """What of a variable that is cut off is missing: its rows, where it is an array that says them."""
+    try:
+        (size,) = struct.unpack(order + "I", element[4:8])
+        share = f"{len(element) - 8} of its {size} bytes are there"
+        if struct.unpack(order + "I", element[:4])[0] == COMPRESSED:
+            element = zlib.decompressobj().decompress(element[8:], 4096)
+        kind, count = element[16], struct.unpack(order + "I", element[28:32])[0] // 4
+        dimensions = struct.unpack(order + f"{count}i", element[32 : 32 + 4 * count])
+    except (struct.error, zlib.error, IndexError):
+        return "how many rows of how many variables, the rest of the file would have said"
+    shape = " x ".join(str(each) for each in dimensions)
+    return f"{shape} numbers, of which {share}" if NUMBERS[0] <= kind <= NUMBERS[1] else share
 
 
 def _word(data: bytes, place: int, order: str) -> tuple[str, int]:

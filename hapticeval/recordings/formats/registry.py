@@ -105,7 +105,8 @@ def read_table(path: Path | str, *, format: str | None = None) -> Table:
             why="; ".join(table.warnings) or f"it was read as {chosen.about}",
             todo="name another format with --format" if len(_KNOWN) > 1 else "",
         )
-    return replace(table, format=chosen.name)
+    # as it was asked for, so that a mapping that names the format finds an importer that is not installed
+    return replace(table, format=format or chosen.name)
 
 
 def _detect(path: Path) -> Format:
@@ -114,8 +115,9 @@ def _detect(path: Path) -> Format:
         if found.fits(path, head):
             return found
     if head.startswith(FOLDER):
-        inside = head.decode().splitlines()[1:]
-        words, why = "a folder", f"it holds: {', '.join(inside[:5]) or 'nothing'}{', ...' if len(inside) > 5 else ''}"
+        inside = head.decode(errors="replace").splitlines()[1:]
+        words: str | None = "a folder"
+        why = f"it holds: {', '.join(inside[:5]) or 'nothing'}{', ...' if len(inside) > 5 else ''}"
     else:
         words = kind(head) or ("text without a row of numbers" if is_text(head) else None)
         why = f"its name ends in '{path.suffix}', its first bytes are {head[:16]!r}"

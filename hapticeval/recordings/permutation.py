@@ -1,0 +1,88 @@
+"""Whether the labels of two groups of curves matter: a permutation test over several columns at once.
+
+If the renderers did not matter, their labels could be dealt anew among the repeats: the energy statistic, twice the
+mean distance between the renderers less the mean distances within each, is compared with its values under all (or 9999
+random) deals. That test is exact whatever the shape of the curves.
+
+Several columns are looked at, and each look more is one more chance of a false alarm. So one deal serves all columns,
+and each is compared with the largest statistic of any of them in that deal, as a share of its mean distance, which no
+deal changes. The chance that any column is called different by luck is then the level itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from hapticeval.types import Array
+
+DEALS = 9999
+
+ROUNDING = 1e-12
+"""A deal that mirrors the observed one has its statistic, but for so much."""
+
+Unit = tuple[int, int]
+"""A repeat: of the first or the second renderer (0, 1), and its number."""
+
+
+@dataclass(frozen=True)
+class Distances:
+    """Distances (k, k) of the repeats of two renderers in one column, and which repeats these are."""
+
+    values: Array
+    units: tuple[Unit, ...]
+
+    @property
+    def spread(self) -> float:
+        """Root mean square distance between repeats of one renderer."""
+        sides = np.array([side for side, _ in self.units])
+        within = np.triu(sides[:, None] == sides[None, :], 1)
+        return float(np.sqrt(np.mean(self.values[within] ** 2)))
+
+    def energies(self, everyone: Sequence[Unit], deals: Array) -> Array:
+        """The energy statistic of each deal (d, e), as a share of the mean distance, (d,).
+
+        A deal has 1 where that repeat of `everyone` goes to the first renderer, and 0 where it goes to the second.
+        The statistic is 0 where either is dealt none of the repeats that are here.
+        """
+        mean, out = float(np.mean(self.values)), np.zeros(len(deals))
+        first = deals[:, [everyone.index(unit) for unit in self.units]]
+        both = (first.max(axis=1) > 0.0) & (first.min(axis=1) < 1.0)
+        if mean == 0.0 or not both.any():
+            return out
+        a, b = first[both], 1.0 - first[both]
+        n, m = a.sum(axis=1), b.sum(axis=1)
+        near = a @ self.values
+        between = np.sum(near * b, axis=1) / (n * m)
+        within = np.sum(near * a, axis=1) / n**2 + np.sum((b @ self.values) * b, axis=1) / m**2
+        out[both] = (2.0 * between - within) / mean
+        return out
+
+
+def permuted(columns: Mapping[str, Distances], *, seed: int) -> tuple[Mapping[str, float], float]:
+    """p of each column against the largest statistic of any of them in each deal, and the least that p can be."""
+    everyone = sorted({unit for each in columns.values() for unit in each.units})
+    if not everyone:
+        return {}, 1.0
+    count, first = len(everyone), sum(side == 0 for side, _ in everyone)
+    every = math.comb(count, first)
+    exact = every <= DEALS
+    deals = np.zeros((every if exact else DEALS, count))
+    if exact:
+        np.put_along_axis(deals, np.array(list(combinations(range(count), first))), 1.0, axis=1)
+    else:
+        deals[:, :first] = 1.0
+        deals = np.random.default_rng(seed).permuted(deals, axis=1)
+    seen = np.array([[float(side == 0) for side, _ in everyone]])
+    largest = np.max([each.energies(everyone, deals) for each in columns.values()], axis=0)
+    found = {}
+    for column, each in columns.items():
+        beyond = int(np.count_nonzero(largest >= (1.0 - ROUNDING) * float(each.energies(everyone, seen)[0])))
+        # the observed deal is one of all, and is added to the random ones
+        found[column] = beyond / every if exact else (beyond + 1) / (DEALS + 1)
+    twins = 2.0 if 2 * first == count else 1.0
+    return found, twins / every if exact else 1.0 / (DEALS + 1)
