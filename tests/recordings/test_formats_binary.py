@@ -82,7 +82,7 @@ def test_a_cut_mat_file_says_how_much_of_which_variable_is_missing(tmp_path):
     table = read_table(path)
     assert list(table.columns) == ["t"]
     assert "within the variable 'force', which is left out with all that followed: 50 x 2" in table.warnings[0]
-    assert "548 of its 848 bytes are there" in table.warnings[0]
+    assert "556 of its 856 bytes are there" in table.warnings[0]
 
 
 def _borders(data):
