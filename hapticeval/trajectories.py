@@ -30,7 +30,7 @@ def build_path(spec: Mapping[str, Any], surface: Curve | Surface, folder: FilePa
     - `corner`: parallel to the faces of the surface's corner number `corner`, `depth` (m) under them, from `before`
       to `after` metres from the corner; round a concave corner on an arc, straight on past a convex one;
     - `points`: straight lines between `points` (m);
-    - `file`: a CSV file with the header `t,x,y` (s, m), relative to the suite's folder.
+    - `file`: a CSV file or a recording, see `read_path`, relative to the suite's folder.
 
     The built ones are run through in `duration` seconds at constant speed. Raises `InputError` for a kind that is built
     on a plane curve and a surface in space, and for what cannot be built or read.
@@ -55,16 +55,25 @@ def build_path(spec: Mapping[str, Any], surface: Curve | Surface, folder: FilePa
 
 
 def read_path(file: FilePath) -> Path:
-    """A HIP trajectory from CSV with the header `t,x,y` or `t,x,y,z`: seconds and metres.
+    """A HIP trajectory from CSV with the header `t,x,y` or `t,x,y,z`, seconds and metres, or the HIP of a recording.
 
-    Raises `InputError`, naming file and row, for a missing file, other columns, text among the numbers, fewer than
-    two rows, NaN, and times that do not increase.
+    A recording is a file whose name ends in `.h5`; straight over the rows of it that are not valid. Raises
+    `InputError`, naming file and row, for a missing file, other columns, text among the numbers, fewer than two rows,
+    NaN, and times that do not increase, and as `read_recording` does.
     """
-    values = read_rows(file, "trajectory", "a time in seconds and positions in metres", ("t", "x", "y", "z"))
-    if values.shape[0] < 2:
-        raise InputError(f"{file} has {values.shape[0]} rows", why="a trajectory needs at least two")
+    if file.suffix == ".h5":
+        from hapticeval.recordings.hdf5 import read_recording
+
+        recording = read_recording(file, channels=["hip"])
+        rows = slice(None) if recording.valid is None else recording.valid
+        time, points = recording.time[rows], recording.hip[rows]
+    else:
+        values = read_rows(file, "trajectory", "a time in seconds and positions in metres", ("t", "x", "y", "z"))
+        time, points = values[:, 0], values[:, 1:]
+    if time.size < 2:
+        raise InputError(f"{file} has {time.size} rows", why="a trajectory needs at least two")
     try:
-        return Path(values[:, 0], values[:, 1:])
+        return Path(time, points)
     except InputError as error:
         raise InputError(f"{file}: {error.what}", why=error.why, todo=error.todo) from None
 

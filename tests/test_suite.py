@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.recordings.hdf5 import write_recording
+from hapticeval.recordings.recording import Recording
 from hapticeval.suite import find_suites, load_suite, suite_groups, suites_named
 
 CASE = """
@@ -238,6 +240,16 @@ def test_forces_are_read_from_a_file(tmp_path):
     (tmp_path / "pulses.csv").write_text("t,fx,fy\n0,0,0\n0.05,much,-2\n")
     with pytest.raises(InputError, match=r"pulses.csv, row 1, column fx: 'much' is not a number"):
         case.build_stimulus(case.build_scene(), None)
+
+
+def test_a_hand_draws_along_the_path_of_a_recording(tmp_path):
+    time = np.linspace(3.0, 3.1, 51)
+    hips = np.column_stack([0.1 - 0.2 * (time - 3.0), 0.1 * (time - 3.0)])
+    write_recording(tmp_path / "drawn.h5", Recording(time, {"hip": hips}))
+    text = ROBOT.replace("{ points = [[0.1, 0.0], [0.2, 0.0]], duration = 0.1 }", '{ file = "drawn.h5" }')
+    case = load(tmp_path, text).cases[0]
+    experiment = case.build_stimulus(case.build_scene(), None)
+    np.testing.assert_allclose(experiment.hand.desired(time - 3.0), hips, atol=1e-15)
 
 
 SPACE = """

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, line, star
+from hapticeval.recordings.hdf5 import write_recording
+from hapticeval.recordings.recording import Recording
 from hapticeval.trajectories import build_path, read_path
 
 HERE = FilePath()
@@ -111,3 +113,20 @@ def test_bad_files_are_named_with_their_row(tmp_path, text, message):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(InputError, match="no trajectory file"):
         read_path(tmp_path / "none.csv")
+
+
+def test_the_hip_of_any_recording_is_a_path(tmp_path):
+    time, hips = np.array([5.0, 5.1, 5.2, 5.4]), np.array([[0.1, 0.0], [0.2, 0.1], [9.0, 9.0], [0.3, 0.5]])
+    valid = np.array([True, True, False, True])
+    write_recording(tmp_path / "run.h5", Recording(time, {"hip": hips, "force": 0.0 * hips}, valid=valid))
+    path = read_path(tmp_path / "run.h5")
+    np.testing.assert_array_equal(path.time, time[valid])
+    np.testing.assert_array_equal(path.points, hips[valid])
+
+
+def test_a_recording_that_cannot_be_drawn_is_told(tmp_path):
+    with pytest.raises(InputError, match=r"none\.h5"):
+        read_path(tmp_path / "none.h5")
+    write_recording(tmp_path / "bare.h5", Recording(np.arange(3.0), {"force": np.zeros((3, 2))}))
+    with pytest.raises(InputError, match="'hip'"):
+        read_path(tmp_path / "bare.h5")
