@@ -88,6 +88,7 @@ def record(
     from hapticeval.hardware.kinematics import CUTOFF
     from hapticeval.hardware.session import channels, run, signals
     from hapticeval.judging import built
+    from hapticeval.playback import declared
     from hapticeval.recordings.recorder import Recorder
     from hapticeval.renderer import Renderer
     from hapticeval.terminal import Terminal
@@ -108,7 +109,7 @@ def record(
     if warning:
         typer.echo(f"warning: {warning}", err=True)
     cycles = max(1, round(seconds * rate))
-    meta = _meta(scene, wired, renderer, hardware=hardware, who=who)
+    meta = {**_meta(scene, wired, renderer, hardware=hardware, who=who), **declared(made)}
     failure: HapticevalError | None = None
     session: Session | None = None
     with (

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from robots import recorded, twin_of, wired
 
+from hapticeval.cli import main
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.hardware.logs import OUTSIDE, at_the_hand, load
 from hapticeval.recordings.recording import Recording
@@ -58,6 +59,19 @@ def test_a_log_is_the_run_that_it_was_taken_from(tmp_path, wiring, angles):
     # Within the workspace the Jacobian's condition is under 100.
     np.testing.assert_allclose(made.force, run.force, rtol=0.0, atol=1e-12 * np.abs(run.force).max() * 100)
     assert made.signals["force"].sign.startswith("static")
+
+
+def test_the_command_converts_a_log_that_can_be_replayed(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    wiring = wired(2, offsets=(1210.0, -340.0), directions=(-1, 1), **TURNED)
+    _, run = recorded(tmp_path, twin_of(wiring), wiring, cycles=1200)
+    logged(tmp_path, run, wiring)
+    assert main(["convert", "log.csv", "--mapping", "rig.toml", "-o", "log.h5"]) == 0
+    assert main(["inspect", "log.h5"]) == 0, capsys.readouterr().out
+    assert main(["inspect", "log.csv", "--mapping", "rig.toml", "--model", "circle:size=0.2"]) == 0
+    replayed = ["replay", "log.h5", "-r", "minimum-distance+pp-pd", "--model", "circle:size=0.2", "-o", "out"]
+    assert main([*replayed, "--scene", "stiffness=300", "--scene", "damping=1"]) in (0, 1)
+    assert "force" in capsys.readouterr().out
 
 
 def test_rows_without_a_number_are_left_out_and_bridged(tmp_path):

@@ -1,0 +1,116 @@
+"""A run that is killed in its middle: what is saved is the run up to there, and is judged like it."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from robots import recorded, twin_of, wired
+
+from hapticeval.cli import main
+from hapticeval.recordings.hdf5 import read_recording, write_recording
+from hapticeval.recordings.recovery import recover
+from hapticeval.replay.as_recorded import as_recorded
+from hapticeval.replay.job import prepared, replay_plan
+from hapticeval.replay.subject import subject
+
+CYCLES, KILLED = 1500, 700
+
+DOOMED = f"""
+import os, signal, sys
+from pathlib import Path
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from robots import recorded, twin_of, wired
+
+class Killed:
+    def __init__(self):
+        self.twin, self.count = twin_of(wired()), 0
+    def read(self):
+        self.count += 1
+        if self.count > {KILLED}:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return self.twin.read()
+    def write(self, command):
+        self.twin.write(command)
+    def close(self):
+        pass
+
+recorded(Path(sys.argv[1]), Killed(), wired(), cycles={CYCLES}, name="killed")
+"""
+
+
+def until(condition, process=None):
+    deadline = time.monotonic() + 120.0
+    while not condition():
+        assert time.monotonic() < deadline
+        assert process is None or process.poll() is None
+        time.sleep(0.02)
+
+
+def closed(journal):
+    """Whether the writer, which outlives the loop, has written all that it had."""
+    return any(event.kind == "ended" for event in recover(journal).recording.events)
+
+
+def verdicts(path, folder):
+    """The checks of a replay, by column and check: outcome, metric and bound."""
+    made = subject(path, read_recording(path))
+    plan = replay_plan(made, ["minimum-distance+pp-pd", "constraint"])
+    work = prepared(made)
+    found = {}
+    folder.mkdir()
+    for job in plan.jobs:
+        for verdict in work(job, folder, 0)[0].verdicts:
+            found[job.renderer, verdict.check] = (verdict.outcome, verdict.finding.metric, verdict.finding.bound)
+    return found
+
+
+def test_a_killed_run_is_the_run_up_to_there(tmp_path):
+    _, whole = recorded(tmp_path, twin_of(wired()), wired(), cycles=CYCLES, name="whole")
+    done = subprocess.run([sys.executable, "-c", DOOMED, str(tmp_path)], check=False, timeout=120.0)
+    assert done.returncode == -signal.SIGKILL
+    journal = tmp_path / "killed.journal"
+    until(lambda: closed(journal))
+    saved = recover(journal).recording
+    # At most a second may be lost. What was in the memory is written by the process beside the loop: nothing is.
+    assert len(saved) == KILLED
+    for name, values in saved.channels.items():
+        np.testing.assert_array_equal(values, whole.channels[name][:KILLED], err_msg=name)
+    # The same stretch of the run that was not killed, under the same name, gives the same verdicts.
+    assert main(["convert", str(journal), "-o", str(tmp_path / "run.h5")]) in (0, 1)
+    (tmp_path / "there").mkdir()
+    write_recording(tmp_path / "there" / "run.h5", whole.part(slice(0, KILLED)))
+    ours = verdicts(tmp_path / "run.h5", tmp_path / "a")
+    assert ours == verdicts(tmp_path / "there" / "run.h5", tmp_path / "b")
+    assert len(ours) > 12
+    assert {outcome for outcome, _, _ in ours.values()} > {"pass"}
+
+
+def test_the_log_of_a_twin_follows_from_its_renderer_to_the_last_bit(tmp_path):
+    _, run = recorded(tmp_path, twin_of(wired()), wired(), cycles=600)
+    write_recording(tmp_path / "run.h5", run)
+    found = as_recorded(subject(tmp_path / "run.h5", run))
+    assert found.follows
+    assert [each.largest for each in found.channels] == [0.0, 0.0]
+    assert "follows to the last bit" in found.told()
+
+
+def test_the_command_killed_in_the_middle(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    journal = tmp_path / "run.journal"
+    command = [sys.executable, "-m", "hapticeval", "record", "--device", "twin", "--seconds", "600", "-o", "run.h5"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        until(lambda: journal.exists() and journal.stat().st_size > 60_000, process)
+        process.kill()
+    until(lambda: closed(journal))
+    assert not Path("run.h5").exists()
+    assert main(["convert", "run.journal", "-o", "whole.h5"]) in (0, 1)
+    assert main(["replay", "run.journal", "--as-recorded"]) == 0
+    told = capsys.readouterr().out
+    assert told.count("follows to the last bit") == 2
+    assert main(["replay", "whole.h5", "-r", "minimum-distance+pp-pd", "-o", "results"]) in (0, 1)
+    assert "equal to the last bit" in capsys.readouterr().out

@@ -1,0 +1,230 @@
+"""`hapticeval record`: what it writes, what it refuses before anything starts, and what it keeps when a run breaks."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hapticeval.cli import main
+from hapticeval.recordings.hdf5 import read_recording
+
+sys.path.insert(0, str(Path(__file__).parent / "hardware"))
+
+DRIVERS = f"""
+import os, signal, sys
+sys.path.insert(0, {str(Path(__file__).parent / "hardware")!r})
+import numpy as np
+from robots import twin_of, wired
+
+class Fine:
+    def __init__(self):
+        self.twin, self.count = twin_of(wired()), 0
+    def read(self):
+        self.count += 1
+        return self.twin.read()
+    def write(self, command):
+        self.twin.write(command)
+    def close(self):
+        pass
+
+class Skipping(Fine):
+    def read(self):
+        if self.count == 20:
+            super().read()
+        return super().read()
+
+class Broken(Fine):
+    def read(self):
+        if self.count == 20:
+            raise OSError("cable off")
+        return super().read()
+
+class Dead(Fine):
+    def read(self):
+        raise OSError("no power")
+
+class Stopped(Fine):
+    def read(self):
+        if self.count == 20:
+            os.kill(os.getpid(), signal.SIGINT)
+        return super().read()
+
+class Missing:
+    def __init__(self):
+        raise RuntimeError("no card in slot 3")
+
+class Wrong:
+    pass
+
+def breaking(scene):
+    class Renderer:
+        def reset(self, hip):
+            self.steps = 0
+        def step(self, hip, velocity, dt):
+            self.steps += 1
+            return hip, np.full(2, np.nan if self.steps == 20 else 0.0)
+    return Renderer()
+"""
+
+RIG = """
+[device]
+kind = "parallelogram-2dof"
+counts_per_turn = 262144
+offsets = [1210, -340]
+directions = [1, -1]
+torque_per_command = 0.35
+l1 = 0.31
+"""
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mycard.py").write_text(DRIVERS)
+    (tmp_path / "rig.toml").write_text(RIG)
+    yield tmp_path
+    sys.modules.pop("mycard", None)
+    while str(tmp_path) in sys.path:
+        sys.path.remove(str(tmp_path))
+
+
+def names(folder):
+    return {file.name for file in folder.iterdir() if file.is_file()}
+
+
+def record(*arguments, seconds="0.1"):
+    return main(["record", "-o", "run.h5", "--seconds", seconds, *arguments])
+
+
+def test_the_twin_is_recorded(here, capsys):
+    code = record("--device", "twin", "--who", "Ann", seconds="0.3")
+    said = capsys.readouterr().out
+    assert code in (0, 1)
+    assert "wrote run.h5" in said
+    run = read_recording(here / "run.h5")
+    missed = run.clock.missed
+    assert (code == 1) == bool(missed or "cycles missed" in said)
+    assert len(run) + missed >= 290
+    assert np.any(run.force != 0.0)
+    assert {"hip", "velocity", "ihip", "force", "joint_position", "joint_torque", "raw"} == set(run.channels)
+    assert (run.meta["who"], run.meta["device"], run.meta["device_parameters"]["hardware"]) == (
+        "Ann", "parallelogram-2dof", "twin",
+    )  # fmt: skip
+    assert (run.meta["resolution"], run.meta["standoff"]) == (0.0, 0.0)
+    assert sorted(names(here)) == ["mycard.py", "rig.toml", "run.h5"]
+
+
+def test_what_it_writes_is_sound_and_follows(here, capsys):
+    assert record("--device", "mycard:Fine", seconds="1.5") == 0
+    capsys.readouterr()
+    assert main(["inspect", "run.h5"]) == 0, capsys.readouterr().out
+    assert main(["replay", "run.h5", "--as-recorded"]) == 0
+    assert capsys.readouterr().out.count("follows to the last bit") == 2
+
+
+def test_a_wiring_from_a_file(here):
+    code = record("--wiring", "rig.toml", "--device", "twin")
+    assert code in (0, 1)
+    run = read_recording(here / "run.h5")
+    parameters = run.meta["device_parameters"]
+    assert (parameters["offsets"], parameters["directions"], parameters["l1"]) == ([1210, -340], [1, -1], 0.31)
+    step = 2.0 * np.pi / 262_144
+    expected = (run.channels["raw"] - [1210, -340]) * [1, -1] * step
+    np.testing.assert_allclose(run.channels["joint_position"], expected, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("there", ["run.h5", "run.journal"])
+def test_nothing_is_written_over(here, capsys, there):
+    (here / there).write_text("mine")
+    assert record("--device", "mycard:Dead") == 2
+    assert f"{there} is there already" in capsys.readouterr().err
+    assert (here / there).read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--device", "udp://nowhere"], "udp://HOST:PORT"),
+        (["--device", "mycard"], "does not name a driver"),
+        (["--device", "nocard:Driver"], "driver 'nocard:Driver': cannot import"),
+        (["--device", "mycard:Wrong"], "which is no hardware"),
+        (["--device", "mycard:Missing"], "no card in slot 3"),
+        (["--device", "mycard:Dead"], "raised OSError in cycle 1: no power"),
+        (["--model", "circle:size=2"], "does not lie in the functional workspace"),
+        (["--model", "sphere"], "dimensions"),
+        (["--robot", "parallelogram-4dof"], "unknown device"),
+        (["-r", "ideal"], "cannot run on hardware"),
+        (["-r", "no-such-renderer"], "unknown renderer"),
+        (["--robot", "parallelogram-2dof", "--wiring", "rig.toml"], "both say which robot"),
+        (["--wiring", "mycard.py"], "is not TOML"),
+    ],
+)
+def test_what_cannot_run_says_so_and_leaves_nothing(here, capsys, arguments, words):
+    assert record(*arguments) == 2
+    assert words in capsys.readouterr().err
+    assert not {"run.h5", "run.journal"} & names(here)
+
+
+def test_a_socket_with_nobody_behind_it(here, capsys):
+    assert record("--device", "udp://127.0.0.1:9") == 2
+    assert "is silent" in capsys.readouterr().err
+    assert not {"run.h5", "run.journal"} & names(here)
+
+
+def test_a_driver_that_breaks_leaves_what_was_recorded(here, capsys):
+    assert record("--device", "mycard:Broken") == 2
+    said = capsys.readouterr()
+    assert "cable off" in said.err
+    assert "wrote run.h5" in said.out
+    run = read_recording(here / "run.h5")
+    assert len(run) == 20
+    assert any("cable off" in event.text for event in run.events)
+    assert not Path("run.journal").exists()
+
+
+def test_a_renderer_that_breaks_exits_with_its_own_code(here, capsys):
+    assert record("--device", "mycard:Fine", "-r", "mycard:breaking") == 3
+    said = capsys.readouterr()
+    assert "not finite" in said.err
+    assert len(read_recording(here / "run.h5")) == 19
+
+
+def test_cycles_that_were_missed_are_told(here, capsys):
+    assert record("--device", "mycard:Skipping") == 1
+    assert "1 cycles missed" in capsys.readouterr().out
+    assert read_recording(here / "run.h5").clock.missed == 1
+
+
+def test_ctrl_c_finishes_the_recording(here, capsys):
+    assert record("--device", "mycard:Stopped") == 1
+    assert "interrupted by the user" in capsys.readouterr().out
+    assert 20 <= len(read_recording(here / "run.h5")) <= 21
+
+
+def test_ctrl_c_on_the_twin_finishes_it_too(here):
+    journal = here / "run.journal"
+
+    def stop():
+        while not (journal.exists() and journal.stat().st_size > 20_000):
+            time.sleep(0.02)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=stop, daemon=True)
+    thread.start()
+    assert record("--device", "twin", seconds="600") == 1
+    run = read_recording(here / "run.h5")
+    assert len(run) > 50
+    assert [event.text for event in run.events if event.kind == "ended"] == ["interrupted by the user"]
+
+
+@pytest.mark.parametrize(("stiffness", "warned"), [("300", False), ("20000", True)])
+def test_a_stiffness_that_the_loop_cannot_hold_is_warned_about(here, capsys, stiffness, warned):
+    assert record("--device", "mycard:Fine", "--stiffness", stiffness) in (0, 1)
+    assert ("cannot hold" in capsys.readouterr().err) == warned
