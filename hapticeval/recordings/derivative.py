@@ -36,6 +36,9 @@ LIKE = 0.8
 INDEPENDENT = 10
 """So many windows that do not overlap are the fewest that a correlation is taken from."""
 
+ENOUGH = 20_000
+"""About so many windows are looked at, spread over the stretch."""
+
 NOISY = 3.0
 """Increments that vary by less than so many times their encoder noise, q / sqrt(6), tell nothing. Of a position that is
 made of several encoders q is the usual step from row to row, where it steps at all: at rest that is their dither."""
@@ -78,7 +81,7 @@ def derivative_fit(position: Array, speed: Array, time: Array, sound: BoolArray)
     while position.size >= INDEPENDENT * window + LAGS:
         moved, made = position[window:] - position[:-window], integral[window:] - integral[:-window]
         if np.std(moved) > NOISY * noise:
-            ratio, like, lag = _regressed(moved, made, window // SHORTEST)
+            ratio, like, lag = _regressed(moved, made, max(window // SHORTEST, moved.size // ENOUGH, 1))
             if best is None or like >= LIKE or like > best.correlation:
                 best = Fit(ratio, like, lag, window, position.size)
         window *= 2
