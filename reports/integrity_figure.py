@@ -14,6 +14,7 @@ from hapticeval.files import file_stem, replacing
 from hapticeval.recordings.finding import Fault, Severity
 from hapticeval.recordings.integrity import Integrity, Soundness
 from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.rows import runs_of
 from hapticeval.reports.figures import STYLE
 from hapticeval.types import Array, BoolArray
 
@@ -86,8 +87,7 @@ def _channel(axis: Any, recording: Recording, name: str, valid: BoolArray) -> No
     if columns.shape[1] > 1:
         axis.legend(loc="upper right", frameon=False, ncols=columns.shape[1], handlelength=1.0, borderpad=0.0)
     axis.set_ylabel(f"{name}\n({recording.signals[name].unit})")
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~valid, [False]]).astype(np.int8)))
-    for first, end in zip(edges[::2], edges[1::2], strict=True):
+    for first, end in runs_of(~valid):
         axis.axvspan(recording.time[first], recording.time[end - 1], color=QUIET, alpha=0.25, linewidth=0)
 
 
