@@ -21,6 +21,7 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.rows import runs_of
 from hapticeval.recordings.signal_faults import quantum
 from hapticeval.types import Array
 
@@ -113,11 +114,9 @@ def impacts(recording: Recording, *, floor: float | None = None) -> Impacts:
     if floor is None:
         declared = recording.meta.get("force_floor")
         floor = float(declared) if isinstance(declared, int | float) else SHARE * float(press.max())
-    on = np.concatenate([[False], (press > floor) & valid, [False]])
-    edges = np.flatnonzero(np.diff(on.astype(np.int8)))
     step = quantum(into[valid]) or 0.0
     contacts, unexplained = [], []
-    for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for first, end in runs_of((press > floor) & valid):
         if end - first < LEAST_ROWS:
             continue
         made = _impact(recording.time, press, into, first, end, step)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 
@@ -13,7 +12,9 @@ from hapticeval.recordings import inverse, relations
 from hapticeval.recordings.finding import Fault, Severity
 from hapticeval.recordings.losses import told_losses, told_warnings
 from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.rows import runs_of
 from hapticeval.recordings.signal_faults import examine_column, quantum
+from hapticeval.recordings.stretches import stretches
 from hapticeval.recordings.timing import Timing, examine_timing
 from hapticeval.types import Array, BoolArray
 
@@ -132,28 +133,27 @@ def examine(
 
 
 def sound_intervals(recording: Recording, report: Integrity | None = None) -> Soundness:
-    """The stretches that checks may use: valid, without a gap in the clock, and without the rows of a finding that is
-    no measurement; and what was left out, with the reason."""
+    """The stretches that checks may use, of two rows or more: valid, without a hole in the clock that no late answer
+    reaches over (`GAP_STEPS`), and without the rows of a finding that is no measurement. And what was left out, and
+    why.
+    """
     report = examine(recording) if report is None else report
     keep = _measured(recording).copy()
-    left: list[tuple[Interval, str]] = []
-    for first, end in _stretches(~keep):
-        left.append((_interval(recording.time, first, end), "no measurement"))
-    cuts = set()
+    left = [(span, "no measurement") for span in runs_of(~keep)]
     for fault in report.faults:
-        if fault.first is None or fault.end is None:
+        if fault.first is None or fault.end is None or fault.kind not in LEFT_OUT:
             continue
-        if fault.kind == "gap":
-            cuts.add(fault.first + 1)
-        elif fault.kind in LEFT_OUT and keep[fault.first : fault.end].any():
+        if keep[fault.first : fault.end].any():
             keep[fault.first : fault.end] = False
-            what = f"{fault.kind} in {fault.channel}"
-            left.append((_interval(recording.time, fault.first, fault.end), what))
-    sound = []
-    for first, end in _stretches(keep):
-        edges = [first, *sorted(cut for cut in cuts if first < cut < end), end]
-        sound += [_interval(recording.time, a, b) for a, b in pairwise(edges)]
-    return Soundness(tuple(sound), tuple(sorted(left, key=lambda item: item[0].first)))
+            left.append(((fault.first, fault.end), f"{fault.kind} in {fault.channel}"))
+    sound = [(stretch.first, stretch.end) for stretch in stretches(recording, keep)]
+    for first, end in sound:
+        keep[first:end] = False
+    left += [(span, "a row by itself") for span in runs_of(keep)]
+    return Soundness(
+        tuple(_interval(recording.time, *span) for span in sound),
+        tuple((_interval(recording.time, *span), why) for span, why in sorted(left)),
+    )
 
 
 def _measured(recording: Recording) -> BoolArray:
@@ -175,11 +175,6 @@ def _counted(recording: Recording) -> list[Fault]:
         message = f"{declared} rows are declared, {len(recording)} are there"
         faults.append(Fault("rows", Severity.SUSPICIOUS, message, "copy or record the file again"))
     return faults
-
-
-def _stretches(mask: BoolArray) -> Sequence[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _interval(time: Array, first: int, end: int) -> Interval:

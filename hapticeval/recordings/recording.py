@@ -14,7 +14,7 @@ from hapticeval.recordings.channels import CHANNELS, REQUIRED, Signal, declared
 from hapticeval.recordings.clock import Clock
 from hapticeval.recordings.events import Event, among, checked
 from hapticeval.recordings.metadata import check_metadata
-from hapticeval.recordings.rows import backward_difference, check_finite, check_increasing, locked
+from hapticeval.recordings.rows import backward_difference, check_finite, check_increasing, locked, runs_of
 from hapticeval.types import Array, BoolArray, IntArray
 
 __all__ = [
@@ -171,9 +171,7 @@ class Recording:
         """The stretches of rows that are valid, each as long as it goes."""
         if self.valid is None:
             return (slice(0, len(self)),)
-        edges = np.diff(np.concatenate([[False], self.valid, [False]]).astype(np.int8))
-        starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-        return tuple(slice(int(start), int(end)) for start, end in zip(starts, ends, strict=True))
+        return tuple(slice(first, end) for first, end in runs_of(self.valid))
 
     def require(self, *names: str) -> None:
         """Raise `MissingChannelError` for the first of these channels that was not recorded."""

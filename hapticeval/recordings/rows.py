@@ -21,6 +21,12 @@ def locked(values: Any, dtype: Any) -> Any:
     return array
 
 
+def runs_of(mask: BoolArray) -> list[tuple[int, int]]:
+    """The rows [first, end) over which `mask` (n,) holds, each as long as it goes."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
 def backward_difference(values: Array, time: Array) -> Array:
     """The causal derivative: (x[k] - x[k-1]) / (t[k] - t[k-1]), and zero at the first sample."""
     out = np.zeros_like(values)

@@ -19,6 +19,7 @@ from hapticeval.recordings.clock import Clock
 from hapticeval.recordings.hdf5 import DAMAGE, check_format, check_signature, read_events, read_signal
 from hapticeval.recordings.losses import LOST, Loss, Salvaged
 from hapticeval.recordings.recording import Event, Recording
+from hapticeval.recordings.rows import runs_of
 from hapticeval.types import BoolArray
 
 SUPERBLOCK = struct.Struct("<8sBBBBQQQQI")
@@ -177,9 +178,8 @@ def _losses(found: _Found, step: float) -> list[Loss]:
         missing[f"'{name}'"] = kept if part is None else kept & ~part.whole
     alike: dict[tuple[int, int], list[str]] = {}
     for name, rows in missing.items():
-        edges = np.diff(np.concatenate([[False], rows, [False]]).astype(np.int8))
-        for begin, end in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
-            alike.setdefault((int(begin), int(end)), []).append(name)
+        for run in runs_of(rows):
+            alike.setdefault(run, []).append(name)
     return [
         Loss(", ".join(names), f"rows {begin} to {end - 1}", end - begin, (end - begin) * step)
         for (begin, end), names in alike.items()

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from hapticeval.recordings.finding import Fault, Severity
+from hapticeval.recordings.stretches import GAP_STEPS
 from hapticeval.types import Array, BoolArray
 
 STUCK_ROWS = 10
@@ -36,9 +37,6 @@ TREND = PLACES / np.dot(PLACES, PLACES)
 
 FINEST = 1e-7
 """A quantum below this share of the range cannot be told from the rounding of the file."""
-
-LONG = 4.0
-"""A hole of more sampling times than this ends a stretch."""
 
 WHOLE = 0.02
 """How far from whole numbers the values may lie, in quanta."""
@@ -128,7 +126,7 @@ def stretches(sound: BoolArray, time: Array) -> list[tuple[int, int]]:
     if rows.size < 2:
         return []
     steps = np.diff(time[rows])
-    breaks = np.flatnonzero((np.diff(rows) > 1) | (steps > LONG * np.median(steps))) + 1
+    breaks = np.flatnonzero((np.diff(rows) > 1) | (steps > GAP_STEPS * np.median(steps))) + 1
     edges = [0, *breaks.tolist(), rows.size]
     return [(int(rows[a]), int(rows[b - 1]) + 1) for a, b in pairwise(edges)]
 

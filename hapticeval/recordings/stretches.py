@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.rows import runs_of
 from hapticeval.types import Array, BoolArray
 
 LAG = 3
@@ -44,11 +45,7 @@ def stretches(recording: Recording, sound: BoolArray | None = None) -> tuple[Str
         sound = np.ones(len(recording), dtype=bool) if recording.valid is None else recording.valid
     nominal = nominal_step(recording)
     joined = sound[1:] & sound[:-1] & (np.diff(recording.time) <= GAP_STEPS * nominal)
-    edges = np.diff(np.concatenate([[False], joined, [False]]).astype(np.int8))
-    return tuple(
-        Stretch(int(first), int(end) + 1)
-        for first, end in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)
-    )
+    return tuple(Stretch(first, end + 1) for first, end in runs_of(joined))
 
 
 def nominal_step(recording: Recording) -> float:

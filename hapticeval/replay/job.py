@@ -19,7 +19,7 @@ from hapticeval.recordings.stretches import Stretch, told
 from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.merge import merged
 from hapticeval.replay.rerender import HandPath, Part, backwards, joined, rerendered
-from hapticeval.replay.sound import Soundness, soundness
+from hapticeval.replay.sound import Usable, usable
 from hapticeval.replay.subject import SUITE, Subject
 from hapticeval.runner import Done, Job, Plan, kept, seed_all
 from hapticeval.scene import Scene
@@ -132,11 +132,11 @@ def prepared(subject: Subject) -> Replay:
     return Replay(subject, path, found.judged or path.stretches, found.left_out)
 
 
-def hand_path(subject: Subject) -> tuple[HandPath, Soundness]:
-    """The hand path of a recording, and its soundness. Raises `InputError` where it has none."""
+def hand_path(subject: Subject) -> tuple[HandPath, Usable]:
+    """The hand path of a recording, and what of it is sound. Raises `InputError` where it has none."""
     recording = subject.recording
     recording.require("hip")
-    found = soundness(recording)
+    found = usable(recording)
     if not found.path:
         raise InputError(
             f"{subject.file} has no stretch of hand path to replay",

@@ -20,7 +20,7 @@ TOLD = 12
 
 
 @dataclass(frozen=True)
-class Soundness:
+class Usable:
     """`path` are the stretches that renderers are led along, `judged` those in which the recorded run is judged.
 
     A fault of the recorded force or IHIP takes its rows out of the second alone. `left_out` says what and when.
@@ -31,23 +31,23 @@ class Soundness:
     left_out: tuple[str, ...]
 
 
-def soundness(recording: Recording) -> Soundness:
+def usable(recording: Recording) -> Usable:
     """What of a recording can be used. A simulated one is examined for gaps only."""
     if recording.meta.get("source") in SIMULATED:
         found = stretches(recording)
-        return Soundness(found, found, ())
+        return Usable(found, found, ())
     from hapticeval.recordings.integrity import LEFT_OUT, examine, sound_intervals
 
     report = examine(recording)
-    intervals = sound_intervals(recording, report)
+    soundness = sound_intervals(recording, report)
     hand = np.ones(len(recording), dtype=bool) if recording.valid is None else np.array(recording.valid)
     for fault in report.faults:
         if fault.kind in LEFT_OUT and fault.channel.partition(".")[0] in SEEN and fault.first is not None:
             hand[fault.first : fault.end] = False
-    told = [f"{why}, {each.time[0]:.4g} to {each.time[1]:.4g} s" for each, why in intervals.left_out]
+    told = [f"{why}, {each.time[0]:.4g} to {each.time[1]:.4g} s" for each, why in soundness.left_out]
     rest = len(told) - TOLD
-    return Soundness(
+    return Usable(
         stretches(recording, hand),
-        stretches(recording, intervals.rows(len(recording))),
+        tuple(Stretch(each.first, each.end) for each in soundness.sound),
         tuple(told if rest <= 0 else [*told[:TOLD], f"and {rest} more"]),
     )

@@ -10,13 +10,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
-from hapticeval.errors import InputError
 from hapticeval.recordings.formats.magic import is_text
 from hapticeval.recordings.formats.registry import importer
 from hapticeval.recordings.formats.table import Table
-from hapticeval.recordings.formats.text import cut_row, decoded, step_of, whole_lines
+from hapticeval.recordings.formats.text import cut_row, decoded, rows_of, step_of, whole_lines
 
 WIDTHS = {
     "TIME": 1,
@@ -46,24 +43,13 @@ def read_devicelog(path: Path) -> Table:
             names.append(f"{word}.{part}" if part else word)
             if word in UNITS:
                 units[names[-1]] = UNITS[word]
-    rows = []
-    for number, line in enumerate(lines[1:]):
-        try:
-            row = [float(word) for word in line.split()]
-        except ValueError:
-            row = []
-        if len(row) != len(names):
-            raise InputError(
-                f"{path}: row {number} (line {number + 2}) is {line.strip()!r}",
-                why=f"the first line promises {len(names)} numbers a row: {lines[0].strip()}",
-                todo="mend or cut that row",
-            )
-        rows.append(row)
-    table = np.array(rows).reshape(-1, len(names))
+    table = rows_of(
+        path, lines, names, above=1, why=f"the first line promises {len(names)} numbers a row: {lines[0].strip()}"
+    )
     clock = next((k for k, name in enumerate(names) if name.startswith("TIME")), None)
     step = None if clock is None else step_of(table[:, clock])
     return Table(
         {name: table[:, k] for k, name in enumerate(names)},
         units=units,
-        warnings=(cut_row(len(rows), step),) if cut else (),
+        warnings=(cut_row(len(table), step),) if cut else (),
     )

@@ -9,12 +9,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import numpy as np
-
-from hapticeval.errors import InputError
 from hapticeval.recordings.formats.registry import importer
 from hapticeval.recordings.formats.table import Table
-from hapticeval.recordings.formats.text import cut_row, missing, step_of, whole_lines
+from hapticeval.recordings.formats.text import cut_row, missing, rows_of, step_of, whole_lines
 
 COLUMNS = ("x", "y", "time", "pen", "azimuth", "tilt", "pressure")
 UNITS = {"x": "mm", "y": "mm", "time": "s", "azimuth": "0.1 deg", "tilt": "0.1 deg"}
@@ -35,25 +32,12 @@ def read_svc(path: Path) -> Table:
     """The seven columns, and a warning where the file has fewer rows than its first line says."""
     lines, cut = whole_lines(path)
     promised = int(lines[0])
-    rows = []
-    for number, line in enumerate(lines[1:]):
-        try:
-            row = [float(word) for word in line.split()]
-        except ValueError:
-            row = []
-        if len(row) != len(COLUMNS):
-            raise InputError(
-                f"{path}: row {number} is {line.strip()!r}",
-                why=f"a row has {len(COLUMNS)} numbers: {', '.join(COLUMNS)}",
-                todo="mend or cut that row",
-            )
-        rows.append(row)
-    table = np.array(rows).reshape(-1, len(COLUMNS))
+    table = rows_of(path, lines, COLUMNS, above=1, why=f"a row has {len(COLUMNS)} numbers: {', '.join(COLUMNS)}")
     step = step_of(table[:, COLUMNS.index("time")])
-    warnings = [cut_row(len(rows), step)] if cut else []
-    if len(rows) != promised:
-        lost = f"{missing(promised - len(rows), step)} missing" if promised > len(rows) else "it has more"
-        warnings.append(f"the first line promises {promised} rows, {len(rows)} are whole: {lost}")
+    warnings = [cut_row(len(table), step)] if cut else []
+    if len(table) != promised:
+        lost = f"{missing(promised - len(table), step)} missing" if promised > len(table) else "it has more"
+        warnings.append(f"the first line promises {promised} rows, {len(table)} are whole: {lost}")
     return Table(
         {name: table[:, k] for k, name in enumerate(COLUMNS)},
         units=UNITS,

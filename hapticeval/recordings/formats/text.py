@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from hapticeval.errors import InputError
 
 
 def decoded(data: bytes) -> str:
@@ -43,6 +46,24 @@ def _decimals(line: str) -> tuple[int, int]:
     cells = re.split(r"[,;\s]+", line.strip())
     found = re.fullmatch(r"[+-]?\d+\.(\d+)", cells[-1])
     return (len(cells), len(found[1])) if found else (0, 0)
+
+
+def rows_of(path: Path, lines: list[str], names: Sequence[str], *, above: int, why: str) -> NDArray[np.float64]:
+    """The numbers of lines that follow `above` others, a row each; raises `InputError` for the first that is none."""
+    rows = []
+    for number, line in enumerate(lines[above:]):
+        try:
+            row = [float(word) for word in line.split()]
+        except ValueError:
+            row = []
+        if len(row) != len(names):
+            raise InputError(
+                f"{path}: row {number} (line {number + above + 1}) is {line.strip()!r}",
+                why=why,
+                todo="mend or cut that row",
+            )
+        rows.append(row)
+    return np.array(rows).reshape(-1, len(names))
 
 
 def missing(rows: int, step: float | None, unit: str = "s") -> str:
