@@ -138,9 +138,17 @@ def _drive_device(
         elif status == kernels.NOT_FINITE:
             raise _not_finite(tick, loop.out[:, tick])
         elif status >= kernels.REFUSED:
-            number = status - kernels.REFUSED + 1
-            end = _ended(tick, DomainError(law.refusals.get(number, f"the renderer's law refuses: number {number}")))
+            end = _ended(tick, _refused(law, status - kernels.REFUSED + 1, loop.out[kernels.MEASURED_HIP, tick]))
     return _recorded(renderer, time, loop.channels(), dt, end)
+
+
+def _refused(law: CompiledLaw, number: int, hip: Array) -> DomainError:
+    """What a law's refusal number says."""
+    return DomainError(
+        law.refusals.get(number, f"the renderer's law refuses: number {number}"),
+        why=f"the hand is at ({', '.join(f'{x:.6g}' for x in hip)}) m, where the renderer is not defined",
+        todo="start nearer to the surface, hold on stiffer, or push less",
+    )
 
 
 def _ended(tick: int, error: DomainError) -> _End:

@@ -78,8 +78,9 @@ def build_experiment(spec: Mapping[str, Any], folder: FilePath) -> Experiment:
 
     The operator's force comes from rows `force` (s, N, N[, N]) or from a CSV file `force_file` with the header
     `t,fx,fy[,fz]`, and a `hand` draws the tool along its `path`: `points` with a `duration`, run through at even
-    times, or a `file`: CSV with the header `t,x,y[,z]`, or a recording (.h5), whose HIP is drawn. Files count from the suite's `folder`. Raises `InputError`, naming
-    the file and the row, for what cannot be read, and as `Experiment` and `Hand` do.
+    times, or a `file`: CSV with the header `t,x,y[,z]`, or a recording (.h5), whose HIP it is. Files count from the
+    suite's `folder`. Raises `InputError`, naming the file and the row, for what cannot be read, and as `Experiment`
+    and `Hand` do.
     """
     position = np.array(spec["position"], dtype=np.float64)
     rows = _force(spec, folder, position.size)

@@ -30,13 +30,20 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return Finding(Outcome.FAIL, message, evidence={**place(base, len(base) - 1), "ended": dict(ended)})
     motion = SurfaceMotion(base, scene)
     distance = np.abs(motion.distance)
-    floor = motion.held_distance + motion.sensor_error + 1e-12 * scene.model.size
     pushed = np.flatnonzero(motion.pushed)
     first = int(pushed[-1]) + 1 if pushed.size else 0
     free = base.time[first:] - base.time[min(first, len(base) - 1)]
     if free.size < 8:
-        return Finding(Outcome.INCONCLUSIVE, "the operator pushes to the end, so nothing has to come to rest")
+        message = f"the run is too short to tell: {free.size} samples"
+        if pushed.size:
+            message = "the operator pushes to the end, so nothing has to come to rest"
+        return Finding(Outcome.INCONCLUSIVE, message)
     span, rate = float(free[-1]), decay_rate(scene)
+    late = free > 0.5 * span
+    early = (free >= 0.25 * span) & ~late
+    if motion.footless is not None:
+        return Finding(Outcome.INCONCLUSIVE, motion.footless)
+    floor = motion.held_distance(first + int(np.argmax(early))) + motion.sensor_error + 1e-12 * scene.model.size
     tick = first + int(np.argmax(distance[first:]))
     evidence: dict[str, object] = {
         **place(base, tick),
@@ -44,13 +51,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "floor_m": floor,
         "assigned_decay_rate_1_s": rate,
     }
-    if distance.max() <= floor:
-        return Finding(Outcome.INCONCLUSIVE, "the tool is never off the surface", evidence=evidence)
+    if distance[tick] <= floor:
+        message = f"the tool is never further off the surface than sampling and sensors may let it: {_mm(floor)}"
+        return Finding(Outcome.INCONCLUSIVE, message, evidence=evidence)
     if rate > 0.0 and math.exp(-0.25 * rate * span) > SHRINKS:
         message = f"{span:.3g} s are too short: the assigned dynamics decay at {rate:.3g} 1/s themselves"
         return Finding(Outcome.INCONCLUSIVE, message, evidence=evidence)
-    late = free > 0.5 * span
-    early = (free >= 0.25 * span) & ~late
     before, after = float(distance[first:][early].max()), float(distance[first:][late].max())
     evidence |= {"distance_before_m": before, "distance_after_m": after}
     metric = Metric("largest distance from the surface in the last half", after, "m")
@@ -91,11 +97,11 @@ CHECK = Check(
         "Of the time after the last push, the last half is compared with the quarter before it. While time doubles, "
         "what stays has the ratio 1, what falls as 1 / t has 1/2 (PP+D on a circle, the slowest of Table 6.2 that "
         "comes to it), and what falls exponentially less; between the first two lies sqrt(1/2), so that what falls "
-        "as 1 / sqrt(t) or more slowly counts as staying. Nothing is asked for below what a held force leaves, 1.5 "
-        "ticks of change of m kappa v^2 over K_p with the overshoot of the assigned dynamics, and below what the "
-        "position sensors are wrong by. Where even the assigned dynamics n'' = -(K_p / m) n - (K_d / m) n' would "
-        "not fall so far in the time that there is, the verdict is inconclusive. A run that ends because the robot "
-        "or the law leaves its domain fails."
+        "as 1 / sqrt(t) or more slowly counts as staying. Nothing is asked for below what a held force leaves in "
+        "that time, 1.5 ticks of change of m kappa v^2 over K_p with the overshoot of the assigned dynamics, and below "
+        "what the position sensors are wrong by. Where even the assigned dynamics n'' = -(K_p / m) n - (K_d / m) n' "
+        "would not fall so far in the time that there is, the verdict is inconclusive. A run that ends because the "
+        "robot or the law leaves its domain fails."
     ),
     judge=judge,
 )

@@ -7,7 +7,7 @@ import numpy as np
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.refinement import left
 from hapticeval.phenomena.sampling import LED, TELLS, place
-from hapticeval.phenomena.surface_motion import SurfaceMotion
+from hapticeval.phenomena.surface_motion import SLIDES, SurfaceMotion
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -23,25 +23,28 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if base.meta.get("source") in LED:
         return Finding(Outcome.NOT_APPLICABLE, "a hand led along a given path has the speed that it is given")
     motion = SurfaceMotion(base, scene)
+    if motion.footless is not None:
+        return Finding(Outcome.INCONCLUSIVE, motion.footless)
     distance = np.abs(motion.distance)
-    floor = motion.held_distance + motion.sensor_error + 1e-9 * scene.model.size
+    floor = motion.held_distance() + motion.sensor_error + 1e-9 * scene.model.size
     if distance.max() <= floor:
         return Finding(Outcome.INCONCLUSIVE, "the tool does not move across the surface")
     if motion.pushed.any():
         return Finding(Outcome.INCONCLUSIVE, "the operator pushes, which changes the speed too")
     start = float(motion.foot_speed[0])
-    if start * base.time[-1] <= 1e-3 * scene.model.size:
+    if start * (base.time[-1] - base.time[0]) <= SLIDES * scene.model.size:
         return Finding(Outcome.INCONCLUSIVE, "the tool does not slide")
     moving = np.arange(len(base)) <= int(np.flatnonzero(distance > GONE * distance.max())[-1])
     remains = left(runs, lambda recording: _deviation(recording, scene))
+    moving = moving[: len(remains.values)]
     deviation = np.where(moving, np.abs(remains.values), 0.0)
     tick = int(np.argmax(deviation))
-    bound = remains.change if remains.settled else float(motion.held_speed[moving][-1]) / start
+    bound = remains.change if remains.settled else float(motion.held_speed[: moving.size][moving][-1]) / start
     bound += 1e-9
     evidence: dict[str, object] = {
         **place(base, tick),
         "largest_distance_m": float(distance.max()),
-        "moves_across_until_s": float(base.time[moving][-1]),
+        "moves_across_until_s": float(base.time[: moving.size][moving][-1]),
         "foot_speed_at_start_m_s": start,
         "foot_speed_there_m_s": float(motion.foot_speed[tick]),
         "settled_by_refinement": remains.settled,

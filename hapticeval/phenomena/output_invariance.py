@@ -24,12 +24,16 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return Finding(Outcome.INCONCLUSIVE, "the tool does not start on the surface with a speed along it")
     if motion.pushed.any():
         return Finding(Outcome.INCONCLUSIVE, "the operator pushes: what follows is the answer to that")
+    if motion.footless is not None:
+        return Finding(Outcome.INCONCLUSIVE, motion.footless)
+    if not motion.slides:
+        return Finding(Outcome.INCONCLUSIVE, "the tool does not slide")
     remains = left(runs, lambda recording: SurfaceMotion(recording, scene).distance)
     distance = np.abs(remains.values)
     tick = int(np.argmax(distance))
     value = float(distance[tick])
     cost = float(np.max(np.abs(motion.centripetal))) / scene.stiffness
-    bound = remains.change if remains.settled else motion.held_distance
+    bound = remains.change if remains.settled else motion.held_distance()
     bound += motion.sensor_error + 1e-10 * scene.model.size
     evidence: dict[str, object] = {
         **place(base, tick),

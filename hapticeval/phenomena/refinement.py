@@ -20,7 +20,8 @@ SETTLES = 0.75
 class Left:
     """A quantity at the base run's samples: `values` (n, ...), in the limit of fast sampling where `settled`.
 
-    `change` bounds the limit's own error: see `left`. Where halving did not settle it, `values` are the base run's.
+    Where the base run ended early, n is what the finer ones have of it too. `change` bounds the limit's own error: see
+    `left`. Where halving did not settle it, `values` are the base run's.
     """
 
     values: Array
@@ -40,8 +41,10 @@ def left(runs: Runs, measure: Callable[[Recording], Array]) -> Left:
     if runs.refine is None:
         return Left(base, float("inf"), False)
     half, quarter = (_at_base(measure(runs.refine(factor)), base.shape[0], factor) for factor in (2, 4))
-    if half.shape != base.shape or quarter.shape != base.shape:
+    common = min(half.shape[0], quarter.shape[0])
+    if common < base.shape[0] and ("ended" not in runs.base.meta or common < 2):
         return Left(base, float("inf"), False)
+    base, half, quarter = base[:common], half[:common], quarter[:common]
     before, after = half - base, quarter - half
     first, last, bent = (_largest(step) for step in (before, after, 2.0 * after - before))
     rounding = 1e-12 * _largest(base)

@@ -14,6 +14,12 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
+FOCAL = 1e-9
+"""The least eigenvalue of I + n W at which a foot is told from its neighbours."""
+
+SLIDES = 1e-3
+"""Share of the model's size that a tool must have slid at its top speed for its sliding to be judged."""
+
 
 @dataclass(frozen=True, eq=False)
 class SurfaceMotion:
@@ -58,10 +64,26 @@ class SurfaceMotion:
         turning = np.einsum("kij,kj->ki", self.frame.shape, self.foot_velocity)
         return np.asarray(self.scene.mass * np.sum(turning * self.along, axis=1))
 
+    @cached_property
+    def stretch(self) -> Array:
+        """I + n W, (k, N, N): how much faster the tool is than its foot, singular where it has none."""
+        return np.eye(self.recording.hip.shape[1]) + self.distance[:, np.newaxis, np.newaxis] * self.frame.shape
+
+    @property
+    def footless(self) -> str | None:
+        """Where the tool is at a centre of curvature of the surface, in words; None where it always has one foot."""
+        nearest = np.linalg.eigvalsh(self.stretch)[:, 0]
+        tick = int(np.argmin(nearest))
+        if nearest[tick] > FOCAL:
+            return None
+        return (
+            f"at t = {self.recording.time[tick]:.4g} s the tool is at a centre of curvature of the surface, where it "
+            "has no foot to speak of"
+        )
+
     def pulled_back(self, tangential: Array) -> Array:
         """(I + n W)^-1 of tangential vectors (k, N)."""
-        stretch = np.eye(self.recording.hip.shape[1]) + self.distance[:, np.newaxis, np.newaxis] * self.frame.shape
-        return np.asarray(np.linalg.solve(stretch, tangential[:, :, np.newaxis])[:, :, 0])
+        return np.asarray(np.linalg.solve(self.stretch, tangential[:, :, np.newaxis])[:, :, 0])
 
     @cached_property
     def transported(self) -> Array:
@@ -87,6 +109,12 @@ class SurfaceMotion:
         return np.asarray(np.einsum("kij,ki->kj", self.transported, tangential))
 
     @property
+    def slides(self) -> bool:
+        """Whether the foot, at its top speed, goes far enough in the run for its motion to tell anything."""
+        lasts = float(self.recording.time[-1] - self.recording.time[0])
+        return float(self.foot_speed.max()) * lasts > SLIDES * self.scene.model.size
+
+    @property
     def pushed(self) -> BoolArray:
         """Where the operator's force is felt (k,)."""
         force = self.recording.channels.get("operator_force")
@@ -100,15 +128,14 @@ class SurfaceMotion:
         near = abs(self.distance[0]) <= 1e-9 * self.scene.model.size
         return bool(near and abs(self.across[0]) <= 1e-9 * np.linalg.norm(self.recording.velocity[0]))
 
-    @cached_property
-    def held_distance(self) -> float:
-        """How far (m) a held force lets a perfect law drift off the surface.
+    def held_distance(self, since: int = 0) -> float:
+        """How far (m) a held force lets a perfect law drift off the surface, from the tick `since` on.
 
         The centripetal force turns and changes by dF_c from tick to tick, and is late by `HOLD_TICKS`; a force error
         moves the assigned transversal dynamics by 1 / K_p, and by its overshoot more where it sets in at once.
         """
         force = -self.centripetal[:, np.newaxis] * self.frame.normal
-        change = np.linalg.norm(np.diff(force, axis=0), axis=1)
+        change = np.linalg.norm(np.diff(force[since:], axis=0), axis=1)
         if change.size == 0:
             return 0.0
         return HOLD_TICKS * float(change.max()) * _overshoot(self.scene) / self.scene.stiffness

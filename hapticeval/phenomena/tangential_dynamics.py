@@ -21,13 +21,15 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if base.meta.get("source") in LED:
         return Finding(Outcome.NOT_APPLICABLE, "a hand led along a given path has the speed that it is given")
     motion = SurfaceMotion(base, scene)
-    top = float(motion.foot_speed.max())
-    if top * base.time[-1] <= 1e-3 * scene.model.size:
+    if motion.footless is not None:
+        return Finding(Outcome.INCONCLUSIVE, motion.footless)
+    if not motion.slides:
         return Finding(Outcome.INCONCLUSIVE, "the tool does not slide")
     sensed = isinstance(scene.robot, PointMass) or scene.imperfections.force_sensor is not None
     if motion.pushed.any() and not sensed:
         message = "the operator pushes a robot without a force sensor: what that adds is the robot's own inertia's"
         return Finding(Outcome.INCONCLUSIVE, message)
+    top = float(motion.foot_speed.max())
     remains = left(runs, lambda recording: _unexplained(recording, scene))
     excess = np.linalg.norm(remains.values, axis=1) / top
     tick = int(np.argmax(excess))

@@ -314,3 +314,66 @@ def test_what_does_not_shrink_with_the_tick_is_not_extrapolated():
     found = left(runs_, lambda recording: recording.hip)
     assert not found.settled
     np.testing.assert_array_equal(found.values, runs_.base.hip)
+
+
+def test_a_tool_that_does_not_slide_shows_no_invariance():
+    still = run("pp", CIRCLE, (1.0, 0.0), (0.0, 0.0), 0.5, 1e-3)
+    brief = run("set-stabilisation", CIRCLE, (1.0, 0.0), (0.0, 5.0), 0.0, 1e-3)
+    for recording in (still, brief):
+        finding = CHECKS["output-invariance"].judge(Runs(recording), CIRCLE)
+        assert (finding.outcome, finding.message) == (Outcome.INCONCLUSIVE, "the tool does not slide")
+    finding = CHECKS["constraint-stability"].judge(Runs(brief), CIRCLE)
+    assert finding.outcome is Outcome.INCONCLUSIVE
+    assert finding.message == "the run is too short to tell: 1 samples"
+
+
+@pytest.mark.parametrize("check", ["constraint-stability", "decoupling", "tangential-dynamics"])
+def test_a_tool_without_a_foot_is_no_fault_of_the_check(check):
+    time = np.arange(400) * 1e-3
+    hip = np.column_stack([time, 0.0 * time])  # from the centre of the circle
+    channels = {"hip": hip, "ihip": hip, "force": 0.0 * hip, "velocity": np.ones_like(hip) * (1.0, 0.2)}
+    finding = CHECKS[check].judge(Runs(Recording(time, channels, {"source": "experiment"})), CIRCLE)
+    assert finding.outcome is Outcome.INCONCLUSIVE
+    assert finding.message.startswith("at t = 0 s the tool is at a centre of curvature")
+
+
+def test_what_a_start_near_the_centre_cost_is_no_allowance_for_what_follows():
+    """PP+PD from 2 cm beside the centre of a circle: a held force costs much there, and nothing once it is outside."""
+    made = Runs(run("pp-pd", CIRCLE, (0.02, 0.0), (-3.0, 0.1), 1.0, 1e-3))
+    finding = CHECKS["constraint-stability"].judge(made, CIRCLE)
+    assert finding.outcome in (Outcome.PASS, Outcome.FAIL), finding.message
+    assert finding.evidence["floor_m"] < 1e-3
+
+
+@pytest.mark.parametrize("start", [0.0, 1e6])
+def test_when_a_recording_starts_makes_no_difference(start):
+    """A tool that crawls slides as little on a clock that began long ago."""
+    made = run("pp-pd", LINE, (0.0, 0.1), (1e-6, 0.0), 0.5, 1e-3)
+    late = Recording(made.time + start, made.channels, made.meta)
+    for check in ("decoupling", "tangential-dynamics"):
+        finding = CHECKS[check].judge(Runs(late), LINE)
+        assert finding.message == "the tool does not slide"
+
+
+def test_a_run_that_ended_is_compared_with_as_much_of_the_finer_ones():
+    """They end at ticks of their own: what all of them have is extrapolated all the same."""
+    whole = made("set-stabilisation", "on-circle")
+
+    def cut(recording, count, **ended):
+        return Recording(
+            recording.time[:count],
+            {name: values[:count] for name, values in recording.channels.items()},
+            {**recording.meta, **ended},
+        )
+
+    def finer(factor):
+        return cut(whole.refine(factor), 300 * factor - 3, ended={"tick": 300 * factor - 3})
+
+    short = Runs(cut(whole.base, 301, ended={"tick": 301}), refine=finer)
+    remains = left(short, lambda recording: SurfaceMotion(recording, CIRCLE).distance)
+    assert remains.settled
+    assert 290 <= len(remains.values) < 301
+    for check in ("output-invariance", "tangential-dynamics"):
+        assert CHECKS[check].judge(short, CIRCLE).outcome is Outcome.PASS
+    unended = Runs(cut(whole.base, 301), refine=finer)
+    assert not left(unended, lambda recording: SurfaceMotion(recording, CIRCLE).distance).settled
