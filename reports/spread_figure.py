@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hapticeval.errors import HapticevalError
 from hapticeval.files import plain, replacing, without_non_finite
 from hapticeval.recordings.alignment import COLUMNS, Aligned
 from hapticeval.recordings.spread import Band, Comparison
@@ -52,13 +53,27 @@ SETTINGS: Mapping[str, Any] = {
 def write_spread(
     directory: Path, aligned: Aligned, bands: Sequence[Band], comparisons: Sequence[Comparison]
 ) -> list[Path]:
-    """Write comparison.svg, .png, .md and .json into `directory`; the paths written."""
+    """Write comparison.svg, .png, .md and .json into `directory`; the paths written.
+
+    Raises `HapticevalError` where a file cannot be written.
+    """
+    paths = [directory / f"comparison.{suffix}" for suffix in ("svg", "png", "md", "json")]
+    texts = table(aligned, comparisons) + "\n", json.dumps(_document(aligned, bands, comparisons), indent=1) + "\n"
+    try:
+        _write_figure(paths[:2], aligned, bands)
+        for path, text in zip(paths[2:], texts, strict=True):
+            with replacing(path) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
+    return paths
+
+
+def _write_figure(paths: Sequence[Path], aligned: Aligned, bands: Sequence[Band]) -> None:
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    directory.mkdir(parents=True, exist_ok=True)
-    paths = [directory / f"comparison.{suffix}" for suffix in ("svg", "png", "md", "json")]
     columns = [name for name in TITLES if any(band.column == name for band in bands)]
     settings: Any = dict(SETTINGS)
     with rc_context(settings):
@@ -73,15 +88,10 @@ def write_spread(
         handles, labels = axes.flat[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="upper left", ncols=3, frameon=False)
         figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 0.35 / (0.9 + 2.6 * rows)))
-        for path in paths[:2]:
+        for path in paths:
             with replacing(path) as temporary:
                 vector = path.suffix == ".svg"
                 figure.savefig(temporary, format=path.suffix[1:], dpi=160, metadata={"Date": None} if vector else None)
-    texts = table(aligned, comparisons) + "\n", json.dumps(_document(aligned, bands, comparisons), indent=1) + "\n"
-    for path, text in zip(paths[2:], texts, strict=True):
-        with replacing(path) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    return paths
 
 
 def _draw(axes: Axes, aligned: Aligned, bands: Sequence[Band], column: str) -> None:

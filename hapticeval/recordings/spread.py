@@ -17,7 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from hapticeval.errors import InputError
-from hapticeval.recordings.alignment import COLUMNS, Aligned, Pass
+from hapticeval.recordings.alignment import COLUMNS, Aligned, Pass, Run
 from hapticeval.recordings.permutation import Distances, permuted
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -144,13 +144,15 @@ def compare(aligned: Aligned, *, seed: int = 0) -> tuple[Comparison, ...]:
     """Every two renderers, in each direction and column, against the spread between repeats.
 
     A direction in which a renderer has a single repeat is left out for it. Raises `InputError`, naming it, for a
-    renderer that has no more in any: nothing says what of it is the hand's.
+    renderer that has no more in any: nothing says what of it is the hand's; and for a run that is given twice.
     """
     renderers = list(dict.fromkeys(run.renderer for run in aligned.runs))
     if len(renderers) < 2:
         raise InputError(
             f"all runs are of '{renderers[0]}'", why="a comparison takes two renderers", todo="name runs of another one"
         )
+    for renderer in renderers:
+        _refuse_copies([run for run in aligned.runs if run.renderer == renderer])
     families: dict[tuple[int, str, str], dict[str, tuple[Repeats, Repeats]]] = {}
     repeated: set[str] = set()
     for column, direction, groups in _groups(aligned):
@@ -177,6 +179,19 @@ def compare(aligned: Aligned, *, seed: int = 0) -> tuple[Comparison, ...]:
             "no two renderers were led over the same places in the same direction", why="nothing is common to compare"
         )
     return tuple(found)
+
+
+def _refuse_copies(runs: Sequence[Run]) -> None:
+    """A run that is given twice would be a repeat without any spread."""
+    seen: dict[bytes, Run] = {}
+    for run in runs:
+        same = seen.setdefault(run.recording.hip.tobytes() + run.recording.force.tobytes(), run)
+        if same is not run:
+            raise InputError(
+                f"{same.label} and {run.label} are the same run",
+                why="a hand never moves the same way twice, and a copy says nothing of how it varies",
+                todo="name each run once",
+            )
 
 
 def _groups(aligned: Aligned) -> Iterator[tuple[str, int, dict[str, tuple[Pass, ...]]]]:

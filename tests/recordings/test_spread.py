@@ -110,6 +110,13 @@ def test_a_single_repeat_is_refused():
         compared(hands(rng, "a", 4))
 
 
+def test_a_run_that_is_given_twice_is_no_repeat():
+    rng = np.random.default_rng(16)
+    one, *others = hands(rng, "a", 4)
+    with pytest.raises(InputError, match="a 0 and again are the same run"):
+        compared([one, *others, Run("again", "a", one.recording)], hands(rng, "b", 4))
+
+
 def test_too_few_repeats_are_said_to_be_so():
     rng = np.random.default_rng(6)
     found = compared(hands(rng, "a", 3), hands(rng, "b", 3, more=9.0))["a", "b", "magnitude"]
