@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import DomainError, InputError, RefusalError
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
@@ -77,14 +78,14 @@ def smooth_curve(model: Model) -> Curve:
     curve = model.curve
     if curve.corners:
         corner = curve.corners[0]
-        x, y = corner.position
+        x, y = (round(float(each), 9) + 0.0 for each in corner.position)
         error = RefusalError(
             f"model '{model.name}' has {len(curve.corners)} corners, the first at ({x:.6g}, {y:.6g}) m",
             why="set stabilisation follows the curvature of the surface, and a corner has none",
             todo="choose a smooth model (line, circle, ellipse, cassinian, dumbbell), or another renderer: "
             "minimum-distance, constraint",
         )
-        error.position = (float(x), float(y))
+        error.position = (float(corner.position[0]), float(corner.position[1]))
         raise error
     return curve
 
@@ -102,7 +103,7 @@ def check_gains(scene: Scene) -> None:
     Not asked of a unilateral contact, where the hand is in the loop and may damp it, nor where the force moves another
     mass than the tool's, as `static` and `compensated` inner loops let it.
     """
-    tool_moves = scene.inner_loop is InnerLoop.LINEARISED or scene.device is None
+    tool_moves = scene.inner_loop is InnerLoop.LINEARISED or scene.robot == PointMass(scene.mass, scene.model.dimension)
     if not (scene.bilateral and tool_moves):
         return
     period, mass = scene.sampling_time, scene.mass

@@ -101,7 +101,7 @@ def nearest_singularity(device: Device, joints: ArrayLike) -> float:
     if not isinstance(device, Parallelogram2 | Parallelogram3):
         return math.inf
     shoulder, elbow = np.array(joints, dtype=np.float64)[-2:]
-    folded = (math.pi / 2.0 - abs(shoulder - elbow)) / math.sqrt(2.0)
+    folded = abs(math.pi / 2.0 - abs(shoulder - elbow)) / math.sqrt(2.0)
     return min(float(folded), *(abs(each.distance) for each in limits(device, joints) if each.singular), math.inf)
 
 

@@ -73,6 +73,7 @@ def test_the_nearest_limit_and_singularity() -> None:
     assert limits(POINT, (0, 0)) == ()
     assert nearest_singularity(POINT, (0, 0)) == math.inf
     assert nearest_singularity(FLAT, (0.2, 0.2)) == pytest.approx(math.pi / 2.0 / math.sqrt(2.0))
+    assert nearest_singularity(FLAT, (1.0, -1.0)) == pytest.approx((2.0 - math.pi / 2.0) / math.sqrt(2.0))
     assert nearest_singularity(DEEP, (0, 0, 0)) == pytest.approx(0.346 / math.hypot(0.3, 0.346))
 
 

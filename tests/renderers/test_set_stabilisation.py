@@ -100,6 +100,9 @@ class TestGains:
         stiff = {"stiffness": 9000.0, "damping": 0.0, "mass": 0.1}
         set_stabilisation(Scene(model=circle(), **stiff))
         set_stabilisation(Scene(model=circle(), bilateral=True, device=Parallelogram2(), **stiff))
+        set_stabilisation(Scene(model=circle(), bilateral=True, device=PointMass(0.2), **stiff))
+        with pytest.raises(InputError, match="unstable"):
+            set_stabilisation(Scene(model=circle(), bilateral=True, device=PointMass(0.1), **stiff))
         linearised = {"device": Parallelogram2(), "inner_loop": InnerLoop.LINEARISED}
         with pytest.raises(InputError, match="unstable"):
             set_stabilisation(Scene(model=circle(), bilateral=True, **linearised, **stiff))
