@@ -43,11 +43,11 @@ LOADING = (0.1, 0.9)
 HAND = 0.1
 """Seconds; a longer contact is pushed by the hand, which reacts by then, and its speeds tell no restitution."""
 
+CONFIDENCE = 0.95
+"""Of the interval about the mean of the contacts, by Student's t."""
+
 LEAST_ROWS = 4
 """A slope needs so many rows."""
-
-STUDENT = (12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26, 2.23)
-"""Two-sided 95 per cent points of Student's t for one to ten degrees of freedom."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,9 @@ class Impacts:
             return math.nan, math.nan
         if values.size == 1:
             return float(values[0]), math.nan
-        point = STUDENT[values.size - 2] if values.size - 2 < len(STUDENT) else 1.96
+        from scipy.special import stdtrit
+
+        point = float(stdtrit(values.size - 1, 0.5 + 0.5 * CONFIDENCE))
         return float(values.mean()), point * float(values.std(ddof=1)) / math.sqrt(values.size)
 
 

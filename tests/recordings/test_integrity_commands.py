@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,7 +12,7 @@ from hypothesis import strategies as st
 from hapticeval.cli import main
 from hapticeval.errors import InputError
 from hapticeval.recordings.hdf5 import write_recording
-from hapticeval.recordings.impact import impacts
+from hapticeval.recordings.impact import Impacts, impacts
 from hapticeval.recordings.recording import Recording
 
 DT = 5e-4
@@ -171,6 +173,18 @@ def test_a_bounce_has_the_impulse_stiffness_and_restitution_it_was_made_with(sti
     assert contact.stiffness == pytest.approx(stiffness, rel=0.01)
     assert contact.speed_before == pytest.approx(speed, rel=0.01 + 1e-4 / speed)
     assert contact.restitution == pytest.approx(restitution, rel=0.02 + 1e-3 / speed)
+
+
+@pytest.mark.parametrize(("count", "point"), [(2, 12.706), (12, 2.201), (31, 2.042)])
+def test_the_interval_about_a_mean_is_students(count, point):
+    """Tabulated two-sided 95 % points of Student's t for 1, 11 and 30 degrees of freedom."""
+    made, _ = bounce(5000.0, 0.7, 0.2)
+    (contact,) = impacts(made).contacts
+    impulses = np.linspace(1.0, 2.0, count)
+    several = Impacts(tuple(replace(contact, impulse=each) for each in impulses), (), 0.0)
+    mean, half = several.mean("impulse")
+    assert mean == pytest.approx(1.5)
+    assert half == pytest.approx(point * np.std(impulses, ddof=1) / np.sqrt(count), rel=1e-3)
 
 
 def test_a_force_while_the_tool_leaves_is_no_contact():
