@@ -9,8 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+from hapticeval.closed_loop import drive
+from hapticeval.devices.imperfections import ENCODER_STEP, Imperfections
 from hapticeval.devices.inner_loop import InnerLoop
-from hapticeval.devices.parallelogram import Parallelogram2
+from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.discovery import known_renderers, resolve
 from hapticeval.errors import InputError, RefusalError, UnknownNameError
@@ -18,6 +20,7 @@ from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, 
 from hapticeval.renderer import Compiled, Feeling, Renderer
 from hapticeval.renderers import set_stabilisation
 from hapticeval.scene import Scene
+from hapticeval.stimulus import Experiment
 
 STIFFNESS, MASS = 1000.0, 0.1
 CRITICAL = 2.0 * np.sqrt(STIFFNESS * MASS)
@@ -170,6 +173,29 @@ class TestContact:
         assert not felt[-1]
         depth = -curve.signed_distance(rows[450:500, :2])
         np.testing.assert_allclose(depth, 1.0 / STIFFNESS, rtol=2e-3)
+
+    @pytest.mark.parametrize("encoders", [None, ENCODER_STEP], ids=["exact", "encoders"])
+    @pytest.mark.parametrize("loop", list(InnerLoop))
+    @pytest.mark.parametrize(
+        ("device", "model"), [(Parallelogram2(), circle()), (Parallelogram3(), sphere())], ids=["2dof", "3dof"]
+    )
+    def test_so_does_the_robot_and_is_given_nothing(self, device, model, loop, encoders):
+        """Whatever the inner loop makes of the force, it takes energy from the tool between touching and leaving."""
+        scene = touching(
+            model=model, device=device, inner_loop=loop, imperfections=Imperfections(encoder_step=encoders)
+        )
+        size = device.dimension
+        start, velocity, push = np.zeros(size), np.zeros(size), np.zeros((4, size))
+        start[-1], velocity[0], velocity[-1] = 0.11, 0.05, -0.3
+        push[:, -1] = -1.0, -1.0, 0.5, 0.5
+        trial = Experiment(0.35, start, velocity, np.array([0.0, 0.2, 0.201, 0.35]), push)
+        run = drive(set_stabilisation(scene), trial, scene, 1e-3)
+        felt = np.any(run.force != 0.0, axis=1)
+        assert "ended" not in run.meta
+        assert switches(felt) == 2
+        assert not felt[0]
+        assert not felt[-1]
+        assert np.sum(run.force[:-1] * np.diff(run.hip, axis=0)) < -1e-3
 
     def test_sliding_through_a_valley_it_lets_go_once_where_the_surface_turns_convex(self):
         """Nothing presses but the bend of the way, and sampling lays the tool on both sides of the surface."""
