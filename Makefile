@@ -1,4 +1,4 @@
-# make run     set up, judge the built-in renderers on the thesis's cases, write results/
+# make run     set up, judge the built-in renderers, by playback and in closed loop, write results/
 # make test    set up with the development tools, run the tests
 # make bench   time the renderers            make study   the longer studies
 # make lint    ruff, and mypy on an installed copy
@@ -11,7 +11,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 .PHONY: run test bench study lint clean
 
 run: .venv/run.stamp .venv/kernels.stamp
-	@$(BIN)/hapticeval run -o results || { code=$$?; \
+	@$(BIN)/hapticeval run thesis dynamics -o results || { code=$$?; \
 	  echo "hapticeval ended with exit code $$code, see 'Exit codes' in the README; what was written is in results/" >&2; \
 	  exit $$code; }
 

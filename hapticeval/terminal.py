@@ -133,7 +133,7 @@ def exit_code(results: Results, errors: Iterable[HapticevalError]) -> int:
 def summary(results: Results, written: Sequence[Path]) -> str:
     """The closing words of a run: the table, what is not as it must be, the counts, the time, the files."""
     parts = [
-        _table(results),
+        *_tables(results),
         "\n".join(_broken(run) for run in results.runs if run["error"]),
         "\n".join(_surprise(verdict) for verdict in _surprising(results)),
         _totals(results),
@@ -142,15 +142,24 @@ def summary(results: Results, written: Sequence[Path]) -> str:
     return "\n\n".join(part for part in parts if part)
 
 
-def _table(results: Results) -> str:
+def _tables(results: Results) -> Iterator[str]:
+    """A table a suite that has rows, each with the renderers that ran there."""
+    titles = [(suite["title"], suite["rows"]) for suite in results.suites if suite["rows"]]
+    told = {title for _, rows in titles for title in rows}
+    left = [title for title in results.table if title not in told]
+    for name, rows in [*titles, ("", left)]:
+        found = {title: results.table[title] for title in rows if title in results.table}
+        if any(found.values()):
+            heading = f"{name}\n" if name and len(titles) > 1 else ""
+            yield heading + _table(found, results.published_table)
+
+
+def _table(table: Mapping[str, Mapping[str, str]], published_table: Mapping[str, Mapping[str, str]]) -> str:
     """Rows by renderers, in aligned columns; a cell that differs from what is in print says so."""
-    table = results.table
     renderers = list(dict.fromkeys(renderer for row in table.values() for renderer in row))
-    if not renderers:
-        return ""
     lines = [["", *renderers]]
     for title, row in table.items():
-        published = results.published_table.get(title, {})
+        published = published_table.get(title, {})
         lines.append([title, *(_cell(row.get(name, "-"), published.get(name)) for name in renderers)])
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join(
