@@ -12,7 +12,7 @@ from hapticeval.errors import InputError
 from hapticeval.recordings.clock import Clock
 from hapticeval.recordings.formats import Table, read_table
 from hapticeval.recordings.formats.registry import first_bytes
-from hapticeval.recordings.hdf5 import FORMAT, SIGNATURE, read_recording
+from hapticeval.recordings.hdf5 import DAMAGE, FORMAT, SIGNATURE, read_recording
 from hapticeval.recordings.mapping import FileMapping, Source, TimeBase, read_mapping
 from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array, BoolArray, IntArray
@@ -47,8 +47,9 @@ def is_recording(path: Path) -> bool:
     try:
         with h5py.File(path, "r") as file:
             said = file.attrs.get("format", b"")
-    except OSError:
-        return FORMAT.encode() in path.read_bytes()[: 1 << 16]
+    except DAMAGE:
+        with path.open("rb") as raw:
+            return FORMAT.encode() in raw.read(1 << 16)
     return (said.decode(errors="replace") if isinstance(said, bytes) else str(said)) == FORMAT
 
 

@@ -168,6 +168,9 @@ def _counted(recording: Recording) -> list[Fault]:
         faults.append(
             Fault("missed", Severity.SUSPICIOUS, f"{missed} cycles of the loop have no row", "see the logger", "time")
         )
+    for event in recording.events:
+        if event.kind == "ended":
+            faults.append(Fault("ended", Severity.NOTE, event.text))
     for kind, texts in (("lost", told_losses(recording)), ("import", told_warnings(recording))):
         faults += [Fault(kind, Severity.SUSPICIOUS, text, "copy or record the file again") for text in texts]
     declared = recording.meta.get("rows")

@@ -114,6 +114,7 @@ def converted(recording: Recording) -> str:
     lines = [
         f"{len(recording)} rows, {recording.time[-1] - recording.time[0]:.6g} s: {', '.join(recording.channels)}",
         *(f"no measurement: {count} rows {why}" for why, count in said.get("left out", {}).items()),
+        *(f"ended: {event.text}" for event in recording.events if event.kind == "ended"),
         *(f"suspicious: {text}" for text in told_losses(recording) + told_warnings(recording)),
     ]
     return "\n".join(lines)

@@ -116,6 +116,30 @@ def test_a_damaged_recording_of_which_nothing_is_whole_is_no_recording(here, cap
     assert "salvage" not in capsys.readouterr().err
 
 
+def test_whatever_byte_is_wrong_the_command_says_so(here, capsys, monkeypatch):
+    monkeypatch.setattr(hdf5, "ROWS_A_CHUNK", 50)
+    write_recording(here / "run.h5", run().part(slice(0, 100)))
+    good = (here / "run.h5").read_bytes()
+    codes = set()
+    for place in [*range(8, 1200, 43), *range(1200, len(good), 811)]:
+        (here / "hurt.h5").write_bytes(good[:place] + bytes([good[place] ^ 4]) + good[place + 1 :])
+        codes.add(main(["convert", "hurt.h5", "--salvage", "-o", "made.h5"]))
+        (here / "made.h5").unlink(missing_ok=True)
+    assert codes == {0, 1, 2}
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_a_run_whose_loop_died_says_so(here, capsys):
+    journal(here / "run.journal", run())
+    end = json.dumps({"how": "the loop died", "next": ROWS, "unwritten": 0, "overrun": 0, "events_lost": 0}).encode()
+    with (here / "run.journal").open("ab") as file:
+        file.write(block_head(Kind.END, 10, 0, end) + end)
+    assert main(["convert", "run.journal", "-o", "run.h5"]) == 0
+    assert "ended: the loop died" in capsys.readouterr().out
+    assert main(["inspect", "run.h5"]) == 0
+    assert "note: ended (all): the loop died" in capsys.readouterr().out
+
+
 def test_a_recording_needs_no_mapping(here, capsys):
     journal(here / "run.journal", run())
     (here / "m.toml").write_text("")
