@@ -36,10 +36,11 @@ class Entry:
 
 @dataclass(frozen=True)
 class ShownSummary:
-    """The rows of one suite, or those of no suite, which have no title."""
+    """The rows of one suite, or those of no suite, which have no title; `columns` are the renderers decided there."""
 
     title: str
     citation: str
+    columns: Sequence[tuple[int, str]]
     rows: Sequence[SummaryRow]
 
 
@@ -96,5 +97,14 @@ def _contents(cases: Sequence[ShownCase]) -> list[Entry]:
 
 
 def shown_summary(results: Results) -> list[ShownSummary]:
-    """The summary table in the groups of `by_suite`."""
-    return [ShownSummary(told.get("title", ""), told.get("citation", ""), rows) for told, rows in by_suite(results)]
+    """The summary in the groups of `by_suite`, each with the renderers that have an answer in it."""
+    names = renderers(results)
+    return [
+        ShownSummary(
+            told.get("title", ""),
+            told.get("citation", ""),
+            [(index, name) for index, name in enumerate(names) if any(row.cells[index][0] for row in rows)],
+            rows,
+        )
+        for told, rows in by_suite(results)
+    ]

@@ -45,7 +45,7 @@ def record(
     ] = TWIN,
     renderer: Annotated[
         str, typer.Option("-r", "--renderer", metavar="NAME", help="As in `run -r`.")
-    ] = "minimum-distance+pp-pd",
+    ] = "minimum-distance",
     robot: Annotated[
         str | None,
         typer.Option(
@@ -64,7 +64,7 @@ def record(
     ] = None,
     seconds: Annotated[float, typer.Option(help="How long.", min=0.01)] = 10.0,
     stiffness: Annotated[float, typer.Option(metavar="N/M", help="K_p of the scene.")] = STIFFNESS,
-    damping: Annotated[float, typer.Option(metavar="NS/M", help="K_d of the scene.")] = 1.0,
+    damping: Annotated[float, typer.Option(metavar="NS/M", help="K_d of the scene.")] = 0.0,
     model: Annotated[
         str, typer.Option(metavar="MODEL", help="As in `hapticeval field`: circle, cassinian:size=0.15, ...")
     ] = "circle",
