@@ -52,7 +52,7 @@ EXIT_CODES = """\b
 Exit codes:
   0  every verdict is as required, or as published where the suite publishes one
   1  a check failed, could not decide or differs, or fewer verdicts than planned were reached
-  2  wrong usage or input
+  2  wrong usage or input, or every case was refused by every renderer
   3  a renderer broke: the message names case, tick and HIP (outranks 1 and 2)
   4  nothing was selected
 """

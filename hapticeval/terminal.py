@@ -123,18 +123,20 @@ def _counted(counts: Counter[Outcome]) -> str:
 def exit_code(results: Results, errors: Iterable[HapticevalError]) -> int:
     """0 all as it must be; 1 something differs, failed, or did not run; what stopped a job outranks that.
 
-    3 where a renderer broke, else 2 where a job's input was not usable.
+    3 where a renderer broke, else 2 where a job's input was not usable or every run was refused.
     """
+    refused = bool(results.runs) and all(run.get("refusal") for run in results.runs)
     surprised = any(not verdict["as_expected"] for verdict in results.verdicts)
     differs = surprised or not results.complete or results.ran < results.planned
-    return max([int(differs), *(error.exit_code for error in errors)])
+    return max([int(differs), 2 * int(refused), *(error.exit_code for error in errors)])
 
 
 def summary(results: Results, written: Sequence[Path]) -> str:
     """The closing words of a run: the table, what is not as it must be, the counts, the time, the files."""
     parts = [
         *_tables(results),
-        "\n".join(_broken(run) for run in results.runs if run["error"]),
+        "\n".join(_stopped("broke", run, run["error"]) for run in results.runs if run["error"]),
+        "\n".join(_stopped("refuses", run, run["refusal"]) for run in _refused(results)),
         "\n".join(_surprise(verdict) for verdict in _surprising(results)),
         _totals(results),
         "\n".join(f"wrote {path}" for path in written),
@@ -171,11 +173,20 @@ def _cell(found: str, published: str | None) -> str:
     return found if published in (None, found) or found == "-" else f"{found} (published {published})"
 
 
-def _broken(run: Mapping[str, Any]) -> str:
-    error = run["error"]
-    lines = [f"broke: {run['renderer']} on {run['suite']}/{run['case']}", f"  {error['what']}"]
-    lines += [f"  {label}: {error[key]}" for label, key in (("why", "why"), ("what to do", "todo")) if error[key]]
+def _stopped(how: str, run: Mapping[str, Any], said: Mapping[str, Any]) -> str:
+    lines = [f"{how}: {run['renderer']} on {run['suite']}/{run['case']}", f"  {said['what']}"]
+    lines += [f"  {label}: {said[key]}" for label, key in (("why", "why"), ("what to do", "todo")) if said[key]]
     return "\n".join(lines)
+
+
+def _refused(results: Results) -> Iterator[Mapping[str, Any]]:
+    """The first run of each renderer that has refused all that it was given: it has not been judged at all."""
+    judged = {run["renderer"] for run in results.runs if not run.get("refusal")}
+    told = set()
+    for run in results.runs:
+        if run["renderer"] not in judged | told:
+            told.add(run["renderer"])
+            yield run
 
 
 def _surprising(results: Results) -> Iterator[Mapping[str, Any]]:

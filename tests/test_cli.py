@@ -440,3 +440,13 @@ def test_results_of_ours_are_known_by_their_entries(tmp_path: Path) -> None:
         assert output._ours(file) is ours
     file.write_text(json.dumps({"format_version": 0, "planned": 1, "verdicts": []}))
     assert output._ours(file)
+
+
+def test_a_renderer_that_refuses_all_that_there_is_has_not_passed(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    alone = ["run", "-k", "star-convex-corner", "-r", "set-stabilisation"]
+    assert main(alone) == 2
+    shown = capsys.readouterr().out
+    assert "refuses: set-stabilisation on thesis/star-convex-corner" in shown
+    assert "what to do: choose a smooth model" in shown
+    assert main([*alone, "-r", "constraint"]) == 0
