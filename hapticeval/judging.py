@@ -222,6 +222,8 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
     ended = runs.base.meta.get("ended")
     try:
         finding = CHECKS[check].judge(runs, scene)
+    except RefusalError as refusal:
+        return Finding(Outcome.NOT_APPLICABLE, f"this check cannot be asked here: {refusal.what}, and {refusal.why}")
     except HapticevalError:
         raise
     except Exception as fault:  # the boundary behind which one faulty check must not take the run along

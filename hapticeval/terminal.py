@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
     from hapticeval.results import Results
 
+FEW = 10
+"""Figures that are drawn before anyone wonders what goes on."""
+
 PATIENCE = 2.0
 """Seconds after which a person wants to see that something moves."""
 
@@ -70,9 +73,11 @@ class Terminal:
             self._line(f"[{done + 1}/{total}] {what}")
 
     def drawn(self, done: int, total: int) -> None:
-        """Take how many of the report's figures are drawn: only a bar shows it."""
+        """Take how many of the report's figures are drawn: a bar on a terminal, elsewhere one line before many."""
         if self._stream.isatty():
             self._advance(done, total, "drawing figures")
+        elif done == 0 and total > FEW:
+            self._line(f"drawing {_plural(total, 'figure')}")
 
     def _advance(self, done: int, total: int, what: str) -> None:
         """Move the bar; it appears with the first step that ends after `PATIENCE` seconds."""
@@ -182,7 +187,7 @@ def _stopped(how: str, run: Mapping[str, Any], said: Mapping[str, Any]) -> str:
 def _refused(results: Results) -> Iterator[Mapping[str, Any]]:
     """The first run of each renderer that has refused all that it was given: it has not been judged at all."""
     judged = {run["renderer"] for run in results.runs if not run.get("refusal")}
-    told = set()
+    told: set[str] = set()
     for run in results.runs:
         if run["renderer"] not in judged | told:
             told.add(run["renderer"])

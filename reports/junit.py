@@ -74,7 +74,7 @@ def _tell(case: ET.Element, verdict: Mapping[str, Any], ended: str) -> None:
     elif outcome in ("inconclusive", "not-applicable"):
         _say(case, "skipped", f"{outcome}: {text}")
     elif outcome == "fail":
-        why = "fails, as published" if published else f"fails; level {verdict['level']} stops no gate"
+        why = "fails, as known" if published else f"fails; level {verdict['level']} stops no gate"
         ET.SubElement(case, "system-out").text = _clean(f"{why}: {text}")
 
 

@@ -93,9 +93,10 @@ def _delay(axes: Axes, document: Mapping[str, Any]) -> None:
     axes.plot(1e3 * np.array(curve["delay"]), _kilo(curve["eigenvalues"]), color=SERIES[1], label="eigenvalues")
     axes.axhline(1e-3 * document["stiffness"], color=COLOURS["jump"], linewidth=1.0, label="the scene")
     if document["passive"] is not None:
-        axes.axhline(
-            1e-3 * document["passive"], color=COLOURS["quiet"], linestyle="--", linewidth=1.0, label="passive (2.40)"
-        )
+        axes.plot(
+            1e3 * np.array(curve["delay"]), _kilo(curve["passive"]), color=COLOURS["quiet"], linestyle="--",
+            linewidth=1.0, label="passive (2.40)",
+        )  # fmt: skip
     axes.set_ylim(bottom=0.0)
     axes.set_xlim(left=0.0)
     axes.set(xlabel="computation delay (ms)", ylabel="stiffness K (kN/m)", title="Delay")

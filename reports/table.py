@@ -22,7 +22,7 @@ LEVELS = ("must", "should", "info")
 class Cell:
     """One verdict in the matrix.
 
-    `standing` says how it compares: "as published", "differs" (from what is published), "unexpected" (an error, or
+    `standing` says how it compares: "as known", "differs" (from what is published), "unexpected" (an error, or
     a check of level must that failed or could not decide, with nothing published), or "" for nothing to say.
     """
 
@@ -40,7 +40,7 @@ class Cell:
     def standing(self) -> str:
         """How the outcome compares with what was to be expected."""
         if self.published is not None:
-            return "as published" if self.outcome == self.published else "differs"
+            return "as known" if self.outcome == self.published else "differs"
         return "" if self.as_expected else "unexpected"
 
 
@@ -175,7 +175,7 @@ def _cell_text(cell: Cell | None) -> str:
         return f"**{text}** (published: {cell.published})"
     if cell.standing == "unexpected":
         return f"**{text}**"
-    return f"{text} (as published)" if cell.standing else text
+    return f"{text} (as known)" if cell.standing else text
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

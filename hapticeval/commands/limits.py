@@ -148,9 +148,8 @@ def _bound(document: Mapping[str, Any]) -> str:
     if document["passive"] is None:
         return f"none: a {document['inner_loop']} inner loop compensates the damping that it counts on"
     b = document["port_damping"]
-    return (
-        f"{_stiffness(document['passive'])}  2 (b - |B|) / T with b = {b:.4g} N s/m, sufficient with any passive hand"
-    )
+    formula = f"2 (b - |B|) / (T + 2 delay) with b = {b:.4g} N s/m"
+    return f"{_stiffness(document['passive'])}  {formula}, sufficient with any passive hand"
 
 
 def _stiffness(value: float | None) -> str:

@@ -30,11 +30,13 @@ def port_damping(robot: Robot, normal: Array, dt: float) -> float:
 
 
 def passive_stiffness(scene: Scene, robot: Robot, normal: Array) -> float | None:
-    """The largest stiffness (N/m) that (2.40) allows, 2 (b - |B|) / T; zero where no stiffness is passive.
+    """The largest stiffness (N/m) that (2.40) allows, 2 (b - |B|) / (T + 2 d); zero where no stiffness is passive.
 
+    A delay of d s turns the spring's part of the theorem into K T / 2 (cos ωd - cos ω(T + d)) / (1 - cos ωT), which is
+    largest at ω = 0, K (T / 2 + d); the damper's stays within |B|. Without delay that is (2.40).
     None for all but the static inner loop: one that compensates the device's damping leaves no b to count on.
     """
     if scene.inner_loop is not InnerLoop.STATIC:
         return None
     damping = port_damping(robot, normal, scene.sampling_time)
-    return max(0.0, 2.0 * (damping - scene.damping) / scene.sampling_time)
+    return max(0.0, 2.0 * (damping - scene.damping) / (scene.sampling_time + 2.0 * scene.imperfections.delay))

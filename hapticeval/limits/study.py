@@ -96,11 +96,14 @@ def _width(factory: RendererFactory, scene: Scene, place: Place, dt: float) -> M
 
 def _over_delay(scene: Scene, place: Place, family: Family) -> Mapping[str, Any]:
     robot = robot_at(scene.robot, place.point)
-    delays, limits = np.linspace(0.0, 3.0 * scene.sampling_time, 25), []
+    delays = np.linspace(0.0, 3.0 * scene.sampling_time, 25)
+    limits: list[float | None] = []
+    passive: list[float | None] = []
     for delay in delays:
         each = replace(scene, imperfections=replace(scene.imperfections, delay=float(delay)))
         limits.append(finite(eigenvalue_limit(SampledLoop(each, robot), family, steps=COARSE)))
-    return {"delay": delays.tolist(), "eigenvalues": limits}
+        passive.append(passive_stiffness(each, robot, place.normal))
+    return {"delay": delays.tolist(), "eigenvalues": limits, "passive": passive}
 
 
 def _over_workspace(scene: Scene, family: Family) -> Mapping[str, Any] | None:

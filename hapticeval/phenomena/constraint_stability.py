@@ -75,7 +75,10 @@ def _how(late: Array, before: float, after: float) -> str:
     if float(np.ptp(late)) < 0.5 * after:
         return f"the tool stands {_mm(after)} off the surface and comes no nearer"
     if min(float(late.max()), -float(late.min())) > 0.5 * after:
-        return f"the tool swings about the surface, {_mm(after)} to either side, and is not damped: marginal stability"
+        swing = f"the tool swings about the surface, {_mm(after)} to either side"
+        if after > 1.01 * before:
+            return f"{swing}, after {_mm(before)} before: it grows, as a held spring without damping does"
+        return f"{swing}, and is not damped: marginal stability"
     return f"the tool does not come to the surface: up to {_mm(before)} off, then up to {_mm(after)}"
 
 

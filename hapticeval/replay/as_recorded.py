@@ -12,12 +12,16 @@ from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
 from hapticeval.judging import built
 from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.recordings.stretches import Stretch
 from hapticeval.renderer import SelfDriven
 from hapticeval.replay.explain import Deviation, deviation
 from hapticeval.replay.job import hand_path
-from hapticeval.replay.rerender import Part, joined, rerendered
+from hapticeval.replay.rerender import HandPath, Part, joined, rerendered
 from hapticeval.replay.subject import Subject
 from hapticeval.scene import Scene
+
+LIVE = "hardware"
+"""The source of what our own loop recorded."""
 
 DECIMALS = range(1, 13)
 """Decimal places that a log may have been rounded to."""
@@ -62,6 +66,10 @@ def as_recorded(subject: Subject, renderers: Sequence[str] = ()) -> AsRecorded:
             todo="run its case again, which is repeatable",
         )
     path, _ = hand_path(subject)
+    log, told = path.recording, path.recording.meta.get("dt")
+    if log.meta.get("source") == LIVE and log.valid is None and told is not None:
+        # Our own loop tells a renderer the same step each cycle and never resets it, also where cycles were missed.
+        path = HandPath(log, (Stretch(0, len(log)),), dt=float(told))
     parts = rerendered(renderer, path)
     again = joined([part.recording for part in parts])
     log = joined([path.recording.part(_answered(part)) for part in parts])

@@ -49,6 +49,8 @@ class Replay:
             judged = judge_recorded(lambda _: self._recorded(), merged, job.renderer, job.suite, job.case)
             if any(name not in path.recording.channels for name in REQUIRED):
                 judged = _shown_only(judged, job.case.checks)
+            elif "operator_force" not in path.recording.channels:
+                judged = _shown_only(judged, LOOP_NEEDED)
         else:
             judged = judge_recorded(
                 lambda scene: self._replayed(job.renderer, scene), merged, job.renderer, job.suite, job.case

@@ -21,11 +21,13 @@ from hapticeval.types import Array
 class HandPath:
     """What a renderer would have been given: times (n,), s, HIP and velocity (n, N), and the gapless stretches.
 
-    Where the recording holds what the sensors gave to the renderer, that is the path and not the true HIP.
+    Where the recording holds what the sensors gave to the renderer, that is the path and not the true HIP. `dt` (s) is
+    what a renderer is told that each step took, where that is not what the clock says.
     """
 
     recording: Recording
     stretches: tuple[Stretch, ...]
+    dt: float | None = None
 
     @property
     def hip(self) -> Array:
@@ -77,7 +79,7 @@ def backwards(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch)
 
 def _stretch(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, meta: Mapping[str, Any]) -> Part:
     time = path.recording.time[stretch.rows]
-    hip, dt = path.hip[stretch.rows], steps(path.recording, stretch)
+    hip, dt = path.hip[stretch.rows], steps(path.recording, stretch) if path.dt is None else path.dt
     if isinstance(renderer, SelfDriven):
         return Part(stretch, _whole(renderer, time, hip, dt, meta))
     velocity = path.velocity(stretch)

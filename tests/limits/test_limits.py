@@ -250,3 +250,12 @@ def test_the_command_tells_draws_and_ends_with_one_for_an_unstable_scene(tmp_pat
 def test_what_cannot_be_studied_is_told_at_once(arguments, words, tmp_path, capsys):
     assert main(["limits", *arguments, "-o", str(tmp_path)]) == 2
     assert words in capsys.readouterr().err
+
+
+@given(delay=st.floats(0.0, 3e-3))
+@settings(max_examples=25)
+def test_the_bound_with_delay_is_stricter_than_the_eigenvalues(delay):
+    late = replace(scene(), imperfections=Imperfections(delay=delay))
+    bound = passive_stiffness(late, robot_at(late.robot, WALL.point), WALL.normal)
+    assert bound == pytest.approx(2.0 * 0.3 / (late.sampling_time + 2.0 * delay), rel=1e-6)
+    assert bound <= limit(late) * (1.0 + 1e-6)

@@ -39,7 +39,7 @@ def test_a_failure_is_exactly_what_is_not_as_expected(results):
         "broken-contact": ["failure"],
         "impulsive-collision": ["skipped"],
     }
-    assert found["continuous-contact"][0].text.startswith("fails, as published: pop-through <here>")
+    assert found["continuous-contact"][0].text.startswith("fails, as known: pop-through <here>")
     assert found["broken-contact"][0].get("message") == "pop-through <here> (IHIP jump 40 mm, bound 1 mm)"
     assert found["contact-normal-force"][0].get("message").startswith("pass, published fail: ")
     assert (

@@ -25,7 +25,7 @@ def test_every_verdict_has_a_cell_where_it_belongs(results):
 @pytest.mark.parametrize(
     ("check", "standing"),
     [
-        ("continuous-contact", "as published"),
+        ("continuous-contact", "as known"),
         ("contact-normal-force", "differs"),
         ("broken-contact", "unexpected"),
         ("memoryless", ""),
@@ -49,7 +49,7 @@ def test_markdown_shows_both_tables_and_cannot_be_broken_out_of(results):
     assert "13 of 13 planned verdicts ran; seed 3." in text
     assert "**Yes** (published: No)" in text
     assert "**✓ pass** (published: fail)" in text
-    assert "✗ fail (as published)" in text
+    assert "✗ fail (as known)" in text
     assert "<script>" not in text
     assert "- plain on synthetic/tip: it raised" in text
     tables = [line for line in text.splitlines() if line.startswith("|")]
