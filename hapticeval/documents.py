@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Mapping
+from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,19 @@ def _validate(document: Mapping[str, Any], file: str, schema: str) -> None:
     if len(path) >= 2 and path[0] == "case":
         name = document["case"][path[1]].get("name", f"number {path[1]}")
         place = f" case '{name}'" + "".join(f".{part}" for part in path[2:])
-    raise InputError(f"{file}:{place or ' the file'} does not fit: {error.message}", todo="see 'Suites' in the README")
+    raise InputError(
+        f"{file}:{place or ' the file'} does not fit: {error.message}",
+        todo=_meant(error) or "see 'Suites' and 'Robots' in the README",
+    )
+
+
+def _meant(error: Any) -> str:
+    """The names that are closest to one that is not known here."""
+    if error.validator != "additionalProperties" or "properties" not in error.schema:
+        return ""
+    known = error.schema["properties"]
+    close = [name for each in error.instance if each not in known for name in get_close_matches(each, known, n=2)]
+    return f"did you mean {' or '.join(close)}?" if close else f"known here: {', '.join(known)}"
 
 
 def _of_the_kind(error: Any) -> Any:

@@ -282,3 +282,16 @@ def test_a_name_that_begins_several_suites_is_all_of_them():
     assert suites_named("elsewhere/mine.toml") == ("elsewhere/mine.toml",)
     with pytest.raises(UnknownNameError, match="did you mean dynamics"):
         suites_named("dynamic")
+
+
+def test_a_misspelt_entry_is_told_its_likeliest_meaning(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(
+        'title = "t"\n[[case]]\nname = "c"\ntitle = "t"\nmodel = { kind = "circle" }\nchecks = ["memoryless"]\n'
+        "scene = { stifness = 3.0 }\n"
+        'trajectory = { kind = "scaled", depth = 0.001, from_angle = 0, to_angle = 9, duration = 1 }\n'
+    )
+    with pytest.raises(InputError) as caught:
+        load_suite(str(file))
+    assert "stifness" in caught.value.what
+    assert caught.value.todo == "did you mean stiffness?"
