@@ -9,15 +9,16 @@ from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import DomainError, InputError, RefusalError
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
-from hapticeval.renderer import CompiledLaw, Response
+from hapticeval.renderer import CompiledLaw
 from hapticeval.renderers.curve_law import BEYOND, answer
+from hapticeval.renderers.law_renderer import LawRenderer
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 REFUSALS = {BEYOND: "the hand is at the centre of curvature of its nearest surface point, or beyond it"}
 
 
-class CurveStabilisation:
+class CurveStabilisation(LawRenderer):
     """Holds the hand on a smooth plane curve, or outside of it, as a frictionless constraint (7.11), (7.14), (7.22).
 
     The force is that on the hand, F_r = m ÿ_cmd less what the hand pushes where that is sensed: see `curve_law`. An
@@ -33,7 +34,7 @@ class CurveStabilisation:
         self.surface: Curve = smooth_curve(scene.model)
         check_gains(scene)
         reals = (scene.stiffness, scene.damping, scene.mass, scene.viscosity, float(scene.bilateral))
-        self._law = CompiledLaw(
+        law = CompiledLaw(
             function=answer,
             reals=np.array(reals),
             pieces=np.array(self.surface.pieces),
@@ -41,36 +42,15 @@ class CurveStabilisation:
             memory=1,
             refusals=REFUSALS,
         )
-        self._memory = np.zeros(1)
-        self._push = np.zeros(2)
+        super().__init__(law, dimension=2)
 
-    @property
-    def law(self) -> CompiledLaw:
-        """The same step for compiled loops."""
-        return self._law
-
-    def reset(self, hip: Array) -> None:  # noqa: ARG002 - the protocol's
-        """Start a run: nothing is touched yet, and nothing felt."""
-        self._memory[:] = 0.0
-        self._push[:] = 0.0
-
-    def feel(self, push: Array) -> None:
-        """The measured force of the hand on the tool (2,), N, for the ticks that follow."""
-        self._push[:] = push
-
-    def step(self, hip: Array, velocity: Array, dt: float) -> Response:
-        """One tick: `hip` (2,), m; `velocity` (2,), m/s; `dt`, s. Raises `DomainError` where 1 + n κ <= 0."""
-        ihip, force = np.empty(2), np.empty(2)
-        law, hip = self._law, np.array(hip, dtype=np.float64)
-        velocity = np.array(velocity, dtype=np.float64)
-        refusal = answer(law.reals, law.pieces, law.samples, self._memory, hip, velocity, self._push, dt, ihip, force)
-        if refusal:
-            raise DomainError(
-                f"{law.refusals[refusal]}: ({hip[0]:.6g}, {hip[1]:.6g}) m",
-                why="there the foot is not unique and 1 + n κ vanishes: the virtual output (7.33) is singular",
-                todo="start nearer to the surface, hold on stiffer, or push less",
-            )
-        return Response(ihip, force)
+    def led_out(self, hip: Array, what: str) -> DomainError:
+        """Where 1 + n κ <= 0."""
+        return DomainError(
+            f"{what}: ({hip[0]:.6g}, {hip[1]:.6g}) m",
+            why="there the foot is not unique and 1 + n κ vanishes: the virtual output (7.33) is singular",
+            todo="start nearer to the surface, hold on stiffer, or push less",
+        )
 
 
 def smooth_curve(model: Model) -> Curve:

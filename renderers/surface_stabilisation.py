@@ -10,16 +10,17 @@ from hapticeval.errors import DomainError, RefusalError
 from hapticeval.geometry.surface import Surface
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recording import Recording
-from hapticeval.renderer import CompiledLaw, Response
+from hapticeval.renderer import CompiledLaw
 from hapticeval.renderers import sphere_atlas, surface_law
 from hapticeval.renderers.curve_stabilisation import check_gains
+from hapticeval.renderers.law_renderer import LawRenderer
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 REFUSALS = {surface_law.BEYOND: "the hand is at a centre of curvature of its nearest surface point, or beyond it"}
 
 
-class SurfaceStabilisation:
+class SurfaceStabilisation(LawRenderer):
     """Holds the hand on a smooth surface, or outside of it, as a frictionless or viscous constraint (7.11), (7.14).
 
     The force is that on the hand, F_r = m ÿ less what the hand pushes where that is sensed: see `surface_law` and, with
@@ -41,7 +42,7 @@ class SurfaceStabilisation:
             )
         check_gains(scene)
         gains = (scene.stiffness, scene.damping, scene.mass, scene.viscosity, float(scene.bilateral))
-        self._law = CompiledLaw(
+        law = CompiledLaw(
             function=sphere_atlas.answer if charts else surface_law.answer,
             reals=np.concatenate([self.surface.row, gains]),
             pieces=np.empty((0, 0)),
@@ -49,36 +50,9 @@ class SurfaceStabilisation:
             memory=1,
             refusals=REFUSALS,
         )
+        super().__init__(law, dimension=3)
         self._scene = scene
         self.charts = charts
-        self._memory = np.zeros(1)
-        self._push = np.zeros(3)
-
-    @property
-    def law(self) -> CompiledLaw:
-        """The same step for compiled loops."""
-        return self._law
-
-    def reset(self, hip: Array) -> None:  # noqa: ARG002 - the protocol's
-        """Start a run: nothing is touched yet, and nothing felt."""
-        self._memory[:] = 0.0
-        self._push[:] = 0.0
-
-    def feel(self, push: Array) -> None:
-        """The measured force of the hand on the tool (3,), N, for the ticks that follow."""
-        self._push[:] = push
-
-    def step(self, hip: Array, velocity: Array, dt: float) -> Response:
-        """One tick: `hip` (3,), m; `velocity` (3,), m/s; `dt`, s. Raises `DomainError` where I + nW is not positive."""
-        ihip, force = np.empty(3), np.empty(3)
-        law, hip = self._law, np.array(hip, dtype=np.float64)
-        velocity = np.array(velocity, dtype=np.float64)
-        refusal = law.function(
-            law.reals, law.pieces, law.samples, self._memory, hip, velocity, self._push, dt, ihip, force
-        )
-        if refusal:
-            raise self._led_out(hip, law.refusals[refusal])
-        return Response(ihip, force)
 
     def signals(self, recording: Recording) -> Mapping[str, tuple[Signal, Array]]:
         """With charts, what Figures 7.7 and 7.8 show: the active chart, the coordinates and the torques of each.
@@ -119,7 +93,8 @@ class SurfaceStabilisation:
             ]
         )
 
-    def _led_out(self, hip: Array, what: str) -> DomainError:
+    def led_out(self, hip: Array, what: str) -> DomainError:
+        """Where I + nW is not positive."""
         foot, _, distance, _ = self.surface.frame(hip[np.newaxis])
         inwards, outwards = self.surface.medial_distance(foot)[0]
         inside = distance[0] < 0.0

@@ -14,7 +14,7 @@ from hapticeval.output import say
 
 if TYPE_CHECKING:
     from hapticeval.hardware.device import HardwareDevice
-    from hapticeval.hardware.session import Session
+    from hapticeval.hardware.live import LiveRun
     from hapticeval.hardware.wiring import Wiring
     from hapticeval.recordings.recorder import Summary
     from hapticeval.scene import Scene
@@ -86,7 +86,7 @@ def record(
     from hapticeval.commands.stability import too_stiff
     from hapticeval.discovery import resolve
     from hapticeval.hardware.kinematics import CUTOFF
-    from hapticeval.hardware.session import channels, run, signals
+    from hapticeval.hardware.live import channels, run, signals
     from hapticeval.judging import built
     from hapticeval.playback import declared
     from hapticeval.recordings.recorder import Recorder
@@ -111,7 +111,7 @@ def record(
     cycles = max(1, round(seconds * rate))
     meta = {**_meta(scene, wired, renderer, hardware=hardware, who=who), **declared(made)}
     failure: HapticevalError | None = None
-    session: Session | None = None
+    live: LiveRun | None = None
     with (
         _place(hardware, wired, scene) as connect,
         Recorder(journal, channels(wired.device.dimension), signals=signals(wired), meta=meta) as recorder,
@@ -126,17 +126,17 @@ def record(
                 terminal.working(done - 1, cycles, f"{done / rate:.0f} of {seconds:g} s")
 
         try:
-            session = run(connect, wired, made, scene, recorder, cycles=cycles, tell=tell)
+            live = run(connect, wired, made, scene, recorder, cycles=cycles, tell=tell)
         except HapticevalError as error:
             failure = error
         summary = recorder.close()
     _finish(journal, output, summary)
     if failure is not None:
         raise failure
-    assert session is not None
-    early = f"; ended early: {session.ended}" if session.ended else ""
-    say(f"{session.cycles} cycles in {(session.cycles + session.missed) / rate:.4g} s{early}")
-    raise typer.Exit(int(bool(summary.lost or session.missed or session.ended)))
+    assert live is not None
+    early = f"; ended early: {live.ended}" if live.ended else ""
+    say(f"{live.cycles} cycles in {(live.cycles + live.missed) / rate:.4g} s{early}")
+    raise typer.Exit(int(bool(summary.lost or live.missed or live.ended)))
 
 
 def _finish(journal: Path, output: Path, summary: Summary) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
@@ -78,7 +79,7 @@ class ParallelogramParameters:
 
 
 @dataclass(frozen=True)
-class _Parallelogram:
+class _Parallelogram(ABC):
     """What both have in common; see `Parallelogram2` and `Parallelogram3`."""
 
     constants: ParallelogramParameters = field(default_factory=ParallelogramParameters)
@@ -111,9 +112,9 @@ class _Parallelogram:
         return np.array([*constants, *map(float, choices)])
 
     @property
+    @abstractmethod
     def kernels(self) -> CompiledDevice:
         """For compiled loops; the methods call them too."""
-        raise NotImplementedError
 
     def position(self, joints: ArrayLike) -> Array:
         """y = h(x) (2.28), (2.36), (N,), m, zero at home."""
@@ -145,9 +146,9 @@ class _Parallelogram:
         """
         return float(self.kernels.margin(self._numbers, self._vector(joints)))
 
+    @abstractmethod
     def limits(self, joints: ArrayLike) -> tuple[Limit, ...]:
         """What bounds the functional configuration space, joint limits and singularities, as seen from `joints`."""
-        raise NotImplementedError
 
     def check(self, joints: ArrayLike) -> None:
         """See that `joints` lie in the functional configuration space.
@@ -179,8 +180,8 @@ class _Parallelogram:
             raise self._unreachable(point, error.why) from error
         return found
 
-    def _inverse(self, point: Array) -> Array:
-        raise NotImplementedError
+    @abstractmethod
+    def _inverse(self, point: Array) -> Array: ...
 
     def _linkage(self, point: Array, across: float, up: float) -> tuple[float, float]:
         """The linkage's two joints from the hand's place (m) in its plane, seen from the shoulder.
@@ -221,8 +222,8 @@ class _Parallelogram:
         return inertia, bias
 
     @property
-    def _jacobian_rate_kernel(self) -> Any:
-        raise NotImplementedError
+    @abstractmethod
+    def _jacobian_rate_kernel(self) -> Any: ...
 
     def _vector(self, values: ArrayLike, what: str = "joints") -> Array:
         """`values` as the kernels take them: compiled code reads as many as the robot has joints."""

@@ -1,4 +1,4 @@
-"""Twins without a clock, scenes to run on them, and what a session of one records."""
+"""Twins without a clock, scenes to run on them, and what a live run of one records."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hapticeval.devices.imperfections import ENCODER_COUNTS, Imperfections
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.hardware.demonstration import DELAY, FRICTION
-from hapticeval.hardware.session import channels, run, signals
+from hapticeval.hardware.live import channels, run, signals
 from hapticeval.hardware.twin import Twin
 from hapticeval.hardware.wiring import Wiring
 from hapticeval.recordings.recorder import Recorder
@@ -67,11 +67,11 @@ def meta_of(wiring, scene, renderer=RENDERER):
 
 
 def recorded(folder, hardware, wiring, *, cycles, scene=None, renderer=RENDERER, name="run"):
-    """A session on `hardware`: how it went, and its recording."""
+    """A live run on `hardware`: how it went, and its recording."""
     scene = scene_of(wiring) if scene is None else scene
     journal = folder / f"{name}.journal"
     made = resolve(renderer)(scene) if isinstance(renderer, str) else renderer
     told = meta_of(wiring, scene, renderer if isinstance(renderer, str) else "")
     with Recorder(journal, channels(wiring.device.dimension), signals=signals(wiring), meta=told) as recorder:
-        session = run(lambda: hardware, wiring, made, scene, recorder, cycles=cycles)
-    return session, recover(journal).recording
+        live = run(lambda: hardware, wiring, made, scene, recorder, cycles=cycles)
+    return live, recover(journal).recording

@@ -55,8 +55,8 @@ def test_it_runs_and_stops(tmp_path, example):
     card, wiring = example
     driver = load("my_card:MyCard", kind="driver")()
     assert isinstance(driver, HardwareDevice)
-    session, recording = recorded(tmp_path, driver, wiring, cycles=300)
-    assert (session.cycles, session.missed, len(recording)) == (300, 0, 300)
+    live, recording = recorded(tmp_path, driver, wiring, cycles=300)
+    assert (live.cycles, live.missed, len(recording)) == (300, 0, 300)
     assert np.any(recording.force != 0.0)
     assert card.closed
     np.testing.assert_array_equal(card.commands[-1], [0.0, 0.0])

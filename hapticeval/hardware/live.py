@@ -28,7 +28,7 @@ BESIDE = 1e-3
 
 
 def channels(dimension: int) -> dict[str, int]:
-    """What a session records, and in how many columns, in the order of `append`."""
+    """What a live run records, and in how many columns, in the order of `append`."""
     return dict.fromkeys((*WORLD, *JOINT, "raw"), dimension)
 
 
@@ -39,8 +39,8 @@ def signals(wiring: Wiring) -> dict[str, Signal]:
 
 
 @dataclass(frozen=True)
-class Session:
-    """How a session went: `cycles` of the loop, `missed` ones of the hardware that the loop was too late for, and what
+class LiveRun:
+    """How a live run went: `cycles` of the loop, `missed` ones of the hardware that the loop was too late for, and what
     `ended` it before its time, if anything did."""
 
     cycles: int
@@ -77,7 +77,7 @@ def run(
     cycles: int,
     cutoff: float = CUTOFF,
     tell: Callable[[int], None] | None = None,
-) -> Session:
+) -> LiveRun:
     """Run for `cycles` cycles of the hardware: read, project, answer, command, record; then stop the motors.
 
     The hardware is opened by `connect` when all else is ready, code compiled and loaded. Its motors are stopped
@@ -85,7 +85,7 @@ def run(
     a first-order low-pass of `cutoff` Hz; the scene's inner loop makes torques of the renderer's force. A row has the
     hardware's stamp.
 
-    Ctrl-C, and a robot or a renderer that is led out of where it is defined, end the session: `ended` says so. Raises
+    Ctrl-C, and a robot or a renderer that is led out of where it is defined, end the run: `ended` says so. Raises
     `HapticevalError` where the hardware goes or gives nonsense, or stands outside of its workspace at the start, and
     `RendererError` with the tick when the renderer breaks.
     """
@@ -118,7 +118,7 @@ def run(
         gc.unfreeze()
     if ended:
         recorder.event("ended", ended)
-    return Session(loop.tick, loop.missed, ended)
+    return LiveRun(loop.tick, loop.missed, ended)
 
 
 class _Loop:

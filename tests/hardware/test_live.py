@@ -1,4 +1,4 @@
-"""Sessions on drivers that break, hang, lie, or are stopped: the motors come to rest and what was recorded is kept."""
+"""Live runs on drivers that break, hang, lie, or are stopped: the motors come to rest and what was recorded is kept."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robots import scene_of, twin_of, wired
 from hapticeval.errors import DomainError, HapticevalError, RendererError
 from hapticeval.hardware import guard
 from hapticeval.hardware.device import HardwareDevice, Reading
-from hapticeval.hardware.session import channels, run, signals
+from hapticeval.hardware.live import channels, run, signals
 from hapticeval.recordings.recorder import Recorder
 from hapticeval.recordings.recovery import recover
 
@@ -61,8 +61,8 @@ class Pushing:
         return hip, np.array([1.0, 0.5])
 
 
-def session(tmp_path, driver, renderer=None, cycles=100):
-    """What a session gives or raises, and what was recorded of it."""
+def live(tmp_path, driver, renderer=None, cycles=100):
+    """What a live run gives or raises, and what was recorded of it."""
     wiring = wired()
     given = None
     with Recorder(tmp_path / "run.journal", channels(2), signals=signals(wiring)) as recorder:
@@ -87,7 +87,7 @@ def test_a_twin_is_hardware():
 
 def test_the_motors_rest_at_the_end(tmp_path):
     driver = Driver()
-    done, recording = session(tmp_path, driver)
+    done, recording = live(tmp_path, driver)
     assert (done.cycles, done.missed, done.ended, len(recording)) == (100, 0, "", 100)
     assert np.any(driver.commands[-2] != 0.0)
     np.testing.assert_array_equal(driver.commands[-1], [0.0, 0.0])
@@ -108,7 +108,7 @@ def test_the_motors_rest_at_the_end(tmp_path):
 )
 def test_a_driver_that_breaks_is_named_with_its_cycle(tmp_path, trick, words):
     driver = Driver(trick)
-    error, recording = session(tmp_path, driver)
+    error, recording = live(tmp_path, driver)
     assert isinstance(error, HapticevalError)
     assert error.exit_code == 2
     with pytest.raises(HapticevalError, match=words):
@@ -122,7 +122,7 @@ def test_a_driver_that_breaks_is_named_with_its_cycle(tmp_path, trick, words):
 def test_a_driver_that_hangs_is_broken_off(tmp_path, monkeypatch):
     monkeypatch.setattr(guard, "PATIENCE", 0.05)
     driver = Driver(lambda reading: time.sleep(60.0))
-    error, recording = session(tmp_path, driver)
+    error, recording = live(tmp_path, driver)
     assert "read() has not come back for 0.05 s in cycle 40" in str(error)
     np.testing.assert_array_equal(driver.commands[-1], [0.0, 0.0])
     assert driver.closed == 1
@@ -132,7 +132,7 @@ def test_a_driver_that_hangs_is_broken_off(tmp_path, monkeypatch):
 def test_a_renderer_that_hangs_is_broken_off(tmp_path, monkeypatch):
     monkeypatch.setattr(guard, "PATIENCE", 0.05)
     driver = Driver()
-    error, recording = session(tmp_path, driver, Pushing(lambda hip: time.sleep(60.0)))
+    error, recording = live(tmp_path, driver, Pushing(lambda hip: time.sleep(60.0)))
     assert "the renderer has not come back for 0.05 s in cycle 40" in str(error)
     np.testing.assert_array_equal(driver.commands[-1], [0.0, 0.0])
     assert len(recording) == AT - 1
@@ -140,14 +140,14 @@ def test_a_renderer_that_hangs_is_broken_off(tmp_path, monkeypatch):
 
 def test_no_signal_is_left_behind(tmp_path):
     before = signal.getsignal(signal.SIGALRM)
-    session(tmp_path, Driver())
+    live(tmp_path, Driver())
     assert signal.getsignal(signal.SIGALRM) is before
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
 def test_it_runs_in_another_thread_too(tmp_path):
     found = []
-    thread = threading.Thread(target=lambda: found.append(session(tmp_path, Driver())))
+    thread = threading.Thread(target=lambda: found.append(live(tmp_path, Driver())))
     thread.start()
     thread.join()
     assert found[0][0].cycles == 100
@@ -155,7 +155,7 @@ def test_it_runs_in_another_thread_too(tmp_path):
 
 def test_a_write_that_fails_says_that_motors_may_be_on(tmp_path):
     driver = Driver(stop=raising(OSError("bus off")))
-    error, recording = session(tmp_path, driver)
+    error, recording = live(tmp_path, driver)
     assert "motors may still be on" in str(error)
     assert str(error).count("bus off") >= 2
     assert driver.closed == 1
@@ -164,15 +164,15 @@ def test_a_write_that_fails_says_that_motors_may_be_on(tmp_path):
 
 def test_a_renderer_that_breaks_is_told_as_ever(tmp_path):
     driver = Driver()
-    error, recording = session(tmp_path, driver, Pushing(lambda hip: (hip, hip * np.nan)))
+    error, recording = live(tmp_path, driver, Pushing(lambda hip: (hip, hip * np.nan)))
     assert isinstance(error, RendererError)
     assert error.tick == AT - 1
     np.testing.assert_array_equal(driver.commands[-1], [0.0, 0.0])
     assert len(recording) == AT - 1
 
 
-def test_a_renderer_that_is_not_defined_there_ends_the_session(tmp_path):
-    done, recording = session(tmp_path, Driver(), Pushing(raising(DomainError("off the map", why="too deep"))))
+def test_a_renderer_that_is_not_defined_there_ends_the_run(tmp_path):
+    done, recording = live(tmp_path, Driver(), Pushing(raising(DomainError("off the map", why="too deep"))))
     assert (done.cycles, done.ended) == (AT - 1, "off the map: too deep")
     assert [(event.kind, event.text) for event in recording.events] == [("ended", "off the map: too deep")]
 
@@ -182,15 +182,15 @@ def test_a_robot_that_stands_outside_cannot_start(tmp_path):
         def read(self):
             return Reading(0, 1, np.array([60_000.0, 0.0]))
 
-    error, recording = session(tmp_path, Elsewhere())
+    error, recording = live(tmp_path, Elsewhere())
     assert "cannot start where the robot is" in str(error)
     assert "offsets" in str(error)
     assert recording is None
 
 
-def test_ctrl_c_ends_the_session_and_keeps_it(tmp_path):
+def test_ctrl_c_ends_the_run_and_keeps_it(tmp_path):
     driver = Driver(lambda reading: os.kill(os.getpid(), signal.SIGINT) or reading)
-    done, recording = session(tmp_path, driver)
+    done, recording = live(tmp_path, driver)
     assert done.ended == "interrupted by the user"
     assert AT - 1 <= len(recording) <= AT
     np.testing.assert_array_equal(driver.commands[-1], [0.0, 0.0])
@@ -206,7 +206,7 @@ def test_cycles_that_the_loop_missed_are_counted_and_end_it_in_time(tmp_path):
                 reading = self.twin.read()
             return reading
 
-    done, recording = session(tmp_path, Skipping())
+    done, recording = live(tmp_path, Skipping())
     assert (done.cycles, done.missed) == (91, 10)  # the hundredth is missed too, and one more read
     assert recording.clock.missed == 10
     # The velocity is the one over the time that passed: it does not double where a cycle is missing.
