@@ -78,7 +78,14 @@ def _recovered(path: Path, data: mmap.mmap) -> Salvaged:
             todo="copy it again" if known else "give a file that a recorder wrote",
         )
     if not read.row_blocks:
-        raise InputError(f"no row of the journal {path} is whole", todo="copy it again")
+        raise InputError(
+            f"no row of the journal {path} is whole",
+            why=""
+            if read.holes
+            else "its header is whole, and no rows follow: its recorder has just begun, or "
+            "was stopped before it had any",
+            todo="copy it again" if read.holes else "look again when the recorder has run for a second",
+        )
     rows = np.concatenate([np.frombuffer(block.payload, dtype=read.layout.dtype) for block in read.row_blocks])
     ends = np.cumsum([block.rows for block in read.row_blocks])
     return _made(read, read.layout, rows, _losses(read, rows, ends, len(data)))

@@ -12,6 +12,7 @@ import numpy as np
 from robots import recorded, twin_of, wired
 
 from hapticeval.cli import main
+from hapticeval.errors import InputError
 from hapticeval.recordings.hdf5 import read_recording, write_recording
 from hapticeval.recordings.recovery import recover
 from hapticeval.replay.as_recorded import as_recorded
@@ -53,7 +54,10 @@ def until(condition, process=None):
 
 def closed(journal):
     """Whether the writer, which outlives the loop, has written all that it had."""
-    return any(event.kind == "ended" for event in recover(journal).recording.events)
+    try:
+        return any(event.kind == "ended" for event in recover(journal).recording.events)
+    except InputError:  # not even its first rows
+        return False
 
 
 def verdicts(path, folder):

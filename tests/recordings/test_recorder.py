@@ -41,6 +41,14 @@ def until(condition):
         time.sleep(0.02)
 
 
+def holds(path, condition):
+    """Whether the journal has rows yet, and what is whole of it meets a condition."""
+    try:
+        return condition(recover(path))
+    except InputError:
+        return False
+
+
 def test_what_is_appended_is_recorded(tmp_path):
     path = tmp_path / "deep" / "run.journal"
     stamps = [7, 1_000_007, 2_500_000]
@@ -147,13 +155,14 @@ def test_a_killed_loop_loses_at_most_a_second(tmp_path, writer_too):
     writer = int(loop.stdout.readline())
     for _ in range(7):
         count, stamp = (int(x) for x in loop.stdout.readline().split())
+    until(lambda: holds(path, lambda salvaged: len(salvaged.recording) > 0))
     loop.kill()
     if writer_too:
         os.kill(writer, signal.SIGKILL)
     loop.wait()
     loop.stdout.close()
     if not writer_too:
-        until(lambda: not recover(path).losses)
+        until(lambda: holds(path, lambda salvaged: not salvaged.losses))
     salvaged = recover(path)
     assert_fed(salvaged.recording)
     assert salvaged.recording.clock.missed == 0
