@@ -29,6 +29,7 @@ import numpy as np
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.files import creating, plain, replacing
+from hapticeval.recordings.blocks import read_rows
 from hapticeval.recordings.recording import CHANNELS, Clock, Event, Recording, Signal, among
 
 FORMAT = "hapticeval recording"
@@ -208,7 +209,7 @@ class _Reader:
             raise damaged(self.path, f"'{name}' is of type {dataset.dtype}, not {np.dtype(dtype)}")
         if dataset.shape[0] != self.count:
             raise damaged(self.path, f"'{name}' has {dataset.shape[0]} rows of {self.count}")
-        values = dataset[self.begin : self.end]
+        values = read_rows(dataset, self.begin, self.end)
         values.flags.writeable = False
         return values
 
