@@ -11,7 +11,7 @@ import numpy as np
 from hapticeval.errors import InputError, RefusalError
 
 if TYPE_CHECKING:
-    from hapticeval.geometry.curve import Curve
+    from hapticeval.geometry.curve import Corner, Curve
     from hapticeval.geometry.level_set import LevelSet
     from hapticeval.geometry.polygon import Polygon
     from hapticeval.geometry.surface import Surface
@@ -56,6 +56,13 @@ class Model:
         if not isinstance(self.boundary, Surface):
             raise RefusalError(f"model '{self.name}' is a plane curve", why="this works on surfaces in space only")
         return self.boundary
+
+    @property
+    def corners(self) -> tuple[Corner, ...]:
+        """Those of a plane model; a surface in space is smooth and has none."""
+        from hapticeval.geometry.curve import Curve
+
+        return self.boundary.corners if isinstance(self.boundary, Curve) else ()
 
     @property
     def size(self) -> float:

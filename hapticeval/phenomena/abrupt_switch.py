@@ -26,13 +26,12 @@ REACHED = 0.05
 def judge(runs: Runs, scene: Scene) -> Finding:
     """HIP travel from where the force leaves n_pre for the first time to where it reaches n_post for good."""
     base = runs.base
-    curve = scene.model.curve
-    if all(corner.convex for corner in curve.corners):
+    if all(corner.convex for corner in scene.model.corners):
         return Finding(Outcome.NOT_APPLICABLE, "the model has no concave corner")
     if lacks_ihip(base, scene):
         return Finding(Outcome.INCONCLUSIVE, NO_IHIP)
     strong = loaded(base, scene)
-    crossing = find_crossing(base, curve, strong, convex=False)
+    crossing = find_crossing(base, scene.model.curve, strong, convex=False)
     if crossing is None:
         return Finding(Outcome.INCONCLUSIVE, "no force is felt near a concave corner")
     pressed = crossing.first + np.flatnonzero(strong[crossing.first : crossing.end])

@@ -20,11 +20,10 @@ HELD = 0.5
 def judge(runs: Runs, scene: Scene) -> Finding:
     """How far from the corner, before or after it, the force stops being what a rigid corner gives."""
     base = runs.base
-    curve = scene.model.curve
-    if not any(corner.convex for corner in curve.corners):
+    if not any(corner.convex for corner in scene.model.corners):
         return Finding(Outcome.NOT_APPLICABLE, "the model has no convex corner")
     strong = loaded(base, scene)
-    crossing = find_crossing(base, curve, strong, convex=True)
+    crossing = find_crossing(base, scene.model.curve, strong, convex=True)
     if crossing is None:
         return Finding(Outcome.INCONCLUSIVE, "no force is felt near a convex corner")
     along = (base.hip - crossing.corner.position) @ crossing.ahead

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.normal_cone import NormalCone, outside
+from hapticeval.phenomena.normal_cone import off_normals
 from hapticeval.phenomena.sampling import LAG_TICKS, hip_step, loaded, place, placement, resolution, standoff
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import SINGLE, Recording
@@ -69,7 +69,7 @@ def _error_angle(recording: Recording, scene: Scene) -> dict[str, float]:
     if pressed.size == 0:
         return {}
     reach = placement(recording, scene) + resolution(recording, scene)
-    angles = np.degrees(NormalCone(scene.model.curve, reach).deviation(recording.ihip[pressed], error[pressed]))
+    angles = np.degrees(off_normals(scene.model.boundary, recording.ihip[pressed], reach)(error[pressed]))
     return {
         "error_vector_angle_median_deg": float(np.median(angles)),
         "error_vector_angle_95_deg": float(np.percentile(angles, 95)),
@@ -83,7 +83,7 @@ def _deviation(recording: Recording, scene: Scene, strong: IntArray) -> Array:
     each of the last three HIPs is looked at too, and the best of them counts.
     """
     reach = placement(recording, scene) + resolution(recording, scene)
-    interval = NormalCone(scene.model.curve, reach).interval(recording.ihip[strong])
+    off = off_normals(scene.model.boundary, recording.ihip[strong], reach)
     force = recording.force[strong]
     depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[strong]
     strength = np.linalg.norm(force, axis=1)
@@ -92,10 +92,10 @@ def _deviation(recording: Recording, scene: Scene, strong: IntArray) -> Array:
     for lag in range(LAG_TICKS + 1):
         travel = recording.hip[strong] - recording.hip[np.maximum(strong - lag, 0)]
         spring = force + stiffness * travel
-        best = np.minimum(best, outside(interval, spring))
+        best = np.minimum(best, off(spring))
         if scene.bilateral:
             # A bilateral constraint also pulls: the normal then counts up to its sign.
-            best = np.minimum(best, outside(interval, -spring))
+            best = np.minimum(best, off(-spring))
     return best
 
 
@@ -125,7 +125,7 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
     still = LAG_TICKS * hip_step(recording, scene) + standoff(recording, scene)
     if travel > still or not recording.contact[window].all():
         return None
-    normal = np.asarray(scene.model.curve.normal(scene.model.curve.nearest(ihip[-1:])))[0]
+    normal = scene.model.boundary.frame(ihip[-1:]).normal[0]
     force = float(np.mean(recording.force[window] @ normal))
     push = -float(np.mean(recording.channels["operator_force"][window] @ normal))
     speed = float(np.max(np.abs(velocity @ normal)))
@@ -149,8 +149,10 @@ CHECK = Check(
         "The true normals are those of the model within 3 HIP steps + standoff + resolution of arc around the IHIP "
         "(the declared resolution counts up to a sixteenth of the outline): a facet's direction is taken by the "
         "true surface somewhere along that facet (mean value theorem), and across a corner every direction between "
-        "the faces' normals is an equivalent normal. A spring from an IHIP up to three ticks late is judged from "
-        "the HIP of that tick. Outside of them the force may point by the rounding of single-precision positions: "
+        "the faces' normals is an equivalent normal. In space they fill a cone about the normal at the IHIP, as wide "
+        "as that distance times the largest principal curvature there. A spring from an IHIP up to three ticks late "
+        "is judged from the HIP of that tick. Outside of them the force may point by the rounding of "
+        "single-precision positions: "
         "1e-6 rad + 4 * 2^-23 * model size / depth. At rest the mean force over a window W may differ by 2 m v_max "
         "/ W, the momentum that the window cannot account for; in a simulated closed loop Newton's law makes the "
         "two equal, so that this half tests recordings of real devices, and the depth and apparent stiffness are "

@@ -22,7 +22,6 @@ from hapticeval.phenomena.sampling import (
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
-from hapticeval.types import Array
 
 REFINEMENTS = (1, 2, 4, 8, 16, 32)
 MINI = 1.5
@@ -183,10 +182,9 @@ def _judge_fixed(
     kappa d comes close to 1 a long step may be honest, and one recording cannot tell. Nor can it where the step grows
     when samples are left out: a jump stays as long as it is, and a steep way does not.
     """
-    curve = scene.model.curve
-    ends: Array = base.ihip[tick - 1 : tick + 1]
+    ends = scene.model.boundary.frame(base.ihip[tick - 1 : tick + 1])
     depth = float(np.linalg.norm(base.hip[tick] - base.ihip[tick]))
-    bent = depth * max(0.0, float(np.max(curve.curvature(curve.nearest(ends)))))
+    bent = depth * max(0.0, float(np.linalg.eigvalsh(ends.shape).max()))
     stretch = 1.0 / (1.0 - bent) if bent < 0.9 else math.inf
     if math.isfinite(stretch):
         bound += (stretch - 1.0) * LAG_TICKS * hip_step(base, scene)

@@ -30,9 +30,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     end = struck + WINDOW_TICKS
     if end >= len(base):
         return Finding(Outcome.INCONCLUSIVE, "the recording ends with the collision")
-    curve = scene.model.curve
-    u = curve.nearest(base.ihip[struck : struck + 1])
-    normal = np.asarray(curve.normal(u))[0]
+    frame = scene.model.boundary.frame(base.ihip[struck : struck + 1])
+    normal = frame.normal[0]
     along = base.velocity @ normal
     approach = -float(along[struck])
     if approach <= 0.0:
@@ -40,8 +39,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     wanted = (1.0 + scene.restitution) * scene.mass * approach
     pushed = _operator_impulse(base, normal, struck, end)
     taken = scene.mass * float(along[end] - along[struck]) - pushed
-    sideways = float(np.sum(base.velocity[struck] ** 2) - along[struck] ** 2)
-    turning = abs(float(np.asarray(curve.curvature(u))[0])) * sideways * WINDOW_TICKS * base.dt
+    velocity = base.velocity[struck]
+    turning = abs(float(velocity @ frame.shape[0] @ velocity)) * WINDOW_TICKS * base.dt
     bound = turning / approach + 1e-6
     # A tool that stays in contact has the operator's push answered as well; one that bounces off has not.
     answered = wanted + max(0.0, -pushed)

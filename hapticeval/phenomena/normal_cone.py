@@ -2,13 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.surface import Surface
 from hapticeval.types import Array
 
 SAMPLES = 16384
+RING = 8
+"""Directions in which the surroundings of a point in space are looked at."""
+
+
+def off_normals(boundary: Curve | Surface, points: Array, reach: float) -> Callable[[Array], Array]:
+    """How far (rad, 0 inside) directions (n, N) point outside the true normals around each of `points` (n, N).
+
+    True normals are those of the boundary within `reach` metres along it: an interval of angles in the plane, a
+    circular cone in space.
+    """
+    if isinstance(boundary, Curve):
+        interval = NormalCone(boundary, reach).interval(points)
+        return lambda directions: outside(interval, directions)
+    frame = boundary.frame(points)
+    half = reach * _most_bent(boundary, frame.foot, frame.normal, reach)
+
+    def beyond(directions: Array) -> Array:
+        across = np.linalg.norm(np.cross(frame.normal, directions), axis=1)
+        angle = np.arctan2(across, np.sum(frame.normal * directions, axis=1))
+        return np.asarray(np.maximum(0.0, angle - half))
+
+    return beyond
+
+
+def _most_bent(surface: Surface, feet: Array, normals: Array, reach: float) -> Array:
+    """The largest principal curvature (n,), 1/m, at each of `feet` and `reach` around it.
+
+    Along a path of length s the normal turns by at most the largest |W| on the way times s.
+    """
+    basis = np.linalg.svd(normals[:, np.newaxis, :])[2][:, 1:, :]
+    curvature = np.zeros(feet.shape[0])
+    for angle in [None, *np.linspace(0.0, 2.0 * np.pi, RING, endpoint=False)]:
+        step = 0.0 if angle is None else reach * (np.cos(angle) * basis[:, 0] + np.sin(angle) * basis[:, 1])
+        shape = surface.frame(feet + step).shape
+        curvature = np.maximum(curvature, np.abs(np.linalg.eigvalsh(shape)).max(axis=1))
+    return curvature
 
 
 def wrapped(angle: Array) -> Array:
