@@ -13,7 +13,7 @@ from hapticeval.geometry.curve import Curve
 from hapticeval.recordings.abscissa import Abscissa
 from hapticeval.recordings.passes import Heading, Way, headings, seam, ways
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.stretches import GAP_STEPS, LAG, nominal_step
+from hapticeval.recordings.stretches import LAG, joined
 from hapticeval.types import Array, BoolArray, IntArray
 
 POINTS = 721
@@ -96,11 +96,11 @@ def align(runs: Sequence[Run], abscissa: Abscissa, *, split: bool = False, point
     slack = grid[1] - grid[0]
     passes: list[Pass] = []
     for number, (run, each) in enumerate(zip(runs, found, strict=True)):
-        force, joined = _joined(run.recording)
+        force, smooth = _smooth(run.recording)
         for way in each:
             parts = headings(way, run.recording, slack=slack, split=split, label=run.label, unit=abscissa.unit)
             for part in parts:
-                passes += _laps(number, run.recording, part, force, joined, grid, abscissa)
+                passes += _laps(number, run.recording, part, force, smooth, grid, abscissa)
     if not any(each.mask.any() for each in passes):
         raise InputError("none of the runs touches the surface", why="there is no force to compare")
     kept = tuple(each for each in passes if each.mask.any())
@@ -122,7 +122,7 @@ def _range(every: Sequence[Way], period: float | None, cut: float) -> tuple[floa
     )
 
 
-def _joined(recording: Recording) -> tuple[Array, BoolArray]:
+def _smooth(recording: Recording) -> tuple[Array, BoolArray]:
     """The force (n, N), and between which samples (n - 1,) the run is one smooth contact."""
     force, hip = recording.force, recording.hip
     contact = np.any(force != 0.0, axis=1)
@@ -130,19 +130,19 @@ def _joined(recording: Recording) -> tuple[Array, BoolArray]:
         contact &= recording.valid
     moved = np.linalg.norm(np.diff(hip, axis=0), axis=1)
     both = contact[1:] & contact[:-1]
-    joined = both & (np.diff(recording.time) <= GAP_STEPS * nominal_step(recording))
+    smooth = both & joined(recording)
     step = float(np.max(moved, where=both, initial=0.0))
     if "ihip" in recording.channels:
         jumped = np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1)
-        joined &= jumped <= LAG * step + recording.standoff
+        smooth &= jumped <= LAG * step + recording.standoff
         depth = np.linalg.norm(recording.ihip - hip, axis=1)
         pressed = contact & (depth > 0.0)
         if pressed.any():
             stiffness = float(np.median(np.linalg.norm(force[pressed], axis=1) / depth[pressed]))
             turned = np.linalg.norm(np.diff(force, axis=0), axis=1)
             # A spring between HIP and IHIP changes with the steps of both.
-            joined &= turned <= stiffness * ((LAG + 1) * step + recording.standoff)
-    return force, joined
+            smooth &= turned <= stiffness * ((LAG + 1) * step + recording.standoff)
+    return force, smooth
 
 
 def _laps(
@@ -150,7 +150,7 @@ def _laps(
     recording: Recording,
     part: Heading,
     force: Array,
-    joined: BoolArray,
+    smooth: BoolArray,
     grid: Array,
     abscissa: Abscissa,
 ) -> Iterator[Pass]:
@@ -160,7 +160,7 @@ def _laps(
     along, rows = part.along[order], part.rows[order]
     apart = part.apart[order]
     low, high = (0, 0) if period is None else (math.floor((each - cut) / period) for each in (along[0], along[-1]))
-    broken = np.concatenate([[0], np.cumsum(~joined)])
+    broken = np.concatenate([[0], np.cumsum(~smooth)])
     between = np.diff(broken[rows]) != 0
     apart = apart | between
     for lap in range(low, high + 1):

@@ -14,7 +14,7 @@ from hapticeval.recordings.losses import told_losses, told_warnings
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.rows import runs_of
 from hapticeval.recordings.signal_faults import examine_column, quantum
-from hapticeval.recordings.stretches import stretches
+from hapticeval.recordings.stretches import joined, stretches
 from hapticeval.recordings.timing import Timing, examine_timing
 from hapticeval.types import Array, BoolArray
 
@@ -97,6 +97,7 @@ def examine(
         declared_step=float(declared) if isinstance(declared, int | float) else None,
         valid=recording.valid,
         sequence=None if recording.clock is None else recording.clock.sequence,
+        joined=joined(recording),
     )
     faults += _counted(recording)
     columns = {}

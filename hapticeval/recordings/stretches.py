@@ -43,9 +43,15 @@ def stretches(recording: Recording, sound: BoolArray | None = None) -> tuple[Str
     """
     if sound is None:
         sound = np.ones(len(recording), dtype=bool) if recording.valid is None else recording.valid
-    nominal = nominal_step(recording)
-    joined = sound[1:] & sound[:-1] & (np.diff(recording.time) <= GAP_STEPS * nominal)
-    return tuple(Stretch(first, end + 1) for first, end in runs_of(joined))
+    return tuple(Stretch(first, end + 1) for first, end in runs_of(sound[1:] & sound[:-1] & joined(recording)))
+
+
+def joined(recording: Recording) -> BoolArray:
+    """Over which steps (n - 1,) of the clock whatever reads the recording goes on: those of `GAP_STEPS` and shorter.
+
+    Seconds are made of stamps, and a hole of exactly so many steps is none, however its seconds were rounded.
+    """
+    return np.asarray(np.diff(recording.time) <= GAP_STEPS * nominal_step(recording) + _stamp(recording))
 
 
 def nominal_step(recording: Recording) -> float:
@@ -84,4 +90,4 @@ def told(recording: Recording, found: tuple[Stretch, ...]) -> str:
 
 def _stamp(recording: Recording) -> float:
     time = recording.time if recording.valid is None else recording.time[recording.valid]
-    return STAMP + 4.0 * float(np.spacing(np.max(np.abs(time))))
+    return STAMP + 4.0 * float(np.spacing(np.max(np.abs(time), initial=0.0)))

@@ -43,6 +43,7 @@ def _faults(report: Integrity) -> list[str]:
         return ["nothing found"]
     lines = []
     counts: dict[tuple[str, str], int] = {}
+    advised: set[tuple[str, str, str]] = set()
     for fault in report.faults:
         key = (fault.kind, fault.channel)
         counts[key] = counts.get(key, 0) + 1
@@ -50,7 +51,8 @@ def _faults(report: Integrity) -> list[str]:
             continue
         name = " ".join(part for part in (fault.kind, fault.channel) if part)
         lines.append(f"{fault.severity}: {name} ({fault.place}): {fault.message}")
-        if fault.todo and fault.severity is not Severity.NOTE and counts[key] == 1:
+        if fault.todo and fault.severity is not Severity.NOTE and (*key, fault.todo) not in advised:
+            advised.add((*key, fault.todo))
             lines.append(f"  what to do: {fault.todo}")
     lines += [
         f"and {count - MOST} more: {kind} {channel}".rstrip()

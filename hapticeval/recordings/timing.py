@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticeval.recordings.finding import Fault, Severity
+from hapticeval.recordings.stretches import GAP_STEPS
 from hapticeval.types import Array, BoolArray, IntArray
 
 CATCH_UP = 3
@@ -14,6 +15,10 @@ CATCH_UP = 3
 
 HALF = 0.5
 """Half a sampling time decides whether a row is missing or late."""
+
+BRIDGED = f"no longer than {GAP_STEPS} steps, so checks, replays and comparisons go on across it as over one long step"
+PARTED = "checks, replays and comparisons end before it and begin anew after it"
+"""What becomes of a gap: see `stretches`."""
 
 SETTING = 0.01
 """A quartz is within 1e-4 of its rate, so one per cent is another setting than the declared one."""
@@ -39,12 +44,15 @@ def examine_timing(
     declared_step: float | None = None,
     valid: BoolArray | None = None,
     sequence: IntArray | None = None,
+    joined: BoolArray | None = None,
 ) -> tuple[Timing, list[Fault]]:
     """The timing of stamps (n,), ns, in the order in which they were recorded, and what is wrong with it.
 
     Times in findings count from `start` (ns). `declared_step` (s) is what the loop was meant to take. A gap beside rows
-    that are not `valid` is a note. How many rows are missing there is told by the cycle numbers `sequence` (n,), where
-    there are any, or else by how long it is; the rate is that of all cycles, or else that of the rows between gaps.
+    that are not `valid` is a note. `joined` (n - 1,) says over which steps readers of the recording go on, as
+    `stretches.joined` does; the advice tells it, and so does "bridged" in the measures. How many rows are missing is
+    told by the cycle numbers `sequence` (n,), where there are any, or else by how long the gap is; the rate is that of
+    all cycles, or else that of the rows between gaps.
     """
     seconds: Array = (stamps - start) / 1e9
     steps = np.diff(stamps)
@@ -72,17 +80,19 @@ def examine_timing(
     gaps = _gaps(stamps, steps, median) if sequence is None else _counted(sequence, steps, median)
     for place, count in gaps.items():
         lost = 1e-9 * (float(steps[place]) - median)
+        beside = valid is None or bool(valid[place : place + 2].all())
+        bridged = beside and joined is not None and bool(joined[place])
         faults.append(
             Fault(
                 "gap",
-                Severity.SUSPICIOUS if valid is None or valid[place : place + 2].all() else Severity.NOTE,
+                Severity.SUSPICIOUS if beside else Severity.NOTE,
                 f"{'about ' * (sequence is None)}{count} row{'s' * (count != 1)} missing ({lost:.4g} s)",
-                "checks run on either side of it; see whether the loop or the logger was late",
+                f"{BRIDGED if bridged else PARTED}; see whether the loop or the logger was late",
                 "time",
                 place,
                 place + 2,
                 (float(seconds[place]), float(seconds[place + 1])),
-                {"missing": count},
+                {"missing": count, "bridged": bridged},
             )
         )
     missing = sum(gaps.values())

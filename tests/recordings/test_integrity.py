@@ -18,6 +18,7 @@ from hapticeval.recordings.integrity import examine, sound_intervals
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.relations import shift
 from hapticeval.recordings.signal_faults import quantum
+from hapticeval.recordings.stretches import stretches
 
 ROWS = 600
 STIFFNESS = 1000.0
@@ -92,6 +93,23 @@ def test_a_gap_is_found_with_the_rows_it_lacks(seed, row, missing):
     # an answer that is three ticks late reaches over a hole of as many rows, and not over a longer one
     spans = [(0, row), (row, ROWS)] if missing > 3 else [(0, ROWS)]
     assert [(i.first, i.end) for i in sound_intervals(run).sound] == spans
+
+
+@settings(max_examples=40)
+@given(row=st.integers(5, ROWS - 20), missing=st.integers(1, 8), numbered=st.booleans(), tick=st.sampled_from([1, 7]))
+def test_the_advice_on_a_gap_is_what_becomes_of_it(row, missing, numbered, tick):
+    """A hole of up to four steps is gone across, and one of exactly four too, however its seconds were rounded."""
+    stamps, channels = parts(2)
+    keep = np.ones(ROWS, dtype=bool)
+    keep[row : row + missing] = False
+    clock = Clock(stamps[keep] // 10 * tick, sequence=np.flatnonzero(keep) if numbered else None)
+    run = Recording.clocked(clock, {"hip": channels["hip"][keep]})
+    (gap,) = [fault for fault in examine(run).faults if fault.kind == "gap"]
+    bridged = len(stretches(run)) == 1
+    assert bridged == (missing + 1 <= 4)
+    assert gap.measures == {"missing": missing, "bridged": bridged}
+    assert ("go on across it" in gap.todo) == bridged
+    assert ("begin anew after it" in gap.todo) != bridged
 
 
 @given(row=st.integers(1, ROWS - 5), late=st.integers(1, 999_999))

@@ -124,6 +124,17 @@ def test_what_cannot_be_read_or_written_is_named(here, capsys, arguments, words)
     assert ".tmp" not in shown
 
 
+def test_a_short_gap_and_a_long_one_are_each_given_their_advice(here, capsys):
+    channels, keep = smooth(), np.ones(400, dtype=bool)
+    keep[100:102] = keep[200:210] = False
+    time = np.arange(400) * 1e-3
+    write_recording(here / "run.h5", Recording(time[keep], {name: each[keep] for name, each in channels.items()}))
+    assert main(["inspect", "run.h5"]) == 1
+    advice = [line for line in capsys.readouterr().out.splitlines() if "what to do" in line]
+    assert ["go on across it" in line for line in advice] == [True, False]
+    assert ["begin anew after it" in line for line in advice] == [False, True]
+
+
 def test_a_single_row_has_no_rate(here, capsys):
     saved(here / "run.h5", smooth(rows=1))
     assert main(["inspect", "run.h5"]) == 0
