@@ -75,7 +75,8 @@ def _intervals(soundness: Soundness) -> list[str]:
 
 
 def contacts(found: Impacts) -> str:
-    """The contacts of a recording in one dimension, and their means with 95 per cent intervals."""
+    """The contacts of a recording in one dimension, each with its standard errors, and their means with 95 per cent
+    intervals: how far the contacts differ, which may be more than the error of any one of them."""
     lines = [
         f"contacts above {found.floor:.4g} N: {len(found.contacts)}"
         + (f"; a force without an approach at {_times(found.unexplained)}" if found.unexplained else "")
@@ -83,7 +84,19 @@ def contacts(found: Impacts) -> str:
     if not found.contacts:
         return lines[0]
     rows: list[Sequence[str]] = [
-        ("begin s", "for ms", "peak N", "depth mm", "impulse N s", "stiffness N/m", "in m/s", "out m/s", "restitution")
+        (
+            "begin s",
+            "for ms",
+            "peak N",
+            "depth mm",
+            "impulse N s",
+            "stiffness N/m",
+            "std. error",
+            "in m/s",
+            "out m/s",
+            "restitution",
+            "std. error",
+        )
     ]
     rows += [
         (
@@ -92,10 +105,12 @@ def contacts(found: Impacts) -> str:
             f"{each.peak:.3g}",
             f"{1e3 * each.depth:.3g}",
             f"{each.impulse:.3g}",
-            _number(each.stiffness),
+            _known(each.stiffness),
+            _known(each.stiffness_error, 2),
             f"{each.speed_before:.3g}",
             _known(each.speed_after),
             _known(each.restitution),
+            _known(each.restitution_error, 2),
         )
         for each in found.contacts
     ]
@@ -122,8 +137,8 @@ def converted(recording: Recording) -> str:
     return "\n".join(lines)
 
 
-def _known(value: float) -> str:
-    return _number(value) if math.isfinite(value) else "-"
+def _known(value: float, digits: int = 3) -> str:
+    return _number(value, digits) if math.isfinite(value) else "-"
 
 
 def _number(value: float, digits: int = 3) -> str:

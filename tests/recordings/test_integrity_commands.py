@@ -186,6 +186,45 @@ def test_a_bounce_has_the_impulse_stiffness_and_restitution_it_was_made_with(sti
     assert contact.restitution == pytest.approx(restitution, rel=0.02 + 1e-3 / speed)
 
 
+def test_a_contacts_own_errors_are_those_that_repeats_scatter_by():
+    """The scatter of 60 contacts that differ by the sensor's noise, whose standard deviation is known to 1 in 11, and
+    that of as many that differ by where between two quanta the wall is."""
+    random = np.random.default_rng(3)
+    clean, _ = bounce(5000.0, 0.7, 0.2)
+    noisy = [
+        replace(
+            clean, channels={"hip": clean.hip, "force": clean.force + random.normal(scale=0.3, size=clean.force.shape)}
+        )
+        for _ in range(60)
+    ]
+    ones = [impacts(each).contacts[0] for each in noisy]
+    error = np.mean([each.stiffness_error for each in ones])
+    assert np.std([each.stiffness for each in ones], ddof=1) == pytest.approx(error, rel=0.3)
+    step = 2e-5
+    coarse = [
+        replace(clean, channels={"hip": np.round(clean.hip / step + shift) * step, "force": clean.force})
+        for shift in np.linspace(0.0, 1.0, 60, endpoint=False)
+    ]
+    ones = [impacts(each).contacts[0] for each in coarse]
+    error = np.mean([each.restitution_error for each in ones])
+    assert 0.0 < np.std([each.restitution for each in ones], ddof=1) < 1.5 * error
+
+
+def test_each_contact_is_told_with_its_errors(here, capsys):
+    made, _ = bounce(5000.0, 0.7, 0.2, step=1e-6)
+    write_recording(here / "run.h5", made)
+    assert main(["inspect", "run.h5"]) in (0, 1)
+    lines = capsys.readouterr().out.splitlines()
+    (head,) = [k for k, line in enumerate(lines) if line.startswith("begin s")]
+    names, cells = lines[head].split("  "), lines[head + 1].split()
+    (contact,) = impacts(made).contacts
+    row = dict(zip([name.strip() for name in names if name.strip()], cells, strict=False))
+    assert [name.strip() for name in names if name.strip()].count("std. error") == 2
+    assert float(cells[6]) == pytest.approx(contact.stiffness_error, rel=0.05)
+    assert float(cells[10]) == pytest.approx(contact.restitution_error, rel=0.05)
+    assert float(row["stiffness N/m"]) == pytest.approx(contact.stiffness, rel=0.005)
+
+
 @pytest.mark.parametrize(("count", "point"), [(2, 12.706), (12, 2.201), (31, 2.042)])
 def test_the_interval_about_a_mean_is_students(count, point):
     """Tabulated two-sided 95 % points of Student's t for 1, 11 and 30 degrees of freedom."""
