@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Protocol
 
@@ -10,12 +10,15 @@ import numpy as np
 
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.finding import Fault, Severity
+from hapticeval.recordings.grain import grain
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.signal_faults import quantum
 from hapticeval.types import Array, BoolArray
 
 QUANTA = 3.0
-"""Residuals of so many quanta still come from encoders: one each for rounding, filtering and a tick of lag."""
+"""Residuals of so many quanta still come from encoders: one each for rounding, filtering and a tick of lag.
+
+A quantum is what the numbers of all channels involved can tell: see `grain`.
+"""
 
 ROUNDING = 1e-9
 """Share of the signal's size that computing in double precision may cost over a chain of transformations."""
@@ -39,10 +42,10 @@ def forward_kinematics(recording: Recording, device: Kinematics) -> list[Fault]:
     joints = recording.channels["joint_position"][rows]
     expected = _each(device.position, joints)
     reach = max(float(np.abs(_each(device.jacobian, joints)).sum(axis=2).max()), 0.0)
-    step = max((quantum(column) or 0.0 for column in joints.T), default=0.0)
     residual = np.linalg.norm(recording.hip[rows] - expected, axis=1)
+    step = reach * _step(joints.T) + _step(recording.hip[rows].T)
     return _residual(
-        recording, rows, residual, reach * step, "forward kinematics", "hip", "m",
+        recording, rows, residual, step, "forward kinematics", "hip", "m",
         "see zero offsets, directions and lengths of the device, and the frame of the HIP",
     )  # fmt: skip
 
@@ -59,7 +62,8 @@ def transposed_jacobian(recording: Recording, device: Kinematics) -> list[Fault]
     jacobians = _each(device.jacobian, recording.channels["joint_position"][rows])
     expected = np.einsum("nij,ni->nj", jacobians, recording.force[rows])
     residual = np.linalg.norm(recording.channels["joint_torque"][rows] - expected, axis=1)
-    step = max((quantum(column) or 0.0 for column in recording.channels["joint_torque"][rows].T), default=0.0)
+    lever = max(float(np.abs(jacobians).sum(axis=1).max()), 0.0)
+    step = _step(recording.channels["joint_torque"][rows].T) + lever * _step(recording.force[rows].T)
     return _residual(
         recording, rows, residual, step, "torque", "joint_torque", "N m",
         "see the signs of motors and force; an inner loop that adds its own dynamics differs too",
@@ -74,9 +78,9 @@ def spring(recording: Recording, stiffness: float) -> list[Fault]:
     reach = recording.ihip[rows] - recording.hip[rows]
     force = recording.force[rows]
     residual = np.linalg.norm(force - stiffness * reach, axis=1)
-    step = max((quantum(column) or 0.0 for column in recording.hip[rows].T), default=0.0)
+    step = stiffness * (_step(recording.hip[rows].T) + _step(recording.ihip[rows].T)) + _step(force.T)
     faults = _residual(
-        recording, rows, residual, stiffness * step, "spring", "force", "N",
+        recording, rows, residual, step, "spring", "force", "N",
         "see the stiffness, the sign of the force, and whether all three were logged in the same tick",
         size=float(np.max(np.abs(force), initial=0.0)),
     )  # fmt: skip
@@ -102,13 +106,18 @@ def on_the_model(recording: Recording, model: Model) -> list[Fault]:
     if rows.size == 0:
         return []
     residual = np.abs(model.boundary.frame(recording.ihip[rows]).distance)
-    step = max((quantum(column) or 0.0 for column in recording.ihip[rows].T), default=0.0)
+    step = _step(recording.ihip[rows].T)
     allowed = step + (recording.standoff + recording.resolution) / QUANTA
     return _residual(
         recording, rows, residual, allowed, "surface", "ihip", "m",
         "see the model and its frame; a renderer with a coarser representation declares its resolution",
         size=model.size,
     )  # fmt: skip
+
+
+def _step(columns: Iterable[Array]) -> float:
+    """The coarsest grain of the columns."""
+    return max((grain(column) for column in columns), default=0.0)
 
 
 def _rows(recording: Recording) -> np.ndarray[tuple[int], np.dtype[np.intp]]:

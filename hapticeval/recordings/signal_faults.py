@@ -108,6 +108,8 @@ def examine_column(name: str, values: Array, time: Array, valid: BoolArray, *, h
                         "the value is frozen, then jumps", "leave those rows out; see the sensor and its cable")
                 )  # fmt: skip
         for first, end in _clipped(kept, step, extremes):
+            if held and kept[first] == 0.0:  # out of contact
+                continue
             faults.append(
                 _at(name, "saturated", severity, begin + first, begin + end, time, f"clipped at {kept[first]:.6g}",
                     "there the limit of sensor or motor was recorded, not the signal")

@@ -180,6 +180,12 @@ def test_a_clipped_column_is_found(seed, share):
     assert len(spans) >= 5
 
 
+def test_no_force_between_two_contacts_is_no_limit():
+    pressed = np.maximum(np.sin(np.linspace(0.0, 4.0 * np.pi, ROWS)), 0.0)[:, None]
+    report = examine(recording(np.arange(ROWS) * 1_000_000, {"hip": -1e-3 * pressed, "force": pressed}))
+    assert "saturated" not in {fault.kind for fault in report.faults if fault.channel.startswith("force")}
+
+
 def test_clipped_motors_are_a_note():
     torque = np.clip(np.sin(np.arange(ROWS) * 0.05)[:, None], -0.7, 0.7)
     report = examine(recording(np.arange(ROWS) * 1_000_000, {"joint_torque": torque}))
