@@ -163,7 +163,7 @@ def run(
         results = _watch(execute(planned, directory, workers=_cores()), terminal)
         written = _report(directory, terminal)
     say(summary(results, [directory / FILE, *written]))
-    raise typer.Exit(exit_code(results, terminal.errors))
+    raise typer.Exit(max(exit_code(results, terminal.errors), int(terminal.stopped)))
 
 
 @app.command("list")
@@ -199,7 +199,9 @@ def report(
 
     with Terminal() as terminal:
         written = _report(directory, terminal)
-    say("\n".join(f"wrote {path}" for path in written))
+    if written:
+        say("\n".join(f"wrote {path}" for path in written))
+    raise typer.Exit(int(terminal.stopped))
 
 
 app.command(epilog=record.EXIT_CODES)(record.record)

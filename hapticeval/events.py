@@ -33,10 +33,18 @@ class JobFinished:
 
 
 @dataclass(frozen=True)
+class Interrupted:
+    """After the user's interrupt: no further job begins, and the `begun` ones are finished, or killed `at_once`."""
+
+    begun: int
+    at_once: bool = False
+
+
+@dataclass(frozen=True)
 class RunFinished:
     """After the last job, or after the user's interrupt: the results as they stand on disk."""
 
     results: Results
 
 
-Event: TypeAlias = RunStarted | JobFinished | RunFinished
+Event: TypeAlias = RunStarted | JobFinished | Interrupted | RunFinished

@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, TextIO
 
 from hapticeval.errors import HapticevalError
-from hapticeval.events import Event, JobFinished, RunStarted
+from hapticeval.events import Event, Interrupted, JobFinished, RunStarted
 from hapticeval.phenomena.verdict import Outcome
 
 if TYPE_CHECKING:
@@ -38,6 +38,8 @@ class Terminal:
         self._planned_jobs = 0
         self._finished_jobs = 0
         self.errors: list[HapticevalError] = []
+        self.stopped = False
+        """Whether the user has asked for the end at once."""
         self._bar: Progress | None = None
         self._task: TaskID | None = None
 
@@ -54,7 +56,7 @@ class Terminal:
         """Take one event of the stream."""
         if isinstance(event, RunStarted):
             self._planned_jobs = event.planned_jobs
-            self._line(f"{_plural(event.planned_jobs, 'run')}, {_plural(event.planned_verdicts, 'verdict')} planned")
+            self.line(f"{_plural(event.planned_jobs, 'run')}, {_plural(event.planned_verdicts, 'verdict')} planned")
         elif isinstance(event, JobFinished):
             self._finished_jobs += 1
             if event.error is not None:
@@ -63,21 +65,24 @@ class Terminal:
                 self._advance(self._finished_jobs, self._planned_jobs, f"{event.renderer} on {event.case}")
             else:
                 count = f"[{self._finished_jobs}/{self._planned_jobs}]"
-                self._line(f"{count} {event.renderer} on {event.suite}/{event.case}: {_told(event)}")
+                self.line(f"{count} {event.renderer} on {event.suite}/{event.case}: {_told(event)}")
+        elif isinstance(event, Interrupted):
+            self.stopped = event.at_once
+            self.line(_interrupted(event))
 
     def working(self, done: int, total: int, what: str) -> None:
         """Take how much of a bench is done and what comes next: a bar on a terminal, elsewhere a line each."""
         if self._stream.isatty():
             self._advance(done, total, what)
         elif what:
-            self._line(f"[{done + 1}/{total}] {what}")
+            self.line(f"[{done + 1}/{total}] {what}")
 
     def drawn(self, done: int, total: int) -> None:
         """Take how many of the report's figures are drawn: a bar on a terminal, elsewhere one line before many."""
         if self._stream.isatty():
             self._advance(done, total, "drawing figures")
         elif done == 0 and total > FEW:
-            self._line(f"drawing {_plural(total, 'figure')}")
+            self.line(f"drawing {_plural(total, 'figure')}")
 
     def _advance(self, done: int, total: int, what: str) -> None:
         """Move the bar; it appears with the first step that ends after `PATIENCE` seconds."""
@@ -102,7 +107,11 @@ class Terminal:
         if self._task is not None:
             self._bar.update(self._task, completed=done, total=total, description=what, refresh=True)
 
-    def _line(self, text: str) -> None:
+    def line(self, text: str) -> None:
+        """Tell something on a line of its own."""
+        if self._bar is not None:
+            self._bar.stop()  # it comes again below with the next step
+            self._bar = None
         print(text, file=self._stream, flush=True)
 
 
@@ -114,6 +123,16 @@ def _told(event: JobFinished) -> str:
     counts = Counter(verdict.outcome for verdict in event.verdicts)
     surprises = sum(not verdict.as_expected for verdict in event.verdicts)
     return _counted(counts) + (f" ({surprises} not as expected)" if surprises else "")
+
+
+def _interrupted(event: Interrupted) -> str:
+    runs = f"{_plural(event.begun, 'run')} that had begun {'is' if event.begun == 1 else 'are'}"
+    kept = "what is done is kept"
+    if event.at_once:
+        return f"stopped: {runs} given up; {kept}"
+    if not event.begun:
+        return f"interrupted: {kept}"
+    return f"interrupted: {runs} being finished, {kept}; press Ctrl-C again to stop at once"
 
 
 def _plural(count: int, noun: str) -> str:

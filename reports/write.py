@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -97,12 +98,21 @@ def _drawn(
             drawings[order.key] = draw(order)
             tell(len(drawings), len(orders))
         return drawings
-    with ProcessPoolExecutor(max_workers=min(workers, len(orders))) as pool:
+    with ProcessPoolExecutor(max_workers=min(workers, len(orders)), initializer=_ignore_interrupts) as pool:
         pending = {pool.submit(draw, order): order for order in orders}
-        for future in as_completed(pending):
-            drawings[pending[future].key] = future.result()
-            tell(len(drawings), len(orders))
+        try:
+            for future in as_completed(pending):
+                drawings[pending[future].key] = future.result()
+                tell(len(drawings), len(orders))
+        except BaseException:  # above all Ctrl-C: what has not begun would still be drawn
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
     return drawings
+
+
+def _ignore_interrupts() -> None:
+    """Ctrl-C reaches the whole process group; the parent decides what it means."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _say_nothing(done: int, total: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from dataclasses import replace
 from pathlib import Path as FilePath
@@ -12,7 +13,7 @@ import pytest
 from hapticeval.cli import main
 from hapticeval.discovery import own_renderers
 from hapticeval.errors import InputError, UnknownNameError
-from hapticeval.events import JobFinished, RunFinished, RunStarted
+from hapticeval.events import Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
 from hapticeval.playback import play
@@ -410,15 +411,15 @@ def test_as_recorded_decides_the_exit_code(ran, tmp_path, capsys):
 
 def test_an_interrupt_keeps_what_had_finished(ran, tmp_path):
     made = opened(file_of(ran, "slide", "constraint"))
-    stream = execute(replay_plan(made, ["constraint"]), tmp_path / "out", workers=1, work=prepared(made))
+    names = ["constraint", "minimum-distance"]
+    stream = execute(replay_plan(made, names), tmp_path / "out", workers=1, work=prepared(made))
     assert isinstance(next(stream), RunStarted)
-    assert isinstance(next(stream), JobFinished)
-    end = [stream.throw(KeyboardInterrupt), *stream]
-    assert isinstance(end[-1], RunFinished)
+    assert next(stream).renderer == RECORDED
+    signal.raise_signal(signal.SIGINT)
+    assert [type(event) for event in stream] == [Interrupted, JobFinished, RunFinished]
     results = read_results(tmp_path / "out")
     assert results.reason == "interrupted by the user"
-    assert results.ran > 0
-    assert results.runs[0]["renderer"] == RECORDED
+    assert [entry["renderer"] for entry in results.runs] == [RECORDED, "constraint"]
 
 
 def test_a_steep_map_is_not_called_pop_through_on_one_sampling(tmp_path):

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import signal
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
 from hapticeval.errors import InputError, NothingSelectedError, UnknownNameError
-from hapticeval.events import JobFinished, RunFinished, RunStarted
+from hapticeval.events import Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.hdf5 import read_recording
 from hapticeval.results import read_results
 from hapticeval.runner import execute, plan
 
 MODULE = """
-import os, random
+import os, random, time
 import numpy as np
 from hapticeval import Response
 
@@ -60,6 +63,10 @@ class Idle(Good):
 
 class Sideways(Good):
     surface = "model"
+
+class Waits(Good):
+    def step(self, hip, velocity, dt):
+        time.sleep(3600)
 
 class Dies(Good):
     def step(self, hip, velocity, dt):
@@ -193,16 +200,58 @@ def test_a_renderer_that_ends_its_process_breaks_alone(short, tmp_path):
     assert read_results(tmp_path / "out").complete
 
 
-def test_an_interrupt_keeps_what_had_finished(short, tmp_path, monkeypatch):
+def test_an_interrupt_lets_what_has_begun_finish(short, tmp_path):
+    """One process: the second job begins before the first is told, and the third and the fourth never do."""
     stream = execute(plan([short], ["constraint", "minimum-distance"]), tmp_path / "out", workers=1)
     assert isinstance(next(stream), RunStarted)
     assert isinstance(next(stream), JobFinished)
-    stream_end = [stream.throw(KeyboardInterrupt), *stream]
-    assert isinstance(stream_end[-1], RunFinished)
+    signal.raise_signal(signal.SIGINT)
+    told, finished, end = stream
+    assert told == Interrupted(begun=1)
+    assert (finished.case, finished.renderer) == ("press", "minimum-distance")
+    assert isinstance(end, RunFinished)
     results = read_results(tmp_path / "out")
-    assert results.reason == "interrupted by the user"
-    assert 0 < results.ran <= results.planned
-    assert not results.complete
+    assert (results.reason, results.complete, results.ran) == ("interrupted by the user", False, 4)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_an_interrupt_after_the_last_job_makes_nothing_incomplete(short, tmp_path):
+    stream = execute(plan([short], ["constraint"], select=["slide"]), tmp_path / "out")
+    assert [type(next(stream)) for _ in range(2)] == [RunStarted, JobFinished]
+    signal.raise_signal(signal.SIGINT)
+    assert list(stream)[-1].results.complete
+
+
+def test_a_second_interrupt_kills_what_has_begun(short, tmp_path):
+    stream = execute(plan([short], ["constraint", "thirdparty:Waits"], select=["slide"]), tmp_path / "out", workers=2)
+    assert isinstance(next(stream), RunStarted)
+    assert next(stream).renderer == "constraint"
+    working = set(multiprocessing.active_children())
+    assert working
+    signal.raise_signal(signal.SIGINT)
+    assert next(stream) == Interrupted(begun=1)
+    signal.raise_signal(signal.SIGINT)
+    assert next(stream) == Interrupted(begun=1, at_once=True)
+    assert isinstance(next(stream), RunFinished)
+    assert not working & set(multiprocessing.active_children())
+    results = read_results(tmp_path / "out")
+    assert (results.reason, results.ran) == ("interrupted by the user", 1)
+
+
+def test_who_leaves_the_stream_leaves_no_process(short, tmp_path):
+    before = multiprocessing.active_children()
+    stream = execute(plan([short], ["constraint", "thirdparty:Waits"], select=["slide"]), tmp_path / "out", workers=2)
+    assert [type(next(stream)) for _ in range(2)] == [RunStarted, JobFinished]
+    assert len(multiprocessing.active_children()) > len(before)
+    stream.close()
+    assert multiprocessing.active_children() == before
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_it_runs_in_another_thread_too(short, tmp_path):
+    with ThreadPoolExecutor() as thread:
+        events = thread.submit(run, short, ["constraint"], tmp_path / "out").result()
+    assert events[-1].results.complete
 
 
 def test_the_seed_makes_a_random_renderer_repeatable(short, tmp_path):

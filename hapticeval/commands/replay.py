@@ -115,7 +115,7 @@ def _replay(made: Subject, renderers: list[str], directory: Path, seed: int) -> 
         results = watch(execute(planned, directory, workers=cores(), work=work), terminal)
         written = report_on(directory, terminal)
     say("\n\n".join([differences(results), summary(results, [directory / FILE, *written])]))
-    return exit_code(results, terminal.errors)
+    return max(exit_code(results, terminal.errors), int(terminal.stopped))
 
 
 def _as_recorded(made: Subject, renderers: list[str] | None) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,31 +14,30 @@ if TYPE_CHECKING:
 
 
 def watch(stream: Iterator[Event], terminal: Terminal) -> Results:
-    """Give every event to the terminal, and return the results that the last one brings.
-
-    Ctrl-C may come while an event is shown; the stream must learn of it to end the run in good order.
-    """
+    """Give every event to the terminal, and return the results that the last one brings."""
     from hapticeval.events import RunFinished
 
-    results = None
     for event in stream:
-        try:
-            terminal(event)
-        except KeyboardInterrupt:
-            if not isinstance(stream, Generator):
-                raise
-            event = stream.throw(KeyboardInterrupt)
+        terminal(event)
         if isinstance(event, RunFinished):
             results = event.results
-    assert results is not None
     return results
 
 
 def report_on(directory: Path, terminal: Terminal) -> list[Path]:
-    """Write the reports of the results in `directory`, and return their paths."""
+    """Write the reports of the results in `directory`, and return their paths.
+
+    Not where the user has stopped the run at once, or stops the drawing: then it says how to have them later.
+    """
     from hapticeval.reports import write_reports
 
-    return write_reports(directory, progress=terminal.drawn, workers=cores())
+    if not terminal.stopped:
+        try:
+            return write_reports(directory, progress=terminal.drawn, workers=cores())
+        except KeyboardInterrupt:
+            terminal.stopped = True
+    terminal.line(f"no reports are written: hapticeval report {directory} makes them of what is kept")
+    return []
 
 
 def cores() -> int:

@@ -21,7 +21,8 @@ from hapticeval.replay.merge import merged
 from hapticeval.replay.rerender import HandPath, Part, backwards, joined, rerendered
 from hapticeval.replay.sound import Usable, usable
 from hapticeval.replay.subject import SUITE, Subject
-from hapticeval.runner import Done, Job, Plan, kept, seed_all
+from hapticeval.runner.planning import Job, Plan
+from hapticeval.runner.work import Done, kept, seed_all
 from hapticeval.scene import Scene
 from hapticeval.suite import Suite
 

@@ -1,0 +1,78 @@
+"""A plan carried out: its jobs over processes, its events in order, and what an interrupt leaves of it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+
+from hapticeval.errors import RendererError
+from hapticeval.events import Event, Interrupted, RunFinished, RunStarted
+from hapticeval.judging import broken
+from hapticeval.runner.interrupts import Interrupts
+from hapticeval.runner.planning import Job, Plan
+from hapticeval.runner.progress import Progress
+from hapticeval.runner.work import Done, Work, run_job
+from hapticeval.runner.workers import Answer, Ended, Workers
+
+PATIENCE = 0.1
+"""Seconds after which an interrupt is seen at the latest."""
+
+
+def execute(plan: Plan, directory: Path, *, workers: int = 2, work: Work | None = None) -> Iterator[Event]:
+    """Run the plan, in `workers` processes, and keep results.json in `directory` up to date while it goes on.
+
+    Each job is run and judged as its case says, or by `work` where that is given.
+
+    Events come in the order of the plan. A renderer that ends its process makes its own verdicts errors. On Ctrl-C no
+    further job begins, those that have begun are finished, and `Interrupted` tells so; on a second one they are killed.
+    What has finished is kept, the results say that they are incomplete and why, and `RunFinished` is still the last
+    event.
+    """
+    waiting = iter(enumerate(plan.jobs))
+    finished: dict[int, Done] = {}
+    told = 0
+    warned = False
+    with Interrupts() as interrupts:
+        directory.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(directory / "recordings", ignore_errors=True)  # of an earlier run, whose results go as well
+        yield RunStarted(plan.planned, len(plan.jobs))
+        progress = Progress(plan, directory)
+        with Workers(work or run_job, workers) as crew:
+            while True:
+                if not interrupts.count:
+                    for number, job in islice(waiting, crew.free):
+                        crew.begin(number, job, directory, plan.seed)
+                while told in finished:
+                    yield progress.add(plan.jobs[told], *finished.pop(told))
+                    told += 1
+                if interrupts.count and not warned:
+                    yield Interrupted(crew.busy)
+                    warned = True
+                if not crew.busy:
+                    break
+                for answer in crew.answers(PATIENCE):
+                    finished[answer.call] = _done(answer, plan.jobs[answer.call])
+                if interrupts.count > 1 and crew.busy:
+                    yield Interrupted(crew.busy, at_once=True)
+                    break
+        for number in sorted(finished):
+            yield progress.add(plan.jobs[number], *finished[number])
+            told += 1
+        yield RunFinished(progress.finish("interrupted by the user" if told < len(plan.jobs) else None))
+
+
+def _done(answer: Answer[Done], job: Job) -> Done:
+    """What came of a job; a renderer that ends the process is a broken renderer."""
+    if isinstance(answer.error, Ended):
+        error = RendererError(
+            "the renderer ended the process that it ran in",
+            why="a crash in compiled code, os._exit(), or memory that ran out",
+            todo="run it alone under a debugger: python -X faulthandler",
+        )
+        return broken(error, job.renderer, job.suite, job.case), None
+    if answer.error is not None:
+        raise answer.error
+    assert answer.value is not None
+    return answer.value

@@ -1,0 +1,77 @@
+"""What is done with one job in its process: seed, judge, and write the recording, which travels no further."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from hapticeval.discovery import resolve
+from hapticeval.judging import Judged, judge
+from hapticeval.recordings.hdf5 import write_recording
+from hapticeval.recordings.recording import Recording
+from hapticeval.results import file_stem
+from hapticeval.runner.planning import Job
+from hapticeval.scene import Scene
+
+Done: TypeAlias = tuple[Judged, Path | None]
+"""A judged job and where its recording lies below the result folder."""
+
+Work: TypeAlias = Callable[[Job, Path, int], Done]
+"""What is done with a job, given it, the result folder and the seed."""
+
+
+def run_job(job: Job, directory: Path, seed: int) -> Done:
+    """Run and judge a job as its case says."""
+    seed_all(seed)
+    return kept(judge(resolve(job.renderer), job.renderer, job.suite, job.case), job, directory)
+
+
+def seed_all(seed: int) -> None:
+    """Seed the generators that everybody shares: a third party's renderer may draw from them."""
+    random.seed(seed)
+    np.random.seed(seed)  # noqa: NPY002 - the global generator
+
+
+def kept(judged: Judged, job: Job, directory: Path) -> Done:
+    """Write a job's recording, which says where it comes from; the verdicts alone travel on."""
+    if judged.recording is None:
+        return judged, None
+    file = recording_file(job)
+    write_recording(directory / file, _labelled(judged.recording, job), replace=True)
+    return replace(judged, recording=None), file
+
+
+def _labelled(recording: Recording, job: Job) -> Recording:
+    """The recording with what it takes to render it again: renderer, model and scene; what it says itself stays."""
+    case = job.case
+    origin = {
+        "renderer": job.renderer,
+        "suite": job.suite,
+        "case": case.name,
+        "scene": {**scene_document(case.build_scene()), **case.scene, "model": dict(case.model)},
+        "checks": list(case.checks),
+    }
+    return replace(recording, meta={**origin, **recording.meta})
+
+
+def recording_file(job: Job) -> Path:
+    """Where a job's recording lies below the result folder."""
+    return Path("recordings") / job.suite / job.case.name / f"{file_stem(job.renderer)}.h5"
+
+
+def scene_document(scene: Scene) -> Mapping[str, Any]:
+    """The scene's numbers, as recordings and results tell them."""
+    return {
+        "stiffness": scene.stiffness,
+        "damping": scene.damping,
+        "mass": scene.mass,
+        "bilateral": scene.bilateral,
+        "restitution": scene.restitution,
+        "sampling_time": scene.sampling_time,
+        "viscosity": scene.viscosity,
+    }

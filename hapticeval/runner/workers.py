@@ -1,0 +1,156 @@
+"""Processes that call one function for whoever asks, a call at a time each, and that can be stopped at once.
+
+A process pool cannot do the last: it neither says which calls have really begun, nor survives the end of one of its
+processes. Here each process has a pipe of its own and shares no lock, so that one that dies, or is killed in the middle
+of an answer, takes nothing along but its call.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import multiprocessing.connection
+import pickle
+import signal
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from types import TracebackType
+from typing import Any, Generic, NamedTuple, TypeVar
+
+T = TypeVar("T")
+
+GRACE = 1.0
+"""Seconds that a process without a call has to end by itself, before it is killed."""
+
+
+class Ended(Exception):
+    """The process that worked on a call has ended without an answer."""
+
+
+class Answer(NamedTuple, Generic[T]):
+    """What came of call number `call`: a value, or the error that it raised, `Ended` where its process is gone."""
+
+    call: int
+    value: T | None
+    error: Exception | None
+
+
+@dataclass(frozen=True)
+class _Worker:
+    process: BaseProcess
+    pipe: Connection
+
+
+class Workers(Generic[T]):
+    """Up to `count` processes that call `function`; leaving the `with` ends them, whatever they are at.
+
+    They ignore Ctrl-C, which reaches the whole process group: only the parent decides what it means.
+    """
+
+    def __init__(self, function: Callable[..., T], count: int) -> None:
+        self._function = function
+        self._count = count
+        self._idle: list[_Worker] = []
+        self._at: dict[int, _Worker] = {}
+
+    def __enter__(self) -> Workers[T]:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    @property
+    def busy(self) -> int:
+        """How many calls have begun, of which no answer has been taken."""
+        return len(self._at)
+
+    @property
+    def free(self) -> int:
+        """How many more calls may begin now."""
+        return self._count - len(self._at)
+
+    def begin(self, call: int, *arguments: Any) -> None:
+        """Have a free process, or a new one, call the function."""
+        while True:
+            worker = self._idle.pop() if self._idle else self._new()
+            try:
+                worker.pipe.send(arguments)
+            except OSError:  # it ended while it had nothing to do
+                _kill(worker)
+                continue
+            self._at[call] = worker
+            return
+
+    def answers(self, timeout: float) -> list[Answer[T]]:
+        """The answers that there are, after waiting for the first for at most `timeout` seconds."""
+        calls = {worker.pipe: call for call, worker in self._at.items()}
+        found: list[Answer[T]] = []
+        for pipe in multiprocessing.connection.wait(list(calls), timeout):
+            assert isinstance(pipe, Connection)
+            call = calls[pipe]
+            worker = self._at.pop(call)
+            try:
+                told = pipe.recv_bytes()
+            except (EOFError, OSError):  # in the middle of an answer, or before
+                _kill(worker)
+                found.append(Answer(call, None, Ended()))
+            else:
+                self._idle.append(worker)
+                found.append(Answer(call, *pickle.loads(told)))
+        return found
+
+    def stop(self) -> None:
+        """End every process: at once those that are at a call, and soon those that are not."""
+        for worker in self._at.values():
+            _kill(worker)
+        for worker in self._idle:
+            worker.pipe.close()
+        for worker in self._idle:
+            worker.process.join(GRACE)
+            _kill(worker)
+        self._at.clear()
+        self._idle.clear()
+
+    def _new(self) -> _Worker:
+        ours, theirs = multiprocessing.Pipe()
+        process = multiprocessing.Process(target=_serve, args=(theirs, ours, self._function))
+        process.start()
+        theirs.close()
+        return _Worker(process, ours)
+
+
+def _kill(worker: _Worker) -> None:
+    worker.pipe.close()
+    worker.process.kill()
+    worker.process.join()
+
+
+def _serve(pipe: Connection, others: Connection, function: Callable[..., Any]) -> None:
+    """Answer calls until the other end of the pipe is closed; it closes as well when the parent dies."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    others.close()  # else this process would keep its own pipe open
+    try:
+        while True:
+            pipe.send_bytes(_called(function, pipe.recv()))
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        return
+
+
+def _called(function: Callable[..., Any], arguments: tuple[Any, ...]) -> bytes:
+    """Value and error, ready to travel. An error that cannot is told by its traceback."""
+    try:
+        return pickle.dumps((function(*arguments), None))
+    except Exception as raised:
+        error: Exception = raised
+    told = "".join(traceback.format_exception(error))
+    error.add_note(f"in another process:\n{told}")
+    try:
+        answer = pickle.dumps((None, error))
+        pickle.loads(answer)
+    except Exception:
+        answer = pickle.dumps((None, RuntimeError(told)))
+    return answer
