@@ -34,6 +34,7 @@ def draw_plane(
     Of a run in space its shadow is drawn.
     """
     shown = shown_axes(recording.hip)
+    hidden = recording.hip.shape[1] == 3
     recording = shadow(recording, shown)
     view = _view(recording, shape_of(axes))
     body = None if model is None else body_of(model, shown, view)
@@ -53,7 +54,8 @@ def draw_plane(
             color=drawn("ink"),
             zorder=6,
         )
-    axes.set_xlabel(f"y{'₁₂₃'[shown[0]]} (mm)")
+    along = f", seen along y{'₁₂₃'[3 - sum(shown)]}" if hidden else ""
+    axes.set_xlabel(f"y{'₁₂₃'[shown[0]]} (mm){along}")
     axes.set_ylabel(f"y{'₁₂₃'[shown[1]]} (mm)")
     axes.yaxis.set_label_coords(-0.145, 0.5)
     show(axes, view)
