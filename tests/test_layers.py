@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -146,6 +147,13 @@ def test_a_breach_is_seen(source: str, unit: str) -> None:
 
 def test_the_command_line_may_import_reports_when_it_writes_them() -> None:
     assert violations("def f():\n    from hapticeval.reports import write_reports", "cli") == []
+
+
+def test_every_folder_of_the_package_is_installed() -> None:
+    listed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
+    folders = {file.parent.relative_to(ROOT) for file in (ROOT / "hapticeval").rglob("*.py")}
+    portions = {"hapticeval.renderers", "hapticeval.reports", "hapticeval.suites"}
+    assert {".".join(folder.parts) for folder in folders} | portions == set(listed)
 
 
 @pytest.mark.parametrize("module", ["hapticeval", "hapticeval.cli"])

@@ -122,7 +122,8 @@ def _examined(
 
 def _device(recording: Recording) -> Any:
     """The robot that a recording names, where it has its joints."""
-    from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3, ParallelogramParameters
+    from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
+    from hapticeval.devices.parallelogram_parameters import ParallelogramParameters
 
     kinds = {"parallelogram-2dof": Parallelogram2, "parallelogram-3dof": Parallelogram3}
     kind = kinds.get(str(recording.meta.get("device")))

@@ -9,13 +9,8 @@ from types import MappingProxyType
 from typing import Any
 
 from hapticeval.devices.device import Device
-from hapticeval.devices.parallelogram import (
-    BaseInertia,
-    Dynamics,
-    Parallelogram2,
-    Parallelogram3,
-    ParallelogramParameters,
-)
+from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
+from hapticeval.devices.parallelogram_parameters import BaseInertia, Dynamics, ParallelogramParameters
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.validate import checked_number

@@ -21,7 +21,8 @@ from hapticeval.devices.criteria import (
 )
 from hapticeval.devices.device import Device
 from hapticeval.devices.imperfections import ENCODER_STEP
-from hapticeval.devices.parallelogram import BaseInertia, Parallelogram2, Parallelogram3
+from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
+from hapticeval.devices.parallelogram_parameters import BaseInertia
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.devices.workspace import lattice
 from hapticeval.errors import DomainError, InputError

@@ -14,13 +14,8 @@ from numpy.testing import assert_allclose
 from hapticeval.compiled import DYNAMICS, KINEMATICS, MARGIN, first_class
 from hapticeval.devices.criteria import cartesian_damping, cartesian_inertia
 from hapticeval.devices.device import Device
-from hapticeval.devices.parallelogram import (
-    BaseInertia,
-    Dynamics,
-    Parallelogram2,
-    Parallelogram3,
-    ParallelogramParameters,
-)
+from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
+from hapticeval.devices.parallelogram_parameters import BaseInertia, Dynamics, ParallelogramParameters
 from hapticeval.errors import DomainError, InputError
 from hapticeval.types import Array
 

@@ -7,7 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from hapticeval.devices.device import Device
-from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3, ParallelogramParameters
+from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
+from hapticeval.devices.parallelogram_parameters import ParallelogramParameters
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.devices.workspace import (
     checked_joints,
