@@ -12,7 +12,7 @@ from pathlib import Path as FilePath
 from types import MappingProxyType
 from typing import Any
 
-from hapticeval.closed_forms import CLOSED_FORMS
+from hapticeval.closed_forms.form import CLOSED_FORMS
 from hapticeval.documents import read_document
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.experiments import build_experiment, build_scene, check_workspace

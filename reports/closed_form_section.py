@@ -8,11 +8,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from hapticeval.reports.equations import equations, letters
 from hapticeval.reports.quantity import quantity
 from hapticeval.reports.table import Cell, cell_of
+
+if TYPE_CHECKING:
+    from hapticeval.closed_forms.form import ClosedForm
 
 CHECK = "closed-form"
 
@@ -21,14 +23,16 @@ CHECK = "closed-form"
 class Measured:
     """One renderer: `measured` and `expected` have an entry a moment, the distance off the surface in mm.
 
-    `places` has for each moment the time and both positions, as text. Without moments `message` says why.
+    `formula` and `letters` are those of the closed form. `places` has for each moment the time and both positions, as
+    text. Without moments `message` says why.
     """
 
     renderer: str
     column: int
     anchor: str
     law: str
-    equations: Sequence[str]
+    formula: Sequence[str]
+    letters: str
     times: Sequence[str]
     measured: Sequence[str]
     expected: Sequence[str]
@@ -42,7 +46,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class CaseTable:
-    """One case; `table` is the number of the thesis's, `letters` says what the formulas mean."""
+    """One case; `table` is the number of the thesis's, `letters` says what all the formulas mean."""
 
     case: Mapping[str, Any]
     letters: str
@@ -77,7 +81,7 @@ def closed_form_tables(
     tables = []
     for key, rows in grouped.items():
         run = cases[key]
-        meanings = dict.fromkeys(filter(None, (letters(row.law) for row in rows)))
+        meanings = dict.fromkeys(filter(None, (row.letters for row in rows)))
         times = next((row.times for row in rows if row.times), ())
         cited = re.search(r"Table (\d+\.\d+)", run["citation"] or "")
         tables.append(CaseTable(run, " ".join(meanings), times, rows, cited[1] if cited else ""))
@@ -88,12 +92,14 @@ def _measured(verdict: Mapping[str, Any], column: int, anchor: str) -> Measured:
     evidence, metric = verdict["evidence"], verdict["metric"]
     moments = evidence.get("moments", ())
     law = evidence.get("law", "")
+    form = _form(law)
     return Measured(
         renderer=verdict["renderer"],
         column=column,
         anchor=anchor,
         law=law,
-        equations=equations(law),
+        formula=() if form is None else form.formula,
+        letters="" if form is None else form.letters,
         times=[f"{moment['time']:.4g} s" for moment in moments],
         measured=[_nanometres(moment["measured_distance"]) for moment in moments],
         expected=[_nanometres(moment["closed_form_distance"]) for moment in moments],
@@ -106,6 +112,14 @@ def _measured(verdict: Mapping[str, Any], column: int, anchor: str) -> Measured:
         message="" if moments else verdict["message"],
         cell=cell_of(verdict),
     )
+
+
+def _form(name: str) -> ClosedForm | None:
+    """The closed form of that name; None for one of another version."""
+    # Loads geometry, and compiles: not for a page without closed forms.
+    from hapticeval.closed_forms.form import CLOSED_FORMS
+
+    return CLOSED_FORMS.get(name)
 
 
 def _nanometres(metres: float | None) -> str:

@@ -45,7 +45,7 @@ def test_values_are_those_of_the_evidence():
     assert row.expected == ["−0.000003", "−43.940003", "−87.880003"]  # noqa: RUF001
     assert row.places[1] == ("0.5 s", "(1000.000000, 100.000000)", "(1000.000000, 100.000001)")
     assert (row.apart, row.tolerance, row.sampled) == ("3.25 nm", "450 nm", "2 mm")
-    assert row.equations[0].startswith("r″ = −k (r − R)")  # noqa: RUF001
+    assert row.formula[0].startswith("r″ = −k (r − R)")  # noqa: RUF001
     assert "radius" in table.letters
     assert (table.met, table.unfolded) == (1, False)
 
@@ -73,7 +73,7 @@ def test_a_verdict_without_moments_says_why_and_one_that_does_not_apply_is_left_
 
 def test_a_law_of_a_later_version_costs_only_its_formula():
     (table,) = tables(verdict("circle", "a", law="9.99"))
-    assert (table.rows[0].equations, table.letters) == ((), "")
+    assert (table.rows[0].formula, table.letters) == ((), "")
 
 
 def test_the_page_has_the_section_only_where_there_are_closed_forms():

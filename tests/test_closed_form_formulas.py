@@ -1,4 +1,4 @@
-"""What the report prints as closed-loop dynamics is what the closed forms integrate."""
+"""What a closed form says of itself as a formula is what it integrates."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from sympy.parsing.sympy_parser import (
     standard_transformations,
 )
 
-from hapticeval.closed_forms import CLOSED_FORMS, Gains, curve_rates, polar_rates, sliding, transversal
+from hapticeval.closed_forms.equations import Gains, curve_rates, polar_rates, sliding, transversal
+from hapticeval.closed_forms.form import CLOSED_FORMS
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.reports.equations import equations, letters
 
 GAINS = Gains(k=500.0, d=44.7, b=3.0)
 WORDS = {"θ′": "turn", "r′": "r1", "n′": "n1", "s′": "s1", "θ": "theta", "κ": "kappa", "²": "^2", "−": "-"}  # noqa: RUF001
@@ -27,7 +27,7 @@ def right_hand_sides(name, values):
     """Left sides, and the values of the right sides, of a form's equations."""
     found = {}
     symbols = {each: sympy.Symbol(each) for each in values}
-    for line in equations(name):
+    for line in CLOSED_FORMS[name].formula:
         left, right = line.split(" = ")
         for shown, word in WORDS.items():
             right = right.replace(shown, word)
@@ -72,9 +72,8 @@ def test_the_equations_on_a_line_have_the_solutions_given(name):
     assert shown["s″"] == pytest.approx((s1[2] - s1[0]) / (2.0 * step), rel=1e-6)
 
 
-def test_every_closed_form_has_equations_and_their_letters():
-    for name in CLOSED_FORMS:
-        assert len(equations(name)) == 2
-        assert letters(name)
-    assert equations("of a later version") == ()
-    assert letters("of a later version") == ""
+def test_every_letter_of_a_formula_is_explained():
+    for form in CLOSED_FORMS.values():
+        used = set(re.findall(r"[a-zA-Zθκ]", " ".join(form.formula))) - set(Gains._fields)
+        assert used
+        assert used <= set(re.findall(r"\b[a-zA-Zθκ]\b", form.letters)), form.name

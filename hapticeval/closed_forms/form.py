@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
+from hapticeval.closed_forms.equations import (
+    CURVE_LETTERS,
+    LINE_LETTERS,
+    POLAR_LETTERS,
+    Formula,
+    Gains,
+    curve_formula,
+    curve_rates,
+    drag,
+    integrated,
+    line_formula,
+    polar_formula,
+    polar_rates,
+    sliding,
+    transversal,
+)
 from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
 from hapticeval.scene import Scene
@@ -18,10 +33,18 @@ from hapticeval.types import Array
 SCHEMES = ("pp", "pp-v", "pp-d", "pp-pd", "pp-pd-c", "set-stabilisation")
 """The laws that have closed forms, by the names of their regulation schemes; `pp-pd-c` adds m kappa w^2 to PP+PD."""
 
-SHAPES = ("line", "circle", "curve", "sphere")
 
-RELATIVE, ABSOLUTE = 3e-14, 1e-16
-"""Tolerances of the integration (DOP853) where no formula solves the equations."""
+_FORMULAS: Mapping[str, Callable[[str], Formula]] = MappingProxyType(
+    {"line": line_formula, "circle": polar_formula, "sphere": polar_formula, "curve": curve_formula}
+)
+_LETTERS: Mapping[str, str] = MappingProxyType(
+    {
+        "line": LINE_LETTERS,
+        "circle": POLAR_LETTERS.format(shape="circle", angle="polar angle"),
+        "sphere": POLAR_LETTERS.format(shape="sphere", angle="angle along the great circle"),
+        "curve": CURVE_LETTERS,
+    }
+)
 
 
 class Motion(NamedTuple):
@@ -29,15 +52,6 @@ class Motion(NamedTuple):
 
     hip: Array
     velocity: Array
-
-
-class Gains(NamedTuple):
-    """Per unit mass of the tool, as Tables 6.1 and 6.2 have them: `k` = K_p / m (1/s^2), `d` = K_d / m and `b` =
-    b_d / m (1/s)."""
-
-    k: float
-    d: float
-    b: float
 
 
 @dataclass(frozen=True)
@@ -52,6 +66,16 @@ class ClosedForm:
     scheme: str
     shape: str
     citation: str
+
+    @property
+    def formula(self) -> Formula:
+        """The equations of motion across the surface and along it, an equation each, as people write them."""
+        return _FORMULAS[self.shape](self.scheme)
+
+    @property
+    def letters(self) -> str:
+        """What the letters of `formula` mean."""
+        return _LETTERS[self.shape]
 
     def check(self, scene: Scene) -> None:
         """Raise `InputError` for a scene that this form is not about."""
@@ -92,7 +116,7 @@ class ClosedForm:
         tangent = along / speed if speed > 0.0 else _any_tangent(normal)
         if self.shape == "line":
             n, n_rate = transversal(gains, self.scheme, distance, across, time)
-            s, s_rate = sliding(_drag(self.scheme, gains), speed, time)
+            s, s_rate = sliding(drag(self.scheme, gains), speed, time)
             return Motion(
                 foot + np.outer(s, tangent) + np.outer(n, normal), np.outer(s_rate, tangent) + np.outer(n_rate, normal)
             )
@@ -112,72 +136,6 @@ def _any_tangent(normal: Array) -> Array:
     axis[int(np.argmin(np.abs(normal)))] = 1.0
     tangent = np.cross(normal, axis)
     return np.asarray(tangent / np.linalg.norm(tangent))
-
-
-def _drag(scheme: str, gains: Gains) -> float:
-    """The rate (1/s) at which the speed along a straight surface decays."""
-    return {"pp-v": gains.d, "set-stabilisation": gains.b}.get(scheme, 0.0)
-
-
-def sliding(drag: float, speed: float, time: Array) -> tuple[Array, Array]:
-    """s(t) and its rate for s'' = -drag s', s(0) = 0."""
-    if drag == 0.0:
-        return speed * time, np.full_like(time, speed)
-    return -speed / drag * np.expm1(-drag * time), speed * np.exp(-drag * time)
-
-
-def transversal(gains: Gains, scheme: str, start: float, rate: float, time: Array) -> tuple[Array, Array]:
-    """n(t) and its rate for n'' = -k n - d n' (7.28), (7.38); d counts for nothing under PP (6.19)."""
-    d = 0.0 if scheme == "pp" else gains.d
-    half = 0.5 * d
-    root = np.sqrt(complex(half * half - gains.k))
-    if abs(root) < 1e-6 * math.sqrt(gains.k):
-        slope = rate + half * start
-        decay = np.exp(-half * time)
-        return decay * (start + slope * time), decay * (slope - half * (start + slope * time))
-    fast, slow = -half - root, -half + root
-    p, q = (rate - fast * start) / (slow - fast), (slow * start - rate) / (slow - fast)
-    grown, faded = p * np.exp(slow * time), q * np.exp(fast * time)
-    return np.real(grown + faded), np.real(slow * grown + fast * faded)
-
-
-def polar_rates(scheme: str, gains: Gains, radius: float) -> Callable[[float, Array], Sequence[float]]:
-    """d/dt (r, r', theta, theta'): (6.24) PP, (6.25) PP+V, (6.26) PP+PD, (6.27) PP+D, (7.38) set stabilisation.
-
-    PP+PD with the centripetal force added has (6.26) less (r theta')^2 / r_c.
-    """
-    k, d, b = gains
-
-    def rates(time: float, state: Array) -> Sequence[float]:  # noqa: ARG001 - the integrator's
-        r, r_rate, _, rate = state
-        if scheme == "set-stabilisation":
-            return r_rate, -k * (r - radius) - d * r_rate, rate, -b * rate
-        damping = 0.0 if scheme == "pp" else d * r_rate
-        drag = {"pp-v": d * r, "pp-d": d * (r - radius)}.get(scheme, 0.0)
-        given = (r * rate) ** 2 / radius if scheme == "pp-pd-c" else 0.0
-        return r_rate, -k * (r - radius) + r * rate**2 - given - damping, rate, -(2.0 * r_rate + drag) * rate / r
-
-    return rates
-
-
-def curve_rates(scheme: str, gains: Gains, curve: Curve) -> Callable[[float, Array], Sequence[float]]:
-    """d/dt (n, n', s, w) of a projective scheme on any smooth curve, w = (1 + n kappa) s' being the tool's own speed.
-
-    n'' = kappa (1 + n kappa) s'^2 - k n - d n' and (1 + n kappa) s'' + 2 kappa n' s' + n kappa_s s'^2 = the scheme's
-    tangential acceleration. In w the second reads w' = that - kappa n' s', free of the curvature's slope.
-    """
-    k, d, _ = gains
-
-    def rates(time: float, state: Array) -> Sequence[float]:  # noqa: ARG001 - the integrator's
-        n, n_rate, s, w = state
-        kappa = float(curve.curvature(curve.parameter(s)))
-        rate = w / (1.0 + n * kappa)
-        damping = 0.0 if scheme == "pp" else d * n_rate
-        drag = {"pp-v": d * w, "pp-d": d * n * kappa * rate}.get(scheme, 0.0)
-        given = kappa * w * w if scheme == "pp-pd-c" else 0.0
-        return n_rate, kappa * w * rate - given - k * n - damping, rate, -kappa * n_rate * rate - drag
-
-    return rates
 
 
 def _polar(
@@ -211,18 +169,6 @@ def _on_curve(
     return Motion(
         curve.position(at) + n[:, np.newaxis] * normal, w[:, np.newaxis] * tangent + n_rate[:, np.newaxis] * normal
     )
-
-
-def integrated(rates: Callable[[float, Array], Sequence[float]], start: Sequence[float], time: Array) -> Array:
-    """The states (k, n) at `time` (n,), by DOP853 at its tightest tolerance. Raises `InputError` where it cannot."""
-    from scipy.integrate import solve_ivp
-
-    if time.size < 2:
-        return np.tile(np.array(start, dtype=np.float64)[:, np.newaxis], (1, time.size))
-    found = solve_ivp(rates, (time[0], time[-1]), start, method="DOP853", t_eval=time, rtol=RELATIVE, atol=ABSOLUTE)
-    if not found.success:
-        raise InputError("the closed form cannot be integrated", why=str(found.message))
-    return np.asarray(found.y, dtype=np.float64)
 
 
 def _about(model: str) -> list[str]:

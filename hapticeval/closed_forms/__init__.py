@@ -1,0 +1,1 @@
+"""Closed forms of the closed loop: its equations of motion in continuous time, and the motions that follow."""
