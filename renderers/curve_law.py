@@ -17,7 +17,8 @@ A unilateral contact has the v∥ that takes none, but for the viscosity, since 
 
 On the surface both are (7.17). The contact begins where the hand is inside, n <= 0, and ends outside where N = 0: not
 where n = 0, which a tool that slides over a concave surface crosses at every disturbance. In between it is a damped
-spring at rest at n = -C / K_p, and never pulls. Without a sensor, with S = -K_p n - C where that is positive, else 0,
+spring at rest at n = -C / K_p, and never pulls. Nor does its damper push away from outside a tool that leaves, as one
+of a filtered velocity would: see `unilateral`. Without a sensor, with S = -K_p n - C where that is positive, else 0,
 
     F_r·ẏ <= -d/dt (S^2 / 2 K_p) - b_d w^2 - (S / K_p) dC/dt
 
@@ -32,13 +33,11 @@ import math
 from hapticeval.compiled import compiled
 from hapticeval.geometry.curve_kernels import foot
 from hapticeval.geometry.kernels import curvature_rate
+from hapticeval.renderers.unilateral import TOUCHES, ends
 from hapticeval.types import Array
 
 STIFFNESS, DAMPING, MASS, VISCOSITY, BILATERAL = range(5)
 """Where the gains are in `reals`: N/m, N s/m, kg, kg/s, and 1.0 for a bilateral constraint."""
-
-TOUCHES = 0
-"""Where `memory` holds whether the tool touched at the tick before."""
 
 BEYOND = 1
 """The refusal: at or beyond the centre of curvature of the foot."""
@@ -64,8 +63,7 @@ def answer(
     bilateral = reals[BILATERAL] != 0.0
     k, u, distance, side, (px, py, dx, dy, ddx, ddy) = foot(pieces, samples, hip[0], hip[1])
     n = side * distance
-    free = not bilateral and n > 0.0
-    if free and memory[TOUCHES] == 0.0:
+    if not bilateral and n > 0.0 and memory[TOUCHES] == 0.0:
         ihip[0], ihip[1], force[0], force[1] = hip[0], hip[1], 0.0, 0.0
         return 0
     speed = math.hypot(dx, dy)
@@ -78,7 +76,8 @@ def answer(
     along, across = tx * velocity[0] + ty * velocity[1], ty * velocity[0] - tx * velocity[1]
     foot_speed = along / stretch
     push_along, push_across = tx * push[0] + ty * push[1], ty * push[0] - tx * push[1]
-    press = -reals[STIFFNESS] * n - reals[DAMPING] * across - push_across
+    damper = reals[DAMPING] * across
+    press = -reals[STIFFNESS] * n - damper - push_across
     centripetal = mass * bend * along * foot_speed
     if bilateral:
         turning = 2.0 * bend * across + n * curvature_rate(pieces[k], u) * foot_speed
@@ -86,11 +85,9 @@ def answer(
         pressing = press - centripetal
     else:
         pressing = max(press - centripetal, 0.0)
-        if free and pressing == 0.0:
-            memory[TOUCHES] = 0.0
+        if ends(memory, n, pressing, press - centripetal + damper):
             ihip[0], ihip[1], force[0], force[1] = hip[0], hip[1], 0.0, 0.0
             return 0
-        memory[TOUCHES] = 1.0
         sliding = -reals[VISCOSITY] * along if pressing > 0.0 else 0.0
     ihip[0], ihip[1] = px, py
     force[0] = pressing * ty + sliding * tx

@@ -12,6 +12,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.renderer import CompiledLaw
 from hapticeval.renderers.curve_law import BEYOND, answer
 from hapticeval.renderers.law_renderer import LawRenderer
+from hapticeval.renderers.unilateral import MEMORY
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -39,7 +40,7 @@ class CurveStabilisation(LawRenderer):
             reals=np.array(reals),
             pieces=np.array(self.surface.pieces),
             samples=np.array(self.surface.samples),
-            memory=1,
+            memory=MEMORY,
             refusals=REFUSALS,
         )
         super().__init__(law, dimension=2)

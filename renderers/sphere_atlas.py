@@ -31,10 +31,10 @@ from hapticeval.renderers.surface_law import (
     FOCAL,
     MASS,
     STIFFNESS,
-    TOUCHES,
     VISCOSITY,
     release,
 )
+from hapticeval.renderers.unilateral import TOUCHES, ends
 from hapticeval.types import Array, BoolArray, IntArray
 
 EDGE = 1e-9
@@ -152,27 +152,28 @@ def answer(
     ihip: Array,
     force: Array,
 ) -> int:
-    """One tick through the active chart, of signature `LAW`, with the `reals` and `memory` of `surface_law.answer`."""
+    """One tick through the active chart, of signature `LAW`, with the `reals` of `surface_law.answer`."""
     y, yd, pushed = (hip[0], hip[1], hip[2]), (velocity[0], velocity[1], velocity[2]), (push[0], push[1], push[2])
     foot, normal, n = place(reals, y)
     bilateral = reals[BILATERAL] != 0.0
-    free = not bilateral and n > 0.0
-    if free and memory[TOUCHES] == 0.0:
-        return release(memory, hip, ihip, force)
+    if not bilateral and n > 0.0 and memory[TOUCHES] == 0.0:
+        return release(hip, ihip, force)
     radius, mass, rate = reals[FIRST], reals[MASS], dot(normal, yd)
     length = radius + n
     if not length / radius > FOCAL:
         return BEYOND
-    press = -reals[STIFFNESS] * n - reals[DAMPING] * rate - dot(normal, pushed)
+    damper = reals[DAMPING] * rate
+    press = -reals[STIFFNESS] * n - damper - dot(normal, pushed)
     slowing, share = reals[VISCOSITY] / mass, 1.0
     if not bilateral:
         slowing, share = slowing + 2.0 * rate / length, radius / length
     made = _force(radius, mass, y, yd, press, slowing, share, normal, pushed)
-    if not bilateral and dot(normal, made) <= 0.0:
-        if free:
-            return release(memory, hip, ihip, force)
-        made = (0.0, 0.0, 0.0)
-    memory[TOUCHES] = 1.0
+    if not bilateral:
+        pressing = dot(normal, made)
+        if ends(memory, n, pressing, pressing + damper):
+            return release(hip, ihip, force)
+        if pressing <= 0.0:
+            made = (0.0, 0.0, 0.0)
     for i in range(3):
         ihip[i], force[i] = foot[i], made[i]
     return 0

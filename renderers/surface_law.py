@@ -18,7 +18,7 @@ A unilateral contact has the a that takes no force along the surface but the vis
     F_r = N ν - b_d w,    N = max(0, -K_p n - K_d ṅ - F_o·ν - C),    C = m <W ṗ, w>
 
 On the surface both are (7.17), (7.18). The contact begins where the hand is inside, n <= 0, and ends outside where
-N = 0; without pressure there is no friction. It never pulls.
+N = 0, see `unilateral`; without pressure there is no friction. It never pulls.
 """
 
 from __future__ import annotations
@@ -27,13 +27,11 @@ import math
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.surface_kernels import REALS, Triple, bend, bend_change, dot, place, times
+from hapticeval.renderers.unilateral import TOUCHES, ends
 from hapticeval.types import Array
 
 STIFFNESS, DAMPING, MASS, VISCOSITY, BILATERAL = range(REALS, REALS + 5)
 """Where the gains are in `reals`, after the surface's row: N/m, N s/m, kg, kg/s, and 1.0 for a bilateral constraint."""
-
-TOUCHES = 0
-"""Where `memory` holds whether the tool touched at the tick before."""
 
 BEYOND = 1
 """The refusal: at or beyond a centre of curvature of the foot."""
@@ -55,12 +53,11 @@ def answer(
     ihip: Array,
     force: Array,
 ) -> int:
-    """One tick, of signature `LAW`; `reals` as `Surface.row` and the gains, `memory` of size 1."""
+    """One tick, of signature `LAW`; `reals` as `Surface.row` and the gains."""
     foot, normal, n = place(reals, (hip[0], hip[1], hip[2]))
     bilateral = reals[BILATERAL] != 0.0
-    free = not bilateral and n > 0.0
-    if free and memory[TOUCHES] == 0.0:
-        return release(memory, hip, ihip, force)
+    if not bilateral and n > 0.0 and memory[TOUCHES] == 0.0:
+        return release(hip, ihip, force)
     rate, push_across = _along(normal, velocity), _along(normal, push)
     first, second = tangents(normal)
     w = bend(reals, foot, normal)
@@ -75,14 +72,15 @@ def answer(
     p2 = ((1.0 + n * w11) * a2 - n * w12 * a1) / stretch
     b1, b2 = w11 * p1 + w12 * p2, w12 * p1 + w22 * p2
     mass = reals[MASS]
-    press = -reals[STIFFNESS] * n - reals[DAMPING] * rate - push_across
+    damper = reals[DAMPING] * rate
+    press = -reals[STIFFNESS] * n - damper - push_across
     centripetal = mass * (b1 * a1 + b2 * a2)
     pressing, friction = press - centripetal, reals[VISCOSITY]
-    if not bilateral and pressing <= 0.0:
-        if free:
-            return release(memory, hip, ihip, force)
-        pressing, friction = 0.0, 0.0
-    memory[TOUCHES] = 1.0
+    if not bilateral:
+        if ends(memory, n, pressing, pressing + damper):
+            return release(hip, ihip, force)
+        if pressing <= 0.0:
+            pressing, friction = 0.0, 0.0
     s1, s2 = -friction * a1, -friction * a2
     if bilateral:
         foot_rate = _combined(p1, first, p2, second)
@@ -97,9 +95,8 @@ def answer(
 
 
 @compiled
-def release(memory: Array, hip: Array, ihip: Array, force: Array) -> int:
+def release(hip: Array, ihip: Array, force: Array) -> int:
     """Free space: the IHIP is the HIP and the force zero."""
-    memory[TOUCHES] = 0.0
     for i in range(3):
         ihip[i], force[i] = hip[i], 0.0
     return 0

@@ -14,6 +14,7 @@ from hapticeval.renderer import CompiledLaw
 from hapticeval.renderers import sphere_atlas, surface_law
 from hapticeval.renderers.curve_stabilisation import check_gains
 from hapticeval.renderers.law_renderer import LawRenderer
+from hapticeval.renderers.unilateral import MEMORY
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -47,7 +48,7 @@ class SurfaceStabilisation(LawRenderer):
             reals=np.concatenate([self.surface.row, gains]),
             pieces=np.empty((0, 0)),
             samples=np.empty((0, 0)),
-            memory=1,
+            memory=MEMORY,
             refusals=REFUSALS,
         )
         super().__init__(law, dimension=3)

@@ -249,7 +249,7 @@ def test_it_answers_as_the_law_without_charts(bilateral):
     touched = 0
     for k in range(1000):
         y, yd, push = 0.06 * rng.normal(size=3), rng.normal(size=3), rng.normal(size=3)
-        if k % 4 == 0:
+        if k % 10 == 0:
             ours.reset(y)
             other.reset(y)
         ours.feel(push)
@@ -258,7 +258,7 @@ def test_it_answers_as_the_law_without_charts(bilateral):
         np.testing.assert_allclose(one.ihip, two.ihip, atol=1e-16)
         np.testing.assert_allclose(one.force, two.force, atol=1e-12 * max(1.0, np.linalg.norm(two.force)))
         touched += bool(np.any(one.force))
-    assert touched > 200
+    assert touched > 150
 
 
 def test_the_compiled_law_answers_as_the_step_does():

@@ -259,7 +259,7 @@ def test_a_focal_point_is_a_named_error_and_a_refusal(model, hip, words, charts)
     law = renderer.law
     ihip, force = np.zeros(3), np.zeros(3)
     number = law.function(
-        law.reals, law.pieces, law.samples, np.zeros(1), hip, np.ones(3), np.zeros(3), 1e-3, ihip, force
+        law.reals, law.pieces, law.samples, np.zeros(law.memory), hip, np.ones(3), np.zeros(3), 1e-3, ihip, force
     )
     assert number in law.refusals
 
