@@ -153,6 +153,11 @@ def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator
         head += f"{TITLES[each.column]}: "
         if each.outcome == "too little in common":
             yield f"{head}too little in common: {100.0 * each.common:.3g} % of the way"
+        elif each.outcome == "the same to rounding":
+            yield (
+                f"{head}the same to rounding: {scale * each.largest:.2g} {unit} apart at most, and no two repeats by "
+                f"more than {each.rounding:.2g} of what their numbers resolve; not tested"
+            )
         elif each.outcome in ("differs", "the runs differ"):
             whose = (
                 ""
@@ -168,8 +173,16 @@ def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator
         else:
             yield (
                 f"{head}too few repeats to tell: {size} apart, {each.times:.3g} times the repeat spread, "
-                f"and these repeats cannot give a p below {each.least:.2g} ({tested})"
+                f"and these repeats cannot give a p below {each.least:.2g} ({tested}); {_needed(each)}"
             )
+
+
+def _needed(each: Comparison) -> str:
+    """How many repeats were given, and how many it takes."""
+    given = f"given are {each.repeats[0]} of {each.first} and {each.repeats[1]} of {each.second}"
+    if each.needed is None:
+        return f"{given}, and among so many renderers no number is enough: compare fewer at once"
+    return f"{given}, and it takes {each.needed[0]} and {each.needed[1]} at the least"
 
 
 def _document(aligned: Aligned, bands: Sequence[Band], comparisons: Sequence[Comparison]) -> Any:

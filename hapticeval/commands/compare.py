@@ -59,6 +59,10 @@ def compare(
     Two renderers differ only as far as they differ by more than the repeats of one of them do. Record them in turns:
     what drifts from the first run to the last would else count as theirs.
 
+    A permutation test at 5 per cent decides. 4 and 4 repeats are dealt to two renderers in 70 ways, of which 2 part
+    them as they were recorded, so p is 2/70 or more: 4 of each, or 4 and 3, are the fewest that can tell. With a third
+    renderer, or both ways, it takes 5 of each, or 5 and 4. Where there are too few, what is printed says how many.
+
     \b
     Examples:
       hapticeval compare constraint-*.h5 mapping-*.h5 -o comparison

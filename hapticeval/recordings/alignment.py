@@ -13,6 +13,7 @@ from hapticeval.geometry.curve import Curve
 from hapticeval.recordings.abscissa import Abscissa
 from hapticeval.recordings.passes import Heading, Way, headings, seam, ways
 from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.resolution import Resolution, resolution
 from hapticeval.recordings.stretches import LAG, joined
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -42,7 +43,8 @@ class Pass:
     """One way over the abscissa in one direction: of run number `run`, in lap `lap` of it, from `start` to `end` (s).
 
     `columns` (m,) are on the grid and 0 where `mask` (m,) is not set: outside of what the pass covers, where the tool
-    is free, in gaps, and across jumps of IHIP or force. `coverage` is the share of the grid that is left.
+    is free, in gaps, and across jumps of IHIP or force. `grains` (m,) are what the numbers of the recording resolve in
+    each of them, see `resolution`. `coverage` is the share of the grid that is left.
     """
 
     run: int
@@ -51,6 +53,7 @@ class Pass:
     start: float
     end: float
     columns: Mapping[str, Array]
+    grains: Mapping[str, Array]
     mask: BoolArray
 
     @property
@@ -97,10 +100,11 @@ def align(runs: Sequence[Run], abscissa: Abscissa, *, split: bool = False, point
     passes: list[Pass] = []
     for number, (run, each) in enumerate(zip(runs, found, strict=True)):
         force, smooth = _smooth(run.recording)
+        fine = resolution(run.recording)
         for way in each:
             parts = headings(way, run.recording, slack=slack, split=split, label=run.label, unit=abscissa.unit)
             for part in parts:
-                passes += _laps(number, run.recording, part, force, smooth, grid, abscissa)
+                passes += _laps(number, run.recording, part, force, smooth, grid, abscissa, fine)
     if not any(each.mask.any() for each in passes):
         raise InputError("none of the runs touches the surface", why="there is no force to compare")
     kept = tuple(each for each in passes if each.mask.any())
@@ -153,6 +157,7 @@ def _laps(
     smooth: BoolArray,
     grid: Array,
     abscissa: Abscissa,
+    fine: Resolution,
 ) -> Iterator[Pass]:
     """The passes of a heading: one a lap."""
     period, cut = abscissa.period, float(grid[0])
@@ -176,9 +181,10 @@ def _laps(
             continue
         share = np.clip((places - along[right - 1]) / (along[right] - along[right - 1]), 0.0, 1.0)
         used = np.unique(np.concatenate([rows[right[mask] - 1], rows[right[mask]]]))
-        columns = dict(_columns(recording, force, rows[right - 1], rows[right], share, mask, abscissa.curve))
+        columns, bent = _columns(recording, force, rows[right - 1], rows[right], share, mask, abscissa.curve)
+        grains = {name: fine.of(name, columns["magnitude"], bent) for name in columns}
         times = recording.time[used]
-        yield Pass(number, part.direction, lap - low, float(times.min()), float(times.max()), columns, mask)
+        yield Pass(number, part.direction, lap - low, float(times.min()), float(times.max()), columns, grains, mask)
 
 
 def _columns(
@@ -189,24 +195,27 @@ def _columns(
     share: Array,
     mask: BoolArray,
     curve: Curve | None,
-) -> Iterator[tuple[str, Array]]:
+) -> tuple[dict[str, Array], Array | float]:
+    """The columns, and the curvature (m,), 1/m, of the model at their places; 0 where none is known."""
+
     def at(values: Array) -> Array:
         return np.asarray(values[before] + share[:, np.newaxis] * (values[after] - values[before]))
 
     pushed, hip = at(force), at(recording.hip)
     size = np.linalg.norm(force, axis=1)
-    yield "magnitude", np.where(mask, size[before] + share * (size[after] - size[before]), 0.0)
+    bent: Array | float = 0.0
+    found = {"magnitude": size[before] + share * (size[after] - size[before])}
     if force.shape[1] == 2:
         direction = np.arctan2(pushed[:, 1], pushed[:, 0])
         if curve is not None:
             foot = curve.nearest(at(recording.ihip) if "ihip" in recording.channels else hip)
-            normal = np.asarray(curve.normal(foot))
+            normal, bent = np.asarray(curve.normal(foot)), np.asarray(curve.curvature(foot))
             around = np.unwrap(np.arctan2(normal[:, 1], normal[:, 0]))
-            leaning = _wrapped(direction - around)
-            yield "leaning", np.where(mask, leaning, 0.0)
-        yield "direction", _unwrapped(direction, mask)
+            found["leaning"] = _wrapped(direction - around)
+        found["direction"] = _unwrapped(direction, mask)
     if "ihip" in recording.channels:
-        yield "depth", np.where(mask, np.linalg.norm(at(recording.ihip) - hip, axis=1), 0.0)
+        found["depth"] = np.linalg.norm(at(recording.ihip) - hip, axis=1)
+    return {name: np.where(mask, values, 0.0) for name, values in found.items()}, bent
 
 
 def _unwrapped(direction: Array, mask: BoolArray) -> Array:

@@ -14,13 +14,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, count
 
 import numpy as np
 
 from hapticeval.types import Array
 
 DEALS = 9999
+"""Deals that are looked at where there are more; so p is never below one in one more of them."""
 
 ROUNDING = 1e-12
 """A deal that mirrors the observed one has its statistic, but for so much."""
@@ -63,17 +64,44 @@ class Distances:
         return out
 
 
+def least_p(first: int, second: int) -> float:
+    """The least p that so many repeats of two renderers can give: they are dealt in `comb(first + second, first)` ways.
+
+    Complete separation is one of these, and with as many of each the exchange of both names is another: 2 of 70 with
+    4 and 4, 1 of 35 with 4 and 3.
+    """
+    ways = math.comb(first + second, first)
+    if ways > DEALS:
+        return 1.0 / (DEALS + 1)
+    return (2.0 if first == second else 1.0) / ways
+
+
+def needed(first: int, second: int, *, tests: int, level: float) -> tuple[int, int] | None:
+    """The fewest repeats, not below those given and two at least, as even as can be, with which a difference can be
+    told at the `level` where so many `tests` share it; None where no number can, since p is never below that of the
+    `DEALS`."""
+    if tests / (DEALS + 1) >= level:
+        return None
+    first, second = max(first, 2), max(second, 2)
+    for more in count():  # ends: with some fifteen repeats there are more ways than deals, and p is as small as it gets
+        splits = [(first + k, second + more - k) for k in range(more + 1)]
+        enough = [pair for pair in splits if tests * least_p(*pair) < level]
+        if enough:
+            return min(enough, key=lambda pair: (abs(pair[0] - pair[1]), pair[1]))
+    return None
+
+
 def permuted(columns: Mapping[str, Distances], *, seed: int) -> tuple[Mapping[str, float], float]:
     """p of each column against the largest statistic of any of them in each deal, and the least that p can be."""
     everyone = sorted({unit for each in columns.values() for unit in each.units})
     if not everyone:
         return {}, 1.0
-    count, first = len(everyone), sum(side == 0 for side, _ in everyone)
-    every = math.comb(count, first)
+    size, first = len(everyone), sum(side == 0 for side, _ in everyone)
+    every = math.comb(size, first)
     exact = every <= DEALS
-    deals = np.zeros((every if exact else DEALS, count))
+    deals = np.zeros((every if exact else DEALS, size))
     if exact:
-        np.put_along_axis(deals, np.array(list(combinations(range(count), first))), 1.0, axis=1)
+        np.put_along_axis(deals, np.array(list(combinations(range(size), first))), 1.0, axis=1)
     else:
         deals[:, :first] = 1.0
         deals = np.random.default_rng(seed).permuted(deals, axis=1)
@@ -84,5 +112,4 @@ def permuted(columns: Mapping[str, Distances], *, seed: int) -> tuple[Mapping[st
         beyond = int(np.count_nonzero(largest >= (1.0 - ROUNDING) * float(each.energies(everyone, seen)[0])))
         # the observed deal is one of all, and is added to the random ones
         found[column] = beyond / every if exact else (beyond + 1) / (DEALS + 1)
-    twins = 2.0 if 2 * first == count else 1.0
-    return found, twins / every if exact else 1.0 / (DEALS + 1)
+    return found, least_p(first, size - first)

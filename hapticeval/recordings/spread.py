@@ -4,7 +4,8 @@ What a hand does differs from run to run, so a difference between two renderers 
 the differences between repeats of one. The repeats are whole curves over the abscissa; the distance of two is the root
 mean square of their difference where both have an answer. What is independent are repeats, not samples: see
 `permutation` for the test. Over pairs of renderers and over the two directions, whose repeats may be different runs,
-its p is multiplied by their number.
+its p is multiplied by their number. A column in which no two repeats, of either renderer, differ by more than their
+numbers resolve is the same to rounding, and not tested: see `resolution`.
 """
 
 from __future__ import annotations
@@ -17,17 +18,14 @@ from itertools import combinations
 import numpy as np
 
 from hapticeval.errors import InputError
-from hapticeval.recordings.alignment import COLUMNS, Aligned, Pass, Run
-from hapticeval.recordings.permutation import Distances, permuted
+from hapticeval.recordings.alignment import Aligned, Run
+from hapticeval.recordings.permutation import Distances, needed, permuted
+from hapticeval.recordings.repeats import RUNS, Repeats, groups
 from hapticeval.types import Array, BoolArray, IntArray
 
 LEVEL = 0.05
 COMMON = 0.05
 """Two curves must share this much of the grid for a distance, and two medians for a difference."""
-HALF = 0.5
-"""A repeat covers at least this share of what the fullest one does: the end of a last lap is none."""
-RUNS, LAPS = "runs", "laps of one run"
-COMPARED = ("direction", "leaning", "magnitude", "depth")
 
 
 @dataclass(frozen=True)
@@ -45,12 +43,14 @@ class Band:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two renderers over what at least two `repeats` of each cover; `basis` says what these are.
+    """Two renderers over what at least two `repeats` of each cover; `basis` says what these are, and `needed` how many
+    of each it takes at the least to tell a difference among all that are compared (None: no number can).
 
     `difference` is the root mean square of the difference of their medians, `spread` that between repeats of one
     renderer, both in the column's unit; `p` of the permutation test over all columns, times the number of pairs and
     directions compared, and `least` the smallest that so many repeats can give. `worst` is the place (in the
-    abscissa's unit) of the largest difference of the medians, `largest`.
+    abscissa's unit) of the largest difference of the medians, `largest`. `rounding` is the largest difference of any
+    two repeats, of either renderer, in what the numbers of both resolve at its place.
     """
 
     first: str
@@ -58,6 +58,7 @@ class Comparison:
     direction: int
     column: str
     repeats: tuple[int, int]
+    needed: tuple[int, int] | None
     basis: str
     difference: float
     spread: float
@@ -65,6 +66,7 @@ class Comparison:
     least: float
     largest: float
     worst: float
+    rounding: float
     common: float
 
     @property
@@ -74,61 +76,26 @@ class Comparison:
 
     @property
     def outcome(self) -> str:
-        """ "differs", "the runs differ", "within the spread", "too few repeats to tell", or "too little in common".
+        """ "differs", "the runs differ", "within the spread", "the same to rounding", "too few repeats to tell", or
+        "too little in common".
 
         Laps of one run say how far the hand varies within it, and not whether another run of the same renderer would
         be as far off: all they can tell is that the runs differ.
         """
         if math.isnan(self.difference):
             return "too little in common"
+        if self.rounding <= 1.0:
+            return "the same to rounding"
         if self.p < LEVEL:
             return "differs" if self.basis == RUNS else "the runs differ"
         return "within the spread" if self.least < LEVEL else "too few repeats to tell"
 
 
-@dataclass(frozen=True)
-class Repeats:
-    """The repeats of one renderer in one column and direction: `values` and `masks` (k, m), and what they are.
-
-    `units` (k,) number them: the same run, or lap of a single run, has the same number in every column.
-    """
-
-    values: Array
-    masks: BoolArray
-    units: IntArray
-    basis: str
-
-
-def repeats(passes: Sequence[Pass], column: str, reference: Array) -> Repeats:
-    """What counts as repeats: the runs, at each place with the mean of their laps; of a single run, its laps.
-
-    Laps of one run are by one hand in one mood, and no repeats of their own where there are several runs. `reference`
-    (m,) is the branch that angles are taken on.
-    """
-    values = np.array([_branch(each.columns[column], reference, column) for each in passes])
-    masks = np.array([each.mask for each in passes])
-    runs = np.array([each.run for each in passes])
-    several = np.unique(runs)
-    if several.size == 1:
-        return _full(values, masks, np.array([each.lap for each in passes]), LAPS)
-    counts = np.array([masks[runs == run].sum(axis=0) for run in several])
-    sums = np.array([np.where(masks[runs == run], values[runs == run], 0.0).sum(axis=0) for run in several])
-    return _full(sums / np.maximum(counts, 1), counts > 0, several, RUNS)
-
-
-def _full(values: Array, masks: BoolArray, units: IntArray, basis: str) -> Repeats:
-    coverage = masks.mean(axis=1)
-    kept = coverage >= HALF * coverage.max()
-    return Repeats(values[kept], masks[kept], units[kept], basis)
-
-
 def bands(aligned: Aligned) -> tuple[Band, ...]:
     """Median, lowest and highest of the repeats of each renderer, direction and column."""
     found = []
-    for column, direction, groups in _groups(aligned):
-        reference = _reference(column, [one for each in groups.values() for one in each])
-        for renderer, passes in groups.items():
-            made = repeats(passes, column, reference)
+    for column, direction, repeats in groups(aligned):
+        for renderer, made in repeats.items():
             filled = np.where(made.masks, made.values, np.nan)
             count = made.masks.sum(axis=0)
             seen = count > 0
@@ -154,12 +121,10 @@ def compare(aligned: Aligned, *, seed: int = 0) -> tuple[Comparison, ...]:
     for renderer in renderers:
         _refuse_copies([run for run in aligned.runs if run.renderer == renderer])
     families: dict[tuple[int, str, str], dict[str, tuple[Repeats, Repeats]]] = {}
-    repeated: set[str] = set()
-    for column, direction, groups in _groups(aligned):
-        reference = _reference(column, [one for each in groups.values() for one in each])
-        made = {renderer: repeats(passes, column, reference) for renderer, passes in groups.items()}
+    most = dict.fromkeys(renderers, 1)
+    for column, direction, made in groups(aligned):
         kept = {renderer: each for renderer, each in made.items() if len(each.values) > 1}
-        repeated |= set(kept)
+        most |= {renderer: max(most[renderer], len(each.values)) for renderer, each in kept.items()}
         for first, second in combinations(kept, 2):
             families.setdefault((direction, first, second), {})[column] = kept[first], kept[second]
     found = [
@@ -168,17 +133,26 @@ def compare(aligned: Aligned, *, seed: int = 0) -> tuple[Comparison, ...]:
         for one in _compared(aligned, direction, first, second, columns, len(families), seed)
     ]
     for renderer in renderers:
-        if renderer not in repeated:
-            raise InputError(
-                f"'{renderer}' has a single repeat",
-                why="without repeats the hand's own variation is not known, and any difference could be the hand's",
-                todo="record it again, as often as you can: with fewer than four repeats each no test can decide",
-            )
+        if most[renderer] == 1:
+            raise _single(renderer, most, tests=max(len(families), 1))
     if all(math.isnan(each.difference) for each in found):
         raise InputError(
             "no two renderers were led over the same places in the same direction", why="nothing is common to compare"
         )
     return tuple(found)
+
+
+def _single(renderer: str, most: Mapping[str, int], *, tests: int) -> InputError:
+    """What is wrong with a renderer of a single repeat, and how many it takes beside the others'."""
+    other = max((each for each in most if each != renderer), key=lambda each: most[each])
+    enough = needed(1, most[other], tests=tests, level=LEVEL)
+    return InputError(
+        f"'{renderer}' has a single repeat, '{other}' {most[other]}",
+        why="without repeats the hand's own variation is not known, and any difference could be the hand's",
+        todo="compare fewer renderers at once"
+        if enough is None
+        else f"record it again: to tell a difference takes {enough[0]} of it and {enough[1]} of '{other}' at the least",
+    )
 
 
 def _refuse_copies(runs: Sequence[Run]) -> None:
@@ -194,19 +168,6 @@ def _refuse_copies(runs: Sequence[Run]) -> None:
             )
 
 
-def _groups(aligned: Aligned) -> Iterator[tuple[str, int, dict[str, tuple[Pass, ...]]]]:
-    """Column, direction, and the passes of each renderer that has it."""
-    for direction in (1, -1):
-        for column in COMPARED:
-            groups = {}
-            for renderer in dict.fromkeys(run.renderer for run in aligned.runs):
-                passes = tuple(each for each in aligned.of(renderer, direction) if column in each.columns)
-                if passes:
-                    groups[renderer] = passes
-            if groups:
-                yield column, direction, groups
-
-
 def _compared(
     aligned: Aligned,
     direction: int,
@@ -217,17 +178,21 @@ def _compared(
     seed: int,
 ) -> Iterator[Comparison]:
     """Two renderers in one direction, in every column that both have."""
-    distances = {column: _apart(*groups) for column, groups in columns.items()}
-    testable = {column: each for column, each in distances.items() if np.isfinite(each.values).all()}
-    p, least = permuted(testable, seed=seed)
-    for column, groups in columns.items():
-        medians = [_median(each.values, each.masks) for each in groups]
+    distances = {column: _apart(*both) for column, both in columns.items()}
+    roundings = {column: _rounding(*both) for column, both in columns.items()}
+    known = {column for column, each in distances.items() if np.isfinite(each.values).all()}
+    p, least = permuted(
+        {each: distances[each] for each in columns if each in known and roundings[each] > 1.0}, seed=seed
+    )
+    for column, both in columns.items():
+        medians = [_median(each.values, each.masks) for each in both]
         common = medians[0][1] & medians[1][1]
-        share, basis = float(np.mean(common)), " and ".join(sorted({each.basis for each in groups}))
-        sizes = len(groups[0].values), len(groups[1].values)
-        if share < COMMON or column not in testable:
-            nothing = (math.nan, math.nan, 1.0, 1.0, math.nan, math.nan)
-            yield Comparison(first, second, direction, column, sizes, basis, *nothing, share)
+        share, basis = float(np.mean(common)), " and ".join(sorted({each.basis for each in both}))
+        sizes = len(both[0].values), len(both[1].values)
+        enough = needed(*sizes, tests=families, level=LEVEL)
+        if share < COMMON or column not in known:
+            nothing = (math.nan, math.nan, 1.0, 1.0, math.nan, math.nan, math.nan)
+            yield Comparison(first, second, direction, column, sizes, enough, basis, *nothing, share)
             continue
         apart = np.where(common, medians[0][0] - medians[1][0], 0.0)
         worst = int(np.argmax(np.abs(apart)))
@@ -237,13 +202,15 @@ def _compared(
             direction,
             column,
             sizes,
+            enough,
             basis,
             float(np.sqrt(np.mean(apart[common] ** 2))),
             distances[column].spread,
-            min(1.0, families * p[column]),
+            min(1.0, families * p.get(column, 1.0)),
             min(1.0, families * least),
             float(abs(apart[worst])),
             float(aligned.grid[worst]),
+            roundings[column],
             share,
         )
 
@@ -253,6 +220,20 @@ def _apart(one: Repeats, other: Repeats) -> Distances:
     values = _distances(np.vstack([one.values, other.values]), np.vstack([one.masks, other.masks]))
     units = tuple((side, int(unit)) for side, each in enumerate((one, other)) for unit in each.units)
     return Distances(values, units)
+
+
+def _rounding(one: Repeats, other: Repeats) -> float:
+    """The largest difference of any two repeats where both have an answer, in what their numbers resolve there."""
+    values, masks = np.vstack([one.values, other.values]), np.vstack([one.masks, other.masks])
+    grains = np.vstack([one.grains, other.grains])
+    largest = 0.0
+    for i, j in combinations(range(len(values)), 2):
+        both = masks[i] & masks[j] & (values[i] != values[j])
+        if both.any():
+            with np.errstate(divide="ignore"):
+                shares = np.abs(values[i, both] - values[j, both]) / (grains[i, both] + grains[j, both])
+            largest = max(largest, float(shares.max()))
+    return largest
 
 
 def _distances(values: Array, masks: BoolArray) -> Array:
@@ -273,23 +254,3 @@ def _median(values: Array, masks: BoolArray) -> tuple[Array, BoolArray]:
     out = np.zeros(seen.size)
     out[seen] = np.nanmedian(np.where(masks, values, np.nan)[:, seen], axis=0)
     return out, seen
-
-
-def _reference(column: str, passes: Sequence[Pass]) -> Array:
-    """The branch of an angle at each place: that of the mean direction over all passes, unwrapped along the way."""
-    size = passes[0].mask.size
-    if COLUMNS[column][0] != "rad":
-        return np.zeros(size)
-    turning = np.zeros(size, dtype=np.complex128)
-    for each in passes:
-        turning += np.where(each.mask, np.exp(1j * each.columns[column]), 0.0)
-    seen = np.abs(turning) > 0.0
-    out = np.zeros(size)
-    out[seen] = np.unwrap(np.angle(turning[seen]))
-    return out
-
-
-def _branch(values: Array, reference: Array, column: str) -> Array:
-    if COLUMNS[column][0] != "rad":
-        return values
-    return np.asarray(values - 2.0 * math.pi * np.round((values - reference) / (2.0 * math.pi)))

@@ -6,12 +6,14 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.special import comb
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.abscissa import Abscissa
 from hapticeval.recordings.alignment import Run, align
-from hapticeval.recordings.permutation import Distances, permuted
+from hapticeval.recordings.permutation import DEALS, Distances, least_p, needed, permuted
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.spread import bands, compare
 
@@ -123,6 +125,122 @@ def test_too_few_repeats_are_said_to_be_so():
     assert found.outcome == "too few repeats to tell"
     assert found.least == pytest.approx(0.1)
     assert found.p == pytest.approx(0.1)
+    assert (found.repeats, found.needed) == ((3, 3), (4, 3))
+
+
+def test_so_many_repeats_as_are_asked_for_can_decide_and_fewer_cannot():
+    rng = np.random.default_rng(17)
+    enough = compared(hands(rng, "a", 4), hands(rng, "b", 3, more=9.0))["a", "b", "magnitude"]
+    assert enough.outcome == "differs"
+    assert enough.p == pytest.approx(1.0 / comb(7, 3))
+
+
+@settings(max_examples=100)
+@given(st.integers(1, 12), st.integers(1, 12), st.integers(1, 499), st.floats(0.01, 0.2))
+def test_the_repeats_that_are_needed_are_the_fewest(first, second, tests, level):
+    found = needed(first, second, tests=tests, level=level)
+    if found is None:
+        assert tests / (DEALS + 1) >= level
+        return
+    assert found[0] >= max(first, 2)
+    assert found[1] >= max(second, 2)
+    assert tests * least_p(*found) < level
+    fewer = [
+        (a, b)
+        for a in range(max(first, 2), sum(found))
+        for b in range(max(second, 2), sum(found) - a)
+        if tests * least_p(a, b) < level
+    ]
+    assert fewer == []
+
+
+@settings(max_examples=30)
+@given(st.integers(2, 5), st.integers(2, 5), st.integers(0, 1000))
+def test_the_least_p_is_that_of_complete_separation_whatever_the_distances(first, second, seed):
+    rng = np.random.default_rng(seed)
+    points = np.concatenate([rng.uniform(0.0, 1.0, first), 1e6 + rng.uniform(0.0, 1.0, second)])
+    units = tuple((int(k >= first), k) for k in range(first + second))
+    p, least = permuted({"x": Distances(np.abs(points[:, None] - points), units)}, seed=0)
+    assert least == least_p(first, second)
+    assert p["x"] >= least
+    if abs(first - second) < 2:  # with 2 and 5 another deal of the names may part them as well
+        assert p["x"] == pytest.approx(least)
+
+
+def test_a_single_repeat_is_told_how_many_it_takes():
+    rng = np.random.default_rng(18)
+    with pytest.raises(InputError, match="'b' has a single repeat, 'a' 4") as caught:
+        compared(hands(rng, "a", 4), hands(rng, "b", 1))
+    assert "takes 3 of it and 4 of 'a' at the least" in caught.value.todo
+
+
+def shifted(each, number, *, by, single=False):
+    """A repeat of another renderer whose force differs by `by` of its size."""
+    recording = each.recording
+    force = recording.force * (1.0 + by)
+    ihip = recording.ihip
+    if single:
+        force, ihip = (np.asarray(values, dtype=np.float32).astype(float) for values in (force, ihip))
+    return Run(f"b {number}", "b", Recording(recording.time, {"hip": recording.hip, "ihip": ihip, "force": force}))
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 1000), st.sampled_from([0.0, 1e-16, 1e-15, 3e-15]))
+def test_what_rounding_makes_is_no_difference(seed, by):
+    """Repeats on rails: the hand does not vary at all, and only rounding tells two renderers apart."""
+    rng = np.random.default_rng(seed)
+    one = hands(rng, "a", 1)[0]
+    first = [shifted(one, k, by=1e-16 * k) for k in range(4)]
+    first = [Run(f"a {k}", "a", each.recording) for k, each in enumerate(first)]
+    first = [Run(each.label, "a", jogged(each.recording, k)) for k, each in enumerate(first)]
+    second = [shifted(each, k, by=by) for k, each in enumerate(first)]
+    found = compared(first, second)
+    assert {each.outcome for each in found.values()} == {"the same to rounding"}
+    assert all(0.0 <= each.rounding <= 1.0 and each.p == 1.0 for each in found.values())
+
+
+def jogged(recording, number):
+    """The same at another time, and in the last bit elsewhere: no copy."""
+    hip = recording.hip.copy()
+    hip[:, 0] = np.nextafter(hip[:, 0], np.inf if number % 2 else -np.inf)
+    hip[number, 1] = np.nextafter(hip[number, 1], np.inf)
+    return Recording(recording.time, {"hip": hip, "ihip": recording.ihip, "force": recording.force})
+
+
+@pytest.mark.parametrize(("by", "single", "outcome"), [
+    (1e-6, False, "differs"), (1e-8, False, "differs"), (1e-10, False, "differs"),
+    (0.0, True, "the same to rounding"), (1e-8, True, "the same to rounding"), (1e-3, True, "differs"),
+])  # fmt: skip
+def test_what_the_numbers_resolve_is_a_difference(by, single, outcome):
+    one = hands(np.random.default_rng(20), "a", 1)[0]
+    first = [Run(f"a {k}", "a", jogged(one.recording, k)) for k in range(4)]
+    second = [shifted(each, k, by=by, single=single) for k, each in enumerate(first)]
+    found = compared(first, second)["a", "b", "magnitude"]
+    assert found.outcome == outcome
+    assert (found.rounding <= 1.0) == (outcome == "the same to rounding")
+    if outcome == "differs":
+        assert found.largest == pytest.approx(by * np.max(np.linalg.norm(one.recording.force, axis=1)), rel=0.01)
+
+
+@settings(max_examples=30)
+@given(st.floats(-math.pi, math.pi), st.floats(-0.5, 0.5), st.integers(0, 100))
+def test_all_curves_of_a_panel_lie_on_one_branch(turned, apart, seed):
+    """Forth and back, wherever the angles are cut: what differs by little is drawn beside each other.
+
+    The push of 3 N at most shifts the hand by 3 mm, so that its angle at 0.1 m says where it is to 0.03 rad.
+    """
+    rng = np.random.default_rng(seed)
+    there = [*hands(rng, "a", 2, turned=turned), *hands(rng, "b", 2, turned=turned + apart)]
+    back = [
+        run(each.renderer, f"{k} back", np.full(ANGLE.size, 2.0), turned=turned - apart, angle=ANGLE[::-1])
+        for k, each in enumerate(there)
+    ]
+    drawn = [b for b in bands(align([*there, *back], Abscissa("angle"), points=101)) if b.column == "direction"]
+    assert {(b.renderer, b.direction) for b in drawn} == {(name, way) for name in "ab" for way in (1, -1)}
+    for one in drawn:
+        for other in drawn:
+            both = (one.count > 0) & (other.count > 0)
+            assert np.max(np.abs(one.median - other.median)[both]) < 2.0 * abs(apart) + 2.0 * 0.03
 
 
 def test_many_pairs_are_not_tested_for_free():

@@ -14,8 +14,9 @@ from hapticeval.cli import main
 from hapticeval.recordings.abscissa import Abscissa
 from hapticeval.recordings.alignment import Run, align
 from hapticeval.recordings.hdf5 import write_recording
+from hapticeval.recordings.permutation import least_p, needed
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.spread import bands, compare
+from hapticeval.recordings.spread import LEVEL, bands, compare
 from hapticeval.reports.spread_figure import table, write_spread
 
 ANGLE = np.linspace(0.2, 2.2, 400)
@@ -82,6 +83,44 @@ def test_the_command_compares_and_writes(tmp_path, capsys):
     assert "differs by" in said
     assert (tmp_path / "out" / "comparison.png").exists()
     assert json.loads((tmp_path / "out" / "comparison.json").read_text())["by"] == "arc"
+
+
+def test_too_few_repeats_are_told_with_how_many_it_takes(tmp_path, capsys):
+    assert main(["compare", *files(tmp_path, *"aabbb"), "-o", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "too few repeats to tell" in said
+    assert "given are 2 of a and 3 of b, and it takes 4 and 3 at the least" in said
+
+
+def test_the_help_says_how_many_repeats_it_takes(capsys):
+    assert main(["compare", "--help"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    (ways, twins), total = (math.comb(8, 4), 2), needed(1, 1, tests=1, level=LEVEL)
+    assert f"4 and 4 repeats are dealt to two renderers in {ways} ways, of which {twins} part them" in said
+    assert least_p(4, 4) == twins / ways
+    assert total == (4, 3)
+    assert "4 of each, or 4 and 3, are the fewest that can tell" in said
+    for tests in (2, 3, 6):  # one pair both ways, three pairs one way, three pairs both ways
+        assert tests * least_p(5, 5) < LEVEL <= tests * least_p(4, 4)
+        assert tests * least_p(5, 4) < LEVEL
+    assert "With a third renderer, or both ways, it takes 5 of each, or 5 and 4" in said
+
+
+def test_rounding_is_told_as_such(tmp_path):
+    one = recording(1)
+    runs = [
+        Run(
+            f"{name}{k}",
+            name,
+            Recording(one.time + k, {**one.channels, "force": one.force * (1.0 + 1e-15 * (k + more))}),
+        )
+        for name, more in (("a", 0), ("b", 4))
+        for k in range(4)
+    ]
+    alike = align(runs, Abscissa("angle"), points=101)
+    text = table(alike, compare(alike))
+    assert "a and b, forward, size of the force: the same to rounding" in text
+    assert "differs" not in text
 
 
 def test_a_single_repeat_is_drawn_and_refused(tmp_path, capsys):
