@@ -13,12 +13,14 @@ import numpy as np
 import pytest
 
 from hapticeval.cli import main
+from hapticeval.commands.record import _steps
+from hapticeval.hardware.live import LiveRun
 from hapticeval.recordings.hdf5 import read_recording
 
 sys.path.insert(0, str(Path(__file__).parent / "hardware"))
 
 DRIVERS = f"""
-import os, signal, sys
+import os, signal, sys, time
 sys.path.insert(0, {str(Path(__file__).parent / "hardware")!r})
 import numpy as np
 from robots import twin_of, wired
@@ -70,6 +72,15 @@ def breaking(scene):
         def step(self, hip, velocity, dt):
             self.steps += 1
             return hip, np.full(2, np.nan if self.steps == 20 else 0.0)
+    return Renderer()
+
+def slow(scene):
+    class Renderer:
+        def reset(self, hip):
+            pass
+        def step(self, hip, velocity, dt):
+            time.sleep(0.003)
+            return hip, np.zeros(2)
     return Renderer()
 """
 
@@ -198,8 +209,38 @@ def test_a_renderer_that_breaks_exits_with_its_own_code(here, capsys):
 
 def test_cycles_that_were_missed_are_told(here, capsys):
     assert record("--device", "mycard:Skipping") == 1
-    assert "1 cycles missed" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "1 cycles missed" in said
+    assert "a cycle comes every 1 ms\n  what to do: " in said
     assert read_recording(here / "run.h5").clock.missed == 1
+
+
+def test_steps_that_were_in_time_are_told_without_advice(here, capsys):
+    assert record("--device", "mycard:Fine") == 0
+    said = capsys.readouterr().out
+    assert "a step took" in said
+    assert "what to do" not in said
+
+
+@pytest.mark.parametrize(
+    ("median", "longest", "words"),
+    [
+        (2e-3, 9e-3, "a step took 2 ms in the median, 9 ms at the longest; a cycle comes every 1 ms"),
+        (2e-3, 9e-3, "what to do: a --rate below 1000, or a faster renderer"),
+        (2e-4, 9e-3, "fewer other programs"),
+        (2e-4, 9e-4, "no step was too long"),
+    ],
+)
+def test_why_cycles_were_missed(median, longest, words):
+    assert words in _steps(LiveRun(100, 7, "", median, longest), 1000.0)
+
+
+def test_a_slow_renderer_is_told_from_its_steps(here, capsys):
+    """It takes at least 3 ms a step, and the twin goes on each millisecond."""
+    assert record("--device", "twin", "-r", "mycard:slow", seconds="0.3") == 1
+    said = capsys.readouterr().out
+    assert "cycles missed" in said
+    assert "what to do: a --rate below 1000, or a faster renderer" in said
 
 
 def test_ctrl_c_finishes_the_recording(here, capsys):

@@ -135,8 +135,26 @@ def record(
         raise failure
     assert live is not None
     early = f"; ended early: {live.ended}" if live.ended else ""
-    say(f"{live.cycles} cycles in {(live.cycles + live.missed) / rate:.4g} s{early}")
+    say(f"{live.cycles} cycles in {(live.cycles + live.missed) / rate:.4g} s{early}\n{_steps(live, rate)}")
     raise typer.Exit(int(bool(summary.lost or live.missed or live.ended)))
+
+
+def _steps(live: LiveRun, rate: float) -> str:
+    """How long a step took, beside the time that there is for it; where that was too long, what to do."""
+    period = 1.0 / rate
+    told = (
+        f"a step took {1e3 * live.median:.3g} ms in the median, {1e3 * live.longest:.3g} ms at the longest; "
+        f"a cycle comes every {1e3 * period:.3g} ms"
+    )
+    if not live.missed:
+        return told
+    if live.median > period:
+        todo = f"a --rate below {rate:g}, or a faster renderer"
+    elif live.longest > period:
+        todo = f"a --rate below {rate:g}, a faster renderer, or fewer other programs, which hold up single steps"
+    else:
+        todo = "no step was too long: see what else runs here, and what holds up the way from the robot"
+    return f"{told}\n  what to do: {todo}"
 
 
 def _finish(journal: Path, output: Path, summary: Summary) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import time
+from array import array
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -41,11 +43,16 @@ def signals(wiring: Wiring) -> dict[str, Signal]:
 @dataclass(frozen=True)
 class LiveRun:
     """How a live run went: `cycles` of the loop, `missed` ones of the hardware that the loop was too late for, and what
-    `ended` it before its time, if anything did."""
+    `ended` it before its time, if anything did.
+
+    `median` and `longest` (s) are how long a step took, from what was read to the row of it; zero where there was none.
+    """
 
     cycles: int
     missed: int
     ended: str = ""
+    median: float = 0.0
+    longest: float = 0.0
 
 
 def warm(wiring: Wiring, renderer: Renderer, scene: Scene) -> None:
@@ -118,7 +125,8 @@ def run(
         gc.unfreeze()
     if ended:
         recorder.event("ended", ended)
-    return LiveRun(loop.tick, loop.missed, ended)
+    took = 1e-9 * np.array(loop.took or [0])
+    return LiveRun(loop.tick, loop.missed, ended, float(np.median(took)), float(np.max(took)))
 
 
 class _Loop:
@@ -130,9 +138,12 @@ class _Loop:
         self.rates = Rates(wiring.device.dimension, cutoff)
         self.tick = self.missed = 0
         self.last = 0
+        self.took = array("q")
+        """Nanoseconds of each step."""
 
     def step(self, stamp: int, sequence: int, raw: Array, write: Callable[[Array], None]) -> None:
         """One cycle: from raw positions to motor commands, and a row."""
+        begun = time.perf_counter_ns()
         scene, dt = self.scene, self.scene.sampling_time
         late = sequence - self.last - 1 if self.tick else 0
         if late:
@@ -150,3 +161,4 @@ class _Loop:
         write(self.wiring.commands(torque))
         self.recorder.append(hip, velocity, ihip, force, joints, torque, raw, at=stamp)
         self.tick += 1
+        self.took.append(time.perf_counter_ns() - begun)

@@ -138,6 +138,20 @@ def test_a_renderer_that_hangs_is_broken_off(tmp_path, monkeypatch):
     assert len(recording) == AT - 1
 
 
+def test_a_run_tells_how_long_its_steps_took(tmp_path):
+    """The renderer sleeps in all steps, and ten times as long in one of them: no step can have been shorter."""
+    nap = 0.002
+
+    class Slow(Pushing):
+        def step(self, hip, velocity, dt):
+            time.sleep(nap)
+            return super().step(hip, velocity, dt)
+
+    done, _ = live(tmp_path, Driver(), Slow(lambda hip: time.sleep(10.0 * nap) or (hip, 0.0 * hip)), cycles=60)
+    assert nap <= done.median <= done.longest
+    assert 11.0 * nap <= done.longest
+
+
 def test_no_signal_is_left_behind(tmp_path):
     before = signal.getsignal(signal.SIGALRM)
     live(tmp_path, Driver())
