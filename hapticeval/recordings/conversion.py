@@ -13,8 +13,10 @@ from hapticeval.recordings.clock import Clock
 from hapticeval.recordings.formats import Table, read_table
 from hapticeval.recordings.formats.registry import first_bytes
 from hapticeval.recordings.hdf5 import DAMAGE, FORMAT, SIGNATURE, read_recording
+from hapticeval.recordings.losses import LOST
 from hapticeval.recordings.mapping import FileMapping, Source, TimeBase, read_mapping
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import Event, Recording
+from hapticeval.recordings.remains import remains
 from hapticeval.types import Array, BoolArray, IntArray
 
 
@@ -57,12 +59,18 @@ def convert(table: Table, mapping: FileMapping, *, file: str = "") -> Recording:
     """The recording that a mapping makes of a table.
 
     Rows without a number in a mapped column, and those of `[gaps]`, are kept and marked as not valid; `meta["import"]`
-    counts them. Raises `UnknownNameError` for a column that is not there, with the closest, and `InputError` for
+    counts them. Of a table that is cut short it is made of what `remains`, and events of kind `lost` say what does not.
+    Raises `UnknownNameError` for a column that is not there, with the closest, and `InputError` for
     columns of different length, for a time that does not increase, and for a channel on another clock.
     """
+    left = remains(table, mapping)
+    table, mapping = left.table, left.mapping
     first = next(iter(mapping.channels.values())).columns[0]
     stamps, valid = _stamps(table, mapping.time, table.rows(first))
     counts = {"time out of order": int(np.sum(~valid))}
+    if left.short is not None:
+        counts["cut off"] = int(np.sum(left.short & valid))
+        valid &= ~left.short
     channels, signals = {}, {}
     for name, source in mapping.channels.items():
         values = _values(table, mapping, name, source, stamps)
@@ -96,7 +104,9 @@ def convert(table: Table, mapping: FileMapping, *, file: str = "") -> Recording:
     if mapping.device is not None:
         known = {key: value for key, value in mapping.device.items() if key != "kind"}
         meta |= {"device": mapping.device["kind"], "device_parameters": known}
-    return Recording.clocked(Clock(stamps, start=start), channels, meta, valid=valid, signals=signals)
+    clock = Clock(stamps, start=start)
+    events = [Event(float(clock.seconds[-1]), LOST, str(loss)) for loss in left.losses]
+    return Recording.clocked(clock, channels, meta, valid=valid, signals=signals, events=events)
 
 
 def _stamps(table: Table, time: TimeBase, rows: int) -> tuple[IntArray, BoolArray]:

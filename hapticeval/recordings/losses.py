@@ -11,7 +11,7 @@ from hapticeval.recordings.recording import Recording
 class Loss:
     """A part that cannot be read: `what` and `where` in words, and how many `rows` and `seconds` are missing.
 
-    Rows and seconds are None where nobody can know: what followed the end of a file that was never closed.
+    They are None where nobody can know: what followed the end of a file that was never closed.
     """
 
     what: str
@@ -20,9 +20,10 @@ class Loss:
     seconds: float | None
 
     def __str__(self) -> str:
-        if self.rows is None or self.seconds is None:
+        if self.rows is None:
             return f"{self.what}, {self.where}"
-        return f"{self.what}, {self.where}: {self.rows} rows ({self.seconds:.3g} s)"
+        span = "" if self.seconds is None else f" ({self.seconds:.3g} s)"
+        return f"{self.what}, {self.where}: {self.rows} rows{span}"
 
 
 LOST = "lost"

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import json
-import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,14 +14,12 @@ import numpy as np
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.channels import CHANNELS, Signal
 from hapticeval.recordings.clock import Clock
+from hapticeval.recordings.cut import ending, open_padded
 from hapticeval.recordings.hdf5 import DAMAGE, check_format, check_signature, read_events, read_signal
 from hapticeval.recordings.losses import LOST, Loss, Salvaged
 from hapticeval.recordings.recording import Event, Recording
 from hapticeval.recordings.rows import runs_of
 from hapticeval.types import BoolArray
-
-SUPERBLOCK = struct.Struct("<8sBBBBQQQQI")
-"""Versions 2 and 3: signature, version, sizes, flags, base, extension, end of file, root, checksum."""
 
 
 def salvage(path: Path) -> Salvaged:
@@ -49,7 +45,7 @@ def described(path: Path) -> str:
         with _opened(path) as (file, cut):
             told = [cut, *(f"{loss.what}, {loss.where}" for loss in _losses(_scan(file), 0.0))]
     except (HapticevalError, *DAMAGE):
-        return _ending(path)
+        return ending(path)
     told = [each for each in told if each]
     return "; ".join(told[:5] + ["and more"] * (len(told) > 5))
 
@@ -191,49 +187,7 @@ def _opened(path: Path) -> Iterator[tuple[Any, str]]:
     """The file, where its end is missing as far as it goes, and in words how far that is (empty for all of it)."""
     import h5py
 
-    cut = _ending(path)
-    with path.open("rb") as raw, h5py.File(_Padded(raw, path) if cut else path, "r") as file:
+    cut = ending(path)
+    with path.open("rb") as raw, open_padded(raw, path) if cut else h5py.File(path, "r") as file:
         check_format(path, file)
         yield file, cut
-
-
-def _ending(path: Path) -> str:
-    size, told = path.stat().st_size, _told_size(path)
-    return f"the file ends at byte {size} of {told}" if size < told else ""
-
-
-def _told_size(path: Path) -> int:
-    with path.open("rb") as opened:
-        head = opened.read(SUPERBLOCK.size)
-    if len(head) < SUPERBLOCK.size or head[8] not in (2, 3):
-        return 0
-    return int(SUPERBLOCK.unpack(head)[7])
-
-
-class _Padded(io.RawIOBase):
-    """A file that is cut short, read as if it went on with bytes that no checksum takes for data."""
-
-    def __init__(self, raw: Any, path: Path) -> None:
-        self.raw, self.size, self.at = raw, _told_size(path), 0
-
-    def readable(self) -> bool:
-        return True
-
-    def seekable(self) -> bool:
-        return True
-
-    def tell(self) -> int:
-        return self.at
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        self.at = offset + (0, self.at, self.size)[whence]
-        return self.at
-
-    def readinto(self, buffer: Any) -> int:
-        view = memoryview(buffer).cast("B")
-        self.raw.seek(self.at)
-        got = self.raw.read(len(view))
-        view[: len(got)] = got
-        view[len(got) :] = b"\xff" * (len(view) - len(got))
-        self.at += len(view)
-        return len(view)

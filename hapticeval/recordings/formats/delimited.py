@@ -14,7 +14,7 @@ from hapticeval.errors import InputError
 from hapticeval.recordings.formats.magic import TEXT_BOMS, is_text
 from hapticeval.recordings.formats.registry import importer
 from hapticeval.recordings.formats.table import Table
-from hapticeval.recordings.formats.text import cut_row, decoded, is_whole, step_of
+from hapticeval.recordings.formats.text import CLOCKS, cut_row, decoded, is_whole, step_of
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
 COMMENTS = ("#", "%")
@@ -23,7 +23,6 @@ LOOK = 1 << 16
 MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 UNIT = re.compile(r"(.*?)\s*[\[(]([^\])]*)[\])]\s*")
-CLOCKS = ("t", "time", "zeit", "timestamp", "stamp", "seconds")
 
 
 def _recognises(head: bytes) -> bool:

@@ -2,36 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hapticeval.errors import InputError
+from hapticeval.recordings.cut import SIGNATURE
+from hapticeval.recordings.formats.partial import opened
 from hapticeval.recordings.formats.registry import importer
-from hapticeval.recordings.formats.table import Table, spread
+from hapticeval.recordings.formats.shortfall import shortfall
+from hapticeval.recordings.formats.table import Table, whole_rows
 
-SIGNATURE = b"\x89HDF\r\n\x1a\n"
 UNIT_NAMES = ("unit", "units", "Unit", "Units")
-
-
-@contextmanager
-def opened(path: Path) -> Iterator[Any]:
-    """An HDF5 file; whatever h5py says of a damaged one becomes an `InputError`."""
-    import h5py
-
-    try:
-        with h5py.File(path, "r") as file:
-            yield file
-    # h5py speaks of one and the same damage in all of these, by where it strikes
-    except (OSError, KeyError, RuntimeError, ValueError) as error:
-        raise InputError(
-            f"{path} is cut short or damaged",
-            why=f"{error}; an HDF5 file that is cut gives none of its rows safely",
-            todo="copy it again from where it was recorded",
-        ) from error
 
 
 def _recognises(head: bytes) -> bool:
@@ -40,35 +22,61 @@ def _recognises(head: bytes) -> bool:
 
 @importer("hdf5", about="an HDF5 file", suffixes=(".h5", ".hdf5", ".hdf"), recognises=_recognises)
 def read_hdf5(path: Path) -> Table:
-    """Columns `group/dataset`, with the unit that the attribute `unit` or `units` states; attributes as `path@name`."""
+    """Columns `group/dataset`, with the unit that the attribute `unit` or `units` states; attributes as `path@name`.
+
+    A file that is cut short gives the rows of which all bytes, and all that says where they lie, come before its end.
+    """
     columns: dict[str, Any] = {}
+    promised: dict[str, int] = {}
     units: dict[str, str] = {}
     attributes: dict[str, Any] = {}
     remarks: list[str] = []
 
     def visit(name: str, node: Any) -> None:
-        for key, value in node.attrs.items():
-            attributes[f"{name}@{key}".lstrip("/")] = _plain(value)
-        if not hasattr(node, "dtype"):
+        said = {key: _plain(value) for key, value in file.attributes(node)}
+        attributes.update({f"{name}@{key}".lstrip("/"): value for key, value in said.items()})
+        if getattr(node, "shape", None) is None:
             return
         parts = node.dtype.names
-        found = {f"{name}.{part}": node[part] for part in parts} if parts else {name: node}
-        for path_, values in found.items():
-            array = np.asarray(values)
-            if array.dtype.kind not in "fiub":
-                remarks.append(f"'{path_}' is of type {array.dtype}, which is left out")
-            elif array.size == 1:
-                attributes[path_] = array.ravel()[0].item()
-            elif array.size:
-                made = spread(path_, array.T if array.ndim == 2 and array.shape[0] == 1 else array)
-                columns.update(made)
-                unit = next((_plain(node.attrs[key]) for key in UNIT_NAMES if key in node.attrs), None)
-                units.update({column: str(unit) for column in made if unit})
+        kinds = {f"{name}.{part}": node.dtype[part].base for part in parts} if parts else {name: node.dtype}
+        found = [path_ for path_, kind in kinds.items() if kind.kind in "fiub"]
+        remarks.extend(
+            f"'{path_}' is of type {kind}, which is left out" for path_, kind in kinds.items() if path_ not in found
+        )
+        if not found or not node.size:
+            return
+        read, whole = file.read(node)
+        for path_ in found:
+            values = read[path_.removeprefix(f"{name}.")] if parts else np.asarray(read)
+            if values.size == 1 and whole is None:
+                attributes[path_] = values.ravel()[0].item()
+            elif values.size == 1:
+                file.lost.append(f"'{path_}'")
+            else:
+                lies = values.ndim == 2 and values.shape[0] == 1
+                kept, short = whole_rows(
+                    path_, values.T if lies else values, whole.T if lies and whole is not None else whole
+                )
+                columns.update(kept)
+                promised.update(short)
+                unit = next((said[key] for key in UNIT_NAMES if key in said), None)
+                units.update({column: str(unit) for column in kept if unit})
 
     with opened(path) as file:
-        visit("", file)
-        file.visititems(visit)
-    return Table(columns, units=units, attributes=attributes, remarks=tuple(remarks))
+        visit("", file.file)
+        file.visit(visit)
+    warnings = []
+    if file.cut:
+        warnings = [": ".join(filter(None, (file.cut, shortfall(columns, promised, units)))) + file.told()]
+    return Table(
+        columns,
+        units=units,
+        attributes=attributes,
+        warnings=tuple(warnings),
+        remarks=tuple(remarks),
+        promised=promised,
+        open_ended=bool(file.lost),
+    )
 
 
 def _plain(value: Any) -> Any:

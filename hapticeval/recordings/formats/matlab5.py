@@ -28,6 +28,9 @@ OPAQUE = 17
 NUMBERS = (6, 15)
 """From the class of doubles to that of 64-bit integers."""
 
+COMPLEX = 0x800
+"""Among the flags beside the class."""
+
 SUBSYSTEM = slice(116, 124)
 """Where the header says at which byte the data of objects lie, which are no variable."""
 
@@ -45,14 +48,18 @@ def read_matlab5(path: Path) -> Table:
     order = "<" if data[126:128] == b"IM" else ">"
     (subsystem,) = struct.unpack(order + "Q", data[SUBSYSTEM])
     tree = Tree()
+    open_ended = False
     for offset, element, whole in _elements(data, order):
         if offset == subsystem and subsystem:
             continue
         kind, name, described = _described(element, order)
         if not whole:
+            open_ended = True
+            lost, shape = _lost(element, order)
+            missing = tree.lose(name, shape) if name and shape else ""
             tree.warn(
                 f"the file ends at byte {len(data)}, within the variable '{name or '?'}', which is left out with all "
-                f"that followed: {_lost(element, order)}"
+                f"that followed: {lost}{missing and f'; {missing}'}"
             )
         elif kind == OPAQUE:
             tree.left_out(name, described)
@@ -68,7 +75,7 @@ def read_matlab5(path: Path) -> Table:
             for variable, value in found.items():
                 if not str(variable).startswith("__"):
                     walk(tree, str(variable), value)
-    return tree.table()
+    return tree.table(open_ended=open_ended)
 
 
 def walk(tree: Tree, name: str, value: Any) -> None:
@@ -122,19 +129,21 @@ def _described(element: bytes, order: str) -> tuple[int, str, str]:
     return kind, words[0], words[-1]
 
 
-def _lost(element: bytes, order: str) -> str:
-    """What of a variable that is cut off is missing: its rows, where it is an array that says them."""
+def _lost(element: bytes, order: str) -> tuple[str, tuple[int, ...]]:
+    """What of a variable that is cut off is missing, and the shape that it says it has, where it is an array."""
     try:
         (size,) = struct.unpack(order + "I", element[4:8])
         share = f"{len(element) - 8} of its {size} bytes are there"
         if struct.unpack(order + "I", element[:4])[0] == COMPRESSED:
             element = zlib.decompressobj().decompress(element[8:], 4096)
-        kind, count = element[16], struct.unpack(order + "I", element[28:32])[0] // 4
-        dimensions = struct.unpack(order + f"{count}i", element[32 : 32 + 4 * count])
-    except (struct.error, zlib.error, IndexError):
-        return "how many rows of how many variables, the rest of the file would have said"
-    shape = " x ".join(str(each) for each in dimensions)
-    return f"{shape} numbers, of which {share}" if NUMBERS[0] <= kind <= NUMBERS[1] else share
+        (flags,) = struct.unpack(order + "I", element[16:20])
+        count = struct.unpack(order + "I", element[28:32])[0] // 4
+        shape = struct.unpack(order + f"{count}i", element[32 : 32 + 4 * count])
+    except (struct.error, zlib.error):
+        return "how many rows of how many variables, the rest of the file would have said", ()
+    if not NUMBERS[0] <= flags & 0xFF <= NUMBERS[1] or flags & COMPLEX or min(shape, default=0) < 0:
+        return share, ()
+    return f"{' x '.join(str(each) for each in shape)} numbers, of which {share}", shape
 
 
 def _word(data: bytes, place: int, order: str) -> tuple[str, int]:

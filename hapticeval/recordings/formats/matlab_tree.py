@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hapticeval.recordings.formats.table import Table, spread
+from hapticeval.recordings.formats.shortfall import shortfall
+from hapticeval.recordings.formats.table import Table, lost_columns, whole_rows
+from hapticeval.types import BoolArray
 
 FEW = 9
 """An array of as many numbers at the most is a parameter (a 3 x 3 matrix), no signal."""
@@ -19,6 +22,7 @@ class Tree:
     def __init__(self) -> None:
         self._columns: dict[str, NDArray[Any]] = {}
         self._attributes: dict[str, Any] = {}
+        self._promised: dict[str, int] = {}
         self._warnings: list[str] = []
         self._objects: list[str] = []
 
@@ -30,30 +34,49 @@ class Tree:
         """Note a variable that is an object of MATLAB's own, which nothing else reads."""
         self._objects.append(f"{name} ({kind})")
 
-    def add(self, name: str, value: NDArray[Any]) -> None:
+    def add(self, name: str, value: NDArray[Any], whole: BoolArray | None = None) -> None:
         """An array: text, a single number, or columns; a row of numbers is a column that lies down.
 
-        Signals that are matrices have their samples along the last axis, as Simulink logs them.
+        Signals that are matrices have their samples along the last axis, as Simulink logs them. Of an array that is
+        not all there `whole`, of its shape, says what is: its columns are kept up to their first lost row, and
+        anything else is left out.
         """
-        if value.dtype.kind in "US":
-            self._attributes[name] = "\n".join(str(row) for row in value.ravel())
-        elif value.dtype.kind == "c":
+        if value.dtype.kind == "c":
             self.warn(f"'{name}' holds complex numbers, which are left out")
+        elif _is_signal(value.shape, value.dtype):
+            columns, promised = whole_rows(name, _upright(value), None if whole is None else _upright(whole))
+            self._columns |= columns
+            self._promised |= promised
+        elif whole is not None:
+            self.warn(f"'{name}' is left out: not all of it is there")
+        elif value.dtype.kind in "US":
+            self._attributes[name] = "\n".join(str(row) for row in value.ravel())
         elif value.dtype.kind not in "fiub" or value.size == 0:
             return
         elif value.size == 1:
             self._attributes[name] = value.ravel()[0].item()
-        elif value.size <= FEW:
-            self._attributes[name] = value.tolist()
         else:
-            if value.ndim == 2 and value.shape[0] == 1:
-                value = value.T
-            elif value.ndim == 3:
-                value = np.moveaxis(value, -1, 0)
-            self._columns |= spread(name, value)
+            self._attributes[name] = value.tolist()
 
-    def table(self) -> Table:
-        """The columns, with a scope's label as the note of each of its signals."""
+    def lose(self, name: str, shape: tuple[int, ...]) -> str:
+        """Note an array of numbers of which nothing is there; in words, how many rows that is."""
+        empty = np.broadcast_to(np.zeros(()), shape)
+        if not _is_signal(shape, empty.dtype):
+            return ""
+        promised = lost_columns(name, _upright(empty).shape, empty.dtype)
+        self._promised |= promised
+        return shortfall(self._columns, promised, {})
+
+    def table(self, *, cut: str = "", lost: str = "", open_ended: bool = False) -> Table:
+        """The columns, with a scope's label as the note of each of its signals.
+
+        Of a file that is `cut` short, in words, the first warning tells that, which rows are missing, and what is
+        `lost` besides. `open_ended` is as a `Table` has it.
+        """
+        if cut:
+            self._warnings.insert(
+                0, ": ".join(filter(None, (cut, shortfall(self._columns, self._promised, {})))) + lost
+            )
         notes = {}
         for column in self._columns:
             stem = column.rpartition(".")[0]
@@ -75,6 +98,8 @@ class Tree:
             attributes=self._attributes,
             warnings=tuple(self._warnings),
             remarks=tuple(remarks),
+            promised=self._promised,
+            open_ended=open_ended,
         )
 
     def _unit(self, column: str) -> str | None:
@@ -82,3 +107,14 @@ class Tree:
         if "hapticeval" not in self._attributes or not column.startswith("recording."):
             return None
         return self._attributes.get("units." + column.removeprefix("recording.").partition("[")[0])
+
+
+def _is_signal(shape: tuple[int, ...], dtype: Any) -> bool:
+    return dtype.kind in "fiub" and math.prod(shape) > FEW
+
+
+def _upright(value: NDArray[Any]) -> NDArray[Any]:
+    """An array with its rows along the first axis."""
+    if value.ndim == 2 and value.shape[0] == 1:
+        return value.T
+    return np.moveaxis(value, -1, 0) if value.ndim == 3 else value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import zipfile
 import zlib
 from pathlib import Path
@@ -11,7 +12,11 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.formats.registry import importer
-from hapticeval.recordings.formats.table import Table, spread
+from hapticeval.recordings.formats.shortfall import shortfall
+from hapticeval.recordings.formats.table import Table, lost_columns, spread
+from hapticeval.recordings.formats.zip_entries import End, Entry, entries
+
+DAMAGE = (ValueError, zipfile.BadZipFile, zlib.error, EOFError)
 
 
 def _recognises(head: bytes) -> bool:
@@ -20,37 +25,116 @@ def _recognises(head: bytes) -> bool:
 
 @importer("npz", about="NumPy arrays (.npz)", suffixes=(".npz",), recognises=_recognises)
 def read_npz(path: Path) -> Table:
-    """Columns by the arrays' names; single numbers and texts as attributes."""
-    columns: dict[str, Any] = {}
-    attributes: dict[str, Any] = {}
-    warnings: list[str] = []
-    remarks: list[str] = []
+    """Columns by the arrays' names; single numbers and texts as attributes.
+
+    The index of an .npz stands at its end. One that is cut short gives the arrays that are whole by their checksums.
+    """
+    found = _Found()
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            if min((entry.header_offset for entry in file.zip.infolist()), default=0):
+                raise zipfile.BadZipFile("its index is that of another archive inside of it")
             for name in file.files:
                 try:
-                    array = file[name]
-                except (ValueError, zipfile.BadZipFile, zlib.error, EOFError) as error:
-                    warnings.append(f"the array '{name}' is left out: {error}")
-                    continue
-                for part, values in _parts(name, array).items():
-                    if values.dtype.kind in "US" and values.size == 1:
-                        attributes[part] = str(values.ravel()[0])
-                    elif values.dtype.kind not in "fiub":
-                        remarks.append(f"the array '{part}' is of type {values.dtype}, which is left out")
-                    elif values.size == 1:
-                        attributes[part] = values.ravel()[0].item()
-                    elif values.size:
-                        columns |= spread(part, values)
-    except (zipfile.BadZipFile, ValueError, EOFError) as error:
-        raise InputError(
-            f"{path} is cut short or damaged",
-            why=f"{error}; the index of an .npz stands at its end, and without it nothing is read safely",
-            todo="copy it again from where it was recorded",
-        ) from error
-    return Table(
-        columns, units=_units(attributes), attributes=attributes, warnings=tuple(warnings), remarks=tuple(remarks)
-    )
+                    found.add(name, file[name])
+                except DAMAGE as error:
+                    found.warnings.append(f"the array '{name}' is left out: {error}")
+                    found.open_ended = True
+    except DAMAGE:
+        found = _Found()
+        _salvage(path.read_bytes(), found)
+        if not found.columns:
+            raise InputError(
+                f"{path} is cut short or damaged",
+                why="; ".join(found.warnings),
+                todo="copy it again from where it was recorded",
+            ) from None
+    return found.table()
+
+
+class _Found:
+    """What was found in a file, array by array."""
+
+    def __init__(self) -> None:
+        self.columns: dict[str, Any] = {}
+        self.attributes: dict[str, Any] = {}
+        self.promised: dict[str, int] = {}
+        self.warnings: list[str] = []
+        self.remarks: list[str] = []
+        self.open_ended = False
+
+    def add(self, name: str, array: Any) -> None:
+        if not isinstance(array, np.ndarray):
+            self.remarks.append(f"'{name}' is no array, and is left out")
+            return
+        for part, values in _parts(name, array).items():
+            if values.dtype.kind in "US" and values.size == 1:
+                self.attributes[part] = str(values.ravel()[0])
+            elif values.dtype.kind not in "fiub":
+                self.remarks.append(f"the array '{part}' is of type {values.dtype}, which is left out")
+            elif values.size == 1:
+                self.attributes[part] = values.ravel()[0].item()
+            elif values.size:
+                self.columns |= spread(part, values)
+
+    def lose(self, name: str, entry: Entry) -> None:
+        """Note an array that is lost, and how many rows that is, where it still says its shape."""
+        self.warnings.append(f"the array '{name or '?'}' is left out: {entry.why}")
+        header = _header(entry.begun)
+        if header is None:
+            self.open_ended = True
+            return
+        for part, values in _parts(name, np.broadcast_to(np.zeros((), header[1]), header[0])).items():
+            if values.dtype.kind in "fiub" and values.size > 1:
+                self.promised |= lost_columns(part, values.shape, values.dtype)
+
+    def table(self) -> Table:
+        return Table(
+            self.columns,
+            units=_units(self.attributes),
+            attributes=self.attributes,
+            warnings=tuple(self.warnings),
+            remarks=tuple(self.remarks),
+            promised=self.promised,
+            open_ended=self.open_ended,
+        )
+
+
+def _salvage(data: bytes, found: _Found) -> None:
+    """The arrays that are whole of an archive whose index is lost, and in warnings what is not."""
+    told = ""
+    for entry in entries(data):
+        if isinstance(entry, End):
+            found.open_ended |= not entry.complete
+            if entry.complete:
+                told = f"the file ends at byte {len(data)}, within its index: what it lacks is named here"
+            else:
+                told = (
+                    f"the file ends at byte {len(data)}, without its index: what followed byte {entry.at} is not known"
+                )
+            continue
+        name = entry.name.removesuffix(".npy")
+        try:
+            if entry.data is None:
+                found.lose(name, entry)
+            else:
+                found.add(name, np.load(io.BytesIO(entry.data), allow_pickle=False))
+        except DAMAGE as error:
+            found.warnings.append(f"the array '{name}' is left out: {error}")
+    missing = shortfall(found.columns, found.promised, _units(found.attributes))
+    found.warnings.insert(0, "; ".join(filter(None, (told, missing))))
+
+
+def _header(begun: bytes) -> tuple[tuple[int, ...], Any] | None:
+    """Shape and type of an array of which there is the start; None where there is not so much of it."""
+    stream = io.BytesIO(begun)
+    try:
+        version = np.lib.format.read_magic(stream)
+        read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}[version]
+        shape, _, dtype = read(stream)
+    except (ValueError, KeyError):
+        return None
+    return shape, dtype
 
 
 def _parts(name: str, array: Any) -> dict[str, Any]:

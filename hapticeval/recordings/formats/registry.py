@@ -99,6 +99,12 @@ def read_table(path: Path | str, *, format: str | None = None) -> Table:
         raise
     except OSError as error:
         raise InputError(f"cannot read {path}", why=error.strerror or str(error), todo="check the path") from error
+    if not table.columns and (table.promised or table.open_ended):
+        raise InputError(
+            f"{path} is cut short or damaged: no row of it is whole",
+            why="; ".join(table.warnings),
+            todo="copy it again from where it was recorded",
+        )
     if not table.columns:
         raise InputError(
             f"{path} holds no column of numbers",

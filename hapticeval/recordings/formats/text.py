@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from hapticeval.errors import InputError
 
+CLOCKS = ("t", "time", "zeit", "timestamp", "stamp", "seconds")
+"""How a column that is a clock is called, in small letters and without its unit."""
+
 
 def decoded(data: bytes) -> str:
     """Text of UTF-8 (with or without mark), UTF-16 with mark, or else Latin-1, which reads anything."""
