@@ -37,8 +37,8 @@ def outcomes(suite: str, name: str, renderer: str) -> dict[str, Outcome]:
     return {verdict.check: verdict.outcome for verdict in judged(suite, name, renderer).verdicts}
 
 
-def test_the_group_is_the_four_suites():
-    assert GROUP == ("dynamics-cassinian", "dynamics-circle", "dynamics-line", "dynamics-sphere")
+def test_the_group_is_the_five_suites():
+    assert GROUP == ("dynamics-cassinian", "dynamics-circle", "dynamics-line", "dynamics-sphere", "dynamics-surfaces")
 
 
 @pytest.mark.parametrize("suite", GROUP)
@@ -79,6 +79,42 @@ def test_every_verdict_is_as_published_and_every_closed_form_is_met(suite, name,
     assert [verdict for verdict in found.verdicts if not verdict.as_expected] == []
     forms = [verdict for verdict in found.verdicts if verdict.check == "closed-form"]
     assert [verdict.outcome for verdict in forms] == [Outcome.PASS]
+
+
+@pytest.mark.parametrize("renderer", [*SCHEMES, "set-stabilisation"])
+@pytest.mark.parametrize("name", [case.name for case in load_suite("dynamics-surfaces").cases])
+def test_every_verdict_on_an_ellipsoid_and_a_torus_is_as_on_the_sphere(name, renderer):
+    found = judged("surfaces", name, renderer)
+    assert [verdict for verdict in found.verdicts if not verdict.as_expected] == []
+    on_the_sphere = judged("sphere", "sphere-off-robot" if "-off-" in name else "sphere-robot", renderer)
+    outcomes = {verdict.check: verdict.outcome for verdict in on_the_sphere.verdicts if verdict.check != "closed-form"}
+    assert {verdict.check: verdict.outcome for verdict in found.verdicts} == outcomes
+
+
+@pytest.mark.parametrize("start", ["", "-off"])
+@pytest.mark.parametrize("model", ["ellipsoid", "torus"])
+def test_the_tool_runs_on_a_geodesic_where_its_curvature_changes(model, start):
+    """It keeps Clairaut's constant on a torus and Joachimsthal's, of second degree in the speed, on an ellipsoid.
+
+    But for what a force that is held, and so T/2 late, adds at most: v' = kappa^2 v^3 T/2.
+    """
+    name, dt = f"{model}{start}-robot", 1e-3
+    recording = judged("surfaces", name, "set-stabilisation").recording
+    surface = named("surfaces", name).build_scene().model.surface
+    foot, normal, n, shape = surface.frame(recording.hip)
+    across = np.sum(normal * recording.velocity, axis=1)
+    along = recording.velocity - across[:, None] * normal
+    rate = np.linalg.solve(np.eye(3) + n[:, None, None] * shape, along[..., None])[..., 0]
+    if model == "torus":
+        kept, degree = np.cross(foot, rate)[:, 2], 1
+    else:
+        squares = np.array(surface.reals) ** 2
+        kept, degree = np.sum((foot / squares) ** 2, axis=1) * np.sum(rate**2 / squares, axis=1), 2
+    squared = np.sum(rate**2, axis=1)
+    steepest = np.max(np.linalg.eigvalsh(shape) ** 2, axis=1)
+    assert np.abs(kept / kept[0] - 1.0).max() <= degree * 0.5 * dt * np.sum(steepest * squared) * dt < 0.1
+    bend = np.einsum("ti,tij,tj->t", rate, shape, rate) / squared
+    assert bend.max() > 2.0 * bend.min()
 
 
 @pytest.mark.parametrize("device", ["", "-robot"])
