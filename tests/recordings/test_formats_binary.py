@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import builtins
+import contextlib
+import sqlite3
 import struct
 
 import h5py
@@ -227,6 +229,84 @@ def test_a_ros_bag_has_columns_and_clocks_a_topic(tmp_path):
     assert table["/wrench.header.stamp"].tolist() == [start + k * 1_000_000 for k in range(5)]
     assert table["/wrench.received"].tolist() == [start + k * 1_000_000 + 300 for k in range(5)]
     assert table.units["/wrench.received"] == "ns"
+
+
+def write_bag1(path, rows=5):
+    pytest.importorskip("rosbags", reason="needs the extra hapticeval[ros]")
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    kinds = store.types
+    Time, Header = kinds["builtin_interfaces/msg/Time"], kinds["std_msgs/msg/Header"]
+    Vector, Stamped = kinds["geometry_msgs/msg/Vector3"], kinds["geometry_msgs/msg/Vector3Stamped"]
+    with Writer(path) as writer:
+        force = writer.add_connection("/force", Stamped.__msgtype__, typestore=store)
+        for k in range(rows):
+            when = 1_700_000_000_999_000_000 + k * 1_000_000
+            header = Header(seq=k, stamp=Time(sec=when // 10**9, nanosec=when % 10**9), frame_id="base")
+            message = Stamped(header=header, vector=Vector(x=0.5 * k, y=0.0, z=-1.0))
+            writer.write(force, when + 300, store.serialize_ros1(message, Stamped.__msgtype__))
+
+
+def test_a_ros_1_bag_has_the_same_columns(tmp_path):
+    write_bag1(tmp_path / "run.bag")
+    table = read_table(tmp_path / "run.bag")
+    assert table.format == "rosbag"
+    assert table["/force.vector.x"].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0]
+    assert table["/force.header.seq"].tolist() == list(range(5))
+    start = 1_700_000_000_999_000_000
+    assert table["/force.header.stamp"].tolist() == [start + k * 1_000_000 for k in range(5)]
+    assert table["/force.received"].tolist() == [start + k * 1_000_000 + 300 for k in range(5)]
+    assert table.units["/force.header.stamp"] == "ns"
+    assert (table.warnings, dict(table.promised)) == ((), {})
+
+
+@settings(max_examples=15)
+@given(cut=st.floats(0.0, 1.0, exclude_max=True))
+def test_a_ros_1_bag_that_is_cut_says_that_its_index_is_lost(tmp_path_factory, cut):
+    path = tmp_path_factory.mktemp("bag") / "run.bag"
+    write_bag1(path, rows=100)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(cut * len(data))])
+    with pytest.raises(InputError) as caught:
+        read_table(path)
+    assert len(path.read_bytes()) < 13 or "rosbag reindex run.bag" in caught.value.todo
+
+
+def test_a_bag_that_lacks_messages_says_how_many(tmp_path):
+    write_bag(tmp_path / "bag")
+    (file,) = (tmp_path / "bag").glob("*.db3")
+    with contextlib.closing(sqlite3.connect(file)) as base:
+        last = (
+            "(SELECT timestamp FROM messages ORDER BY timestamp DESC LIMIT 1 OFFSET 2)"  # the fifth wrench and joints
+        )
+        base.execute(f"DELETE FROM messages WHERE timestamp > {last}")
+        base.commit()
+    table = read_table(tmp_path / "bag")
+    assert not table.promised  # nothing says that it was the last one
+    assert table["/wrench.wrench.force.x"].tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert "of the 5 rows of '/wrench.received'" in table.warnings[0]
+    assert "4 are there: 1 row (1e+06 ns) missing" in table.warnings[0]
+
+
+def test_a_bag_that_breaks_off_says_how_many_messages_follow(tmp_path, monkeypatch):
+    write_bag(tmp_path / "bag")
+    from rosbags.highlevel import AnyReader
+
+    whole = AnyReader.messages
+
+    def breaking(reader):
+        for number, message in enumerate(whole(reader)):
+            if number == 5:  # two of /joints and three of /wrench have come
+                raise RuntimeError("database disk image is malformed")
+            yield message
+
+    monkeypatch.setattr(AnyReader, "messages", breaking)
+    table = read_table(tmp_path / "bag")
+    assert (table.rows("/wrench.received"), table.promised["/wrench.received"]) == (3, 5)
+    assert (table.rows("/joints.received"), table.promised["/joints.received"]) == (2, 3)
+    assert "the bag breaks off after 5 messages" in table.warnings[1]
 
 
 def test_a_bag_without_the_extra_says_what_to_install(tmp_path, monkeypatch):

@@ -13,6 +13,7 @@ import numpy as np
 
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.formats.registry import FOLDER, importer
+from hapticeval.recordings.formats.shortfall import shortfall
 from hapticeval.recordings.formats.table import Table
 
 LONGEST = 64
@@ -39,8 +40,12 @@ def read_rosbag(path: Path) -> Table:
     units: dict[str, str] = {}
     warnings: list[str] = []
     rows: dict[str, int] = {}
+    counted: dict[str, int] = {}
+    broken = False  # otherwise messages are missing anywhere, not at the end
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            for connection in reader.connections:
+                counted[connection.topic] = counted.get(connection.topic, 0) + connection.msgcount
             for connection, received, raw in reader.messages():
                 topic = connection.topic
                 found: dict[str, int | float] = {f"{topic}.received": int(received)}
@@ -55,15 +60,25 @@ def read_rosbag(path: Path) -> Table:
     except Exception as error:  # rosbags raises its own kinds for every store
         if not rows:
             raise InputError(
-                f"{path} cannot be read as a ROS bag", why=str(error), todo="see `ros2 bag info`"
+                f"{path} cannot be read as a ROS bag",
+                why=f"{error}; a bag is found by its index, which one that was cut short has not got",
+                todo=f"on a copy try `rosbag reindex {path.name}`" if path.is_file() else "see `ros2 bag info`",
             ) from error
+        broken = True
         warnings.append(f"the bag breaks off after {sum(rows.values())} messages: {error}")
     for name in [name for name in columns if len(columns[name]) != rows[_topic(name, rows)]]:
         warnings.append(f"'{name}' is not in every message of its topic, and is left out")
         del columns[name]
     units = {name: "ns" for name in columns if name.endswith((".received", ".stamp"))}
     made = {name: np.array(values) for name, values in columns.items()}
-    return Table(made, units=units, warnings=tuple(warnings))
+    lacking = {name: counted[topic] for name in made if counted[topic := _topic(name, rows)] > rows[topic]}
+    silent = [topic for topic, count in counted.items() if count and topic not in rows]
+    if lacking:
+        warnings.insert(0, f"the bag lacks messages that it counts: {shortfall(made, lacking, units)}")
+    warnings += [f"the bag lacks all {counted[topic]} messages of '{topic}' that it counts" for topic in silent]
+    return Table(
+        made, units=units, warnings=tuple(warnings), promised=lacking if broken else {}, open_ended=bool(silent)
+    )
 
 
 def _topic(name: str, topics: dict[str, int]) -> str:
