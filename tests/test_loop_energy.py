@@ -1,5 +1,7 @@
 """Energy in closed loop: what the motors, the hand and friction do is what the kinetic energy changes by.
 
+No device stores any other energy. What a renderer's spring stores is kept in the loop's own books, see the last test.
+
 Every tick is integrated anew from the recording: quintic Hermite motion between the recorded joints and rates, with the
 accelerations that the device's own equations give at both ends, and Gauss's five points for the powers. Both are of
 order 10 or exact in the tick, and the motion is promised to 1e-9 of the rates, which is 2e-9 of the kinetic energy.
@@ -19,8 +21,9 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.devices.parallelogram_parameters import Dynamics
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.geometry.catalogue import line
-from hapticeval.renderer import CompiledLaw
+from hapticeval.discovery import load, own_renderers, resolve
+from hapticeval.geometry.catalogue import ellipse, ellipsoid, line, sphere, torus
+from hapticeval.renderer import Compiled, CompiledLaw
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Experiment, Hand, Path
 
@@ -171,6 +174,109 @@ def test_energy_is_accounted_for(device, loop, effects, hand):
     assert np.all(np.abs(changed - work) <= 4e-9 * kinetic + 1e-15)
 
 
+def names():
+    """Every reference renderer with every scheme and on every representation, with a model each.
+
+    Not the ideal contact, which is no controller of a device: its tool moves as its own forces say.
+    """
+    for base in own_renderers():
+        factory = load(base)
+        if base == "ideal":
+            continue
+        for scheme in getattr(factory, "regulations", ()):
+            yield f"{base}+{scheme}", ellipse()
+            if base == "minimum-distance":
+                yield f"{base}+{scheme}", ellipsoid()
+        for number, representation in enumerate(factory.representations):
+            scheme = f"+{factory.regulations[-3 + number % 3]}" if base != "set-stabilisation" else ""
+            if representation == "atlas":
+                yield f"{base}@{representation}", sphere()
+            elif representation != "curve" or not scheme:
+                scheme = "+pp-pd" if "pp-pd-c" in scheme else scheme
+                yield f"{base}{scheme}@{representation}", ellipse()
+    for model in (sphere(), ellipsoid(), torus()):
+        yield "set-stabilisation", model
+
+
+def loops():
+    """Each of them on a device, with an inner loop, effects and a hand that go round as the list goes on."""
+    devices = {2: (PointMass(0.3), Parallelogram2()), 3: (PointMass(0.3, 3), Parallelogram3())}
+    seen = {2: 0, 3: 0}
+    for name, model in names():
+        turn = seen[model.dimension]
+        seen[model.dimension] += 1
+        device = devices[model.dimension][turn % 2]
+        loop, effects = list(InnerLoop)[turn % 3], list(EFFECTS)[turn // 2 % 2]
+        hand, bilateral = turn // 4 % 2 == 1, turn % 5 > 2
+        label = f"{name}-{model.name}-{device.name}-{loop.name.lower()}-{effects}"
+        yield pytest.param(name, model, device, loop, effects, hand, bilateral, id=label)
+
+
+class Asked:
+    """A renderer without its compiled law: the loop asks it tick by tick."""
+
+    def __init__(self, renderer):
+        self.reset, self.step = renderer.reset, renderer.step
+        if hasattr(renderer, "feel"):
+            self.feel = renderer.feel
+
+
+def pressing(model, hand):
+    """From 2 mm outside, pressed onto a model and along it, and drawn off."""
+    toward = np.zeros((1, model.dimension))
+    toward[0, 0], toward[0, -1] = 0.03, 0.2
+    foot, normal, _, _ = (each[0] for each in model.boundary.frame(toward))
+    along = np.zeros_like(normal)
+    along[0], along[-1] = normal[-1], -normal[0]
+    along /= np.linalg.norm(along)
+    times = np.array([0.0, 0.05, 0.1, 0.15])
+    way = np.array([0.002, -0.01, -0.005, 0.02])[:, None] * normal + foot
+    way += np.array([0.0, 0.005, 0.01, 0.01])[:, None] * along
+    grip = Hand(path=Path(times, way), stiffness=100.0, damping=1.0) if hand else None
+    force = np.array([-1.0, -2.0, -1.0, 1.0])[:, None] * normal + 0.5 * along
+    return Experiment(0.15, foot + 2e-3 * normal, 0.1 * along - 0.1 * normal, times, force, grip)
+
+
+@pytest.mark.parametrize(("name", "model", "device", "loop", "effects", "hand", "bilateral"), list(loops()))
+def test_energy_is_accounted_for_with_every_renderer(name, model, device, loop, effects, hand, bilateral):
+    scene = Scene(
+        model=model, stiffness=300.0, damping=8.0, mass=0.3, bilateral=bilateral, viscosity=0.2, device=device,
+        inner_loop=loop, imperfections=EFFECTS[effects],
+    )  # fmt: skip
+    trial, renderer = pressing(model, hand), resolve(name)(scene)
+    recording = drive(renderer, trial, scene, DT)
+    assert "ended" not in recording.meta
+    if isinstance(renderer, Compiled) and renderer.law is not None:
+        asked = drive(Asked(renderer), trial, scene, DT)
+        for channel in asked.channels:
+            np.testing.assert_array_equal(recording.channels[channel], asked.channels[channel])
+    felt = np.any(recording.force != 0.0, axis=1)
+    assert np.mean(felt) > 0.1
+    assert bilateral or not felt[0]
+    changed, work, kinetic = balance(recording, trial, scene).T
+    assert changed.size > 0.8 * len(recording)
+    by_force = np.abs(np.sum(recording.force[:-1] * np.diff(recording.hip, axis=0), axis=1))
+    assert by_force.sum() > 1e-2 * kinetic.max()
+    assert np.all(np.abs(changed - work) <= 4e-9 * kinetic + 1e-15)
+
+
+def test_the_list_has_every_device_inner_loop_and_effect_with_and_without_a_law():
+    seen = [case.values for case in loops()]
+    assert {(case[2].name, case[2].dimension, case[3]) for case in seen} == {
+        (device.name, device.dimension, loop)
+        for device in (PointMass(0.3), PointMass(0.3, 3), Parallelogram2(), Parallelogram3())
+        for loop in InnerLoop
+    }
+    assert {(case[4], case[5], case[6]) for case in seen} == {
+        (effects, hand, bilateral) for effects in EFFECTS for hand in (False, True) for bilateral in (False, True)
+    }
+    with_law = {
+        isinstance(renderer, Compiled) and renderer.law is not None
+        for renderer in (resolve(name)(Scene(model=ellipse())) for name in ("constraint", "minimum-distance"))
+    }
+    assert with_law == {False, True}
+
+
 def test_the_printed_robot_creates_energy_that_no_one_gave():
     """(2.26) as printed lacks the terms that its turning base's changing inertia makes."""
     device = Parallelogram3(dynamics=Dynamics.PRINTED)
@@ -178,3 +284,18 @@ def test_the_printed_robot_creates_energy_that_no_one_gave():
     trial = Experiment(0.1, np.zeros(3), np.array([0.3, 0.5, 0.5]), np.zeros(1), np.zeros((1, 3)))
     changed, work, kinetic = balance(drive(Spring(1e-3, 0.0), trial, scene, DT), trial, scene).T
     assert np.abs(changed - work).max() > 1e-6 * kinetic.max()
+
+
+@pytest.mark.parametrize("device", [PointMass(0.3, 3), Parallelogram3()], ids=lambda d: d.name)
+def test_a_spring_to_the_surface_keeps_what_it_takes(device):
+    """PP's force is that of the potential K n^2 / 2; held, it is late by the change of the force over the tick."""
+    scene = Scene(model=ellipsoid(), stiffness=300.0, mass=0.3, device=device)
+    trial = pressing(scene.model, hand=True)
+    recording = drive(resolve("minimum-distance+pp")(scene), trial, scene, DT)
+    n = np.minimum(scene.model.surface.frame(recording.hip).distance, 0.0)
+    taken = -np.sum(recording.force[:-1] * np.diff(recording.hip, axis=0), axis=1)
+    stored = 0.5 * scene.stiffness * np.diff(n**2)
+    step = np.linalg.norm(np.diff(recording.hip, axis=0), axis=1)
+    late = np.linalg.norm(np.diff(recording.force, axis=0), axis=1) * step
+    assert np.all(np.abs(taken - stored) <= late + 1e-12)
+    assert 0.5 * scene.stiffness * n.min() ** 2 > 20.0 * late.max()
