@@ -110,9 +110,9 @@ def lacks_ihip(recording: Recording, scene: Scene) -> bool:
 def unsettled_by_path(recording: Recording) -> str | None:
     """Why a recording cannot show how hand and force act on each other; None where it can.
 
-    An experiment without an operator's force had none; of a real run it is then not known.
+    A simulated experiment without an operator's force had none; of any other run it is then not known.
     """
-    source = recording.meta.get("source", "experiment")
+    source = recording.meta.get("source")
     if source == "replay":
         return "the hand's path was recorded under another force and does not answer this one: a fixed path cannot tell"
     if source != "experiment" and "operator_force" not in recording.channels:

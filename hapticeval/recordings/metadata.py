@@ -14,7 +14,7 @@ from hapticeval.errors import InputError
 
 METADATA: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
-        "source": ("text", "where the run comes from: playback, experiment or file"),
+        "source": ("text", "where the run comes from: playback or experiment (simulated), replay, hardware or file"),
         "renderer": ("text", "name of the renderer, as in reports"),
         "case": ("text", "name of the case"),
         "scene": ("table", "model and contact, as a case of a suite gives them"),
