@@ -185,10 +185,10 @@ def _slope(values: Array, first: int, last: int, tick: float) -> float:
 
 def _fit(x: Array, y: Array) -> tuple[float, float]:
     """Slope of y over x by least squares, and its standard error; NaN where x does not move."""
+    if x.size < LEAST_ROWS or np.ptp(x) == 0.0:
+        return math.nan, math.nan
     centred = x - x.mean()
     square = float(np.dot(centred, centred))
-    if x.size < LEAST_ROWS or square == 0.0:
-        return math.nan, math.nan
     slope = float(np.dot(centred, y)) / square
     off = y - y.mean() - slope * centred
     return slope, math.sqrt(float(np.dot(off, off)) / (x.size - 2) / square)

@@ -14,6 +14,7 @@ from hapticeval.recordings.losses import told_losses, told_warnings
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.rows import runs_of
 from hapticeval.recordings.signal_faults import examine_column, quantum
+from hapticeval.recordings.signs import Sign, force_signs
 from hapticeval.recordings.stretches import joined, stretches
 from hapticeval.recordings.timing import Timing, examine_timing
 from hapticeval.types import Array, BoolArray
@@ -61,7 +62,8 @@ class Soundness:
 
 @dataclass(frozen=True)
 class Integrity:
-    """The report: what the clock and the columns are like, and the findings, worst and earliest first."""
+    """The report: what the clock and the columns are like, the findings, worst and earliest first, and what is known of
+    the signs of the forces."""
 
     rows: int
     valid_rows: int
@@ -69,6 +71,7 @@ class Integrity:
     timing: Timing
     columns: Mapping[str, ColumnFacts]
     faults: tuple[Fault, ...] = field(default=())
+    signs: tuple[Sign, ...] = ()
 
     @property
     def suspicious(self) -> bool:
@@ -112,6 +115,8 @@ def examine(
     faults += relations.velocities(recording)
     faults += relations.force_lag(recording)
     faults += relations.units(recording)
+    signs, turned = force_signs(recording)
+    faults += turned
     for name, other in (others or {}).items():
         faults += relations.of_another_run(recording, other, name)
     if device is not None:
@@ -130,6 +135,7 @@ def examine(
         timing=timing,
         columns=columns,
         faults=tuple(faults),
+        signs=signs,
     )
 
 

@@ -34,7 +34,7 @@ def summary(report: Integrity, soundness: Soundness, *, title: str) -> str:
            "-" if facts.quantum is None else f"{facts.quantum:.6g}") for name, facts in report.columns.items()),
     ])]  # fmt: skip
     lines += ["", *_faults(report)]
-    lines += ["", *_intervals(soundness)]
+    lines += ["", *(f"sign of {each.channel}: {each.words}" for each in report.signs), *_intervals(soundness)]
     return "\n".join(lines)
 
 

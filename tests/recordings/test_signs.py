@@ -1,0 +1,172 @@
+"""The sign of a force by physics: what passive environments give, and what is told of one that is turned."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from hapticeval.cli import main
+from hapticeval.recordings.hdf5 import write_recording
+from hapticeval.recordings.integrity import examine
+from hapticeval.recordings.port_energy import balance
+from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.signs import force_signs
+
+DT = 1e-3
+TIME = DT * np.arange(6000)
+
+
+def eased(knots, *, each=1.0):
+    """A hand that rests at each knot (k, N) and goes straight to the next in `each` s, with no speed at the ends."""
+    share = np.clip(TIME / each, 0.0, len(knots) - 1.0 - 1e-9)
+    leg, part = share.astype(int), share % 1.0
+    smooth = part - np.sin(2.0 * np.pi * part) / (2.0 * np.pi)
+    return knots[leg] + smooth[:, None] * (knots[leg + 1] - knots[leg])
+
+
+def pushed(hip, *, stiffness, damping, mass=0.0, seed=0, noise=0.0, step=0.0, lag=0):
+    """The force on the hand of a spring to the origin, a damper and a mass on it, of what the sensor makes of it."""
+    velocity = np.gradient(hip, DT, axis=0)
+    force = -stiffness * hip - damping * velocity - mass * np.gradient(velocity, DT, axis=0)
+    force = np.concatenate([np.repeat(force[:1], lag, axis=0), force[: len(force) - lag]])
+    force = force + np.random.default_rng(seed).normal(scale=noise or 1e-300, size=force.shape)
+    return np.round(hip / step) * step if step else hip, force
+
+
+def signed(hip, force, **meta):
+    (told,), faults = force_signs(Recording(TIME, {"hip": hip, "force": force}, meta))
+    assert [each.kind for each in faults] == ["force sign"] * (told.sign < 0)
+    return told.sign
+
+
+KNOTS = st.integers(0, 10_000).map(lambda seed: np.random.default_rng(seed).uniform(-0.03, 0.03, (7, 2)))
+
+
+@settings(max_examples=40)
+@given(
+    knots=KNOTS,
+    stiffness=st.floats(0.0, 500.0),
+    damping=st.floats(0.0, 10.0),
+    mass=st.floats(0.0, 1.0),
+    noise=st.floats(0.0, 0.05),
+    step=st.sampled_from([0.0, 1e-6, 2e-5]),
+    lag=st.integers(0, 3),
+)
+def test_no_passive_environment_is_suspected_and_none_is_believed_when_turned(
+    knots, stiffness, damping, mass, noise, step, lag
+):
+    hip, force = pushed(eased(knots), stiffness=stiffness, damping=damping, mass=mass, noise=noise, step=step, lag=lag)
+    assert signed(hip, force) >= 0
+    assert signed(hip, -force) <= 0
+
+
+@settings(max_examples=30)
+@given(knots=KNOTS, stiffness=st.floats(0.0, 20.0), damping=st.floats(5.0, 10.0), step=st.sampled_from([0.0, 1e-6]))
+def test_what_takes_energy_is_known_by_it_either_way(knots, stiffness, damping, step):
+    """The damper is as strong as the spring, as the hand goes at 0.05 m/s up to 0.02 m away: it takes its share."""
+    hip, force = pushed(eased(knots), stiffness=stiffness, damping=damping, noise=0.005, step=step)
+    assert (signed(hip, force), signed(hip, -force)) == (1, -1)
+
+
+def test_the_energy_is_what_the_damper_took():
+    hip = eased(np.array([[0.0], [0.02], [0.0], [0.02], [0.0], [0.02], [0.0]]))
+    hip, force = pushed(hip, stiffness=30.0, damping=8.0)
+    taken = 8.0 * np.sum(np.gradient(hip[:, 0], DT) ** 2) * DT
+    (fault,) = examine(Recording(TIME, {"hip": hip, "force": -force})).faults
+    assert fault.kind == "force sign"
+    assert fault.measures["energy"] == pytest.approx(taken, rel=0.01)
+    assert 0.0 < fault.measures["open"] < 0.3 * taken
+    assert fault.time[1] - fault.time[0] == pytest.approx(6.0, abs=0.1)
+
+
+def test_a_lossless_spring_that_is_always_loaded_tells_nothing():
+    hip = 0.05 + eased(np.random.default_rng(1).uniform(-0.02, 0.02, (7, 1)))
+    hip, force = pushed(hip, stiffness=400.0, damping=0.0)
+    assert signed(hip, force) == signed(hip, -force) == 0
+    (told,), _ = force_signs(Recording(TIME, {"hip": hip, "force": force}))
+    assert "with neither sign" in told.words
+
+
+@settings(max_examples=30)
+@given(knots=KNOTS, stiffness=st.floats(50.0, 2000.0))
+def test_a_lossless_wall_is_told_from_free_space_on(knots, stiffness):
+    """It takes on the way in, and gives back no more: with the other sign it gives first."""
+    hip = eased(knots)
+    hip[:, 1] += 0.01 - hip[0, 1]  # free at first
+    assume(np.any(hip[:, 1] < -1e-3))
+    force = np.column_stack([np.zeros(6000), np.maximum(-stiffness * hip[:, 1], 0.0)])
+    assert (signed(hip, force), signed(hip, -force)) == (1, -1)
+
+
+def test_an_environment_with_a_motor_tells_nothing():
+    """A spring that pushes back and forth by itself gives energy with either sign."""
+    hip = eased(np.array([[0.0], [0.02], [0.0], [0.02], [0.0], [0.02], [0.0]]))
+    force = np.where((TIME // 2.0 % 2 == 0)[:, None], 5.0, -5.0) * np.gradient(hip, DT, axis=0)
+    assert signed(hip, force) == signed(hip, -force) == 0
+    (told,), _ = force_signs(Recording(TIME, {"hip": hip, "force": force}))
+    assert "with either sign" in told.words
+
+
+def test_a_sensor_that_reads_so_much_in_free_motion_is_not_trusted():
+    hip = eased(np.array([[0.0], [0.02], [0.0], [0.02], [0.0], [0.02], [0.0]]))
+    hip, force = pushed(hip, stiffness=0.0, damping=2.0)
+    assert signed(hip, -force) == -1
+    assert signed(hip, -force, force_floor=float(np.max(np.abs(force)))) == 0
+
+
+def test_the_force_of_the_hand_is_judged_by_its_own_sense():
+    hip = eased(np.array([[0.0], [0.02], [0.0], [0.02], [0.0], [0.02], [0.0]]))
+    hip, force = pushed(hip, stiffness=30.0, damping=8.0, noise=0.01)
+    of_hand = pushed(hip, stiffness=30.0, damping=8.0, noise=0.01, seed=1)[1]
+    for sense in (1.0, -1.0):
+        signs, faults = force_signs(Recording(TIME, {"hip": hip, "force": force, "operator_force": -sense * of_hand}))
+        assert {each.channel: each.sign for each in signs} == {"force": 1, "operator_force": int(sense)}
+        assert [each.channel for each in faults] == ["operator_force"] * (sense < 0.0)
+
+
+def slide(*, rows=600, sign=1.0, **meta):
+    """Along a disc of 50 mm and always on it, without a rest; the renderer's force is a spring's."""
+    turn = 0.2 + 4e-3 * np.arange(rows)
+    outward = np.column_stack([np.cos(turn), np.sin(turn)])
+    depth = 2e-3 + 1e-3 * np.sin(np.arange(rows) * 0.017)
+    hip, ihip = (0.05 - depth)[:, None] * outward, 0.05 * outward
+    return Recording(DT * np.arange(rows), {"hip": hip, "ihip": ihip, "force": sign * 800.0 * (ihip - hip)}, meta)
+
+
+def test_a_force_that_points_into_what_is_touched_is_suspected():
+    assert force_signs(slide())[0][0].sign == 1
+    (told,), (fault,) = force_signs(slide(sign=-1.0))
+    assert told.sign == -1
+    assert "away from the IHIP, into what is touched, in 600 of 600 rows" in fault.message
+    (told,), faults = force_signs(slide(sign=-1.0, scene={"bilateral": True}))  # such a surface may pull
+    assert (told.sign, faults) == (0, [])
+
+
+def test_rows_that_are_no_measurement_do_not_count():
+    made = slide()
+    force = made.force.copy()
+    valid = np.arange(600) < 500
+    force[~valid] *= -1e3
+    broken = Recording(made.time, {**made.channels, "force": force}, valid=valid)
+    assert force_signs(broken)[0][0].sign == 1
+    assert balance(made.hip[:1], made.force[:1], made.time[:1]) == ()
+
+
+def test_inspect_tells_it_and_ends_with_1(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    hip = eased(np.array([[0.0], [0.02], [0.0], [0.02], [0.0], [0.02], [0.0]]))
+    hip, force = pushed(hip, stiffness=30.0, damping=8.0, noise=0.01)
+    made = Recording(TIME, {"hip": hip, "force": force}, {"dt": DT})
+    write_recording("right.h5", made)
+    write_recording("wrong.h5", replace(made, channels={"hip": hip, "force": -force}))
+    assert main(["inspect", "right.h5"]) == 0
+    assert "sign of force: right" in capsys.readouterr().out
+    assert main(["inspect", "wrong.h5"]) == 1
+    shown = capsys.readouterr().out
+    assert "suspicious: force sign force (rows" in shown
+    assert "the environment would have given" in shown
+    assert "no sign was changed" in shown
