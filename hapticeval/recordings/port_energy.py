@@ -136,7 +136,7 @@ class _Port:
         self.reading = floor + 0.5 * step
         self.noise = SURE * _noise(force)
 
-    def open(self, first: Array | int, last: Array | int) -> Array:
+    def open(self, first: IntArray | int, last: IntArray | int) -> Array:
         """What of the work between rows is open, J."""
 
         def over(sums: Array) -> Array:
@@ -165,7 +165,7 @@ class _Port:
 
     def _free(self, sign: float, free: list[int]) -> Iterator[Gift]:
         for first in free:
-            rows = np.arange(first + 1, len(self.work))
+            rows: IntArray = np.arange(first + 1, len(self.work), dtype=np.intp)
             if rows.size == 0:
                 continue
             given, left = sign * (self.work[rows] - self.work[first]), self.open(first, rows)
