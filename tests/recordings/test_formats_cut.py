@@ -59,6 +59,16 @@ def h5_in_blocks(path, libver="earliest"):
                 dataset[begin : begin + 64] = values[begin : begin + 64]
 
 
+def h5_of_many_blocks(path):
+    """So many that what says where they lie is spread over the file, as it grew."""
+    with h5py.File(path, "w", rdcc_nbytes=0) as file:
+        file["t"] = TIME
+        file["hip"] = HIP
+        force = file.create_dataset("force", (ROWS, 2), "f8", chunks=(4, 2))
+        for begin in range(0, ROWS, 4):
+            force[begin : begin + 4] = FORCE[begin : begin + 4]
+
+
 def h5_backwards(path):
     """Blocks whose order in the file is not that of their rows."""
     with h5py.File(path, "w", rdcc_nbytes=0) as file:
@@ -87,6 +97,7 @@ WRITERS = {
     "latest.h5": lambda path: h5_plain(path, "latest"),
     "blocks.h5": h5_in_blocks,
     "blocks-latest.h5": lambda path: h5_in_blocks(path, "latest"),
+    "many-blocks.h5": h5_of_many_blocks,
     "backwards.h5": h5_backwards,
     "plain73.mat": mat73,
     "packed73.mat": lambda path: mat73(path, compression="gzip"),
@@ -229,6 +240,7 @@ def test_groups_compounds_and_units_of_a_cut_file(tmp_path):
         dataset.attrs["units"] = "mm"
         dataset[()] = log
         file["rig/again"] = h5py.SoftLink("/rig/log")
+        file["rig/up"] = file["/"]
         end = file["rig/log"].id.get_offset() + 100 * log.dtype.itemsize
     path.write_bytes(path.read_bytes()[: end + 5])
     table = read_table(path)

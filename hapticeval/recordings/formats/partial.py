@@ -72,10 +72,12 @@ class Partial:
 
     def visit(self, call: Callable[[str, Any], None]) -> None:
         """Call with the path of each group and dataset below the root, and with itself, once each."""
+        import h5py
+
         if not self.cut:
             self.file.visititems(call)
         else:
-            self._visit(self.file, call, set())
+            self._visit(self.file, call, {h5py.h5g.get_objinfo(self.file.id, b"/").objno})
 
     def attributes(self, node: Any) -> Iterator[tuple[str, Any]]:
         """The attributes of a group or dataset."""
@@ -120,11 +122,11 @@ class Partial:
             with self.losing(f"'{path}'"):
                 if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                     continue
-                node = group[name]
-                about = h5py.h5o.get_info(node.id)
-                if (about.fileno, about.addr) in seen:
+                about = h5py.h5g.get_objinfo(group.id, name.encode(errors="surrogateescape"))
+                if about.objno in seen:
                     continue
-                seen.add((about.fileno, about.addr))
+                seen.add(about.objno)
+                node = group[name]
                 call(path, node)
                 if isinstance(node, h5py.Group):
                     self._visit(node, call, seen)
