@@ -14,6 +14,7 @@ import pytest
 
 from hapticeval.cli import main
 from hapticeval.commands.record import _steps
+from hapticeval.hardware import guard, rig, udp
 from hapticeval.hardware.live import LiveRun
 from hapticeval.recordings.hdf5 import read_recording
 
@@ -97,7 +98,10 @@ l1 = 0.31
 
 @pytest.fixture
 def here(tmp_path, monkeypatch):
+    """A folder with drivers and a wiring; nothing is taken to be gone because the machine is busy."""
     monkeypatch.chdir(tmp_path)
+    for module, name in ((guard, "PATIENCE"), (udp, "SILENCE"), (rig, "UNHEARD")):
+        monkeypatch.setattr(module, name, 60.0)
     (tmp_path / "mycard.py").write_text(DRIVERS)
     (tmp_path / "rig.toml").write_text(RIG)
     yield tmp_path
@@ -250,16 +254,21 @@ def test_ctrl_c_finishes_the_recording(here, capsys):
 
 
 def test_ctrl_c_on_the_twin_finishes_it_too(here):
-    journal = here / "run.journal"
+    journal, over = here / "run.journal", threading.Event()
 
     def stop():
-        while not (journal.exists() and journal.stat().st_size > 20_000):
+        while not (journal.exists() and journal.stat().st_size > 20_000) and not over.is_set():
             time.sleep(0.02)
-        os.kill(os.getpid(), signal.SIGINT)
+        if not over.is_set():
+            os.kill(os.getpid(), signal.SIGINT)
 
-    thread = threading.Thread(target=stop, daemon=True)
+    thread = threading.Thread(target=stop)
     thread.start()
-    assert record("--device", "twin", seconds="600") == 1
+    try:
+        assert record("--device", "twin", seconds="600") == 1
+    finally:
+        over.set()
+        thread.join()
     run = read_recording(here / "run.h5")
     assert len(run) > 50
     assert [event.text for event in run.events if event.kind == "ended"] == ["interrupted by the user"]

@@ -10,7 +10,7 @@ from robots import DT, twin_of, wired
 
 from hapticeval.devices.imperfections import Imperfections
 from hapticeval.errors import HapticevalError
-from hapticeval.hardware import udp
+from hapticeval.hardware import rig, udp
 from hapticeval.hardware.rig import running
 from hapticeval.hardware.twin import Twin
 from hapticeval.hardware.udp import BYE, COMMAND, HELLO, READ, READING, STOPPED, WRITE, UdpDevice
@@ -23,6 +23,13 @@ def robot():
         end.bind(("127.0.0.1", 0))
         end.settimeout(5.0)
         yield end
+
+
+@pytest.fixture
+def patient(monkeypatch):
+    """Neither side takes the other to be gone because the machine is busy."""
+    monkeypatch.setattr(udp, "SILENCE", 60.0)
+    monkeypatch.setattr(rig, "UNHEARD", 60.0)
 
 
 def greeted(robot):
@@ -94,6 +101,7 @@ def test_an_address_that_is_none_is_told(address):
         UdpDevice(address, 2)
 
 
+@pytest.mark.usefixtures("patient")
 def test_the_twin_in_real_time_counts_its_cycles():
     wiring = wired()
     with running(twin_of(wiring)) as address:
@@ -110,6 +118,7 @@ def test_the_twin_in_real_time_counts_its_cycles():
     np.testing.assert_array_equal(np.diff(stamps), np.diff(counts) * round(DT * 1e9))
 
 
+@pytest.mark.usefixtures("patient")
 def test_the_twin_says_why_it_stopped():
     wiring = wired()
     twin = Twin(wiring, Imperfections(), position=np.array([0.1, 0.0]), hand=None, dt=DT)
