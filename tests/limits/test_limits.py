@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.special import gammainc
 
 from hapticeval.cli import main
 from hapticeval.devices.catalogue import make_device
@@ -60,9 +61,13 @@ def limit(scene, renderer="minimum-distance+pp", place=WALL):
 
 
 def held_spring_limit(mass, viscosity, dt):
-    """K at which the product of the poles of z^2 - (1 + e - K a) z + (e + K c) reaches one: (1 - e) / c."""
-    decay = math.exp(-viscosity * dt / mass)
-    return (1.0 - decay) / (mass / viscosity**2 * (1.0 - decay) - dt / viscosity * decay)
+    """K at which the product of the poles of z^2 - (1 + e - K a) z + (e + K c) reaches one: (1 - e) / c.
+
+    With x = b T / m, e = exp(-x) and c = m / b^2 (1 - e - x e), whose terms cancel but for their second order: the
+    bracket is the incomplete gamma function of order two.
+    """
+    x = viscosity * dt / mass
+    return -math.expm1(-x) / (mass / viscosity**2 * float(gammainc(2.0, x)))
 
 
 @settings(max_examples=25)
