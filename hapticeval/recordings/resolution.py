@@ -4,7 +4,8 @@ A number is known to the largest of these:
 
     the spacing of doubles at the column's size, `STEPS` times: each of a handful of operations costs half of one
     the spacing of single precision, where every number of the channel is one: that is what computed it
-    the step of the lattice that the channel lies on, where it lies on one: an encoder's, a converter's, a text's
+    the step of the lattice that the channel lies on, where it lies on one: an encoder's, a converter's
+    the unit in the last place, where every number has so few digits: a text's
 
 Positions are numbers of the size of the workspace, also where their difference is small. So a depth |IHIP - HIP| is as
 fine as these, and a force K (IHIP - HIP) is no finer than K times that, whatever the spacing at its own size. A joint's
@@ -23,15 +24,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticeval.recordings.grain import grain, single
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.signal_faults import quantum
 from hapticeval.types import Array
 
 STEPS = 16.0
 """Spacings of the number that a projection, a spring, a norm and an interpolation may cost together."""
-
-MANY = 50
-"""So many different numbers are not all of single precision by chance."""
 
 
 class Resolution(NamedTuple):
@@ -77,13 +76,9 @@ def _grain(values: Array) -> float:
     size = float(np.max(np.abs(values), initial=0.0))
     if size == 0.0:
         return 0.0
-    lattice = max((quantum(column) or 0.0 for column in values.T), default=0.0)
-    with np.errstate(over="ignore"):
-        single = values.astype(np.float32)
     # whole numbers and short decimals are exact in either precision, and no sign of one
-    computed = lattice == 0.0 and np.unique(values).size >= MANY and bool(np.all(single == values))
-    spacing = float(np.spacing(np.float32(size))) if computed else float(np.spacing(size))
-    return max(STEPS * spacing, lattice)
+    computed = max((single(column) for column in values.T if quantum(column) is None), default=0.0)
+    return max(STEPS * max(computed, float(np.spacing(size))), *(grain(column) for column in values.T))
 
 
 def _encoder(recording: Recording, hip: Array, keep: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> float:
