@@ -19,7 +19,7 @@ from hapticeval.recordings.recording import REQUIRED, Recording
 from hapticeval.renderer import Renderer, RendererFactory, SelfDriven
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Experiment, Path, Stimulus
-from hapticeval.suite import Case
+from hapticeval.suite.case import Case
 
 
 @dataclass(frozen=True)

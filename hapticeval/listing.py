@@ -9,7 +9,8 @@ from collections.abc import Iterable, Iterator
 from hapticeval.discovery import known_renderers, resolve
 from hapticeval.errors import HapticevalError, UnknownNameError
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.suite import find_suites, load_suite, suite_groups
+from hapticeval.suite.installed import find_suites, suite_groups
+from hapticeval.suite.reading import load_suite
 
 
 def renderers() -> Iterator[tuple[str, str]]:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 
 from hapticeval.phenomena.verdict import Outcome, Verdict
-from hapticeval.suite import Row, Suite
+from hapticeval.suite.suite import Row, Suite
 
 
 def fill_table(suites: Sequence[Suite], verdicts: Iterable[Verdict]) -> Mapping[str, Mapping[str, str]]:

@@ -12,7 +12,9 @@ from hapticeval.judging import Judged, judge
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.results import read_results
 from hapticeval.runner import execute, plan
-from hapticeval.suite import Case, load_suite, suites_named
+from hapticeval.suite.case import Case
+from hapticeval.suite.installed import suites_named
+from hapticeval.suite.reading import load_suite
 from hapticeval.table import fill_table
 
 GROUP = suites_named("dynamics")

@@ -8,7 +8,8 @@ import pytest
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
-from hapticeval.suite import find_suites, load_suite, suite_groups, suites_named
+from hapticeval.suite.installed import find_suites, suite_groups, suites_named
+from hapticeval.suite.reading import load_suite
 
 CASE = """
 title = "mine"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
-from hapticeval.suite import load_suite
+from hapticeval.suite.reading import load_suite
 from hapticeval.table import fill_table
 
 SUITE = load_suite("thesis")

@@ -11,7 +11,7 @@ from hapticeval.discovery import resolve
 from hapticeval.judging import judge
 from hapticeval.phenomena.verdict import Outcome, Verdict
 from hapticeval.renderer import Response
-from hapticeval.suite import load_suite
+from hapticeval.suite.reading import load_suite
 from hapticeval.table import fill_table
 
 SUITE = load_suite("thesis")

@@ -13,7 +13,7 @@ from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.output import say
 
 if TYPE_CHECKING:
-    from hapticeval.suite import Case
+    from hapticeval.suite.case import Case
 
 EXIT_CODES = """\b
 Exit codes:
@@ -157,7 +157,7 @@ def _stiffness(value: float | None) -> str:
 
 
 def _case(scene: str) -> Case:
-    from hapticeval.suite import load_suite
+    from hapticeval.suite.reading import load_suite
 
     suite, slash, name = scene.rpartition("/")
     if not slash:

@@ -16,6 +16,7 @@ import numpy as np
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry import flow_kernels as kernels
+from hapticeval.geometry import flow_particle_kernels as particles
 from hapticeval.geometry.flow_errors import FlowCollapseError, FlowSplitError
 from hapticeval.geometry.model import Model
 from hapticeval.types import Array
@@ -193,16 +194,16 @@ class Front:
         if self.kind == kernels.UNIT:
             dt, steps = 0.5 * MOVE * self.h, 2
         self._speed = max(
-            kernels.carry(self.values, self.h, self.x0, self.y0, self.kind, scale, steps * dt, self.points), 1e-3
+            particles.carry(self.values, self.h, self.x0, self.y0, self.kind, scale, steps * dt, self.points), 1e-3
         )
         kernels.advance_many(self.values, self._spare, self.h, self.kind, scale, True, dt, steps)
-        kernels.pull_back(self.values, self.h, self.x0, self.y0, self.points)
+        particles.pull_back(self.values, self.h, self.x0, self.y0, self.points)
         self.time += steps * dt
         self._measure()
         if self.gap > 0.0:
-            held = kernels.keep_apart(self.points, self.gap * self.length / self.points.shape[0])
+            held = particles.keep_apart(self.points, self.gap * self.length / self.points.shape[0])
             if held:
-                kernels.pull_back(self.values, self.h, self.x0, self.y0, self.points)
+                particles.pull_back(self.values, self.h, self.x0, self.y0, self.points)
             self.held = held
 
     def _measure(self) -> None:

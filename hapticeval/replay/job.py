@@ -24,7 +24,7 @@ from hapticeval.replay.subject import SUITE, Subject
 from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.work import Done, kept, seed_all
 from hapticeval.scene import Scene
-from hapticeval.suite import Suite
+from hapticeval.suite.suite import Suite
 
 LOOP_NEEDED = ("impulsive-collision", "centripetal-force")
 """Checks of how hand and force act on each other, which no given path can settle: on a replay they stop no gate."""

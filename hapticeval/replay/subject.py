@@ -12,7 +12,8 @@ from hapticeval.files import file_stem
 from hapticeval.phenomena.registry import CHECKS, HELD
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
-from hapticeval.suite import Case, load_suite
+from hapticeval.suite.case import Case
+from hapticeval.suite.reading import load_suite
 
 SUITE = "replay"
 """The suite that a replay's verdicts belong to."""

@@ -8,7 +8,10 @@ from fnmatch import fnmatchcase
 
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import InputError, NothingSelectedError
-from hapticeval.suite import Case, Suite, load_suite, suites_named
+from hapticeval.suite.case import Case
+from hapticeval.suite.installed import suites_named
+from hapticeval.suite.reading import load_suite
+from hapticeval.suite.suite import Suite
 
 
 @dataclass(frozen=True)

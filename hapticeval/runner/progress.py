@@ -16,7 +16,8 @@ from hapticeval.results import Results, environment, verdict_document, write_res
 from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.work import scene_document
 from hapticeval.scene import Scene
-from hapticeval.suite import Case, Suite
+from hapticeval.suite.case import Case
+from hapticeval.suite.suite import Suite
 from hapticeval.table import fill_table
 
 SAVE_EVERY = 1.0

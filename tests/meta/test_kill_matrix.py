@@ -16,7 +16,8 @@ from hapticeval.ideal import ideal
 from hapticeval.judging import judge
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.suite import Case, load_suite
+from hapticeval.suite.case import Case
+from hapticeval.suite.reading import load_suite
 
 PUBLISHED = Path(__file__).with_name("kill_matrix.md")
 

@@ -12,7 +12,7 @@ from hapticeval.judging import judge
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderers import mapping
 from hapticeval.scene import Scene
-from hapticeval.suite import load_suite
+from hapticeval.suite.reading import load_suite
 
 COARSE = mapping.with_knobs(cells=60.0)
 

@@ -120,7 +120,7 @@ def test_a_process_that_is_stopped_in_the_middle_of_an_answer_does_not_hold_up_t
 ORPHANS = """
 import os, sys
 from hapticeval.runner.workers import Workers
-with Workers(lambda: os.getpid(), 2) as crew:
+with Workers(os.getpid, 2) as crew:
     found = []
     for call in (0, 1):
         crew.begin(call)

@@ -1,162 +1,20 @@
-"""Suites: files of cases, each a scene, a stimulus and the checks that judge it."""
+"""Suites out of TOML files: sweeps and variants become cases, and what cannot be meant is told with file and case."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from functools import lru_cache
-from importlib import resources
 from pathlib import Path as FilePath
-from types import MappingProxyType
 from typing import Any
 
 from hapticeval.closed_forms.form import CLOSED_FORMS
 from hapticeval.documents import read_document
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
-from hapticeval.experiments import build_experiment, build_scene, check_workspace
-from hapticeval.geometry.catalogue import make_model
-from hapticeval.geometry.model import Model
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment, Stimulus
-from hapticeval.trajectories import build_path
-
-Published = Mapping[str, Mapping[str, Outcome]]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Case:
-    """One scene with one stimulus and the checks that read its recording.
-
-    `depth_of` says whose surface a trajectory's depth counts from: the `model`'s, or that of the renderer's own
-    `representation`, which may lie deeper than the trajectory. An unjudged case is shown and never counts.
-    `published` maps renderer and check to the outcome in print, and `closed_form` the renderer to the name of its
-    closed form.
-    """
-
-    name: str
-    title: str
-    shows: str
-    citation: str
-    model: Mapping[str, Any]
-    depth_of: str
-    scene: Mapping[str, Any]
-    trajectory: Mapping[str, Any] | None
-    experiment: Mapping[str, Any] | None
-    checks: tuple[str, ...]
-    judged: bool
-    published: Published
-    closed_form: Mapping[str, str]
-    folder: FilePath = field(repr=False)
-
-    @property
-    def stimulus_kind(self) -> str:
-        """ "trajectory" (playback) or "experiment" (closed loop)."""
-        return "experiment" if self.trajectory is None else "trajectory"
-
-    def build_scene(self) -> Scene:
-        """The scene, its model built once a process."""
-        return build_scene(_model(json.dumps(self.model, sort_keys=True)), self.scene)
-
-    def build_stimulus(self, scene: Scene, renderer: object) -> Stimulus:
-        """The path or the experiment; the renderer's own surface counts where `depth_of` says so.
-
-        Raises `InputError` when the stimulus has another dimension than the model.
-        """
-        stimulus = self._stimulus(scene, renderer)
-        dimension = scene.model.dimension
-        if stimulus.dimension != dimension:
-            raise InputError(
-                f"the HIP is led in {stimulus.dimension}D on a {dimension}D model",
-                why="HIP and model must live in the same space",
-                todo="project the trajectory onto the model's plane: drop a column"
-                if dimension == 2
-                else "give three columns, or a model in the plane",
-            )
-        return stimulus
-
-    def check_stimulus(self) -> None:
-        """Raise `InputError`, naming the case, for a stimulus that no renderer could be given.
-
-        Nor may the robot be unable to reach it (Assumption 7.1), or a closed form be about something else.
-        """
-        try:
-            scene = self.build_scene()
-            stimulus = self.build_stimulus(scene, None)
-            if isinstance(stimulus, Experiment):
-                check_workspace(scene, stimulus)
-            for name in self.closed_form.values():
-                CLOSED_FORMS[name].check(scene)
-        except InputError as error:
-            raise InputError(f"case '{self.name}': {error.what}", why=error.why, todo=error.todo) from error
-
-    def _stimulus(self, scene: Scene, renderer: object) -> Stimulus:
-        if self.trajectory is None:
-            return build_experiment(self.experiment or {}, self.folder)
-        surface = scene.model.boundary
-        if self.depth_of == "representation":
-            surface = getattr(renderer, "surface", None) or surface
-        return build_path(self.trajectory, surface, self.folder)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    """A row of the summary table: Yes where `check` passes in all `cases` (globs), with what is in print."""
-
-    title: str
-    check: str
-    cases: tuple[str, ...]
-    published: Mapping[str, str]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Suite:
-    """A file of cases and the rows of the table that they fill; `renderers` are run where none are named."""
-
-    name: str
-    title: str
-    citation: str
-    cases: tuple[Case, ...]
-    rows: tuple[Row, ...]
-    renderers: tuple[str, ...] = ()
-
-
-@lru_cache(maxsize=64)
-def _model(document: str) -> Model:
-    return make_model(**json.loads(document))
-
-
-def find_suites() -> Mapping[str, FilePath]:
-    """The suites that are installed, by name."""
-    folder = FilePath(str(resources.files("hapticeval.suites")))
-    return MappingProxyType({file.stem: file for file in sorted(folder.glob("*.toml"))})
-
-
-def suites_named(name_or_path: str) -> tuple[str, ...]:
-    """The suite of that name or path, or the group of suites whose names begin with it and a hyphen.
-
-    Raises `UnknownNameError` for a name of neither.
-    """
-    known = find_suites()
-    if name_or_path in known or FilePath(name_or_path).suffix == ".toml":
-        return (name_or_path,)
-    group = tuple(name for name in known if name.startswith(f"{name_or_path}-"))
-    if not group:
-        raise UnknownNameError("suite", name_or_path, [*known, *suite_groups()])
-    return group
-
-
-def suite_groups() -> Mapping[str, tuple[str, ...]]:
-    """The groups of installed suites: what stands before the hyphen, and the names that begin so."""
-    groups: dict[str, list[str]] = {}
-    for name in find_suites():
-        first, hyphen, _ = name.partition("-")
-        if hyphen:
-            groups.setdefault(first, []).append(name)
-    return {first: tuple(names) for first, names in groups.items() if len(names) > 1}
+from hapticeval.suite.case import Case
+from hapticeval.suite.installed import find_suites
+from hapticeval.suite.suite import Row, Suite
 
 
 def load_suite(name_or_path: str) -> Suite:
