@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from hapticeval.reports.refusal import refusal_svg
 from hapticeval.reports.shown import Drawing, RunKey
 from hapticeval.reports.table import markdown
 from hapticeval.results import Results, read_results
+from hapticeval.workers import Answer, Ended, Workers
 
 FEW = 3
 """Up to so many figures are drawn here: starting processes would take longer."""
@@ -98,21 +98,25 @@ def _drawn(
             drawings[order.key] = draw(order)
             tell(len(drawings), len(orders))
         return drawings
-    with ProcessPoolExecutor(max_workers=min(workers, len(orders)), initializer=_ignore_interrupts) as pool:
-        pending = {pool.submit(draw, order): order for order in orders}
-        try:
-            for future in as_completed(pending):
-                drawings[pending[future].key] = future.result()
+    waiting = iter(enumerate(orders))
+    with Workers(draw, min(workers, len(orders))) as crew:
+        while True:
+            for number, order in islice(waiting, crew.free):
+                crew.begin(number, order)
+            if not crew.busy:
+                return drawings
+            for answer in crew.answers():
+                drawings[orders[answer.call].key] = _answered(answer)
                 tell(len(drawings), len(orders))
-        except BaseException:  # above all Ctrl-C: what has not begun would still be drawn
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    return drawings
 
 
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches the whole process group; the parent decides what it means."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _answered(answer: Answer[Drawing]) -> Drawing:
+    if isinstance(answer.error, Ended):
+        return Drawing(problem="the process that drew this figure has ended, for lack of memory perhaps")
+    if answer.error is not None:
+        raise answer.error
+    assert answer.value is not None
+    return answer.value
 
 
 def _say_nothing(done: int, total: int) -> None:

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 
 LAYERS = (
     {"types", "errors", "compiled"},
-    {"documents", "files", "geometry", "knob"},
+    {"documents", "files", "geometry", "knob", "workers"},
     {"fields"},
     {"devices", "recordings"},
     {"loop_kernels", "scene", "stimulus"},

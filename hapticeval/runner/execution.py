@@ -14,7 +14,7 @@ from hapticeval.runner.interrupts import Interrupts
 from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.progress import Progress
 from hapticeval.runner.work import Done, Work, run_job
-from hapticeval.runner.workers import Answer, Ended, Workers
+from hapticeval.workers import Answer, Ended, Workers
 
 PATIENCE = 0.1
 """Seconds after which an interrupt is seen at the latest."""

@@ -1,3 +1,4 @@
+import os
 import re
 import subprocess
 import sys
@@ -155,6 +156,27 @@ def test_processes_draw_the_same_page(folder, results, monkeypatch):
     monkeypatch.setattr(write, "FEW", 0)
     write_reports(folder, workers=2)
     assert (folder / "report.html").read_bytes() == alone
+
+
+def test_a_figure_whose_process_dies_costs_only_itself(folder, results, monkeypatch):
+    from hapticeval.reports import write
+
+    draw, told = write.draw, []
+    write_reports(folder, workers=1)
+    first = (folder / "report.html").read_text()
+
+    def dying(order):
+        if order.prefix == "f0":
+            os._exit(9)
+        return draw(order)
+
+    monkeypatch.setattr(write, "FEW", 0)
+    monkeypatch.setattr(write, "draw", dying)
+    write_reports(folder, progress=lambda done, total: told.append((done, total)), workers=2)
+    page = (folder / "report.html").read_text()
+    assert page.count("the process that drew this figure has ended") == 1
+    assert page.count("<svg") == first.count("<svg") - 1
+    assert told == [(0, 2), (1, 2), (2, 2)]
 
 
 def test_a_folder_without_results_is_an_error(tmp_path):

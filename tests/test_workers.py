@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from hapticeval.runner.workers import Answer, Ended, Workers
+from hapticeval.workers import Answer, Ended, Workers
 
 
 class Untold(Exception):
@@ -119,7 +119,7 @@ def test_a_process_that_is_stopped_in_the_middle_of_an_answer_does_not_hold_up_t
 
 ORPHANS = """
 import os, sys
-from hapticeval.runner.workers import Workers
+from hapticeval.workers import Workers
 with Workers(os.getpid, 2) as crew:
     found = []
     for call in (0, 1):

@@ -85,8 +85,8 @@ class Workers(Generic[T]):
             self._at[call] = worker
             return
 
-    def answers(self, timeout: float) -> list[Answer[T]]:
-        """The answers that there are, after waiting for the first for at most `timeout` seconds."""
+    def answers(self, timeout: float | None = None) -> list[Answer[T]]:
+        """The answers that there are, after waiting for the first, for at most `timeout` seconds where it is given."""
         calls = {worker.pipe: call for call, worker in self._at.items()}
         found: list[Answer[T]] = []
         for pipe in multiprocessing.connection.wait(list(calls), timeout):
