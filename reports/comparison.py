@@ -13,7 +13,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.figures import BUCKETS, COLOURS, MM, STYLE, extremes
 from hapticeval.reports.plane import Box, box_round, draw_body, shape_of
-from hapticeval.reports.shadow import shown_axes
+from hapticeval.reports.shadow import axis_labels, shown_axes
 from hapticeval.reports.svg import drawn, inlined
 from hapticeval.types import Array
 
@@ -33,6 +33,10 @@ OUT_OF_SIGHT = 3.0
 
 SLIVER = 3.0
 """Paths this much longer than wide are drawn with a scale of its own for each axis."""
+
+
+WHOLE = 2.0
+"""A solid up to this many times as large as the paths is shown whole."""
 
 
 def comparison_svg(runs: Mapping[str, Recording], model: Model, *, prefix: str, title: str) -> str:
@@ -106,14 +110,19 @@ def _dashes(count: int) -> list[Any]:
 def _draw_paths(axes: Axes, runs: Mapping[str, Recording], styles: Mapping[str, tuple[str, Any]], model: Model) -> None:
     shown = shown_axes(np.vstack([each.hip for each in runs.values()]))
     paths = {name: MM * recording.hip[:, list(shown)] for name, recording in runs.items()}
-    view = _view([paths[name] for name in _in_sight(runs)], shape_of(axes))
+    seen = [paths[name] for name in _in_sight(runs)]
+    if model.dimension == 3:
+        low, high = MM * np.reshape(model.boundary.bounds, (2, 3))[:, list(shown)]
+        if np.all(high - low < WHOLE * np.ptp(np.vstack(seen), axis=0).max()):
+            seen.append(np.stack([low, high]))
+    view = _view(seen, shape_of(axes))
     draw_body(axes, model, view, shown)
     for name, path in paths.items():
         role, dashes = styles[name]
         kept = np.union1d(extremes(path[:, 0], BUCKETS), extremes(path[:, 1], BUCKETS))
         axes.plot(path[kept, 0], path[kept, 1], color=drawn(role), linestyle=dashes, zorder=3)
-    axes.set(xlim=(view[0], view[2]), ylim=(view[1], view[3]), xlabel=f"y{'₁₂₃'[shown[0]]} (mm)")
-    axes.set_ylabel(f"y{'₁₂₃'[shown[1]]} (mm)")
+    across, upward = axis_labels(shown, model.dimension)
+    axes.set(xlim=(view[0], view[2]), ylim=(view[1], view[3]), xlabel=across, ylabel=upward)
     axes.set_aspect("auto")
     axes.yaxis.set_label_coords(-0.145, 0.5)
 

@@ -10,7 +10,7 @@ import numpy as np
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.marks import labels
-from hapticeval.reports.shadow import shadow, shadow_of, shown_axes
+from hapticeval.reports.shadow import axis_labels, shadow, shadow_of, shown_axes
 from hapticeval.reports.svg import drawn
 from hapticeval.types import Array, IntArray
 
@@ -34,7 +34,7 @@ def draw_plane(
     Of a run in space its shadow is drawn.
     """
     shown = shown_axes(recording.hip)
-    hidden = recording.hip.shape[1] == 3
+    across, upward = axis_labels(shown, recording.hip.shape[1])
     recording = shadow(recording, shown)
     view = _view(recording, shape_of(axes))
     body = None if model is None else body_of(model, shown, view)
@@ -54,9 +54,7 @@ def draw_plane(
             color=drawn("ink"),
             zorder=6,
         )
-    along = f", seen along y{'₁₂₃'[3 - sum(shown)]}" if hidden else ""
-    axes.set_xlabel(f"y{'₁₂₃'[shown[0]]} (mm){along}")
-    axes.set_ylabel(f"y{'₁₂₃'[shown[1]]} (mm)")
+    axes.set(xlabel=across, ylabel=upward)
     axes.yaxis.set_label_coords(-0.145, 0.5)
     show(axes, view)
     _legend(axes)

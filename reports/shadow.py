@@ -24,6 +24,13 @@ def shown_axes(hips: Array) -> tuple[int, int]:
     return int(first), int(second)
 
 
+def axis_labels(shown: tuple[int, int], dimension: int) -> tuple[str, str]:
+    """What stands along the two axes of a picture, and from where a run in space is seen."""
+    first, second = ("₁₂₃"[axis] for axis in shown)
+    along = f", seen along y{'₁₂₃'[3 - sum(shown)]}" if dimension == 3 else ""
+    return f"y{first} (mm){along}", f"y{second} (mm)"
+
+
 def shadow(recording: Recording, axes: tuple[int, int]) -> Recording:
     """HIP, IHIP and force in these two coordinates only."""
     columns = list(axes)

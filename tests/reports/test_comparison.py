@@ -66,4 +66,5 @@ def test_runs_in_space_are_drawn_by_their_shadow():
     svg = comparison_svg({"one": run}, make_model("sphere", size=0.2), prefix="c", title="t")
     assert "y₁ (mm)" in svg
     assert "y₃ (mm)" in svg
-    assert "y₂" not in svg
+    assert "seen along y₂" in svg
+    assert "y₂ (mm)" not in svg
