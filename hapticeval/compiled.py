@@ -1,18 +1,33 @@
-"""The one place where inner loops are compiled, so that every kernel is cached and typed alike."""
+"""The one place where inner loops are compiled, so that every kernel is cached and typed alike.
+
+Compiling all kernels takes longer than most runs. So each is compiled once: for one type of its arguments, see
+`for_kernels`, and by one process, see `compiled`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numba
+import numpy as np
 from numba import types
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.typing.typeof import typeof_impl
 from numba.experimental.function_type import _get_wrapper_address
+from numpy.typing import NDArray
+
+try:
+    import fcntl
+except ImportError:  # not on Windows
+    fcntl = None  # type: ignore[assignment]
 
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T", bound=np.generic)
 
 VECTOR = types.Array(types.float64, 1, "C")
 MATRIX = types.Array(types.float64, 2, "C")
@@ -38,9 +53,50 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a numeric function with numba on its first call and keep the code on disk.
 
     No fast-math: the same command must give the same verdicts, bit for bit, on the same machine.
+
+    Of several processes that want a kernel at the same time one compiles it, and the others wait for what it keeps.
+    Without that each would do all the work, and two that add to a cache at once may leave an entry of its index that
+    leads to other code.
     """
-    kernel: Callable[P, R] = numba.njit(cache=True, error_model="numpy")(function)
-    return kernel
+    kernel: Any = numba.njit(cache=True, error_model="numpy")(function)
+    if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT is set
+        return function
+    compile_ = kernel.compile
+    lock = Path(kernel.stats.cache_path, f"{function.__module__}.{function.__qualname__}.lock")
+
+    def compile_alone(signature: Any) -> Any:
+        if signature in kernel.overloads:
+            return compile_(signature)
+        # A process that compiles a kernel waits for nothing but what that calls: no two wait for each other. Nor do two
+        # threads of one, which take numba's own lock first.
+        with global_compiler_lock, _alone(lock):
+            return compile_(signature)
+
+    kernel.compile = compile_alone
+    return kernel  # type: ignore[no-any-return]
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """While it lasts, other processes wait here. The system ends it with the process, whatever ends that.
+
+    Where a file system has no locks, nobody waits.
+    """
+    with ExitStack() as held:
+        if fcntl is not None:
+            with suppress(OSError):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                fcntl.flock(held.enter_context(path.open("a")), fcntl.LOCK_EX)
+        yield
+
+
+def for_kernels(values: NDArray[T]) -> NDArray[T]:
+    """`values` as kernels take them, writable and contiguous: a copy, unless they are.
+
+    To numba an array that is locked, or a slice with gaps, has a type of its own, for which a kernel and all that it
+    calls would be compiled again. Value types lock what they show; what they give to kernels goes through here.
+    """
+    return np.require(values, requirements=["C", "W"])
 
 
 class FirstClass(types.WrapperAddressProtocol):

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import compiled, for_kernels
 from hapticeval.geometry.level_set import LevelSet
 from hapticeval.geometry.polygon import Polygon
 from hapticeval.geometry.polygon_kernels import nearest_kernel
@@ -41,16 +41,16 @@ class Contour(NamedTuple):
 
 def contour_of(level_set: LevelSet) -> tuple[Contour, Polygon]:
     """The contour, and the polygon of its cut arcs. Raises `InputError` as `LevelSet.contour` does."""
-    ends = level_set.contour().vertices
+    ends = for_kernels(level_set.contour().vertices)
     x, y = level_set.x, level_set.y
     origin = np.array([x[0], y[0]])
     cell = np.array([(x[-1] - x[0]) / (x.size - 1), (y[-1] - y[0]) / (y.size - 1)])
     middles = 0.5 * (ends + np.roll(ends, -1, axis=0))
     cells = np.floor((middles - origin) / cell).astype(np.int64)
     cells = np.clip(cells, 0, np.array([x.size - 2, y.size - 2]))
-    bare = Contour(ends, cells, level_set.values, origin, cell, np.empty((0, 2)), np.empty((0, 6)))
+    bare = Contour(ends, cells, for_kernels(level_set.values), origin, cell, np.empty((0, 2)), np.empty((0, 6)))
     outline = Polygon(_cut(bare))
-    return bare._replace(vertices=outline.vertices, tree=outline.tree), outline
+    return bare._replace(vertices=for_kernels(outline.vertices), tree=outline.tree), outline
 
 
 @compiled

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import compiled, for_kernels
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import joint_turn, project
 from hapticeval.geometry.kernels import KIND, LINE, U0, U1, evaluate, evaluate_many, piece_of
@@ -44,13 +44,10 @@ class Boundary(NamedTuple):
 def boundary_of(surface: Curve | Polygon) -> Boundary:
     """The bundle of a curve or a polygon."""
     made = _of_polygon(surface) if isinstance(surface, Polygon) else _of_curve(surface)
-    # all arrays read-only: the bundles then have one type, for which the loops are compiled once
-    frozen: dict[str, Any] = {}
-    for name, part in made._asdict().items():
-        if isinstance(part, np.ndarray):
-            frozen[name] = part.view()
-            frozen[name].flags.writeable = False
-    return made._replace(**frozen)
+    arrays: dict[str, Any] = {
+        k: for_kernels(part) for k, part in made._asdict().items() if isinstance(part, np.ndarray)
+    }
+    return made._replace(**arrays)
 
 
 def straight(curve: Curve) -> bool:
@@ -59,7 +56,7 @@ def straight(curve: Curve) -> bool:
 
 
 def _of_polygon(polygon: Polygon) -> Boundary:
-    pieces = polygon.as_curve().pieces
+    pieces = for_kernels(polygon.as_curve().pieces)
     count = pieces.shape[0]
     return Boundary(
         pieces,
@@ -75,7 +72,7 @@ def _of_polygon(polygon: Polygon) -> Boundary:
 
 
 def _of_curve(curve: Curve) -> Boundary:
-    pieces = curve.pieces
+    pieces = for_kernels(curve.pieces)
     if not curve.closed:
         nothing = np.empty((0, 2))
         third = np.zeros((1, 2))

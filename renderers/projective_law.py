@@ -11,7 +11,7 @@ import numpy as np
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.curve_kernels import project
-from hapticeval.geometry.kernels import KIND, U0, U1, UNBOUNDED, A, piece_of
+from hapticeval.geometry.kernels import KIND, U0, U1, UNBOUNDED, piece_of
 from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
 from hapticeval.geometry.surface_kernels import place
 from hapticeval.renderer import CompiledLaw
@@ -25,7 +25,8 @@ from hapticeval.renderers.slide import frame
 from hapticeval.types import Array
 
 SCHEME, BILATERAL, STIFFNESS, DAMPING, MASS, SPRING, DAMPER, JOINTS = range(8)
-"""Where the gains are in `reals`: SPRING and DAMPER are those of the square root. The turns of the joints come last."""
+"""Where the gains are in `reals`: SPRING and DAMPER are those of the square root. The turns of the n joints
+come last, and after them a polygon's vertices (n, 2)."""
 
 NUMBERS = {name: float(number) for number, name in enumerate(REGULATIONS)}
 PP, PP_V, PP_D, PP_PD, TRANSVERSAL, SQUARE_ROOT, PP_PD_C = (
@@ -45,8 +46,9 @@ def law_of(
     """The law of a projective renderer, or None for a projection that has no compiled form."""
     if isinstance(projection, MinimumDistanceProjection):
         b = projection.boundary
-        function, pieces, joints = in_the_plane, b.pieces, b.joints
+        function, pieces = in_the_plane, b.pieces
         samples = b.tree if _edges(b) else b.samples
+        joints = np.append(b.joints, b.vertices) if _edges(b) else b.joints
     elif isinstance(projection, NearestOnSurface):
         function, pieces, joints = in_space, projection.surface.row[np.newaxis], np.empty(0)
         samples = np.empty((0, 0))
@@ -85,7 +87,8 @@ def in_the_plane(
     x, y = hip[0], hip[1]
     closed = pieces[0, KIND] != UNBOUNDED
     if samples.shape[1] == TREE:
-        vertices = pieces[:, A : A + 2]
+        count = pieces.shape[0]
+        vertices = reals[JOINTS + count : JOINTS + 3 * count].reshape((count, 2))
         k, along, distance2 = nearest_kernel(vertices, samples, x, y)
         u = pieces[k, U0] + along * (pieces[k, U1] - pieces[k, U0])
         side = side_kernel(vertices, k, along, x, y) if distance2 > 0.0 else 1.0

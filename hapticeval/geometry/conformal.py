@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry import conformal_kernels as kernels
 from hapticeval.geometry.conformal_nodes import parameters_at, smooth
@@ -86,7 +87,7 @@ class ConformalMap:
 
     def to_angle(self, points: Array) -> Array:
         """The arguments of f (n,), rad, of points (n, 2), m, inside the curve."""
-        return kernels.to_angle(self._disk, points)
+        return kernels.to_angle(self._disk, for_kernels(points))
 
     def surface(self, angles: Array) -> Array:
         """The curve's parameters u (n,) at boundary angles (n,), rad: the boundary correspondence, inverted."""
@@ -148,7 +149,7 @@ def _measured(curve: Curve, coarse: Correspondence, found: Correspondence) -> Co
         np.ascontiguousarray(np.column_stack([part for values in parts for part in (values.real, values.imag)])),
         angles,
         found.slopes,
-        curve.pieces,
+        for_kernels(curve.pieces),
         found.nodes.per_piece,
         FINE,
         float(found.centre[0]),

@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import compiled, for_kernels
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import ARC, KIND, U0, U1, C, D, E, evaluate_many
 from hapticeval.types import Array
@@ -45,7 +45,7 @@ def smooth(curve: Curve) -> bool:
 
 def nodes_of(curve: Curve, n: int) -> Nodes:
     """`n` nodes on a closed curve; on one of pieces n is a multiple of their number."""
-    pieces = curve.pieces
+    pieces = for_kernels(curve.pieces)
     if smooth(curve):
         start, end = curve.u_range
         rows = evaluate_many(pieces, start + (end - start) * np.arange(n) / n)
@@ -55,7 +55,7 @@ def nodes_of(curve: Curve, n: int) -> Nodes:
     per = n // pieces.shape[0]
     after, before, slope = np.array([graded((i + 0.5) / per) for i in range(per)]).T
     early = np.arange(per) < per // 2
-    starts = evaluate_many(pieces, pieces[:, U0])
+    starts = evaluate_many(pieces, for_kernels(pieces[:, U0]))
     joints = starts[:, 0] + 1j * starts[:, 1]
     anchors, offsets, steps = [], [], []
     for k, row in enumerate(pieces):

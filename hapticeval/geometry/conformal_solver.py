@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticeval.compiled import for_kernels
 from hapticeval.geometry.conformal_kernels import matrix
 from hapticeval.geometry.conformal_nodes import Complex, Nodes, nodes_of, parameters_at
 from hapticeval.geometry.curve import Curve
@@ -54,7 +55,7 @@ def correspondences(curve: Curve, n: int, centres: Sequence[Array]) -> list[Corr
     """The integral equation solved on `n` nodes for each of the centres (2,), m."""
     nodes = nodes_of(curve, n)
     steps = np.arange(n * FINE) / FINE
-    lengths = np.append(curve.arc_length(parameters_at(curve.pieces, n, nodes.per_piece, steps)), 0.0)
+    lengths = np.append(curve.arc_length(parameters_at(for_kernels(curve.pieces), n, nodes.per_piece, steps)), 0.0)
     lengths[1:][lengths[1:] <= lengths[0]] += curve.length  # the last half step of a graded curve is on its first piece
     seen = [nodes.anchors - complex(*centre) + nodes.offsets for centre in centres]
     sides = np.column_stack([(nodes.steps / z).imag for z in seen])

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError
 from hapticeval.geometry import curve_kernels, polygon_kernels
 from hapticeval.geometry.frame import Frame
@@ -143,7 +144,7 @@ class Curve:
             return np.asarray(u - start)
         turns = np.floor((u - start) / (end - start))
         rest = np.clip(u - turns * (end - start), start, end)
-        lengths = curve_kernels.arc_lengths(self.pieces[0], self._panels, np.ravel(rest)).reshape(u.shape)
+        lengths = curve_kernels.arc_lengths(self._rows[0], self._panels, np.ravel(rest)).reshape(u.shape)
         return np.asarray(turns * self.length + lengths)
 
     def parameter(self, s: ArrayLike) -> Array:
@@ -154,7 +155,7 @@ class Curve:
         rest = np.mod(s, self.length)
         if not self._smooth:
             return np.asarray(self.pieces[0, U0] + rest)
-        return curve_kernels.parameters_at(self.pieces[0], self._panels, np.ravel(rest)).reshape(s.shape)
+        return curve_kernels.parameters_at(self._rows[0], self._panels, np.ravel(rest)).reshape(s.shape)
 
     @cached_property
     def corners(self) -> tuple[Corner, ...]:
@@ -163,7 +164,7 @@ class Curve:
             return ()
         found = []
         for k in range(self.pieces.shape[0]):
-            turn = curve_kernels.joint_turn(self.pieces, k)
+            turn = curve_kernels.joint_turn(self._rows, k)
             if abs(turn) > curve_kernels.STRAIGHT:
                 found.append(self._corner(k, turn))
         return tuple(found)
@@ -199,7 +200,7 @@ class Curve:
         if not self.closed:
             x, y = self.pieces[0, A], self.pieces[0, B]
             return float(x - WINDOW), float(y - WINDOW), float(x + WINDOW), float(y + WINDOW)
-        points = self._polyline[0] if self._straight else np.vstack([*map(self._extremes, self.pieces)])
+        points = self._polyline[0] if self._straight else np.vstack([*map(self._extremes, self._rows)])
         (xmin, ymin), (xmax, ymax) = points.min(axis=0), points.max(axis=0)
         return float(xmin), float(ymin), float(xmax), float(ymax)
 
@@ -214,6 +215,10 @@ class Curve:
         points[-1] = points[0]
         return points
 
+    @cached_property
+    def _rows(self) -> Array:
+        return for_kernels(self.pieces)
+
     @property
     def _smooth(self) -> bool:
         return bool(self.pieces[0, KIND] in (CASSINIAN, ELLIPSE))
@@ -225,13 +230,13 @@ class Curve:
     @cached_property
     def _polyline(self) -> tuple[Array, Array]:
         """Vertices and search tree of a curve of straight pieces: an imported outline may have thousands."""
-        vertices = np.ascontiguousarray(self.pieces[:, A : B + 1])
+        vertices = for_kernels(self.pieces[:, A : B + 1])
         return vertices, polygon_kernels.build_tree(vertices)
 
     @cached_property
     def _panels(self) -> Array:
         """(u, s) between which the Gauss-Legendre rule gives arc length to rounding."""
-        piece = self.pieces[0]
+        piece = self._rows[0]
         count = 8 * int(piece[B]) if piece[KIND] == CASSINIAN else 16
         return curve_kernels.arc_panels(piece, count)
 
@@ -240,7 +245,7 @@ class Curve:
         """The table that `curve_kernels.project` needs: empty unless the curve is one smooth piece."""
         if not self._smooth:
             return np.empty((0, 8))
-        return curve_kernels.sample_table(self.pieces[0], self._panels, BLOCK)
+        return curve_kernels.sample_table(self._rows[0], self._panels, BLOCK)
 
     def _evaluated(self, u: ArrayLike) -> Array:
         u = np.asarray(u, dtype=np.float64)
@@ -248,12 +253,12 @@ class Curve:
             start, end = self.u_range
             wrapped = start + np.mod(u - start, end - start)
             u = np.where((u >= start) & (u < end), u, np.where(wrapped < end, wrapped, start))
-        return evaluate_many(self.pieces, np.ravel(u)).reshape((*u.shape, 6))
+        return evaluate_many(self._rows, for_kernels(np.ravel(u))).reshape((*u.shape, 6))
 
     def _projected(self, points: ArrayLike) -> Array:
         array = checked_points(points)
         if not self._straight:
-            return curve_kernels.project_many(self.pieces, self.samples, array)
+            return curve_kernels.project_many(self._rows, self.samples, array)
         vertices, tree = self._polyline
         edges, along, distances, _ = polygon_kernels.nearest_many(vertices, tree, array)
         starts, ends = self.pieces[edges, U0], self.pieces[edges, U1]
@@ -261,7 +266,7 @@ class Curve:
         return np.column_stack([u, np.abs(distances), np.where(distances < 0.0, -1.0, 1.0)])
 
     def _corner(self, k: int, turn: float) -> Corner:
-        before, after = self.pieces[k - 1], self.pieces[k]
+        before, after = self._rows[k - 1], self._rows[k]
         pre = np.array(evaluate(before, before[U1])[2:4])
         x, y, dx, dy, _, _ = evaluate(after, after[U0])
         post = np.array([dx, dy])
@@ -296,7 +301,7 @@ class Curve:
             for row in (np.argmin(samples[:, 2 + axis]), np.argmax(samples[:, 2 + axis])):
                 u = float(samples[row, 0])
                 for _ in range(4):
-                    value = evaluate(self.pieces[0], u)
+                    value = evaluate(self._rows[0], u)
                     u -= value[2 + axis] / value[4 + axis] if value[4 + axis] != 0.0 else 0.0
-                points.append(evaluate(self.pieces[0], u)[:2])
+                points.append(evaluate(self._rows[0], u)[:2])
         return np.array([*points, *samples[:, 2:4]])

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hapticeval.compiled import for_kernels
 from hapticeval.geometry import polygon_kernels
 from hapticeval.geometry.validate import checked_points, checked_vertices
 from hapticeval.types import Array, BoolArray, IntArray
@@ -45,9 +46,7 @@ class Polygon:
     @cached_property
     def tree(self) -> Array:
         """The tree that the compiled queries walk, as `polygon_kernels` lays it out."""
-        tree = polygon_kernels.build_tree(self.vertices)
-        tree.flags.writeable = False
-        return tree
+        return polygon_kernels.build_tree(self._rows)
 
     def nearest(self, points: ArrayLike) -> tuple[IntArray, Array, Array]:
         """For points (n, 2) the nearest edges (n,), the shares t (n,) along them, and the nearest points (n,
@@ -73,7 +72,7 @@ class Polygon:
         (edge, t along the edge, fraction of the segment), or None if it never does.
         """
         (x0, y0), (x1, y1) = checked_points([start, end], "start and end")
-        edge, along, fraction = polygon_kernels.first_crossing_kernel(self.vertices, self.tree, x0, y0, x1, y1)
+        edge, along, fraction = polygon_kernels.first_crossing_kernel(self._rows, self.tree, x0, y0, x1, y1)
         return (edge, along, fraction) if edge >= 0 else None
 
     def as_curve(self) -> Curve:
@@ -98,12 +97,16 @@ class Polygon:
         from_outline = _largest(lambda share: np.abs(curve.signed_distance(self._along(share))), shares)
         return max(from_curve, from_outline)
 
+    @cached_property
+    def _rows(self) -> Array:
+        return for_kernels(self.vertices)
+
     def _along(self, share: Array) -> Array:
         edge = np.minimum(share.astype(np.int64), self.vertices.shape[0] - 1)
         return np.asarray(self.vertices[edge] + (share - edge)[:, np.newaxis] * self.edges[edge])
 
     def _nearest(self, points: ArrayLike) -> tuple[IntArray, Array, Array, Array]:
-        return polygon_kernels.nearest_many(self.vertices, self.tree, checked_points(points))
+        return polygon_kernels.nearest_many(self._rows, self.tree, checked_points(points))
 
 
 def _largest(value: Callable[[Array], Array], stops: Array) -> float:

@@ -30,7 +30,7 @@ def checked_points(points: object, what: str = "points", *, dimension: int = 2) 
         axes = "x and y" if dimension == 2 else "x, y and z"
         raise InputError(f"{what} have the shape {array.shape}", why=f"they must be rows of {axes}: (n, {dimension})")
     _check_finite(array, what)
-    return np.ascontiguousarray(array)
+    return np.require(array, requirements=["C", "W"])  # writable too: kernels are compiled for one type of array
 
 
 def checked_size(size: float, what: str = "size") -> float:

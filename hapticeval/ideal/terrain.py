@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticeval.compiled import for_kernels
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import STRAIGHT, joint_turn
 from hapticeval.geometry.kernels import ARC, KIND, LINE, U0, U1, UNBOUNDED, evaluate_many
@@ -38,7 +39,7 @@ class Terrain(NamedTuple):
 
 def terrain(curve: Curve) -> Terrain:
     """Prepare `curve` for the tool, once a scene."""
-    pieces = np.ascontiguousarray(curve.pieces)
+    pieces = for_kernels(curve.pieces)
     count = pieces.shape[0]
     joints = np.array([joint_turn(pieces, i) if curve.closed else 0.0 for i in range(count)])
     joints[np.abs(joints) <= STRAIGHT] = 0.0

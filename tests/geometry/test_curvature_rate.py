@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import sympy
 
+from hapticeval.compiled import for_kernels
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line
 from hapticeval.geometry.kernels import curvature_rate, piece_of
 
@@ -17,7 +18,8 @@ MODELS = {
 
 
 def rates(curve, us):
-    return np.array([curvature_rate(curve.pieces[piece_of(curve.pieces, u)], u) for u in us])
+    pieces = for_kernels(curve.pieces)
+    return np.array([curvature_rate(pieces[piece_of(pieces, u)], u) for u in us])
 
 
 def symbolic(x, y, u):

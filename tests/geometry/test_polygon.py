@@ -8,6 +8,7 @@ import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
 from hapticeval.geometry.polygon import Polygon
@@ -135,11 +136,12 @@ class TestSide:
     def test_kernels_are_what_the_methods_answer(self, name, a, b):
         polygon = POLYGONS[name]
         x, y = around(polygon, [a, b])
-        edge, t, distance2 = nearest_kernel(polygon.vertices, polygon.tree, x, y)
+        vertices = for_kernels(polygon.vertices)
+        edge, t, distance2 = nearest_kernel(vertices, polygon.tree, x, y)
         edges, ts, _ = polygon.nearest([[x, y]])
         assert (edge, t) == (edges[0], ts[0])
         assert math.sqrt(distance2) == abs(polygon.signed_distance([[x, y]])[0])
-        assert contains_kernel(polygon.vertices, polygon.tree, x, y) == polygon.contains([[x, y]])[0]
+        assert contains_kernel(vertices, polygon.tree, x, y) == polygon.contains([[x, y]])[0]
 
 
 class TestFirstCrossing:
@@ -223,7 +225,7 @@ class TestFirstCrossing:
 
     def test_none_is_edge_minus_one_in_the_kernel(self):
         polygon = POLYGONS["triangle"]
-        assert first_crossing_kernel(polygon.vertices, polygon.tree, 2.0, 2.0, 3.0, 3.0)[0] == -1
+        assert first_crossing_kernel(for_kernels(polygon.vertices), polygon.tree, 2.0, 2.0, 3.0, 3.0)[0] == -1
 
 
 class TestRepresentation:

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from hapticeval.compiled import for_kernels
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, ellipse, line, sphere, torus
@@ -88,7 +89,7 @@ def test_what_it_lacks_off_the_surface(model, seed):
         renderer = family(held(model))
         renderer.reset(hip)
         acceleration = renderer.step(hip, velocity, 1e-3).force / MASS
-        turning = 2.0 * kappa * across * foot + n * curvature_rate(curve.pieces[0], u) * foot**2
+        turning = 2.0 * kappa * across * foot + n * curvature_rate(for_kernels(curve.pieces[0]), u) * foot**2
         return (
             normal @ acceleration + kappa * stretch * foot**2 + K * n + D * across,
             (tangent @ acceleration - turning) / stretch,

@@ -1,0 +1,106 @@
+"""Each kernel is compiled once: by one of the processes that want it, and for one type of array."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from hapticeval.compiled import for_kernels
+
+KERNEL = """
+from hapticeval.compiled import compiled
+
+@compiled
+def kernel(values):
+    total = 0.0
+    for value in values:
+        total += value
+    return total
+"""
+
+ASK = """
+import sys
+import numpy as np
+from kernel import kernel
+
+print("ready", flush=True)
+sys.stdin.readline()
+print(kernel(np.arange(4.0)), sum(kernel.stats.cache_misses.values()), sum(kernel.stats.cache_hits.values()))
+"""
+
+LOCKED = """
+import sys
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from numba.core.types import Array
+from hapticeval.discovery import resolve
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.scene import Scene
+
+points = np.array([[0.01, 0.02], [0.3, -0.1]])
+points.flags.writeable = False
+for kind in ("cassinian", "star"):
+    model = make_model(kind, size=0.2)
+    model.curve.frame(points)
+    model.polygon().signed_distance(points)
+    for name in ("minimum-distance", "constraint"):
+        renderer = resolve(name)(Scene(model=model))
+        renderer.reset(points[0])
+        renderer.step(points[0], np.zeros(2), 1e-3)
+        if renderer.law is not None:
+            law, scratch = renderer.law, [np.zeros(2) for _ in range(4)]
+            law.function(*law[1:4], np.zeros(law.memory), points[0].copy(), *scratch[:2], 1e-3, *scratch[2:])
+kernels = {
+    kernel
+    for name, module in list(sys.modules.items()) if name.startswith("hapticeval.")
+    for kernel in vars(module).values() if isinstance(kernel, Dispatcher)
+}
+signatures = [(kernel.__name__, each) for kernel in kernels for each in kernel.signatures]
+print(len(signatures))
+odd = lambda kind: isinstance(kind, Array) and not (kind.mutable and kind.layout == "C")
+print([(name, kinds) for name, kinds in signatures if any(map(odd, kinds))])
+"""
+
+
+def test_of_processes_that_want_a_kernel_at_once_one_compiles_it(tmp_path):
+    pytest.importorskip("fcntl")
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", ASK], env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        for _ in range(3)
+    ]
+    assert [process.stdout.readline() for process in processes] == ["ready\n"] * 3
+    for process in processes:
+        process.stdin.write("go\n")
+        process.stdin.flush()
+    answers = sorted(process.communicate()[0].split() for process in processes)
+    assert answers == [["6.0", "0", "1"], ["6.0", "0", "1"], ["6.0", "1", "0"]]
+
+
+@pytest.mark.parametrize("values", [np.arange(6.0).reshape(2, 3)[:, 1:], np.broadcast_to(1.0, 3)])
+def test_kernels_are_given_arrays_of_one_type(values):
+    given = for_kernels(values)
+    assert given.flags.writeable
+    assert given.flags.c_contiguous
+    np.testing.assert_array_equal(given, values)
+
+
+def test_what_is_fit_for_kernels_is_not_copied():
+    values = np.zeros((2, 3))
+    assert for_kernels(values) is values
+
+
+def test_no_kernel_is_compiled_for_locked_arrays():
+    """Curves and polygons lock their arrays, and points may come from a recording, which does too."""
+    ended = subprocess.run([sys.executable, "-c", LOCKED], capture_output=True, text=True, check=True)
+    compiled, locked = ended.stdout.splitlines()
+    assert int(compiled) > 8
+    assert locked == "[]"
