@@ -34,7 +34,7 @@ def read_rows(dataset: Any, begin: int, end: int) -> Any:
 
     Raises `OSError` for a block that is damaged, and otherwise what the library raises.
     """
-    if end - begin < FEW * (dataset.chunks or (end,))[0] or not hasattr(os, "pread") or not _is_known(dataset):
+    if end - begin < FEW * (dataset.chunks or (end,))[0] or not _can_tell(dataset) or not _is_known(dataset):
         return dataset[begin:end]
     rows = dataset.chunks[0]
     blocks = [block for block in _blocks(dataset) if begin < block.row + rows and block.row < end]
@@ -55,6 +55,11 @@ def read_rows(dataset: Any, begin: int, end: int) -> Any:
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(fill, (blocks[k::workers] for k in range(workers))))  # raises what a block raised
     return out
+
+
+def _can_tell(dataset: Any) -> bool:
+    """Whether the system reads at a place, and the HDF5 library says where the blocks are: from 1.12.3 and 1.14 on."""
+    return hasattr(os, "pread") and hasattr(dataset.id, "chunk_iter")
 
 
 def _is_known(dataset: Any) -> bool:

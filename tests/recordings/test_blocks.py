@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.recordings.blocks import FEW, read_rows
+from hapticeval.recordings.blocks import FEW, FLETCHER, read_rows
 
 ROWS, BLOCK = 1000, 32
 OURS = {"compression": "gzip", "shuffle": True, "fletcher32": True}
@@ -65,21 +65,36 @@ def test_long_stretches_of_ours_are_not_left_to_the_library(path, monkeypatch):
             read_rows(dataset, 0, FEW * BLOCK - 1)
 
 
-@given(where=st.floats(0.0, 1.0), bit=st.integers(0, 7))
-@settings(max_examples=100, deadline=None)
-def test_no_flipped_bit_of_a_block_is_read_as_data(path, tmp_path_factory, where, bit):
+@pytest.fixture(scope="module")
+def hurt(path, tmp_path_factory):
+    """A function: what a file gives where some bits of a byte of its middle block are flipped."""
+    copy = tmp_path_factory.mktemp("hurt") / "run.h5"
     with h5py.File(path) as file:
         found = []
         file["f8 1 3"].id.chunk_iter(lambda stored: found.append((stored.byte_offset, stored.size)))
-        wanted = file["f8 1 3"][:]
     at, size = found[len(found) // 2]
-    hurt = bytearray(path.read_bytes())
-    place = at + int(where * (size - 1))
-    hurt[place] ^= 1 << bit
-    copy = tmp_path_factory.mktemp("hurt") / "run.h5"
-    copy.write_bytes(hurt)
-    with h5py.File(copy) as file:
-        # Flipped for nothing: the library's own checksum, and what fills up the last byte of the stream before its own.
-        spare = place >= at + size - 9
-        with contextlib.suppress(OSError) if spare else pytest.raises(OSError, match="damaged"):
-            np.testing.assert_array_equal(read_rows(file["f8 1 3"], 0, ROWS), wanted)
+
+    def read(place, bits):
+        made = bytearray(path.read_bytes())
+        made[at + place % size] ^= bits
+        copy.write_bytes(made)
+        with h5py.File(copy) as file:
+            return read_rows(file["f8 1 3"], 0, ROWS)
+
+    return read
+
+
+@given(place=st.integers(0), bit=st.integers(0, 7))
+@settings(max_examples=100, deadline=None)
+def test_no_flipped_bit_of_a_block_is_read_as_data(path, hurt, place, bit):
+    """Some are flipped for nothing: of the library's checksum, or where a stream may say the same in two ways."""
+    with h5py.File(path) as file:
+        wanted = file["f8 1 3"][:]
+    with contextlib.suppress(OSError):
+        np.testing.assert_array_equal(hurt(place, 1 << bit), wanted)
+
+
+@pytest.mark.parametrize("place", [0, 40, -FLETCHER - 1, -FLETCHER - 4])
+def test_a_block_whose_start_or_checksum_is_wrong_is_refused(hurt, place):
+    with pytest.raises(OSError, match="damaged"):
+        hurt(place, 0xFF)
