@@ -339,6 +339,32 @@ def test_an_archive_without_its_index_says_whether_more_is_missing(tmp_path):
     assert "is not known" in read_table(path).warnings[0]
 
 
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_wrong_byte_anywhere_in_an_archive_is_never_read_as_a_number(tmp_path, compressed):
+    whole = tmp_path / "a.npz"
+    (np.savez_compressed if compressed else np.savez)(whole, t=TIME[:20], hip=HIP[:20])
+    data = whole.read_bytes()
+    truth = read_table(whole)
+    hurt = tmp_path / "b.npz"
+    for place in range(0, len(data), 1 if len(data) < 2000 else 3):
+        for end in (len(data), len(data) - 30):
+            hurt.write_bytes(data[:place] + bytes([data[place] ^ 0x21]) + data[place + 1 : end])
+            try:
+                table = read_table(hurt, format="npz")
+            except InputError:
+                continue
+            assert all(np.array_equal(table[name], truth[name]) for name in table.columns if name in truth.columns)
+
+
+def test_a_matlab_file_of_less_than_its_header_says_so(tmp_path):
+    path = tmp_path / "a.mat"
+    savemat(path, {"t": TIME})
+    path.write_bytes(path.read_bytes()[:90])
+    with pytest.raises(InputError, match="cut short") as caught:
+        read_table(path, format="matlab5")
+    assert "90 are there" in caught.value.why
+
+
 def cut_table(**promised):
     return Table(
         {"t": TIME, "hip[0]": HIP[:300, 0], "hip[1]": HIP[:280, 1], "pen": np.ones(250, int)},

@@ -45,6 +45,12 @@ def read_matlab5(path: Path) -> Table:
     from scipy.io import loadmat
 
     data = path.read_bytes()
+    if len(data) < HEADER:
+        raise InputError(
+            f"{path} is cut short or damaged",
+            why=f"its header has {HEADER} bytes, and {len(data)} are there",
+            todo="copy it again from where it was recorded",
+        )
     order = "<" if data[126:128] == b"IM" else ">"
     (subsystem,) = struct.unpack(order + "Q", data[SUBSYSTEM])
     tree = Tree()

@@ -6,6 +6,7 @@ import io
 import zipfile
 import zlib
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,8 @@ from hapticeval.recordings.formats.shortfall import shortfall
 from hapticeval.recordings.formats.table import Table, lost_columns, spread
 from hapticeval.recordings.formats.zip_entries import End, Entry, entries
 
-DAMAGE = (ValueError, zipfile.BadZipFile, zlib.error, EOFError)
+DAMAGE = (ValueError, RuntimeError, zipfile.BadZipFile, zlib.error, EOFError, TokenError)
+"""NumPy speaks of one and the same damage in all of these, by where it strikes."""
 
 
 def _recognises(head: bytes) -> bool:

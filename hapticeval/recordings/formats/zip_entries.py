@@ -71,7 +71,7 @@ def _sizes(rest: bytes, stored: int, real: int) -> tuple[int, int]:
     """The sizes of an entry, which for one larger than 4 GB stand in what follows its name."""
     while len(rest) >= 4:
         kind, size = struct.unpack("<HH", rest[:4])
-        numbers = [number for (number,) in struct.iter_unpack("<Q", rest[4 : 4 + size // 8 * 8])]
+        numbers = [number for (number,) in struct.iter_unpack("<Q", rest[4 : 4 + min(size, len(rest) - 4) // 8 * 8])]
         if kind == 1:
             real = numbers.pop(0) if real == IN_REST and numbers else real
             stored = numbers.pop(0) if stored == IN_REST and numbers else stored
