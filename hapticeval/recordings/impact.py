@@ -73,10 +73,15 @@ class Impact:
 
 @dataclass(frozen=True)
 class Impacts:
-    """The contacts of a recording, and when (s) a force rose without an approach; `floor` (N) is where one begins."""
+    """The contacts of a recording, and when (s) a force rose without an approach; `floor` (N) is where one begins.
+
+    `retreats` (s) are those of the `unexplained` ones at which the tool was seen to leave; at the others it moved by no
+    more than a quantum, or the recording begins with them.
+    """
 
     contacts: tuple[Impact, ...]
     unexplained: tuple[float, ...]
+    retreats: tuple[float, ...]
     floor: float
 
     def mean(self, measure: str) -> tuple[float, float]:
@@ -117,25 +122,26 @@ def impacts(recording: Recording, *, floor: float | None = None) -> Impacts:
         declared = recording.meta.get("force_floor")
         floor = float(declared) if isinstance(declared, int | float) else SHARE * float(press.max())
     step = quantum(into[valid]) or 0.0
-    contacts, unexplained = [], []
+    tick = float(np.median(np.diff(recording.time)))
+    window = max(2, round(SPEED_WINDOW / tick))
+    contacts, unexplained, retreats = [], [], []
     for first, end in runs_of((press > floor) & valid):
         if end - first < LEAST_ROWS:
             continue
-        made = _impact(recording.time, press, into, first, end, step)
-        if made is None:
-            unexplained.append(float(recording.time[first]))
-        else:
-            contacts.append(made)
-    return Impacts(tuple(contacts), tuple(unexplained), floor)
+        speed, least = _slope(into, first - window, first, tick), step / (window * tick)
+        if speed > least:
+            contacts.append(_impact(recording.time, press, into, first, end, step))
+            continue
+        unexplained.append(float(recording.time[first]))
+        if speed < -least:
+            retreats.append(float(recording.time[first]))
+    return Impacts(tuple(contacts), tuple(unexplained), tuple(retreats), floor)
 
 
-def _impact(time: Array, press: Array, into: Array, first: int, end: int, step: float) -> Impact | None:
-    """The contact over rows [first, end) above the floor; None where the tool does not move into the wall."""
+def _impact(time: Array, press: Array, into: Array, first: int, end: int, step: float) -> Impact:
+    """The contact over rows [first, end) above the floor, before which the tool moves into the wall."""
     tick = float(np.median(np.diff(time)))
     window, before = max(2, round(SPEED_WINDOW / tick)), max(2, round(BEFORE / tick))
-    speed = _slope(into, first - window, first, tick)
-    if not speed > step / (window * tick):
-        return None
     top = float(press[first:end].max())
     touch, rest = first, float(np.median(press[max(0, first - 2 * before) : max(1, first - before)]))
     for _ in range(3):  # what the sensor reads before the touch says where the touch is, and the other way round

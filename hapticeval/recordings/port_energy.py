@@ -8,9 +8,10 @@ at x, it has given by t1, since t0,
 Two kinds of t0 and t1 bound the right side without knowing what is behind the port.
 
     From rest to rest   nothing moves at either end, so S is of springs and weights alone, and would be the same if the
-                        hand went straight from x1 back to x0. On the way the force is about that of its ends, so that
-                        this would take no more than max(|F0|, |F1|) |x1 - x0|. That closes the loop:
-                        W <= max(|F0|, |F1|) |x1 - x0|.
+                        hand went straight from x1 back to x0. No force on the way is larger than the largest that was
+                        felt in the run, so that this takes no more than max |F| |x1 - x0|. That closes the loop:
+                        W <= max |F| |x1 - x0|. The forces at the ends alone say less: a latch lies between them, and
+                        a hand that turns round feels a mass beside the spring.
     From free space on  where the force is zero for long and to the bit, it is computed, and no spring is loaded in it:
                         S(t0) = 0, and W <= 0 at every t1.
 
@@ -41,7 +42,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticeval.recordings.signal_faults import quantum
+from hapticeval.recordings.grain import grain
 from hapticeval.recordings.stretches import LAG
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -110,7 +111,7 @@ def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> t
             break
         port = _Port(place[:end], force[lag:], floor, share)
         rests = np.array([row for row in resting if row < end], dtype=np.intp)
-        both = [port.largest(sign, rests, [row for row in free if row < end]) for sign in (1.0, -1.0)]
+        both = [port.largest(sign, rests, [row - lag for row in free if row >= lag]) for sign in (1.0, -1.0)]
         if both[0] is None or both[1] is None:
             return ()
         found.append(Balance(both[0], both[1]))
@@ -124,15 +125,14 @@ class _Port:
         moved, turned = np.diff(place, axis=0), np.diff(force, axis=0)
         work = 0.5 * np.sum((force[1:] + force[:-1]) * moved, axis=1)
         self.place, self.size = place, np.linalg.norm(force, axis=1)
-        self.force = force
         self.work = _summed(work)
         self.crossed = _summed(np.abs(work))
         self.path = _summed(np.linalg.norm(moved, axis=1))
         self.square = _summed(np.sum(moved**2, axis=1))
         self.turned = _summed(np.linalg.norm(turned, axis=1))
         self.kinetic = share**2 * float(np.ptp(self.work))
-        self.position = 0.5 * math.sqrt(place.shape[1]) * max((quantum(each) or 0.0 for each in place.T), default=0.0)
-        step = math.sqrt(force.shape[1]) * max((quantum(each) or 0.0 for each in force.T), default=0.0)
+        self.position = 0.5 * math.sqrt(place.shape[1]) * max(map(grain, place.T))
+        step = math.sqrt(force.shape[1]) * max(map(grain, force.T))
         self.reading = floor + 0.5 * step
         self.noise = SURE * _noise(force)
 
@@ -158,7 +158,7 @@ class _Port:
         if rests.size < 2:
             return
         a, b = (rests[each] for each in np.triu_indices(rests.size, 1))
-        back = np.maximum(self.size[a], self.size[b]) * np.linalg.norm(self.place[b] - self.place[a], axis=1)
+        back = float(self.size.max()) * np.linalg.norm(self.place[b] - self.place[a], axis=1)
         given, left = sign * (self.work[b] - self.work[a]) - back, self.open(a, b) + self.kinetic
         best = int(np.argmax(given - left))
         yield Gift(float(given[best]), float(left[best]), int(a[best]), int(b[best]), "at rest at both ends")
@@ -184,7 +184,7 @@ def _resting(place: Array, time: Array) -> tuple[IntArray, float]:
     fastest = float(speed.max())
     if fastest == 0.0:
         return np.zeros(0, dtype=np.intp), 0.0
-    step = max((quantum(each) or 0.0 for each in place.T), default=0.0)
+    step = max(map(grain, place.T))
     share = max(REST, 2.0 * step / (WINDOW * fastest))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], speed <= share * fastest, [False]]).astype(np.int8)))
     rows = [int(first + np.argmin(speed[first:end])) for first, end in zip(edges[::2], edges[1::2], strict=True)]

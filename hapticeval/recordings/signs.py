@@ -12,6 +12,7 @@ Nothing here changes a sign, and nothing but physics is taken for granted: that 
 3.  Of the wall of `impact`, whose sensor may read as much in free motion as to hide its energy: a force can rise only
     while the tool moves in. Were the sign left to chance, each rise would come in either way with the same
     probability; where as few of them come on the way in as has a probability below `LEVEL`, the sign is suspected.
+    Rises at which the tool moves by no more than its quantum do not count.
 """
 
 from __future__ import annotations
@@ -178,7 +179,7 @@ def _approach(recording: Recording, told: Sign) -> tuple[Sign, Fault | None]:
         found = impacts(recording)
     except InputError:
         return told, None
-    into, out = len(found.contacts), len(found.unexplained)
+    into, out = len(found.contacts), len(found.retreats)
     if _chance(out, into + out) < LEVEL:
         return Sign(told.channel, 1, f"right: {into} of {into + out} pushes begin as the tool moves in"), None
     if not _chance(into, into + out) < LEVEL:
@@ -187,7 +188,7 @@ def _approach(recording: Recording, told: Sign) -> tuple[Sign, Fault | None]:
     fault = Fault(
         "force sign",
         Severity.SUSPICIOUS,
-        f"the sign seems wrong: {words}, at {', '.join(f'{each:.4g} s' for each in found.unexplained[:8])}",
+        f"the sign seems wrong: {words}, at {', '.join(f'{each:.4g} s' for each in found.retreats[:8])}",
         TODO,
         told.channel,
         measures={"into": into, "out": out},

@@ -231,7 +231,7 @@ def test_the_interval_about_a_mean_is_students(count, point):
     made, _ = bounce(5000.0, 0.7, 0.2)
     (contact,) = impacts(made).contacts
     impulses = np.linspace(1.0, 2.0, count)
-    several = Impacts(tuple(replace(contact, impulse=each) for each in impulses), (), 0.0)
+    several = Impacts(tuple(replace(contact, impulse=each) for each in impulses), (), (), 0.0)
     mean, half = several.mean("impulse")
     assert mean == pytest.approx(1.5)
     assert half == pytest.approx(point * np.std(impulses, ddof=1) / np.sqrt(count), rel=1e-3)

@@ -15,6 +15,7 @@ from hapticeval.recordings.integrity import examine
 from hapticeval.recordings.port_energy import balance
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.signs import force_signs
+from hapticeval.recordings.stretches import LAG
 
 DT = 1e-3
 TIME = DT * np.arange(6000)
@@ -111,6 +112,31 @@ def test_an_environment_with_a_motor_tells_nothing():
     assert "with either sign" in told.words
 
 
+@pytest.mark.parametrize("depth", [1.0, -1.0])
+def test_a_latch_that_is_passed_once_is_not_suspected(depth):
+    """From rest far off into a hollow and to rest there, or out of one: what it gives it had stored."""
+    hip = eased(np.array([[-0.03], [-0.03], [0.0], [0.0], [0.0], [0.0], [0.0]]))
+    force = -depth * 800.0 * hip * np.exp(-((hip / 0.008) ** 2))
+    assert signed(hip, force) == 0
+
+
+def test_a_mass_on_a_spring_near_its_own_frequency_is_not_suspected():
+    """Where the hand turns round there is hardly any force on it, and all of the spring is loaded."""
+    hip, force = pushed(
+        eased(np.random.default_rng(0).uniform(-0.03, 0.03, (7, 2))), stiffness=2.0, damping=0.0, mass=0.25, step=2e-5
+    )
+    assert signed(hip, force) == signed(hip, -force) == 0
+
+
+def test_a_late_force_is_free_as_long_as_it_says_so():
+    """A lossless wall that is touched for a few ticks gives nothing at the lag that its force has."""
+    hip = 0.01 * np.cos(2.0 * np.pi * 20.0 * TIME)[:, None] + 0.0097
+    force = np.where(hip < 0.0, -1000.0 * hip, 0.0)
+    late = np.concatenate([np.zeros((LAG, 1)), force[:-LAG]])
+    assert all(each.given.passive for each in balance(hip, force, TIME))
+    assert balance(hip, late, TIME)[LAG].given.energy == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_sensor_that_reads_so_much_in_free_motion_is_not_trusted():
     hip = eased(np.array([[0.0], [0.02], [0.0], [0.02], [0.0], [0.02], [0.0]]))
     hip, force = pushed(hip, stiffness=0.0, damping=2.0)
@@ -154,6 +180,15 @@ def test_rows_that_are_no_measurement_do_not_count():
     broken = Recording(made.time, {**made.channels, "force": force}, valid=valid)
     assert force_signs(broken)[0][0].sign == 1
     assert balance(made.hip[:1], made.force[:1], made.time[:1]) == ()
+
+
+@pytest.mark.parametrize(("quantum", "known"), [(1e-6, 1), (2e-4, 0)])
+def test_a_push_counts_only_where_the_tool_is_seen_to_move(quantum, known):
+    """Six slow pushes, of which a coarse encoder shows no way in; a sensor that reads too much to count energy."""
+    place = 0.003 * np.sin(2.0 * np.pi * TIME - 1.2)[:, None]
+    force = 0.15 + np.where(place > 0.001, -800.0 * (place - 0.001), 0.0)
+    hip = np.round(place / quantum) * quantum
+    assert (signed(hip, force, force_floor=0.3), signed(hip, -force, force_floor=0.3)) == (known, -known)
 
 
 def test_inspect_tells_it_and_ends_with_1(tmp_path, monkeypatch, capsys):
