@@ -102,14 +102,15 @@ def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> t
     (n, N), `time` (n,), `floor` N. Empty where no two rows bound what is stored."""
     if len(time) < 2:
         return ()
-    resting, share = _resting(place, time)
+    steps = max(map(grain, place.T)), max(map(grain, force.T))
+    resting, share = _resting(place, time, steps[0])
     free = _free(force)
     found = []
     for lag in range(LAG + 1):
         end = len(time) - lag
         if end < 2:
             break
-        port = _Port(place[:end], force[lag:], floor, share)
+        port = _Port(place[:end], force[lag:], steps, floor, share)
         rests = np.array([row for row in resting if row < end], dtype=np.intp)
         both = [port.largest(sign, rests, [row - lag for row in free if row >= lag]) for sign in (1.0, -1.0)]
         if both[0] is None or both[1] is None:
@@ -121,7 +122,7 @@ def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> t
 class _Port:
     """Sums along a stretch: what crossed, and what of it rounding and noise leave open."""
 
-    def __init__(self, place: Array, force: Array, floor: float, share: float) -> None:
+    def __init__(self, place: Array, force: Array, steps: tuple[float, float], floor: float, share: float) -> None:
         moved, turned = np.diff(place, axis=0), np.diff(force, axis=0)
         work = 0.5 * np.sum((force[1:] + force[:-1]) * moved, axis=1)
         self.place, self.size = place, np.linalg.norm(force, axis=1)
@@ -131,12 +132,11 @@ class _Port:
         self.square = _summed(np.sum(moved**2, axis=1))
         self.turned = _summed(np.linalg.norm(turned, axis=1))
         self.kinetic = share**2 * float(np.ptp(self.work))
-        self.position = 0.5 * math.sqrt(place.shape[1]) * max(map(grain, place.T))
-        step = math.sqrt(force.shape[1]) * max(map(grain, force.T))
-        self.reading = floor + 0.5 * step
+        rounding = 0.5 * math.sqrt(place.shape[1])
+        self.position, self.reading = rounding * steps[0], floor + rounding * steps[1]
         self.noise = SURE * _noise(force)
 
-    def open(self, first: IntArray | int, last: IntArray | int) -> Array:
+    def open(self, first: IntArray | int, last: IntArray | slice) -> Array:
         """What of the work between rows is open, J."""
 
         def over(sums: Array) -> Array:
@@ -164,16 +164,29 @@ class _Port:
         yield Gift(float(given[best]), float(left[best]), int(a[best]), int(b[best]), "at rest at both ends")
 
     def _free(self, sign: float, free: list[int]) -> Iterator[Gift]:
-        for first in free:
-            rows: IntArray = np.arange(first + 1, len(self.work), dtype=np.intp)
-            if rows.size == 0:
-                continue
+        # But for the noise what is open adds up, and its best row is one for all that begin before it: no gift is
+        # further beyond than that, and those are looked at in turn until no other could be.
+        sums = sign * self.work - self.position * self.turned - self.reading * self.path - SHARE * self.crossed
+        ends = np.maximum.accumulate((sums - self.position * self.size)[::-1])[::-1]
+        most = {
+            first: float(ends[first + 1] - sums[first] - self.position * self.size[first])
+            for first in free
+            if first + 1 < len(sums)
+        }
+        best: Gift | None = None
+        for first in sorted(most, key=most.__getitem__, reverse=True):
+            if best is not None and most[first] <= best.energy - best.open:
+                break
+            rows = slice(first + 1, None)
             given, left = sign * (self.work[rows] - self.work[first]), self.open(first, rows)
-            best = int(np.argmax(given - left))
-            yield Gift(float(given[best]), float(left[best]), first, int(rows[best]), "from free space on")
+            row = int(np.argmax(given - left))
+            gift = Gift(float(given[row]), float(left[row]), first, first + 1 + row, "from free space on")
+            best = max(best or gift, gift, key=lambda each: each.energy - each.open)
+        if best is not None:
+            yield best
 
 
-def _resting(place: Array, time: Array) -> tuple[IntArray, float]:
+def _resting(place: Array, time: Array, step: float) -> tuple[IntArray, float]:
     """A row of each rest, and the share of the largest speed that a rest may have."""
     half = max(1, round(0.5 * WINDOW / float(np.median(np.diff(time)))))
     if len(time) < 4 * half:
@@ -184,7 +197,6 @@ def _resting(place: Array, time: Array) -> tuple[IntArray, float]:
     fastest = float(speed.max())
     if fastest == 0.0:
         return np.zeros(0, dtype=np.intp), 0.0
-    step = max(map(grain, place.T))
     share = max(REST, 2.0 * step / (WINDOW * fastest))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], speed <= share * fastest, [False]]).astype(np.int8)))
     rows = [int(first + np.argmin(speed[first:end])) for first, end in zip(edges[::2], edges[1::2], strict=True)]
