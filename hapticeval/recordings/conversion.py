@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.clock import Clock
+from hapticeval.recordings.cut import SIGNATURE
 from hapticeval.recordings.formats import Table, read_table
 from hapticeval.recordings.formats.registry import first_bytes
-from hapticeval.recordings.hdf5 import DAMAGE, FORMAT, SIGNATURE, read_recording
+from hapticeval.recordings.hdf5 import DAMAGE, FORMAT, read_recording
 from hapticeval.recordings.losses import LOST
 from hapticeval.recordings.mapping import FileMapping, Source, TimeBase, read_mapping
 from hapticeval.recordings.recording import Event, Recording

@@ -30,11 +30,11 @@ import numpy as np
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.files import creating, plain, replacing
 from hapticeval.recordings.blocks import read_rows
+from hapticeval.recordings.cut import SIGNATURE
 from hapticeval.recordings.recording import CHANNELS, Clock, Event, Recording, Signal, among
 
 FORMAT = "hapticeval recording"
 FORMAT_VERSION = 2
-SIGNATURE = b"\x89HDF\r\n\x1a\n"
 ROWS_A_CHUNK = 4096
 """One flipped byte costs so many rows of a signal: the fewest that read as fast as larger blocks do."""
 
