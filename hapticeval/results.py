@@ -59,6 +59,18 @@ class Results:
     format_version: int = FORMAT_VERSION
 
 
+def is_recorded(run: Document) -> bool:
+    """Whether an entry of `runs` is the recorded run of a replay, which is no renderer's."""
+    replay = run.get("replay")
+    return bool(replay) and replay["difference"] is None
+
+
+def all_refused(results: Results) -> bool:
+    """Whether every renderer refused every case: then nothing was judged. A recorded run is no renderer."""
+    runs = [run for run in results.runs if not is_recorded(run)]
+    return bool(runs) and all(run.get("refusal") for run in runs)
+
+
 def verdict_document(verdict: Verdict) -> dict[str, Any]:
     """A verdict as JSON values.
 

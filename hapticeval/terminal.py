@@ -149,10 +149,11 @@ def exit_code(results: Results, errors: Iterable[HapticevalError]) -> int:
 
     3 where a renderer broke, else 2 where a job's input was not usable or every run was refused.
     """
-    refused = bool(results.runs) and all(run.get("refusal") for run in results.runs)
+    from hapticeval.results import all_refused
+
     surprised = any(not verdict["as_expected"] for verdict in results.verdicts)
     differs = surprised or not results.complete or results.ran < results.planned
-    return max([int(differs), 2 * int(refused), *(error.exit_code for error in errors)])
+    return max([int(differs), 2 * int(all_refused(results)), *(error.exit_code for error in errors)])
 
 
 def summary(results: Results, written: Sequence[Path]) -> str:

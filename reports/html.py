@@ -16,7 +16,7 @@ from hapticeval.reports.replay_section import COLUMNS as REPLAY_COLUMNS
 from hapticeval.reports.shown import Drawing, RunKey, shown_cases
 from hapticeval.reports.svg import classed
 from hapticeval.reports.table import SYMBOLS, ran, renderers
-from hapticeval.results import Results
+from hapticeval.results import Results, all_refused, is_recorded
 
 
 def render_html(results: Results, drawings: Mapping[RunKey, Drawing], *, costs: Costs | None = None) -> str:
@@ -36,6 +36,7 @@ def render_html(results: Results, drawings: Mapping[RunKey, Drawing], *, costs: 
     template = environment.from_string(files.joinpath("report.html.j2").read_text(encoding="utf-8"))
     drawings, styles = _classed(drawings)
     cases = shown_cases(results, names, drawings, anchors)
+    recorded = {run["renderer"] for run in results.runs if is_recorded(run)}
     outcomes = Counter(verdict["outcome"] for verdict in results.verdicts)
     unexpected = sum(not verdict["as_expected"] for verdict in results.verdicts)
     return template.render(
@@ -46,6 +47,10 @@ def render_html(results: Results, drawings: Mapping[RunKey, Drawing], *, costs: 
         renderers=names,
         outcomes=[(name, outcomes[name]) for name in SYMBOLS if outcomes[name]],
         unexpected=unexpected,
+        undecided=outcomes["inconclusive"],
+        refused=all_refused(results),
+        judged_renderers=[name for name in names if name not in recorded],
+        recorded=bool(recorded),
         broken=sum(bool(run["error"]) for run in results.runs),
         symbols=SYMBOLS,
         summary=shown_summary(results),

@@ -398,6 +398,16 @@ def test_the_command_writes_results_and_a_page_that_says_open_loop(ran, tmp_path
     assert written.meta["source"] == "replay"
 
 
+def test_a_replay_whose_renderers_all_refuse_is_no_success(tmp_path, capsys):
+    log = circle_run(np.cumsum(np.resize([0.007, 0.008], 100)))
+    write_recording(tmp_path / "log.h5", log)
+    assert main(["replay", str(tmp_path / "log.h5"), "-r", "ideal", "-o", str(tmp_path / "out")]) == 2
+    assert "refuses: ideal" in capsys.readouterr().out
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "every verdict as expected" not in page
+    assert "every renderer refused every case" in page
+
+
 def test_as_recorded_decides_the_exit_code(ran, tmp_path, capsys):
     file = file_of(ran, "push", "constraint")
     assert main(["replay", str(file), "--as-recorded"]) == 0

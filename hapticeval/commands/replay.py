@@ -20,7 +20,7 @@ EXIT_CODES = """\b
 Exit codes:
   0  every verdict is as required; with --as-recorded, the log follows from its renderer
   1  a check failed, could not decide or differs; with --as-recorded, the log does not follow
-  2  wrong usage or input
+  2  wrong usage or input, or every renderer refused the case
   3  a renderer broke
 """
 
