@@ -13,7 +13,8 @@ Two kinds of t0 and t1 bound the right side without knowing what is behind the p
                         W <= max |F| |x1 - x0|. The forces at the ends alone say less: a latch lies between them, and
                         a hand that turns round feels a mass beside the spring.
     From free space on  where the force is zero for long and to the bit, it is computed, and no spring is loaded in it:
-                        S(t0) = 0, and W <= 0 at every t1.
+                        S(t0) = 0, and W <= 0 at every t1. (A magnet that begins at a distance has stored energy there,
+                        and gives it first: that is taken for a wrong sign where the hand does not pull it out again.)
 
 W is the trapezoid: over a linear spring that is exact, so that what a sampled wall gives away by holding its force
 (half a step's worth) does not count as the environment's. A force may come up to `LAG` ticks late, as a proxy's does:

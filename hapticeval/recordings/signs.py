@@ -108,7 +108,7 @@ def _energy(recording: Recording, channel: str, place: str, sense: float) -> tup
         "force sign",
         Severity.SUSPICIOUS,
         f"the sign seems wrong: with it {would} {where}; with the other sign it takes energy",
-        f"{TODO}. A motor or another hand behind it may give energy, too",
+        f"{TODO}. A motor, a magnet or another hand behind it may give energy, too",
         channel,
         first,
         last + 1,
