@@ -1,7 +1,11 @@
 """A driver for a data acquisition card, as `hapticeval record --device my_card:MyCard --wiring rig.toml` takes it.
 
 `daq` stands for your card's own library: replace its calls. Readings and commands are raw; the [device] table of
-rig.toml says what they mean.
+rig.toml says what they mean, and without one no driver is run. The smallest, of a driver that gives joint angles in rad
+and takes torques in N m, is
+
+    [device]
+    kind = "parallelogram-2dof"
 """
 
 import time

@@ -14,8 +14,10 @@ import pytest
 
 from hapticeval.cli import main
 from hapticeval.commands.record import _steps
+from hapticeval.devices.imperfections import ENCODER_COUNTS
 from hapticeval.hardware import guard, rig, udp
 from hapticeval.hardware.live import LiveRun
+from hapticeval.hardware.wiring_file import read_wiring
 from hapticeval.recordings.hdf5 import read_recording
 
 sys.path.insert(0, str(Path(__file__).parent / "hardware"))
@@ -42,6 +44,16 @@ class Skipping(Fine):
         if self.count == 20:
             super().read()
         return super().read()
+
+class Radians(Fine):
+    def __init__(self):
+        open("opened", "w").close()
+        super().__init__()
+    def read(self):
+        reading = super().read()
+        return reading._replace(raw=wired().joints(reading.raw))
+    def write(self, command):
+        pass
 
 class Broken(Fine):
     def read(self):
@@ -95,6 +107,13 @@ torque_per_command = 0.35
 l1 = 0.31
 """
 
+WIRED = f"""
+[device]
+kind = "parallelogram-2dof"
+counts_per_turn = {ENCODER_COUNTS}
+"""
+"""As the twin is wired."""
+
 
 @pytest.fixture
 def here(tmp_path, monkeypatch):
@@ -104,6 +123,7 @@ def here(tmp_path, monkeypatch):
         monkeypatch.setattr(module, name, 60.0)
     (tmp_path / "mycard.py").write_text(DRIVERS)
     (tmp_path / "rig.toml").write_text(RIG)
+    (tmp_path / "wired.toml").write_text(WIRED)
     yield tmp_path
     sys.modules.pop("mycard", None)
     while str(tmp_path) in sys.path:
@@ -116,6 +136,10 @@ def names(folder):
 
 def record(*arguments, seconds="0.1"):
     return main(["record", "-o", "run.h5", "--seconds", seconds, *arguments])
+
+
+def driven(driver, *arguments, seconds="0.1"):
+    return record("--device", driver, "--wiring", "wired.toml", *arguments, seconds=seconds)
 
 
 def test_the_twin_is_recorded(here, capsys):
@@ -133,11 +157,11 @@ def test_the_twin_is_recorded(here, capsys):
         "Ann", "parallelogram-2dof", "twin",
     )  # fmt: skip
     assert (run.meta["resolution"], run.meta["standoff"]) == (0.0, 0.0)
-    assert sorted(names(here)) == ["mycard.py", "rig.toml", "run.h5"]
+    assert sorted(names(here)) == ["mycard.py", "rig.toml", "run.h5", "wired.toml"]
 
 
 def test_what_it_writes_is_sound_and_follows(here, capsys):
-    assert record("--device", "mycard:Fine", seconds="1.5") == 0
+    assert driven("mycard:Fine", seconds="1.5") == 0
     capsys.readouterr()
     assert main(["inspect", "run.h5"]) == 0, capsys.readouterr().out
     assert main(["replay", "run.h5", "--as-recorded"]) == 0
@@ -158,7 +182,7 @@ def test_a_wiring_from_a_file(here):
 @pytest.mark.parametrize("there", ["run.h5", "run.journal"])
 def test_nothing_is_written_over(here, capsys, there):
     (here / there).write_text("mine")
-    assert record("--device", "mycard:Dead") == 2
+    assert driven("mycard:Dead") == 2
     assert f"{there} is there already" in capsys.readouterr().err
     assert (here / there).read_text() == "mine"
 
@@ -166,12 +190,12 @@ def test_nothing_is_written_over(here, capsys, there):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--device", "udp://nowhere"], "udp://HOST:PORT"),
-        (["--device", "mycard"], "does not name a driver"),
-        (["--device", "nocard:Driver"], "driver 'nocard:Driver': cannot import"),
-        (["--device", "mycard:Wrong"], "which is no hardware"),
-        (["--device", "mycard:Missing"], "no card in slot 3"),
-        (["--device", "mycard:Dead"], "raised OSError in cycle 1: no power"),
+        (["--device", "udp://nowhere", "--wiring", "wired.toml"], "udp://HOST:PORT"),
+        (["--device", "mycard", "--wiring", "wired.toml"], "does not name a driver"),
+        (["--device", "nocard:Driver", "--wiring", "wired.toml"], "driver 'nocard:Driver': cannot import"),
+        (["--device", "mycard:Wrong", "--wiring", "wired.toml"], "which is no hardware"),
+        (["--device", "mycard:Missing", "--wiring", "wired.toml"], "no card in slot 3"),
+        (["--device", "mycard:Dead", "--wiring", "wired.toml"], "raised OSError in cycle 1: no power"),
         (["--model", "circle:size=2"], "does not lie in the functional workspace"),
         (["--model", "sphere"], "dimensions"),
         (["--robot", "parallelogram-4dof"], "unknown device"),
@@ -187,14 +211,54 @@ def test_what_cannot_run_says_so_and_leaves_nothing(here, capsys, arguments, wor
     assert not {"run.h5", "run.journal"} & names(here)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "lines"),
+    [
+        (["--device", "mycard:Radians"], ['kind = "parallelogram-2dof"']),
+        (["--device", "udp://127.0.0.1:9"], ['kind = "parallelogram-2dof"']),
+        (
+            ["--device", "mycard:Fine", "--robot", "parallelogram-3dof:b1=0.4,dynamics=printed"],
+            ['kind = "parallelogram-3dof"', "b1 = 0.4", 'dynamics = "printed"'],
+        ),
+        (["--device", "mycard:Fine", "--robot", "point-mass:mass=0.1"], ['kind = "point-mass"', "mass = 0.1"]),
+    ],
+)
+def test_what_is_not_the_twin_needs_a_wiring_and_is_shown_one(here, capsys, arguments, lines):
+    assert record(*arguments) == 2
+    said = capsys.readouterr().err
+    assert f"--device {arguments[1]} needs a --wiring" in said
+    assert not {"run.h5", "run.journal", "opened"} & names(here)
+    shown = here / "shown.toml"
+    shown.write_text("\n".join(line for line in said.splitlines() if line.startswith("    ")))
+    assert [line.strip() for line in shown.read_text().splitlines() if "#" not in line] == lines
+    assert read_wiring(shown).counts_per_turn is None
+
+
+def test_joint_angles_need_two_lines_of_wiring(here):
+    (here / "two.toml").write_text('[device]\nkind = "parallelogram-2dof"\n')
+    assert record("--device", "mycard:Radians", "--wiring", "two.toml") == 0
+    run = read_recording(here / "run.h5")
+    np.testing.assert_array_equal(run.channels["joint_position"], run.channels["raw"])
+    assert run.signals["raw"].unit == "rad"
+
+
+def test_a_unit_that_is_wrong_points_to_the_wiring(here, capsys):
+    """Radians under a wiring for counts: the hand of a robot that moves does not."""
+    assert driven("mycard:Radians", "--model", "line") in (0, 1)
+    main(["inspect", "run.h5"])
+    said = capsys.readouterr().out
+    assert "see the wiring that it was recorded with: counts_per_turn" in said
+    assert "mapping" not in said
+
+
 def test_a_socket_with_nobody_behind_it(here, capsys):
-    assert record("--device", "udp://127.0.0.1:9") == 2
+    assert driven("udp://127.0.0.1:9") == 2
     assert "is silent" in capsys.readouterr().err
     assert not {"run.h5", "run.journal"} & names(here)
 
 
 def test_a_driver_that_breaks_leaves_what_was_recorded(here, capsys):
-    assert record("--device", "mycard:Broken") == 2
+    assert driven("mycard:Broken") == 2
     said = capsys.readouterr()
     assert "cable off" in said.err
     assert "wrote run.h5" in said.out
@@ -205,14 +269,14 @@ def test_a_driver_that_breaks_leaves_what_was_recorded(here, capsys):
 
 
 def test_a_renderer_that_breaks_exits_with_its_own_code(here, capsys):
-    assert record("--device", "mycard:Fine", "-r", "mycard:breaking") == 3
+    assert driven("mycard:Fine", "-r", "mycard:breaking") == 3
     said = capsys.readouterr()
     assert "not finite" in said.err
     assert len(read_recording(here / "run.h5")) == 19
 
 
 def test_cycles_that_were_missed_are_told(here, capsys):
-    assert record("--device", "mycard:Skipping") == 1
+    assert driven("mycard:Skipping") == 1
     said = capsys.readouterr().out
     assert "1 cycles missed" in said
     assert "a cycle comes every 1 ms\n  what to do: " in said
@@ -220,7 +284,7 @@ def test_cycles_that_were_missed_are_told(here, capsys):
 
 
 def test_steps_that_were_in_time_are_told_without_advice(here, capsys):
-    assert record("--device", "mycard:Fine") == 0
+    assert driven("mycard:Fine") == 0
     said = capsys.readouterr().out
     assert "a step took" in said
     assert "what to do" not in said
@@ -248,7 +312,7 @@ def test_a_slow_renderer_is_told_from_its_steps(here, capsys):
 
 
 def test_ctrl_c_finishes_the_recording(here, capsys):
-    assert record("--device", "mycard:Stopped") == 1
+    assert driven("mycard:Stopped") == 1
     assert "interrupted by the user" in capsys.readouterr().out
     assert 20 <= len(read_recording(here / "run.h5")) <= 21
 
@@ -276,5 +340,5 @@ def test_ctrl_c_on_the_twin_finishes_it_too(here):
 
 @pytest.mark.parametrize(("stiffness", "warned"), [("300", False), ("20000", True)])
 def test_a_stiffness_that_the_loop_cannot_hold_is_warned_about(here, capsys, stiffness, warned):
-    assert record("--device", "mycard:Fine", "--stiffness", stiffness) in (0, 1)
+    assert driven("mycard:Fine", "--stiffness", stiffness) in (0, 1)
     assert ("cannot hold" in capsys.readouterr().err) == warned

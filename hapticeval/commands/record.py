@@ -50,7 +50,7 @@ def record(
         str | None,
         typer.Option(
             metavar="NAME",
-            help=f"The robot's kinematics, as in `hapticeval device`; {ROBOT} if not given.",
+            help=f"Of the twin: what it simulates, as in `hapticeval device`; {ROBOT} if not given.",
             show_default=False,
         ),
     ] = None,
@@ -58,7 +58,7 @@ def record(
         Path | None,
         typer.Option(
             metavar="TOML",
-            help="A file with a [device] table: robot, counts a turn, offsets, directions, ...",
+            help="What readings and commands of any other device mean: a file with a [device] table.",
             show_default=False,
         ),
     ] = None,
@@ -75,12 +75,12 @@ def record(
 
     While it runs, rows go to FILE.journal beside the recording, which survives a crash: `hapticeval convert` reads it.
     Ctrl-C ends the run and keeps it. The twin has the robot's encoders, motors, friction and a delay, and a hand that
-    slides on the model.
+    slides on the model. Any other device needs a --wiring, which says what its raw numbers mean.
 
     \b
     Examples:
       hapticeval record --device twin -o run.h5
-      hapticeval record --device udp://192.168.0.10:5005 -r constraint -o run.h5
+      hapticeval record --device udp://192.168.0.10:5005 --wiring rig.toml -r constraint -o run.h5
       hapticeval record --device mycard:MyCard --wiring rig.toml --seconds 60 --who Ann -o run.h5
     """
     from hapticeval.commands.stability import too_stiff
@@ -97,7 +97,7 @@ def record(
     for file in (output, journal):
         if file.exists():
             raise InputError(f"{file} is there already", why="a recording is never written over", todo="name another")
-    wired = _wiring(robot, wiring)
+    wired = _wiring(hardware, robot, wiring)
     scene = _scene(wired, model, stiffness=stiffness, damping=damping, rate=rate)
     factory = resolve(renderer)
     made = built(factory, scene)
@@ -123,7 +123,7 @@ def record(
             nonlocal shown
             if done >= shown + rate:
                 shown = done
-                terminal.working(done - 1, cycles, f"{done / rate:.0f} of {seconds:g} s")
+                terminal.working(min(done, cycles) - 1, cycles, f"{done / rate:.0f} of {seconds:g} s")
 
         try:
             live = run(connect, wired, made, scene, recorder, cycles=cycles, tell=tell)
@@ -176,8 +176,12 @@ def _finish(journal: Path, output: Path, summary: Summary) -> None:
     say(f"{summary}\nwrote {output}")
 
 
-def _wiring(robot: str | None, file: Path | None) -> Wiring:
-    """From a file; else the named robot with its own encoders, wired straight."""
+def _wiring(hardware: str, robot: str | None, file: Path | None) -> Wiring:
+    """From a file; else, of the twin alone, the named robot with its own encoders, wired straight.
+
+    No other hardware has a wiring that could be taken for granted: radians taken as counts would be a hand that stands
+    still, deep in the model, and the force of that would go to the motors.
+    """
     from hapticeval.devices.catalogue import device_named
     from hapticeval.devices.imperfections import ENCODER_COUNTS
     from hapticeval.devices.point_mass import PointMass
@@ -186,10 +190,40 @@ def _wiring(robot: str | None, file: Path | None) -> Wiring:
 
     if file is None:
         device = device_named(robot or ROBOT)
+        if hardware != TWIN:
+            raise InputError(
+                f"--device {hardware} needs a --wiring",
+                why="what its readings and commands mean, only you know: radians taken as encoder counts, or the "
+                "reverse, put the hand elsewhere, and the force of that place on the motors",
+                todo="write them into a file, and give --wiring FILE; the smallest is\n"
+                + _smallest(robot or ROBOT, slides=isinstance(device, PointMass)),
+            )
         return Wiring(device=device, counts_per_turn=None if isinstance(device, PointMass) else ENCODER_COUNTS)
     if robot is not None:
         raise InputError("--robot and --wiring both say which robot it is", todo="leave --robot out")
     return read_wiring(file)
+
+
+def _smallest(robot: str, *, slides: bool) -> str:
+    """The least that a wiring says of a robot named so, as the lines of a file."""
+    kind, _, rest = robot.partition(":")
+    given = [part.partition("=") for part in rest.split(",") if part]
+    lines = [
+        f"[device]                        # {'metres and N' if slides else 'joint angles in rad and torques in N m'}",
+        f'kind = "{kind}"',
+        *(f"{name.strip()} = {_toml(value.strip())}" for name, _, value in given),
+    ]
+    if not slides:
+        lines.append("# counts_per_turn = 262144      # where read() gives encoder counts")
+    lines.append("# see examples/rig.toml for offsets, directions and the unit of commands, here 0, 1 and 1")
+    return "\n".join(f"    {line}" for line in lines)
+
+
+def _toml(value: str) -> str:
+    try:
+        return f"{float(value):g}"
+    except ValueError:
+        return f'"{value}"'
 
 
 def _scene(wiring: Wiring, model: str, *, stiffness: float, damping: float, rate: float) -> Scene:

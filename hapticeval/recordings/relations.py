@@ -215,13 +215,22 @@ def units(recording: Recording) -> list[Fault]:
         extent = unit in ("m", "rad")
         size = float(np.ptp(kept) if extent else np.max(np.abs(kept)))
         limit, words = LIMITS[unit]
-        todo = "see the unit in the mapping"
+        todo = _unit_from(recording)
         if size > limit:
             faults.append(Fault("unit", Severity.SUSPICIOUS, words.format(size), todo, name, measures={"size": size}))
         elif extent and name.startswith("hip") and 0.0 < size < LEAST.get(unit, 0.0) and _all_small(recording, keep):
-            message = f"the hand moves by {1e6 * size:.3g} um: is the unit larger than it was mapped to?"
+            message = f"the hand moves by {1e6 * size:.3g} um: is the unit larger than it was taken for?"
             faults.append(Fault("unit", Severity.SUSPICIOUS, message, todo, name, measures={"size": size}))
     return faults
+
+
+def _unit_from(recording: Recording) -> str:
+    """What to do about a unit: where a recording has its units from."""
+    if recording.meta.get("source") == "hardware":
+        return "see the wiring that it was recorded with: counts_per_turn, offsets and the other entries of [device]"
+    if "import" in recording.meta:
+        return "see the unit in the mapping"
+    return "see the program that wrote it"
 
 
 def _all_small(recording: Recording, keep: BoolArray) -> bool:
