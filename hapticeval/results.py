@@ -62,7 +62,7 @@ class Results:
 def is_recorded(run: Document) -> bool:
     """Whether an entry of `runs` is the recorded run of a replay, which is no renderer's."""
     replay = run.get("replay")
-    return bool(replay) and replay["difference"] is None
+    return replay is not None and replay["difference"] is None
 
 
 def all_refused(results: Results) -> bool:

@@ -28,6 +28,7 @@ class Section:
     note: str
     facts: str
     rows: Sequence[Sequence[str]]
+    suspicious: Sequence[str]
 
 
 def replay_section(runs: Sequence[Mapping[str, Any]]) -> Section | None:
@@ -40,7 +41,13 @@ def replay_section(runs: Sequence[Mapping[str, Any]]) -> Section | None:
     comparable = any(each["difference"][name] is not None for _, each in replayed for name in ("ihip", "force"))
     rows = [[name, *_apart(each["difference"])] for name, each in replayed] if comparable else []
     # The recorded run has a note of its own, about itself; that of a replayed one holds for the table.
-    return Section(first["file"], replayed[0][1]["note"] if replayed else first["note"], _facts(first), rows)
+    return Section(
+        first["file"],
+        replayed[0][1]["note"] if replayed else first["note"],
+        _facts(first),
+        rows,
+        first.get("suspicious", ()),
+    )
 
 
 def _facts(replay: Mapping[str, Any]) -> str:

@@ -408,6 +408,34 @@ def test_a_replay_whose_renderers_all_refuse_is_no_success(tmp_path, capsys):
     assert "every renderer refused every case" in page
 
 
+@pytest.mark.parametrize(
+    ("channel", "factor", "word"), [("force", -1.0, "force sign"), ("hip", 1e3, "unit hip.x"), ("hip", 1.0, "")]
+)
+def test_a_replay_says_what_inspect_finds(tmp_path, capsys, channel, factor, word):
+    """A press into the circle and out of it, with its force turned, or with millimetres taken for metres."""
+    from hapticeval.renderers import minimum_distance
+
+    time = np.arange(2000) * 1e-3
+    hip = np.column_stack([0.1 + 0.003 * np.cos(2.0 * np.pi * time), 0.001 * np.sin(2.0 * np.pi * time)])
+    force = minimum_distance(Scene(model=make_model("circle"))).run(hip, 1e-3)[1]
+    channels = {"hip": hip, "force": force}
+    channels[channel] = factor * channels[channel]
+    meta = {"source": "file", "scene": {"stiffness": 1000.0, "model": {"kind": "circle"}}}
+    file = tmp_path / "log.h5"
+    write_recording(file, Recording(time, channels, meta))
+    code = main(["replay", str(file), "-r", "minimum-distance", "-o", str(tmp_path / "out")])
+    said = capsys.readouterr().err
+    results = read_results(tmp_path / "out")
+    assert code == int(any(not verdict["as_expected"] for verdict in results.verdicts))
+    assert (f"see `hapticeval inspect {file}`" in said) is bool(word)
+    assert f"suspicious: {word}" in said or not word
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert ("The recording is suspicious" in page) is bool(word)
+    assert all(any(text.startswith(word) for text in run["replay"]["suspicious"]) for run in results.runs) or not word
+    main(["replay", str(file), "-r", "minimum-distance", "--as-recorded"])
+    assert ("suspicious" in capsys.readouterr().err) is bool(word)
+
+
 def test_as_recorded_decides_the_exit_code(ran, tmp_path, capsys):
     file = file_of(ran, "push", "constraint")
     assert main(["replay", str(file), "--as-recorded"]) == 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +15,7 @@ from hapticeval.output import DEFAULT_DIRECTORY, prepare, say
 
 if TYPE_CHECKING:
     from hapticeval.replay.subject import Subject
+    from hapticeval.terminal import Terminal
 
 EXIT_CODES = """\b
 Exit codes:
@@ -87,9 +88,10 @@ def replay(
         )
     recording = load(file, mapping=mapping, format=format_)
     made = subject(file, recording, model=_model(model), suite_case=suite_case, scene=scene or ())
+    see = f"see `hapticeval inspect {file}{'' if mapping is None else f' --mapping {mapping}'}`"
     if as_recorded:
-        raise typer.Exit(_as_recorded(made, renderers))
-    raise typer.Exit(_replay(made, renderers or list(own_renderers()), directory, seed))
+        raise typer.Exit(_as_recorded(made, renderers, see))
+    raise typer.Exit(_replay(made, renderers or list(own_renderers()), directory, seed, see))
 
 
 def _model(name: str | None) -> Mapping[str, Any] | None:
@@ -101,26 +103,39 @@ def _model(name: str | None) -> Mapping[str, Any] | None:
     return {"kind": found.name, **found.parameters}
 
 
-def _replay(made: Subject, renderers: list[str], directory: Path, seed: int) -> int:
+def _replay(made: Subject, renderers: list[str], directory: Path, seed: int, see: str) -> int:
     from hapticeval.replay.job import prepared, replay_plan
     from hapticeval.replay.tell import differences
     from hapticeval.results import FILE
-    from hapticeval.runner import execute
+    from hapticeval.runner import Interrupts, execute
     from hapticeval.terminal import Terminal, exit_code, summary
 
     planned = replay_plan(made, renderers, seed=seed)
     work = prepared(made)
     prepare(directory)
-    with Terminal() as terminal:
-        results = watch(execute(planned, directory, workers=cores(), work=work), terminal)
-        written = report_on(directory, terminal)
-    say("\n\n".join([differences(results), summary(results, [directory / FILE, *written])]))
+    with Interrupts() as interrupts, Terminal() as terminal:
+        _warn(work.suspicious, see, terminal)
+        stream = execute(planned, directory, workers=cores(), work=work, interrupts=interrupts)
+        results = watch(stream, terminal)
+        written = report_on(directory, terminal, interrupts)
+        say("\n\n".join([differences(results), summary(results, [directory / FILE, *written])]))
     return max(exit_code(results, terminal.errors), int(terminal.stopped))
 
 
-def _as_recorded(made: Subject, renderers: list[str] | None) -> int:
+def _warn(suspicious: Sequence[str], see: str, terminal: Terminal) -> None:
+    """Say what an examination of the recording found: verdicts on it may say little."""
+    for each in suspicious:
+        terminal.line(f"suspicious: {each}")
+    if suspicious:
+        terminal.line(see)
+
+
+def _as_recorded(made: Subject, renderers: list[str] | None, see: str) -> int:
     from hapticeval.replay.as_recorded import as_recorded
+    from hapticeval.terminal import Terminal
 
     found = as_recorded(made, renderers or ())
+    with Terminal() as terminal:
+        _warn(found.suspicious, see, terminal)
     say(found.told())
     return int(not found.follows)

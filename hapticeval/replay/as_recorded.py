@@ -29,13 +29,17 @@ DECIMALS = range(1, 13)
 
 @dataclass(frozen=True)
 class AsRecorded:
-    """The channels of a log against what its renderer makes of its HIP; `rows` were compared."""
+    """The channels of a log against what its renderer makes of its HIP; `rows` were compared.
+
+    `suspicious` is what the recording's examination found.
+    """
 
     file: str
     renderer: str
     rows: int
     channels: tuple[Deviation, ...]
     ended: tuple[str, ...] = ()
+    suspicious: tuple[str, ...] = ()
 
     @property
     def follows(self) -> bool:
@@ -65,7 +69,7 @@ def as_recorded(subject: Subject, renderers: Sequence[str] = ()) -> AsRecorded:
             why="it has tool physics of its own: the recorded HIP is its tool, and what led it was not recorded",
             todo="run its case again, which is repeatable",
         )
-    path, _ = hand_path(subject)
+    path, sound = hand_path(subject)
     log, told = path.recording, path.recording.meta.get("dt")
     if log.meta.get("source") == LIVE and log.valid is None and told is not None:
         # Our own loop tells a renderer the same step each cycle and never resets it, also where cycles were missed.
@@ -84,7 +88,7 @@ def as_recorded(subject: Subject, renderers: Sequence[str] = ()) -> AsRecorded:
             f"{subject.file} has neither IHIP nor force", why="there is nothing to compare the renderer's answer with"
         )
     ended = tuple(part.ended for part in parts if part.ended)
-    return AsRecorded(subject.file, name, len(log), found, ended)
+    return AsRecorded(subject.file, name, len(log), found, ended, sound.suspicious)
 
 
 def _answered(part: Part) -> slice:

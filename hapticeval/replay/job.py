@@ -34,13 +34,15 @@ LOOP_NEEDED = ("impulsive-collision", "centripetal-force")
 class Replay:
     """The runner's work: judges the recorded run, or replays its hand path through the job's renderer.
 
-    `judged` are the stretches of the recorded run that its checks read, `left_out` what they do not, in words.
+    `judged` are the stretches of the recorded run that its checks read, `left_out` what they do not, in words, and
+    `suspicious` what the recording's examination found.
     """
 
     subject: Subject
     path: HandPath
     judged: tuple[Stretch, ...]
     left_out: tuple[str, ...]
+    suspicious: tuple[str, ...]
 
     def __call__(self, job: Job, directory: Path, seed: int) -> Done:
         """One job, in a process of its own."""
@@ -105,6 +107,7 @@ class Replay:
             "rows": rows,
             "rows_left_out": len(path.recording) - rows,
             "left_out": list(left_out),
+            "suspicious": list(self.suspicious),
             "seconds": float(sum(part.time[-1] - part.time[0] for part in parts)),
             "difference": None if found is None else found.document(),
         }
@@ -132,14 +135,15 @@ def prepared(subject: Subject) -> Replay:
     Raises `InputError` where no two sound samples follow each other.
     """
     path, found = hand_path(subject)
-    return Replay(subject, path, found.judged or path.stretches, found.left_out)
+    return Replay(subject, path, found.judged or path.stretches, found.left_out, found.suspicious)
 
 
 def hand_path(subject: Subject) -> tuple[HandPath, Usable]:
     """The hand path of a recording, and what of it is sound. Raises `InputError` where it has none."""
     recording = subject.recording
     recording.require("hip")
-    found = usable(recording)
+    scene = subject.case.build_scene()
+    found = usable(recording, model=scene.model, stiffness=None if scene.damping else scene.stiffness)
     if not found.path:
         raise InputError(
             f"{subject.file} has no stretch of hand path to replay",

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hapticeval.geometry.model import Model
+from hapticeval.recordings.finding import Severity
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import Stretch, stretches
+
+if TYPE_CHECKING:
+    from hapticeval.recordings.integrity import Integrity
 
 SIMULATED = ("playback", "experiment", "replay")
 """Sources whose every number is an answer: what looks like a spike there is the renderer's."""
@@ -23,22 +29,26 @@ TOLD = 12
 class Usable:
     """`path` are the stretches that renderers are led along, `judged` those in which the recorded run is judged.
 
-    A fault of the recorded force or IHIP takes its rows out of the second alone. `left_out` says what and when.
+    A fault of the recorded force or IHIP takes its rows out of the second alone. `left_out` says what and when, and
+    `suspicious` what else the examination found that a person should look at.
     """
 
     path: tuple[Stretch, ...]
     judged: tuple[Stretch, ...]
     left_out: tuple[str, ...]
+    suspicious: tuple[str, ...] = ()
 
 
-def usable(recording: Recording) -> Usable:
-    """What of a recording can be used. A simulated one is examined for gaps only."""
+def usable(recording: Recording, *, model: Model | None = None, stiffness: float | None = None) -> Usable:
+    """What of a recording can be used. A simulated one is examined for gaps only, any other as `inspect` does it, with
+    the `model` and the `stiffness` (N/m, of a spring without damping) that it is replayed with.
+    """
     if recording.meta.get("source") in SIMULATED:
         found = stretches(recording)
         return Usable(found, found, ())
     from hapticeval.recordings.integrity import LEFT_OUT, examine, sound_intervals
 
-    report = examine(recording)
+    report = examine(recording, model=model, stiffness=stiffness)
     soundness = sound_intervals(recording, report)
     hand = np.ones(len(recording), dtype=bool) if recording.valid is None else np.array(recording.valid)
     for fault in report.faults:
@@ -50,4 +60,16 @@ def usable(recording: Recording) -> Usable:
         stretches(recording, hand),
         tuple(Stretch(each.first, each.end) for each in soundness.sound),
         tuple(told if rest <= 0 else [*told[:TOLD], f"and {rest} more"]),
+        _suspicious(report),
     )
+
+
+def _suspicious(report: Integrity) -> tuple[str, ...]:
+    """A line a kind of finding and channel: the first of them, and how many there are."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for fault in report.faults:
+        if fault.severity is not Severity.NOTE:
+            place = "" if fault.place == "all" else f" ({fault.place})"
+            name = " ".join(part for part in (fault.kind, fault.channel) if part)
+            found.setdefault((fault.kind, fault.channel), []).append(f"{name}{place}: {fault.message}")
+    return tuple(f"{each[0]}{f', and {len(each) - 1} more' if len(each) > 1 else ''}" for each in found.values())
