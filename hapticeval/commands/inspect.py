@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +15,7 @@ from hapticeval.output import say
 
 if TYPE_CHECKING:
     from hapticeval.recordings.formats import Table
+    from hapticeval.recordings.inverse import Check
     from hapticeval.recordings.recording import Recording
 
 EXIT_CODES = """\b
@@ -104,13 +106,15 @@ def _examined(
     from hapticeval.recordings.tell import contacts, summary
     from hapticeval.reports.integrity_figure import write_integrity
 
+    told, damped = _stiffness(recording)
     report = examine(
         recording,
         device=_device(recording),
         model=_model(recording, model),
-        stiffness=_stiffness(recording) if stiffness is None else stiffness,
+        stiffness=told if stiffness is None else stiffness,
         others=others,
     )
+    report = replace(report, checks=(*report.checks, *_not_asked(recording, damped if stiffness is None else "")))
     soundness = sound_intervals(recording, report)
     parts = [summary(report, soundness, title=file.name)]
     if recording.dimension == 1 and {"wall_force", "force"} & recording.channels.keys():
@@ -121,13 +125,13 @@ def _examined(
 
 
 def _device(recording: Recording) -> Any:
-    """The robot that a recording names, where it has its joints."""
+    """The robot that a recording names, or why there is none."""
     from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
     from hapticeval.devices.parallelogram_parameters import ParallelogramParameters
 
     kinds = {"parallelogram-2dof": Parallelogram2, "parallelogram-3dof": Parallelogram3}
     kind = kinds.get(str(recording.meta.get("device")))
-    if kind is None or "joint_position" not in recording.channels:
+    if kind is None:
         return None
     known = ParallelogramParameters.__dataclass_fields__
     said = recording.meta.get("device_parameters", {})
@@ -152,9 +156,24 @@ def _model(recording: Recording, name: str | None) -> Any:
     return make_model(**said) if isinstance(said, Mapping) and "kind" in said else None
 
 
-def _stiffness(recording: Recording) -> float | None:
-    """K_p of a recording that says it, where it says no damping."""
+def _stiffness(recording: Recording) -> tuple[float | None, str]:
+    """K_p of a recording that says it, where it says no damping; else, of one that says damping, why it tells none."""
+    why = ""
     for table in (recording.meta.get("gains"), recording.meta.get("scene")):
-        if isinstance(table, Mapping) and "stiffness" in table and not table.get("damping"):
-            return float(table["stiffness"])
-    return None
+        if isinstance(table, Mapping) and "stiffness" in table:
+            if not table.get("damping"):
+                return float(table["stiffness"]), ""
+            why = f"the recording says a damping K_d of {table['damping']:.6g} N s/m"
+    return None, why
+
+
+def _not_asked(recording: Recording, damped: str) -> list[Check]:
+    """Checks that the recording's own words ask for, and cannot be given."""
+    from hapticeval.recordings.inverse import KINEMATICS, RELATIONS, SPRING, Check
+
+    found = [Check(SPRING, RELATIONS[SPRING], why=damped)] if damped else []
+    name = recording.meta.get("device")
+    if name is not None and "joint_position" in recording.channels and _device(recording) is None:
+        why = f"the device '{name}' is none whose kinematics are known"
+        found.append(Check(KINEMATICS, RELATIONS[KINEMATICS], why=why))
+    return found

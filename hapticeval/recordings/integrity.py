@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hapticeval.geometry.model import Model
-from hapticeval.recordings import inverse, relations
+from hapticeval.recordings import relations
 from hapticeval.recordings.finding import Fault, Severity
+from hapticeval.recordings.inverse import Check, Kinematics
+from hapticeval.recordings.inverse_checks import inverse_checks
 from hapticeval.recordings.losses import told_losses, told_warnings
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.rows import runs_of
@@ -62,8 +64,8 @@ class Soundness:
 
 @dataclass(frozen=True)
 class Integrity:
-    """The report: what the clock and the columns are like, the findings, worst and earliest first, and what is known of
-    the signs of the forces."""
+    """The report: what the clock and the columns are like, the findings, worst and earliest first, what is known of the
+    signs of the forces, and the inverse checks that were made, or asked for and not made."""
 
     rows: int
     valid_rows: int
@@ -72,6 +74,7 @@ class Integrity:
     columns: Mapping[str, ColumnFacts]
     faults: tuple[Fault, ...] = field(default=())
     signs: tuple[Sign, ...] = ()
+    checks: tuple[Check, ...] = ()
 
     @property
     def suspicious(self) -> bool:
@@ -82,7 +85,7 @@ class Integrity:
 def examine(
     recording: Recording,
     *,
-    device: inverse.Kinematics | None = None,
+    device: Kinematics | None = None,
     model: Model | None = None,
     stiffness: float | None = None,
     others: Mapping[str, Recording] | None = None,
@@ -119,12 +122,8 @@ def examine(
     faults += turned
     for name, other in (others or {}).items():
         faults += relations.of_another_run(recording, other, name)
-    if device is not None:
-        faults += inverse.forward_kinematics(recording, device) + inverse.transposed_jacobian(recording, device)
-    if stiffness is not None:
-        faults += inverse.spring(recording, stiffness)
-    if model is not None:
-        faults += inverse.on_the_model(recording, model)
+    checks = inverse_checks(recording, device=device, model=model, stiffness=stiffness)
+    faults += [fault for check in checks for fault in check.faults]
     order = list(Severity)
     faults.sort(key=lambda fault: (order.index(fault.severity), fault.first if fault.first is not None else -1))
     times = recording.time[ordered]
@@ -136,6 +135,7 @@ def examine(
         columns=columns,
         faults=tuple(faults),
         signs=signs,
+        checks=checks,
     )
 
 

@@ -33,14 +33,15 @@ def summary(report: Integrity, soundness: Soundness, *, title: str) -> str:
         *((name, facts.unit, f"{facts.low:.6g}", f"{facts.high:.6g}",
            "-" if facts.quantum is None else f"{facts.quantum:.6g}") for name, facts in report.columns.items()),
     ])]  # fmt: skip
-    lines += ["", *_faults(report)]
+    lines += ["", *_faults(report), "", *_checks(report)]
     lines += ["", *(f"sign of {each.channel}: {each.words}" for each in report.signs), *_intervals(soundness)]
     return "\n".join(lines)
 
 
 def _faults(report: Integrity) -> list[str]:
     if not report.faults:
-        return ["nothing found"]
+        open_ = sum(not check.made for check in report.checks)
+        return ["nothing found" + f"; what {open_} of the inverse checks would tell is open: see below" * (open_ > 0)]
     lines = []
     counts: dict[tuple[str, str], int] = {}
     advised: set[tuple[str, str, str]] = set()
@@ -60,6 +61,19 @@ def _faults(report: Integrity) -> list[str]:
         if count > MOST
     ]
     return lines
+
+
+def _checks(report: Integrity) -> list[str]:
+    """Which inverse checks were made, with their residuals, and which were not."""
+    made = [check for check in report.checks if check.made]
+    lines = _aligned([
+        ("inverse check", "what should hold", "largest residual", "in quanta", "rows", "found"),
+        *((check.name, check.relation, f"{check.largest:.3g} {check.unit}",
+           f"{check.largest / check.quantum:.3g}" if check.quantum > 0.0 else "-", f"{check.rows}",
+           "contradicted" if check.faults else "holds") for check in made),
+    ]) if made else []  # fmt: skip
+    lines += [f"not checked: {check.name}: {check.why}" for check in report.checks if not check.made]
+    return lines or ["inverse checks: none, as no device, model or stiffness is given or told by the recording"]
 
 
 def _intervals(soundness: Soundness) -> list[str]:

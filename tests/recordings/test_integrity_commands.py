@@ -67,6 +67,51 @@ def test_what_is_told_by_an_option(here, capsys, option, words):
     assert words in capsys.readouterr().out
 
 
+def pressed(rows=600, radius=0.05, stiffness=600.0):
+    """A hand that goes to a disc, presses and slides around it, logged without an IHIP."""
+    depth = np.interp(np.arange(rows), [0, 100, 200, 500, rows], [-0.02, 0.0, 0.002, 0.002, -0.02])
+    turn = np.linspace(0.0, 1.2, rows)
+    outward = np.column_stack([np.cos(turn), np.sin(turn)])
+    force = stiffness * np.maximum(depth, 0.0)[:, None] * outward
+    return {"hip": np.round((radius - depth)[:, None] * outward, 7), "force": np.round(force, 4)}
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        (["--model", "circle:size=0.1", "--stiffness", "600"], 0, "spring and surface  HIP + F / K_p on the model"),
+        (["--model", "circle:size=0.1", "--stiffness", "60"], 1, "N/m fits best, 60 N/m is declared"),
+        (["--model", "circle:size=0.1", "--stiffness", "606"], 1, "N/m fits best, 606 N/m is declared"),
+        (["--model", "circle:size=0.2"], 1, "no force though the HIP goes deeper inside the model"),
+        (["--model", "circle:size=0.09"], 1, "a force though the HIP is outside the model"),
+        (["--model", "circle:size=0.1"], 0, "not checked: surface: the log has no ihip"),
+        (["--stiffness", "600"], 0, "not checked: spring: the log has no ihip"),
+        ([], 0, "inverse checks: none"),
+    ],
+)
+def test_without_an_ihip_hip_and_force_are_held_to_model_and_stiffness(here, capsys, options, code, words):
+    saved(here / "run.h5", pressed())
+    assert main(["inspect", "run.h5", *options]) == code
+    shown = capsys.readouterr().out
+    assert words in shown
+    assert ("nothing found; what 1 of the inverse checks would tell is open" in shown) == (
+        code == 0 and len(options) == 2
+    )
+
+
+def test_what_the_recording_declares_and_cannot_be_checked_is_told(here, capsys):
+    saved(
+        here / "run.h5",
+        {**smooth(), "joint_position": smooth()["hip"]},
+        device="rig 7",
+        gains={"stiffness": 1000.0, "damping": 2.0},
+    )
+    main(["inspect", "run.h5"])
+    shown = capsys.readouterr().out
+    assert "not checked: spring: the recording says a damping K_d of 2 N s/m" in shown
+    assert "not checked: forward kinematics: the device 'rig 7' is none whose kinematics are known" in shown
+
+
 def test_unreadable_ends_with_2(here, capsys):
     (here / "run.h5").write_bytes(b"\x89PNG\r\n\x1a\n")
     assert main(["inspect", "run.h5"]) == 2
