@@ -42,9 +42,9 @@ class Run:
 class Pass:
     """One way over the abscissa in one direction: of run number `run`, in lap `lap` of it, from `start` to `end` (s).
 
-    `columns` (m,) are on the grid and 0 where `mask` (m,) is not set: outside of what the pass covers, where the tool
-    is free, in gaps, and across jumps of IHIP or force. `grains` (m,) are what the numbers of the recording resolve in
-    each of them, see `resolution`. `coverage` is the share of the grid that is left.
+    `columns` (m,) are on the grid; `grains` (m,) are what the numbers of the recording resolve in each of them, see
+    `resolution`. Both are 0 where `mask` (m,) is not set: outside of what the pass covers, where the tool is free, in
+    gaps, and across jumps of IHIP or force. `coverage` is the share of the grid that is left.
     """
 
     run: int
@@ -182,7 +182,8 @@ def _laps(
         share = np.clip((places - along[right - 1]) / (along[right] - along[right - 1]), 0.0, 1.0)
         used = np.unique(np.concatenate([rows[right[mask] - 1], rows[right[mask]]]))
         columns, bent = _columns(recording, force, rows[right - 1], rows[right], share, mask, abscissa.curve)
-        grains = {name: fine.of(name, columns["magnitude"], bent) for name in columns}
+        # outside there is no force, whose direction nothing tells: no repeat may answer for it
+        grains = {name: np.where(mask, fine.of(name, columns["magnitude"], bent), 0.0) for name in columns}
         times = recording.time[used]
         yield Pass(number, part.direction, lap - low, float(times.min()), float(times.max()), columns, grains, mask)
 

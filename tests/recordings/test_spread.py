@@ -319,3 +319,39 @@ def test_the_test_agrees_with_scipys_where_there_is_one_column():
         theirs = permutation_test(groups, energy, vectorized=False, n_resamples=np.inf, alternative="greater")
         assert p["x"] == pytest.approx(float(theirs.pvalue))
         assert least == (2.0 if sizes[0] == sizes[1] else 1.0) / comb(8, sizes[0])
+
+
+def turned(each, number, name, *, by):
+    """The run again as a repeat of `name`, bit for bit but for its clock and a force that is turned by `by`, rad."""
+    recording = each.recording
+    spin = np.array([[math.cos(by), -math.sin(by)], [math.sin(by), math.cos(by)]])
+    channels = {**recording.channels, "force": recording.force @ spin.T} if by else recording.channels
+    return Run(f"{name} {number}", name, Recording(recording.time + number, channels))
+
+
+def torn(each, first, length):
+    """The run with a gap in its clock: it is felt in two stretches."""
+    time = each.recording.time.copy()
+    time[first:] += 1e-3 * length
+    return Run(each.label, each.renderer, Recording(time, each.recording.channels))
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 1000), st.floats(-9.0, -0.5), st.booleans())
+def test_repeats_that_agree_to_the_bit_still_tell_renderers_apart(seed, power, gaps):
+    """By any amount far above what the numbers resolve; and the clock's gaps, elsewhere in each, hide none of it."""
+    rng = np.random.default_rng(seed)
+    one = hands(rng, "a", 1)[0]
+    first = [jiggled(turned(one, k, "a", by=0.0), k) for k in range(4)]
+    for by, outcome in ((10.0**power, "differs"), (0.0, "the same to rounding")):
+        second = [jiggled(turned(one, k + 4, "b", by=by), k + 4) for k in range(4)]
+        runs = [torn(each, int(rng.integers(50, 450)), 20) if gaps else each for each in (*first, *second)]
+        found = compared(runs)["a", "b", "direction"]
+        assert found.outcome == outcome
+        assert found.largest == pytest.approx(by, rel=1e-3, abs=1e-12)
+        assert (found.rounding > 1.0) == (outcome == "differs")
+
+
+def jiggled(each, number):
+    """In the last bit elsewhere: no copy."""
+    return Run(each.label, each.renderer, jogged(each.recording, number))
