@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -11,6 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
+from hapticeval.recordings.formats import foreign
 from hapticeval.recordings.formats.magic import is_text, kind
 from hapticeval.recordings.formats.table import Table
 
@@ -40,7 +40,17 @@ class Format:
 
     def fits(self, path: Path, head: bytes) -> bool:
         """Whether a file is of this format, by its first bytes where the format knows them, else by its name."""
-        return path.suffix.lower() in self.suffixes if self.recognises is None else self.recognises(head)
+        if self.recognises is None:
+            return path.suffix.lower() in self.suffixes
+        if self.ours:
+            return self.recognises(head)
+        with foreign.telling(f"what recognises the format '{self.name}'", self.recognises):
+            return bool(self.recognises(head))
+
+    @property
+    def ours(self) -> bool:
+        """Whether it is one of this package's."""
+        return getattr(self.read, "__module__", "").startswith(f"{PACKAGE}.")
 
 
 _KNOWN: dict[str, Format] = {}
@@ -77,8 +87,9 @@ def formats() -> Mapping[str, Format]:
     for module in OWN:
         import_module(f"{PACKAGE}.{module}")
     for entry in entry_points(group=GROUP):
-        entry.load()
-    own = [each for each in _KNOWN.values() if each.read.__module__.startswith(f"{PACKAGE}.")]
+        with foreign.telling(f"the format '{entry.name}' of an installed package ({entry.value})", None):
+            entry.load()
+    own = [each for each in _KNOWN.values() if each.ours]
     own.sort(key=lambda each: OWN.index(each.read.__module__.rpartition(".")[2]))
     others = [each for each in _KNOWN.values() if each not in own]
     return MappingProxyType({each.name: each for each in (*others, *own)})
@@ -89,12 +100,12 @@ def read_table(path: Path | str, *, format: str | None = None) -> Table:
 
     `format` names one of `formats()`, or `package.module:function` of one that is not installed; without it the file's
     first bytes and its name tell. Raises `InputError` where the file is missing, empty, damaged, or something else, and
-    then says what it is.
+    then says what it is; and as `foreign.load` and `foreign.run` do for an importer that is not one of ours.
     """
     path = Path(path)
     chosen = _detect(path) if format is None else _named(format)
     try:
-        table = chosen.read(path)
+        table = chosen.read(path) if chosen.ours else foreign.run(chosen.read, path)
     except HapticevalError:
         raise
     except OSError as error:
@@ -152,22 +163,11 @@ def first_bytes(path: Path) -> bytes:
 
 
 def _named(name: str) -> Format:
-    module, colon, function = name.partition(":")
-    if not colon:
+    if ":" not in name:
         known = formats()
         if name not in known:
             raise UnknownNameError("format", name, known)
         return known[name]
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.insert(0, here)
-    try:
-        read: Read = getattr(import_module(module), function)
-    except (ImportError, AttributeError) as error:
-        raise InputError(
-            f"cannot load the format '{name}'",
-            why=str(error),
-            todo=f"see that `python -c 'from {module} import {function}'` works",
-        ) from error
+    read = foreign.load(name)
     registered = next((each for each in _KNOWN.values() if each.read is read), None)
     return registered or Format(name, f"the format {name}", read)
