@@ -13,7 +13,7 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.integration import control, default_method
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.devices.sensing import actuation, feeling, sensing
-from hapticeval.errors import DomainError, InputError, RendererError
+from hapticeval.errors import DomainError, InputError, RendererError, RunawayError
 from hapticeval.playback import answered, ask, declared, start
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Compiled, CompiledLaw, Explaining, Feeling, Renderer, SelfDriven
@@ -178,8 +178,8 @@ def _recorded(renderer: Renderer, time: Array, channels: Mapping[str, Array], dt
     return Recording(recording.time, {**recording.channels, **more}, meta=meta, signals=signals)
 
 
-def _ran_away(tick: int, hip: Array, joints: Array) -> RendererError:
-    return RendererError(
+def _ran_away(tick: int, hip: Array, joints: Array) -> RunawayError:
+    return RunawayError(
         f"the closed loop ran away: the next joint positions are {joints}",
         tick=tick,
         hip=hip,

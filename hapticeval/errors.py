@@ -92,3 +92,7 @@ class RendererError(HapticevalError):
         if tick is not None and self.hip is not None:
             place = f" at tick {tick}, HIP ({', '.join(f'{x:.6g}' for x in self.hip)}) m"
         super().__init__(what + place, why=why, todo=todo)
+
+
+class RunawayError(RendererError):
+    """A simulated loop ran away: the renderer's force feeds energy into the device without end."""

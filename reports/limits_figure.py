@@ -90,13 +90,19 @@ def _width(axes: Axes, document: Mapping[str, Any]) -> None:
 
 def _delay(axes: Axes, document: Mapping[str, Any]) -> None:
     curve = document["delay"]
-    axes.plot(1e3 * np.array(curve["delay"]), _kilo(curve["eigenvalues"]), color=SERIES[1], label="eigenvalues")
-    axes.axhline(1e-3 * document["stiffness"], color=COLOURS["jump"], linewidth=1.0, label="the scene")
+    # Wide under narrow and broken, and not clipped: where both are zero they lie on each other and on the axis.
+    axes.plot(
+        1e3 * np.array(curve["delay"]), _kilo(curve["eigenvalues"]), color=SERIES[0], linewidth=3.5,
+        label="eigenvalues", clip_on=False,
+    )  # fmt: skip
+    axes.axhline(1e-3 * document["stiffness"], color=COLOURS["jump"], linewidth=1.0, linestyle="-.", label="the scene")
     if document["passive"] is not None:
         axes.plot(
-            1e3 * np.array(curve["delay"]), _kilo(curve["passive"]), color=COLOURS["quiet"], linestyle="--",
-            linewidth=1.0, label="passive (2.40)",
+            1e3 * np.array(curve["delay"]), _kilo(curve["passive"]), color=SERIES[2], linestyle="--",
+            linewidth=1.2, label="passive (2.40)", clip_on=False,
         )  # fmt: skip
+    if not any(value is None or value > 0.0 for value in curve["eigenvalues"]):
+        axes.text(0.5, 0.5, "no stiffness is stable at any delay", transform=axes.transAxes, ha="center", fontsize=9)
     axes.set_ylim(bottom=0.0)
     axes.set_xlim(left=0.0)
     axes.set(xlabel="computation delay (ms)", ylabel="stiffness K (kN/m)", title="Delay")

@@ -20,6 +20,7 @@ Exit codes:
   0  the scene's own stiffness is stable
   1  it is not
   2  wrong usage or input
+  3  the renderer broke
 """
 
 
@@ -110,10 +111,21 @@ def told(document: Mapping[str, Any]) -> str:
         ("bound (2.40)", _bound(document)),
         ("eigenvalues", f"{_stiffness(document['eigenvalues'])}  of the sampled loop, without a hand"),
         ("simulation", f"{_stiffness(document['simulated'])}  the sampled loop itself, run and bisected"),
+        *([("", why_none(document))] if document["eigenvalues"] == 0.0 else []),
         ("", ""),
         ("the scene", verdict(document)),
     ]  # fmt: skip
     return columns(rows)
+
+
+def why_none(document: Mapping[str, Any]) -> str:
+    """Why no stiffness is stable."""
+    if document["port_damping"] == 0.0 and document["damping"] == 0.0 and document["inner_loop"] == "static":
+        return (
+            "no stiffness is stable: a spring held over a step gives back more than it took, and neither device nor "
+            "renderer has damping to take it up (2.40)"
+        )
+    return "no stiffness is stable with this damping, sampling time and delay"
 
 
 def verdict(document: Mapping[str, Any]) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hapticeval.closed_loop import drive
-from hapticeval.errors import InputError
+from hapticeval.errors import InputError, RunawayError
 from hapticeval.limits.linear import Gains, Place, SampledLoop, gains_of
 from hapticeval.renderer import Renderer, RendererFactory
 from hapticeval.scene import Scene
@@ -129,7 +129,10 @@ def _settles(factory: RendererFactory, scene: Scene, place: Place, stiffness: fl
     dt = scene.sampling_time
     still = np.zeros_like(place.point)
     start = Experiment(TICKS * dt, place.point + PUSH * place.normal, still, np.zeros(1), still[None])
-    run = drive(renderer, start, held, dt)
+    try:
+        run = drive(renderer, start, held, dt)
+    except RunawayError:
+        return False
     if "ended" in run.meta:
         return False
     distance = scene.model.boundary.signed_distance(run.hip)

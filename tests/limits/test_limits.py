@@ -18,7 +18,7 @@ from hapticeval.devices.imperfections import Imperfections
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.discovery import resolve
-from hapticeval.errors import InputError
+from hapticeval.errors import InputError, RendererError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.limits.linear import Place, SampledLoop, robot_at
 from hapticeval.limits.passivity import passive_stiffness, port_damping
@@ -238,6 +238,27 @@ def test_the_command_tells_draws_and_ends_with_one_for_an_unstable_scene(tmp_pat
     document = json.loads(next(tmp_path.glob("*.json")).read_text())
     assert document["workspace"]["axes"] == ["y1", "y2"]
     assert {file.suffix for file in tmp_path.iterdir()} == {".svg", ".png", ".json"}
+
+
+def test_a_device_without_losses_has_a_limit_of_zero_with_its_reason(tmp_path, capsys):
+    """The loop runs away long before its run is over: that is the answer, and no error."""
+    code = main(["limits", "thesis/plane-press", "--device", "point-mass:mass=0.1", "-o", str(tmp_path)])
+    shown = " ".join(capsys.readouterr().out.split())
+    assert code == 1
+    assert "no stiffness is stable: a spring held over a step gives back more than it took" in shown
+    document = json.loads(next(tmp_path.glob("*.json")).read_text())
+    assert (document["eigenvalues"], document["simulated"], document["passive"]) == (0.0, 0.0, 0.0)
+    assert max(document["width"][2]["eigenvalues"]) > 1e5, "with damping there is a limit, and the map shows it"
+    assert "no stiffness is stable at any delay" in next(tmp_path.glob("*.svg")).read_text()
+
+
+def test_a_renderer_that_breaks_is_no_unstable_loop():
+    class Broken(Crooked):
+        def step(self, hip, velocity, dt):
+            raise ValueError("a fault of its own")
+
+    with pytest.raises(RendererError, match="a fault of its own"):
+        simulated_limit(Broken, scene(), WALL)
 
 
 @pytest.mark.parametrize(
