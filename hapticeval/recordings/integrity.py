@@ -18,6 +18,7 @@ from hapticeval.recordings.rows import runs_of
 from hapticeval.recordings.signal_faults import examine_column, quantum
 from hapticeval.recordings.signs import Sign, force_signs
 from hapticeval.recordings.stretches import joined, stretches
+from hapticeval.recordings.time_unit import time_unit
 from hapticeval.recordings.timing import Timing, examine_timing
 from hapticeval.types import Array, BoolArray
 
@@ -117,7 +118,7 @@ def examine(
     faults += relations.copies(recording)
     faults += relations.velocities(recording)
     faults += relations.force_lag(recording)
-    faults += relations.units(recording)
+    faults += relations.units(recording) + time_unit(recording)
     signs, turned = force_signs(recording)
     faults += turned
     for name, other in (others or {}).items():

@@ -171,7 +171,7 @@ def test_a_frozen_sensor_is_found_over_its_rows(seed, row, rows, column):
 def test_a_clipped_column_is_found(seed, share):
     random = np.random.default_rng(seed)
     values = np.sin(np.arange(ROWS) * 0.05 + random.uniform(0, 6))[:, None]
-    clipped = np.clip(values, -share, share)
+    clipped = 0.1 * np.clip(values, -share, share)
     report = examine(recording(np.arange(ROWS) * 1_000_000, {"hip": clipped}))
     assert {fault.kind for fault in report.faults} == {"saturated"}
     spans = [(fault.first, fault.end) for fault in report.faults]

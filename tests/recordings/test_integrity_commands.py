@@ -99,6 +99,27 @@ def test_without_an_ihip_hip_and_force_are_held_to_model_and_stiffness(here, cap
     )
 
 
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (1e3, "1 Hz, and a hand that moves at 0."),
+        (1e3, "milliseconds taken for seconds"),
+        (1e-3, "seconds taken for milliseconds"),
+        (1e-6, "1e+09 Hz"),
+        (1e-6, "seconds taken for microseconds"),
+        (1.0, ""),
+    ],
+)
+def test_a_wrong_unit_of_time_is_suspected(here, capsys, factor, words):
+    """A hand at a decimetre a second in a loop of 1 kHz, its clock in another unit than the mapping says."""
+    time = np.arange(600) * 1e-3 * factor
+    write_recording(here / "run.h5", Recording(time, pressed(), {"source": "file"}))
+    assert main(["inspect", "run.h5"]) == (words != "")
+    shown = capsys.readouterr().out
+    assert words in shown
+    assert ("suspicious: unit time" in shown) == (words != "")
+
+
 def test_what_the_recording_declares_and_cannot_be_checked_is_told(here, capsys):
     saved(
         here / "run.h5",
