@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import signal
 import sys
 from collections.abc import Sequence
 from enum import StrEnum
@@ -79,10 +80,14 @@ class Listing(StrEnum):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code; what a user got wrong is told without a traceback."""
+    """Run the command line and return its exit code; what a user got wrong is told without a traceback.
+
+    Without `arguments` it takes those of the process, which ends after it.
+    """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
+    interrupted = signal.getsignal(signal.SIGINT)
     try:
         app(args=None if arguments is None else list(arguments), prog_name="hapticeval")
     except HapticevalError as error:
@@ -90,6 +95,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return error.exit_code
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else 0 if stop.code is None else 1
+    finally:
+        if arguments is not None and signal.getsignal(signal.SIGINT) is not interrupted:
+            signal.signal(signal.SIGINT, interrupted)  # the command has kept Ctrl-C from disturbing its end
     return 0
 
 
@@ -154,15 +162,15 @@ def run(
       hapticeval run mysuite.toml -o out
     """
     from hapticeval.results import FILE
-    from hapticeval.runner import execute, plan
+    from hapticeval.runner import Interrupts, execute, plan
     from hapticeval.terminal import Terminal, exit_code, summary
 
     planned = plan(suites or [DEFAULT_SUITE], renderers or (), select=select or (), seed=seed)
     prepare(directory)
-    with Terminal() as terminal:
-        results = _watch(execute(planned, directory, workers=_cores()), terminal)
-        written = _report(directory, terminal)
-    say(summary(results, [directory / FILE, *written]))
+    with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
+        results = _watch(execute(planned, directory, workers=_cores(), interrupts=interrupts), terminal)
+        written = _report(directory, terminal, interrupts)
+        say(summary(results, [directory / FILE, *written]))
     raise typer.Exit(max(exit_code(results, terminal.errors), int(terminal.stopped)))
 
 
@@ -195,10 +203,11 @@ def report(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of an earlier run.")],
 ) -> None:
     """Write the reports of an earlier run anew, from its results."""
+    from hapticeval.runner import Interrupts
     from hapticeval.terminal import Terminal
 
-    with Terminal() as terminal:
-        written = _report(directory, terminal)
+    with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
+        written = _report(directory, terminal, interrupts)
     if written:
         say("\n".join(f"wrote {path}" for path in written))
     raise typer.Exit(int(terminal.stopped))

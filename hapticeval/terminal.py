@@ -38,6 +38,8 @@ class Terminal:
         self._planned_jobs = 0
         self._finished_jobs = 0
         self.errors: list[HapticevalError] = []
+        self.interrupted = False
+        """Whether an interrupt has ended the run early."""
         self.stopped = False
         """Whether the user has asked for the end at once."""
         self._bar: Progress | None = None
@@ -67,6 +69,7 @@ class Terminal:
                 count = f"[{self._finished_jobs}/{self._planned_jobs}]"
                 self.line(f"{count} {event.renderer} on {event.suite}/{event.case}: {_told(event)}")
         elif isinstance(event, Interrupted):
+            self.interrupted = True
             self.stopped = event.at_once
             self.line(_interrupted(event))
 

@@ -25,8 +25,8 @@ from hapticeval.reports.table import markdown
 from hapticeval.results import Results, read_results
 from hapticeval.workers import Answer, Ended, Workers
 
-FEW = 3
-"""Up to so many figures are drawn here: starting processes would take longer."""
+PATIENCE = 0.1
+"""Seconds after which it is seen at the latest that the drawing is to stop."""
 
 
 @dataclass(frozen=True)
@@ -55,20 +55,26 @@ class Comparison:
 
 
 def write_reports(
-    directory: Path, *, progress: Callable[[int, int], None] | None = None, workers: int = 2
+    directory: Path,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    workers: int = 2,
+    stopped: Callable[[], bool] | None = None,
 ) -> list[Path]:
     """Write table.md, junit.xml and report.html beside the results in `directory`; the paths written.
 
     `progress` is told how many of how many figures are drawn, which take nearly all of the time and are spread
-    over `workers` processes. A recording that is missing or damaged is said so in its figure's place. Raises
+    over `workers` processes. `stopped` is asked again and again whether to give up, which then raises
+    `KeyboardInterrupt` as Ctrl-C does. A recording that is missing or damaged is said so in its figure's place. Raises
     `InputError` as `read_results` does, and `HapticevalError` where a file cannot be written.
     """
     directory = Path(directory)
     results = read_results(directory)
+    drawings = _drawn(directory, results, progress, workers, stopped)
     texts = {
         "table.md": markdown(results),
         "junit.xml": junit(results),
-        "report.html": render_html(results, _drawn(directory, results, progress, workers), costs=_bench(directory)),
+        "report.html": render_html(results, drawings, costs=_bench(directory)),
     }
     written = []
     for name, text in texts.items():
@@ -87,25 +93,26 @@ def _bench(directory: Path) -> Costs | None:
 
 
 def _drawn(
-    directory: Path, results: Results, progress: Callable[[int, int], None] | None, workers: int
+    directory: Path,
+    results: Results,
+    progress: Callable[[int, int], None] | None,
+    workers: int,
+    stopped: Callable[[], bool] | None,
 ) -> dict[RunKey, Drawing]:
     orders: list[Order | Comparison] = list(_orders(directory, results))
     tell = progress or _say_nothing
     tell(0, len(orders))
     drawings: dict[RunKey, Drawing] = {}
-    if workers < 2 or len(orders) <= FEW:
-        for order in orders:
-            drawings[order.key] = draw(order)
-            tell(len(drawings), len(orders))
-        return drawings
     waiting = iter(enumerate(orders))
-    with Workers(draw, min(workers, len(orders))) as crew:
+    with Workers(draw, workers) as crew:
         while True:
             for number, order in islice(waiting, crew.free):
                 crew.begin(number, order)
+            if stopped is not None and stopped():
+                raise KeyboardInterrupt
             if not crew.busy:
                 return drawings
-            for answer in crew.answers():
+            for answer in crew.answers(PATIENCE):
                 drawings[orders[answer.call].key] = _answered(answer)
                 tell(len(drawings), len(orders))
 

@@ -102,6 +102,14 @@ class Command:
     def ctrl_c(self) -> None:
         os.killpg(self.process.pid, signal.SIGINT)
 
+    def leaves(self) -> bool:
+        """Whether there still are processes of the group, after its first has ended."""
+        try:
+            os.killpg(self.process.pid, 0)
+        except ProcessLookupError:
+            return False
+        return True
+
     def ends(self) -> tuple[int, str, str]:
         """Exit code, what is left of stderr, and stdout."""
         err = self.stderr.read()
@@ -111,12 +119,12 @@ class Command:
 
 
 @contextlib.contextmanager
-def command(arguments: Sequence[str]) -> Iterator[Command]:
+def command(arguments: Sequence[str], *, program: Sequence[str] = ("-m", "hapticeval")) -> Iterator[Command]:
     one = min(os.sched_getaffinity(0))
     with (
         tempfile.TemporaryFile("w+") as out,
         subprocess.Popen(
-            [sys.executable, "-m", "hapticeval", *arguments],
+            [sys.executable, *program, *arguments],
             stdout=out,
             stderr=subprocess.PIPE,
             text=True,
@@ -197,16 +205,71 @@ def test_a_replay_says_and_does_the_same(here: Path) -> None:
     assert [run["renderer"] for run in results.runs] == ["recorded"]
 
 
-def test_ctrl_c_while_figures_are_drawn_keeps_the_results(
-    here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupted(*_: object, **__: object) -> None:
-        signal.raise_signal(signal.SIGINT)
+DRAWS = """
+import sys, time
+from pathlib import Path
+from hapticeval.cli import main
+from hapticeval.reports import write
 
-    assert main(["run", "slides.toml", "-r", "constraint", "-k", "flat"]) == 0
-    monkeypatch.setattr("hapticeval.reports.write._drawn", interrupted)
-    for arguments in (["run", "slides.toml", "-r", "constraint", "-k", "flat"], ["report", "results"]):
-        capsys.readouterr()
-        assert main(arguments) == 1
-        assert "no reports are written: hapticeval report results makes them of what is kept" in capsys.readouterr().err
+def draw(order):
+    Path("drawing").touch()
+    time.sleep(3600.0)
+
+write.draw = draw
+sys.exit(main())
+"""
+
+NO_REPORTS = "no reports are written: hapticeval report results makes them of what is kept"
+ONCE = ["run", "slides.toml", "-r", "constraint", "-k", "flat*"]
+
+
+@pytest.mark.parametrize("arguments", [ONCE, ["report", "results"]])
+def test_ctrl_c_while_figures_are_drawn_keeps_the_results(here: Path, arguments: list[str]) -> None:
+    assert main(ONCE) == 0
+    with command(arguments, program=["-c", DRAWS]) as run:
+        run.until((here / "drawing").exists)
+        run.ctrl_c()
+        code, err, out = run.ends()
+        assert not run.leaves()
+    assert code == 1, err
+    assert NO_REPORTS in err
+    assert "Traceback" not in err
+    assert arguments != ONCE or "4 of 4 planned verdicts ran: 4 pass" in out
     assert read_results(here / "results").complete
+
+
+def test_a_second_one_while_figures_are_drawn_stops_that_too(here: Path) -> None:
+    with command(RUN, program=["-c", DRAWS]) as run:
+        run.says("[1/3]")
+        run.until((here / "waiting").exists)
+        run.ctrl_c()
+        assert run.says("interrupted") == WAITING
+        (here / "go").touch()
+        run.until((here / "drawing").exists)
+        run.ctrl_c()
+        code, err, out = run.ends()
+        assert not run.leaves()
+    assert code == 1, err
+    assert NO_REPORTS in err
+    assert "Traceback" not in err
+    assert "3 of 4 planned verdicts ran (incomplete: interrupted by the user)" in out
+
+
+@pytest.mark.parametrize("file", ["waiting", "drawing"])
+def test_an_impatient_user_sees_no_traceback(here: Path, file: str) -> None:
+    """Ctrl-C again and again, until the process has ended: while it runs cases, or while it draws."""
+    if file == "drawing":
+        (here / "go").touch()
+    with command(RUN, program=["-c", DRAWS]) as run:
+        run.until((here / file).exists)
+        while run.process.poll() is None:
+            run.ctrl_c()
+            time.sleep(0.002)
+        code, err, out = run.ends()
+        assert not run.leaves()
+    assert code == 1, err
+    assert NO_REPORTS in err
+    assert "Traceback" not in err
+    assert "KeyboardInterrupt" not in err
+    assert f"{2 if file == 'waiting' else 4} of 4 planned verdicts ran" in out
+    assert f"wrote results/{FILE}" in out

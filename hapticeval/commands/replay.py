@@ -113,7 +113,7 @@ def _replay(made: Subject, renderers: list[str], directory: Path, seed: int, see
     planned = replay_plan(made, renderers, seed=seed)
     work = prepared(made)
     prepare(directory)
-    with Interrupts() as interrupts, Terminal() as terminal:
+    with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
         _warn(work.suspicious, see, terminal)
         stream = execute(planned, directory, workers=cores(), work=work, interrupts=interrupts)
         results = watch(stream, terminal)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from hapticeval.events import Event
     from hapticeval.results import Results
+    from hapticeval.runner import Interrupts
     from hapticeval.terminal import Terminal
 
 
@@ -24,18 +25,25 @@ def watch(stream: Iterator[Event], terminal: Terminal) -> Results:
     return results
 
 
-def report_on(directory: Path, terminal: Terminal) -> list[Path]:
+def report_on(directory: Path, terminal: Terminal, interrupts: Interrupts) -> list[Path]:
     """Write the reports of the results in `directory`, and return their paths.
 
-    Not where the user has stopped the run at once, or stops the drawing: then it says how to have them later.
+    Not where the user has stopped the run at once, or stops the drawing: then it says how to have them later. A first
+    interrupt that has ended the run early does not stop the drawing as well.
     """
     from hapticeval.reports import write_reports
 
-    if not terminal.stopped:
+    meant_for_the_run = int(terminal.interrupted)
+
+    def stopped() -> bool:
+        return interrupts.count > meant_for_the_run
+
+    if not stopped():
         try:
-            return write_reports(directory, progress=terminal.drawn, workers=cores())
+            return write_reports(directory, progress=terminal.drawn, workers=cores(), stopped=stopped)
         except KeyboardInterrupt:
-            terminal.stopped = True
+            pass
+    terminal.stopped = True
     terminal.line(f"no reports are written: hapticeval report {directory} makes them of what is kept")
     return []
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
+from contextlib import nullcontext
 from itertools import islice
 from pathlib import Path
 
@@ -20,7 +21,14 @@ PATIENCE = 0.1
 """Seconds after which an interrupt is seen at the latest."""
 
 
-def execute(plan: Plan, directory: Path, *, workers: int = 2, work: Work | None = None) -> Iterator[Event]:
+def execute(
+    plan: Plan,
+    directory: Path,
+    *,
+    workers: int = 2,
+    work: Work | None = None,
+    interrupts: Interrupts | None = None,
+) -> Iterator[Event]:
     """Run the plan, in `workers` processes, and keep results.json in `directory` up to date while it goes on.
 
     Each job is run and judged as its case says, or by `work` where that is given.
@@ -28,13 +36,13 @@ def execute(plan: Plan, directory: Path, *, workers: int = 2, work: Work | None 
     Events come in the order of the plan. A renderer that ends its process makes its own verdicts errors. On Ctrl-C no
     further job begins, those that have begun are finished, and `Interrupted` tells so; on a second one they are killed.
     What has finished is kept, the results say that they are incomplete and why, and `RunFinished` is still the last
-    event.
+    event. Whoever goes on after that gives the `interrupts` in which both are counted.
     """
     waiting = iter(enumerate(plan.jobs))
     finished: dict[int, Done] = {}
     told = 0
     warned = False
-    with Interrupts() as interrupts:
+    with Interrupts() if interrupts is None else nullcontext(interrupts) as interrupts:
         directory.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(directory / "recordings", ignore_errors=True)  # of an earlier run, whose results go as well
         yield RunStarted(plan.planned, len(plan.jobs))

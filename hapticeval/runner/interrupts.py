@@ -11,11 +11,13 @@ class Interrupts:
     """Counts interrupts from `with` on, so that none falls into the middle of a save, an event or another interrupt.
 
     Only where Ctrl-C would have raised `KeyboardInterrupt`: not in another thread, which gets none, and not where
-    somebody else has said what it means.
+    somebody else has said what it means. Afterwards Ctrl-C means what it did before; `to_the_end` leaves it ignored,
+    for a command after which the process ends, and which an impatient user must not end in a traceback.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, to_the_end: bool = False) -> None:
         self.count = 0
+        self._to_the_end = to_the_end
         self._ours = False
 
     def __enter__(self) -> Interrupts:
@@ -29,7 +31,7 @@ class Interrupts:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._ours:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+            signal.signal(signal.SIGINT, signal.SIG_IGN if self._to_the_end else signal.default_int_handler)
 
     def _counted(self, _number: int, _frame: FrameType | None) -> None:
         self.count += 1

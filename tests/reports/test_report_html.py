@@ -148,12 +148,9 @@ def test_three_files_are_written_and_progress_is_told(folder):
     assert told == [(0, 2), (1, 2), (2, 2)]
 
 
-def test_processes_draw_the_same_page(folder, results, monkeypatch):
-    from hapticeval.reports import write
-
+def test_any_number_of_processes_draws_the_same_page(folder, results):
     write_reports(folder, workers=1)
     alone = (folder / "report.html").read_bytes()
-    monkeypatch.setattr(write, "FEW", 0)
     write_reports(folder, workers=2)
     assert (folder / "report.html").read_bytes() == alone
 
@@ -170,7 +167,6 @@ def test_a_figure_whose_process_dies_costs_only_itself(folder, results, monkeypa
             os._exit(9)
         return draw(order)
 
-    monkeypatch.setattr(write, "FEW", 0)
     monkeypatch.setattr(write, "draw", dying)
     write_reports(folder, progress=lambda done, total: told.append((done, total)), workers=2)
     page = (folder / "report.html").read_text()
