@@ -11,7 +11,8 @@ import numpy as np
 from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
 from hapticeval.recordings.abscissa import Abscissa
-from hapticeval.recordings.passes import Heading, Way, headings, seam, ways
+from hapticeval.recordings.passes import Heading, Way, headings, rejoined, seam, ways
+from hapticeval.recordings.permutation import LEVEL, needed
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.resolution import Resolution, resolution
 from hapticeval.recordings.stretches import LAG, joined
@@ -40,7 +41,8 @@ class Run:
 
 @dataclass(frozen=True)
 class Pass:
-    """One way over the abscissa in one direction: of run number `run`, in lap `lap` of it, from `start` to `end` (s).
+    """One way over the abscissa in one direction: of run number `run`, from `start` to `end` (s). `lap` numbers those
+    of a run in that direction.
 
     `columns` (m,) are on the grid; `grains` (m,) are what the numbers of the recording resolve in each of them, see
     `resolution`. Both are 0 where `mask` (m,) is not set: outside of what the pass covers, where the tool is free, in
@@ -101,15 +103,31 @@ def align(runs: Sequence[Run], abscissa: Abscissa, *, split: bool = False, point
     for number, (run, each) in enumerate(zip(runs, found, strict=True)):
         force, smooth = _smooth(run.recording)
         fine = resolution(run.recording)
-        for way in each:
-            parts = headings(way, run.recording, slack=slack, split=split, label=run.label, unit=abscissa.unit)
+        laps = {1: 0, -1: 0}
+        for way in rejoined(each, slack=slack, period=abscissa.period):
+            parts = headings(
+                way, run.recording, slack=slack, split=split, label=run.label, unit=abscissa.unit, todo=_advice(runs)
+            )
             for part in parts:
-                passes += _laps(number, run.recording, part, force, smooth, grid, abscissa, fine)
+                made = [*_laps(number, laps[part.direction], run.recording, part, force, smooth, grid, abscissa, fine)]
+                passes += made
+                laps[part.direction] = max([laps[part.direction], *(one.lap + 1 for one in made)])
     if not any(each.mask.any() for each in passes):
         raise InputError("none of the runs touches the surface", why="there is no force to compare")
     kept = tuple(each for each in passes if each.mask.any())
     grid.flags.writeable = False
     return Aligned(abscissa.by, abscissa.unit, abscissa.period, grid, tuple(runs), kept)
+
+
+def _advice(runs: Sequence[Run]) -> str:
+    """What may be done about a run that turns back, and what that costs."""
+    pairs = math.comb(len({run.renderer for run in runs}), 2)
+    enough = needed(1, 1, tests=2 * max(pairs, 1), level=LEVEL)
+    cost = "" if enough is None else f", so that it takes {enough[0]} and {enough[1]} runs to tell a difference"
+    return (
+        "give --split: every way between two turns is then a pass of its own, and forth and back are two tests"
+        f"{cost}; or record, or cut out, one way only"
+    )
 
 
 def _range(every: Sequence[Way], period: float | None, cut: float) -> tuple[float, float]:
@@ -151,6 +169,7 @@ def _smooth(recording: Recording) -> tuple[Array, BoolArray]:
 
 def _laps(
     number: int,
+    before: int,
     recording: Recording,
     part: Heading,
     force: Array,
@@ -159,7 +178,7 @@ def _laps(
     abscissa: Abscissa,
     fine: Resolution,
 ) -> Iterator[Pass]:
-    """The passes of a heading: one a lap."""
+    """The passes of a heading: one a lap, numbered on from those `before`."""
     period, cut = abscissa.period, float(grid[0])
     order = slice(None) if part.direction > 0 else slice(None, None, -1)
     along, rows = part.along[order], part.rows[order]
@@ -185,7 +204,9 @@ def _laps(
         # outside there is no force, whose direction nothing tells: no repeat may answer for it
         grains = {name: np.where(mask, fine.of(name, columns["magnitude"], bent), 0.0) for name in columns}
         times = recording.time[used]
-        yield Pass(number, part.direction, lap - low, float(times.min()), float(times.max()), columns, grains, mask)
+        yield Pass(
+            number, part.direction, before + lap - low, float(times.min()), float(times.max()), columns, grains, mask
+        )
 
 
 def _columns(

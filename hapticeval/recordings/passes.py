@@ -18,7 +18,7 @@ from hapticeval.types import Array, BoolArray, IntArray
 
 @dataclass(frozen=True)
 class Way:
-    """A gapless stretch of a run: its rows (n,), their abscissa (n,), and where that leaps, (n - 1,)."""
+    """A run, or a gapless stretch of it: its rows (n,), their abscissa (n,), and where that leaps, (n - 1,)."""
 
     rows: IntArray
     along: Array
@@ -50,10 +50,44 @@ def ways(recording: Recording, abscissa: Abscissa, label: str) -> tuple[Way, ...
     return tuple(found)
 
 
-def headings(way: Way, recording: Recording, *, slack: float, split: bool, label: str, unit: str) -> Iterator[Heading]:
+def rejoined(found: Sequence[Way], *, slack: float, period: float | None) -> Iterator[Way]:
+    """The stretches of a run (one at least), put together again: a gap in the clock ends neither a lap nor a way.
+
+    Over a gap of a closed abscissa the hand took the shorter way. One that starts anew from farther back, and goes the
+    same way again, is another pass and stays apart. Where two stretches meet the abscissa leaps.
+    """
+    parts: list[Way] = []
+    direction, farthest = 0, 0.0
+    for way in found:
+        along = way.along
+        if parts and period is not None:
+            along = along + period * round((parts[-1].along[-1] - along[0]) / period)
+        turns = _turns(along, slack)
+        goes = [1 if along[last] > along[first] else -1 for first, last in pairwise(turns)]
+        if parts and direction * (along[0] - farthest) < -slack and (not goes or goes[0] == direction):
+            yield _together(parts)
+            parts, direction = [], 0
+        parts.append(Way(way.rows, along, way.leaps))
+        if goes:
+            direction, farthest = goes[-1], float(along[turns[-1]])
+    yield _together(parts)
+
+
+def _together(parts: Sequence[Way]) -> Way:
+    between = [np.append(each.leaps, True) for each in parts]
+    return Way(
+        np.concatenate([each.rows for each in parts]),
+        np.concatenate([each.along for each in parts]),
+        np.concatenate(between)[:-1],
+    )
+
+
+def headings(
+    way: Way, recording: Recording, *, slack: float, split: bool, label: str, unit: str, todo: str
+) -> Iterator[Heading]:
     """The monotone parts of a way. A step back of up to `slack` is a trembling hand, a longer one turns.
 
-    Raises `InputError`, naming the place, at a turn unless `split` asks for parts.
+    Raises `InputError`, naming the place and what is `todo`, at a turn unless `split` asks for parts.
     """
     turns = _turns(way.along, slack)
     if len(turns) > 2 and not split:
@@ -63,7 +97,7 @@ def headings(way: Way, recording: Recording, *, slack: float, split: bool, label
         raise InputError(
             f"{label} turns back by {amount} at {place}, t = {recording.time[way.rows[at]]:.6g} s",
             why="a place that is passed twice has two answers, and a curve over it can hold only one",
-            todo="split the run into its monotone stretches with --split, or cut the recording there",
+            todo=todo,
         )
     for first, last in pairwise(turns):
         direction = 1 if way.along[last] > way.along[first] else -1

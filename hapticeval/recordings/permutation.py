@@ -20,6 +20,9 @@ import numpy as np
 
 from hapticeval.types import Array
 
+LEVEL = 0.05
+"""At which a difference is told: so often, at the most, is one told where there is none."""
+
 DEALS = 9999
 """Deals that are looked at where there are more; so p is never below one in one more of them."""
 

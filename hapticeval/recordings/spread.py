@@ -5,7 +5,8 @@ the differences between repeats of one. The repeats are whole curves over the ab
 mean square of their difference where both have an answer. What is independent are repeats, not samples: see
 `permutation` for the test. Over pairs of renderers and over the two directions, whose repeats may be different runs,
 its p is multiplied by their number. A column in which no two repeats, of either renderer, differ by more than their
-numbers resolve is the same to rounding, and not tested: see `resolution`.
+numbers resolve is the same to rounding, and not tested: see `resolution`. Where those of each renderer agree to
+rounding but not with the other's, the test needs nothing more: any other deal of the names mixes them.
 """
 
 from __future__ import annotations
@@ -19,11 +20,10 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.alignment import Aligned, Run
-from hapticeval.recordings.permutation import Distances, needed, permuted
+from hapticeval.recordings.permutation import LEVEL, Distances, needed, permuted
 from hapticeval.recordings.repeats import RUNS, Repeats, groups
 from hapticeval.types import Array, BoolArray, IntArray
 
-LEVEL = 0.05
 COMMON = 0.05
 """Two curves must share this much of the grid for a distance, and two medians for a difference."""
 
@@ -122,7 +122,9 @@ def compare(aligned: Aligned, *, seed: int = 0) -> tuple[Comparison, ...]:
         _refuse_copies([run for run in aligned.runs if run.renderer == renderer])
     families: dict[tuple[int, str, str], dict[str, tuple[Repeats, Repeats]]] = {}
     most = dict.fromkeys(renderers, 1)
+    met: set[tuple[int, str, str]] = set()
     for column, direction, made in groups(aligned):
+        met |= {(direction, first, second) for first, second in combinations(made, 2)}
         kept = {renderer: each for renderer, each in made.items() if len(each.values) > 1}
         most |= {renderer: max(most[renderer], len(each.values)) for renderer, each in kept.items()}
         for first, second in combinations(kept, 2):
@@ -134,7 +136,7 @@ def compare(aligned: Aligned, *, seed: int = 0) -> tuple[Comparison, ...]:
     ]
     for renderer in renderers:
         if most[renderer] == 1:
-            raise _single(renderer, most, tests=max(len(families), 1))
+            raise _single(renderer, most, tests=max(len(met), 1))
     if all(math.isnan(each.difference) for each in found):
         raise InputError(
             "no two renderers were led over the same places in the same direction", why="nothing is common to compare"
@@ -146,12 +148,16 @@ def _single(renderer: str, most: Mapping[str, int], *, tests: int) -> InputError
     """What is wrong with a renderer of a single repeat, and how many it takes beside the others'."""
     other = max((each for each in most if each != renderer), key=lambda each: most[each])
     enough = needed(1, most[other], tests=tests, level=LEVEL)
+    what = f"'{renderer}' has a single repeat, '{other}' {most[other]}"
+    if most[other] == 1:
+        what = f"one repeat of '{renderer}' and one of '{other}' are too few to compare"
     return InputError(
-        f"'{renderer}' has a single repeat, '{other}' {most[other]}",
+        what,
         why="without repeats the hand's own variation is not known, and any difference could be the hand's",
         todo="compare fewer renderers at once"
         if enough is None
-        else f"record it again: to tell a difference takes {enough[0]} of it and {enough[1]} of '{other}' at the least",
+        else f"record more: to tell a difference takes {enough[0]} of '{renderer}' and {enough[1]} of '{other}' at the "
+        "least",
     )
 
 

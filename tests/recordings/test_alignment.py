@@ -13,6 +13,7 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.abscissa import Abscissa
 from hapticeval.recordings.alignment import Run, align
+from hapticeval.recordings.permutation import LEVEL, needed
 from hapticeval.recordings.recording import Recording
 
 CIRCLE = make_model("circle").curve
@@ -77,10 +78,42 @@ def test_a_hand_that_turns_back_is_refused_at_the_place():
     with pytest.raises(InputError) as caught:
         aligned(run(angle))
     assert "run 7 turns back by 17.19 degrees at 57.3 degrees, t = 0.5 s" in str(caught.value)
-    assert "--split" in caught.value.todo
+    assert "give --split: every way between two turns is then a pass" in caught.value.todo
+    assert "so that it takes {} and {} runs".format(*needed(1, 1, tests=2, level=LEVEL)) in caught.value.todo
     parts = aligned(run(angle), split=True).passes
     assert [each.direction for each in parts] == [1, -1, 1]
     assert [each.coverage for each in parts] == pytest.approx([1.0 / 1.5, 0.3 / 1.5, 0.8 / 1.5], abs=0.01)
+
+
+def test_a_gap_ends_neither_a_lap_nor_a_way():
+    angle = np.linspace(0.0, 4.0 * math.pi, 4001)
+    time = 1e-3 * np.arange(angle.size)
+    for first in (500, 1500, 3000):
+        time[first:] += 0.05
+    found = aligned(run(angle, standing=time))
+    assert [each.lap for each in found.passes if each.coverage > 0.01] == [0, 1]
+    back = np.concatenate([np.linspace(0.0, 1.0, 500), np.linspace(0.999, 0.7, 200)])
+    time = 1e-3 * np.arange(back.size)
+    time[500:] += 0.05
+    with pytest.raises(InputError, match="turns back by 17"):
+        aligned(run(back, standing=time))
+    parts = aligned(run(back, standing=time), split=True).passes
+    assert [(each.direction, each.lap) for each in parts] == [(1, 0), (-1, 0)]
+
+
+def test_what_begins_anew_after_a_gap_is_another_pass_of_the_run():
+    angle = np.concatenate([np.linspace(0.0, 1.0, 500), np.linspace(0.0, 1.1, 500)])
+    time = 1e-3 * np.arange(angle.size)
+    time[500:] += 2.0
+    found = aligned(run(angle, standing=time)).passes
+    assert [(each.direction, each.lap) for each in found] == [(1, 0), (1, 1)]
+    assert [each.coverage for each in found] == pytest.approx([1.0 / 1.1, 1.0], abs=0.01)
+
+
+def test_the_ways_of_a_run_that_goes_to_and_fro_are_numbered():
+    angle = 0.5 - 0.5 * np.cos(np.linspace(0.0, 4.0 * math.pi, 4000))
+    parts = aligned(run(angle), split=True).passes
+    assert [(each.direction, each.lap) for each in parts] == [(1, 0), (-1, 0), (1, 1), (-1, 1)]
 
 
 def test_a_hand_that_trembles_by_less_than_the_grid_does_not_turn():

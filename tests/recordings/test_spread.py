@@ -171,7 +171,20 @@ def test_a_single_repeat_is_told_how_many_it_takes():
     rng = np.random.default_rng(18)
     with pytest.raises(InputError, match="'b' has a single repeat, 'a' 4") as caught:
         compared(hands(rng, "a", 4), hands(rng, "b", 1))
-    assert "takes 3 of it and 4 of 'a' at the least" in caught.value.todo
+    assert "takes 3 of 'b' and 4 of 'a' at the least" in caught.value.todo
+
+
+@pytest.mark.parametrize("gaps", [False, True])
+@pytest.mark.parametrize(("ways", "enough"), [(1, (4, 3)), (2, (5, 3))])
+def test_one_run_of_each_is_said_to_be_too_few(gaps, ways, enough):
+    """And the stretches between the gaps of a run are no laps."""
+    angle = ANGLE if ways == 1 else np.concatenate([ANGLE, ANGLE[-2::-1]])
+    size = np.full(angle.size, 2.0)
+    runs = [run("a", 0, size, angle=angle), run("b", 0, size + 1.0, angle=angle)]
+    runs = [torn(torn(each, 100, 20), 400, 30) if gaps else each for each in runs]
+    with pytest.raises(InputError, match="one repeat of 'a' and one of 'b' are too few to compare") as caught:
+        compare(align(runs, Abscissa("angle"), points=101, split=ways == 2))
+    assert "takes {} of 'a' and {} of 'b' at the least".format(*enough) in caught.value.todo
 
 
 def shifted(each, number, *, by, single=False):

@@ -14,9 +14,9 @@ from hapticeval.cli import main
 from hapticeval.recordings.abscissa import Abscissa
 from hapticeval.recordings.alignment import Run, align
 from hapticeval.recordings.hdf5 import write_recording
-from hapticeval.recordings.permutation import least_p, needed
+from hapticeval.recordings.permutation import LEVEL, least_p, needed
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.spread import LEVEL, bands, compare
+from hapticeval.recordings.spread import bands, compare
 from hapticeval.reports.spread_figure import table, write_spread
 
 ANGLE = np.linspace(0.2, 2.2, 400)
