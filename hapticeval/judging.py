@@ -15,11 +15,14 @@ from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
 from hapticeval.playback import origin, play
-from hapticeval.recordings.recording import REQUIRED, Recording
+from hapticeval.recordings.recording import MissingChannelError, Recording
 from hapticeval.renderer import Renderer, RendererFactory, SelfDriven
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Experiment, Path, Stimulus
 from hapticeval.suite.case import Case
+
+LACKS = "lacks"
+"""The evidence that names the channel for want of which a check could not be made."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +169,7 @@ def judge_recorded(
         scene = case.build_scene()
         recorded = record(scene)
         for check in case.checks:
-            findings.append(merge([_lacking(check, runs) or _finding(check, runs, scene) for runs in recorded.runs]))
+            findings.append(merge([_finding(check, runs, scene) for runs in recorded.runs]))
     except RefusalError as raised:
         refusal = raised
         findings = [Finding(Outcome.NOT_APPLICABLE, f"the renderer refuses: {raised.what}")] * len(case.checks)
@@ -178,14 +181,6 @@ def judge_recorded(
         (None, None, 0.0) if recorded is None else (recorded.whole, recorded.replay, recorded.simulated_seconds)
     )
     return Judged(verdicts, whole, error, refusal, simulated, time.perf_counter() - started, replay=replay)
-
-
-def _lacking(check: str, runs: Runs) -> Finding | None:
-    """What a check can say of a recording that lacks a channel which every simulated run has."""
-    lacks = [name for name in CHECKS[check].channels if name in REQUIRED and name not in runs.base.channels]
-    if not lacks:
-        return None
-    return Finding(Outcome.INCONCLUSIVE, f"the recording has no channel '{lacks[0]}', which this check reads")
 
 
 def broken(error: HapticevalError, renderer: str, suite: str, case: Case) -> Judged:
@@ -216,6 +211,7 @@ def _verdicts(findings: Sequence[Finding], renderer: str, suite: str, case: Case
 def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
     """A check's finding; a fault of the check's own is an outcome of its own and never a verdict on the renderer.
 
+    A check that reads a channel which a recording lacks says so; it needs no other channel than those it reads.
     Of a run that ended early, because device or law left its domain, what has failed until then has failed; that the
     rest would have passed was not seen.
     """
@@ -224,6 +220,9 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
         finding = CHECKS[check].judge(runs, scene)
     except RefusalError as refusal:
         return Finding(Outcome.NOT_APPLICABLE, f"this check cannot be asked here: {refusal.what}, and {refusal.why}")
+    except MissingChannelError as lacks:
+        message = f"the recording has no channel '{lacks.channel}', which this check reads"
+        return Finding(Outcome.INCONCLUSIVE, message, evidence={LACKS: lacks.channel})
     except HapticevalError:
         raise
     except Exception as fault:  # the boundary behind which one faulty check must not take the run along

@@ -59,6 +59,20 @@ class ShownRun:
     verdicts: Sequence[Shown]
 
     @property
+    def judged(self) -> Sequence[Shown]:
+        """The verdicts but those that lack a channel."""
+        return [shown for shown in self.verdicts if "lacks" not in shown.document["evidence"]]
+
+    @property
+    def lacking(self) -> Mapping[str, Sequence[Shown]]:
+        """By channel, the verdicts that could not be reached for want of it: they are told in one line."""
+        found: dict[str, list[Shown]] = {}
+        for shown in self.verdicts:
+            if "lacks" in shown.document["evidence"]:
+                found.setdefault(shown.document["evidence"]["lacks"], []).append(shown)
+        return found
+
+    @property
     def unexpected(self) -> bool:
         """Whether anything here calls for attention."""
         return bool(self.document["error"]) or any(not shown.cell.as_expected for shown in self.verdicts)

@@ -293,12 +293,54 @@ def test_a_recording_without_answers_is_no_failure_of_its_own(tmp_path):
     time = np.arange(100) * 1e-3
     out = replayed(circle_run(time, channels=()), tmp_path, ["minimum-distance"])
     judged, _ = out[RECORDED]
-    assert all(verdict.outcome is Outcome.INCONCLUSIVE for verdict in judged.verdicts)
-    assert all("no channel 'ihip'" in verdict.finding.message for verdict in judged.verdicts)
+    found = {verdict.check: verdict for verdict in judged.verdicts}
+    assert {found.pop(name).outcome for name in ("broken-contact", "abrupt-switch")} == {Outcome.NOT_APPLICABLE}
+    assert all(verdict.outcome is Outcome.INCONCLUSIVE for verdict in found.values())
+    assert "no channel 'ihip'" in found["continuous-contact"].finding.message
+    assert "no channel 'force'" in found["contact-normal-force"].finding.message
     assert all(verdict.as_expected for verdict in judged.verdicts)
     found = out["minimum-distance"][0].replay["difference"]
     assert found["ihip"] is None
     assert found["force"] is None
+
+
+@pytest.mark.parametrize(
+    ("said", "digits", "turn", "outcome", "words"),
+    [
+        ("minimum-distance+pp-pd", 16, 0.0, Outcome.PASS, "judged at the model's point nearest to the HIP"),
+        ("minimum-distance", 4, 0.0, Outcome.PASS, "as minimum-distance has it"),
+        ("minimum-distance", 4, 0.1, Outcome.FAIL, "degrees off every true normal"),
+        ("constraint", 16, 0.0, Outcome.INCONCLUSIVE, "only of a minimum-distance renderer"),
+        ("", 16, 0.0, Outcome.INCONCLUSIVE, "only of a minimum-distance renderer"),
+    ],
+)
+def test_a_log_without_ihip_is_judged_by_what_it_has(tmp_path, said, digits, turn, outcome, words):
+    """A force that is logged with four decimals has no direction where it is weak, and that is no fault of it."""
+    time = np.arange(1000) * 1e-3
+    depth = np.maximum(0.0, 0.002 * np.sin(8.0 * time))
+    hip = (0.1 - depth)[:, None] * np.column_stack([np.cos(2.0 * time), np.sin(2.0 * time)])
+    log = circle_run(time, hip=hip, channels=("force",), meta={"renderer": said, "source": "file"})
+    cos, sin = np.cos(turn), np.sin(turn)
+    force = np.round(log.force @ np.array([[cos, sin], [-sin, cos]]), digits)
+    log = Recording(time, {"hip": hip, "force": force}, log.meta)
+    judged, _ = replayed(log, tmp_path, ["minimum-distance"])[RECORDED]
+    found = {verdict.check: verdict.finding for verdict in judged.verdicts}["contact-normal-force"]
+    assert found.outcome is outcome, found.message
+    assert words in found.message
+    assert "nearest" in found.evidence
+
+
+def test_a_log_without_force_is_judged_by_what_it_has(tmp_path, capsys):
+    """Contact is then where the IHIP is not the HIP."""
+    log = circle_run(np.arange(200) * 1e-3, channels=("ihip",))
+    assert log.contact.all()
+    write_recording(tmp_path / "log.h5", log)
+    main(["replay", str(tmp_path / "log.h5"), "-r", "minimum-distance", "-o", str(tmp_path / "out")])
+    assert "no channel 'force': its own run is not judged by contact-normal-force" in capsys.readouterr().out
+    found = {v["check"]: v for v in read_results(tmp_path / "out").verdicts if v["renderer"] == RECORDED}
+    assert found["continuous-contact"]["outcome"] == "pass"
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert page.count("The recording has no channel <code>force</code>, which") == 1
 
 
 @pytest.mark.parametrize(

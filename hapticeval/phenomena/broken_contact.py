@@ -70,7 +70,7 @@ CHECK = Check(
     asks="Sliding over a convex corner: does the force keep its direction up to the corner and vanish there at once?",
     formula="F = |F| n_pre for (HIP - corner) . t_pre < 0, then F = 0",
     citation="thesis 3.2.1, Figure 3.4; Figures 6.10, 6.11",
-    channels=("hip", "ihip", "force"),
+    channels=("hip", "force", "ihip where a standoff is declared"),
     siblings="none",
     metric="distance from the corner at which n_pre is lost or force remains",
     unit="m",

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.normal_cone import off_normals
-from hapticeval.phenomena.sampling import LAG_TICKS, hip_step, loaded, place, placement, resolution, standoff
+from hapticeval.phenomena.sampling import LAG_TICKS, LED, hip_step, loaded, place, placement, resolution, standoff
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
+from hapticeval.recordings.grain import grain
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
+
+SIMULATED = (*LED, "experiment")
+"""Sources that keep a force as the renderer gave it."""
 
 STATIC_SHARE = 0.2
 """Share of the run, at its end, over which a static equilibrium is looked for."""
@@ -24,6 +29,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     strong = np.flatnonzero(loaded(base, scene))
     if strong.size == 0:
         return Finding(Outcome.INCONCLUSIVE, "no force above the floor: the tool never presses on the surface")
+    if "ihip" not in base.channels:
+        return _without_ihip(base, scene, strong)
     deviation = _deviation(base, scene, strong)
     allowed = _rounding(base, scene, strong)
     worst = int(np.argmax(deviation - allowed))
@@ -60,6 +67,29 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         f"{1e3 * depth:.3g} mm deep"
     )
     return Finding(Outcome.PASS, message, metric, bound, evidence)
+
+
+NEAREST = "minimum-distance"
+"""The renderer whose contact point is the model's point nearest to the HIP, whatever came before."""
+
+
+def _without_ihip(recording: Recording, scene: Scene, strong: IntArray) -> Finding:
+    """Of a recording without IHIP: the force against the normal at the model's point nearest to the HIP.
+
+    That is where a minimum-distance renderer has its contact point, and others with a memory may have theirs elsewhere:
+    of these nothing is decided.
+    """
+    ihip = recording.hip.copy()
+    ihip[strong] = scene.model.boundary.frame(ihip[strong]).foot
+    assumed = replace(recording, channels={**recording.channels, "ihip": ihip})
+    finding = judge(Runs(assumed), scene)
+    evidence = {"nearest" if name == "ihip" else name: value for name, value in finding.evidence.items()}
+    said = "no IHIP was recorded: judged at the model's point nearest to the HIP"
+    if str(recording.meta.get("renderer", "")).partition("+")[0].partition("@")[0] == NEAREST:
+        return replace(finding, message=f"{finding.message} ({said}, as {NEAREST} has it)", evidence=evidence)
+    angle = "" if finding.metric is None else f" the force is {finding.metric.value:.3g} {finding.metric.unit} off, and"
+    message = f"{said},{angle} only of a {NEAREST} renderer is that the contact point"
+    return replace(finding, outcome=Outcome.INCONCLUSIVE, message=message, evidence=evidence)
 
 
 def _error_angle(recording: Recording, scene: Scene) -> dict[str, float]:
@@ -100,14 +130,20 @@ def _deviation(recording: Recording, scene: Scene, strong: IntArray) -> Array:
 
 
 def _rounding(recording: Recording, scene: Scene, strong: IntArray) -> Array:
-    """Angle (rad) that single-precision positions leave in each force.
+    """Angle (rad) that single-precision positions, and the last place of a force that was logged, leave in each force.
 
     Two rounded positions of the model's size are subtracted to give a vector as long as the depth; a force that is
-    there without a depth was not built so, and has the rounding of its own components only.
+    there without a depth was not built so, and has the rounding of its own components only. Each component of a force
+    that a log tells in steps of q is off by up to q / 2.
     """
     depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[strong]
     stretch = np.divide(scene.model.size, depth, out=np.ones_like(depth), where=depth > 0.0)
-    return np.asarray(1e-6 + 4.0 * SINGLE * np.maximum(stretch, 1.0))
+    angle = 1e-6 + 4.0 * SINGLE * np.maximum(stretch, 1.0)
+    if recording.meta.get("source") not in SIMULATED:
+        force = recording.force[strong]
+        off = 0.5 * float(np.linalg.norm([grain(column) for column in recording.force.T]))
+        angle += np.arcsin(np.minimum(off / np.linalg.norm(force, axis=1), 1.0))
+    return np.asarray(angle)
 
 
 def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, float] | None:
@@ -141,7 +177,7 @@ CHECK = Check(
     asks="Is the force along the surface's normal, and at rest equal to the operator's push along it?",
     formula="F_n = -(n_e . F_o) n_e (3.3), with n_e = n_c (3.4); at a corner n_e lies between the faces' normals",
     citation="thesis 3.2.1, (3.3), (3.4), Figures 3.3 to 3.5; (6.1)",
-    channels=("hip", "ihip", "force", "operator_force where it was recorded"),
+    channels=("hip", "force", "ihip and operator_force where they were recorded"),
     siblings="none",
     metric="angle of the force outside the true normals; at rest, the difference in newtons",
     unit="deg",
@@ -153,7 +189,8 @@ CHECK = Check(
         "as that distance times the largest principal curvature there. A spring from an IHIP up to three ticks late "
         "is judged from the HIP of that tick. Outside of them the force may point by the rounding of "
         "single-precision positions: "
-        "1e-6 rad + 4 * 2^-23 * model size / depth. At rest the mean force over a window W may differ by 2 m v_max "
+        "1e-6 rad + 4 * 2^-23 * model size / depth, and that of a log's own digits: half "
+        "a step of every component. At rest the mean force over a window W may differ by 2 m v_max "
         "/ W, the momentum that the window cannot account for; in a simulated closed loop Newton's law makes the "
         "two equal, so that this half tests recordings of real devices, and the depth and apparent stiffness are "
         "reported. Forces below K_p * 1 um are not judged."

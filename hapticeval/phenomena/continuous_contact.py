@@ -209,7 +209,7 @@ CHECK = Check(
     asks="Does the IHIP trace a continuous path while the contact lasts, or does it pop through?",
     formula="J(h) = max |IHIP(t + h) - IHIP(t)| in contact; J at h, h/2, h/4, ... tends to 0",
     citation="thesis 3.2, Figure 3.2; pop-through: 4.1.2, 4.1.3, 6.1.3",
-    channels=("hip", "ihip", "force"),
+    channels=("hip", "ihip", "force where it was recorded"),
     siblings="the same trajectory at 2, 4 and, while undecided, 8, 16 and 32 times the sampling rate",
     metric="IHIP jump that refinement leaves",
     unit="m",

@@ -100,6 +100,8 @@ def loaded(recording: Recording, scene: Scene) -> BoolArray:
 
 def lacks_ihip(recording: Recording, scene: Scene) -> bool:
     """Whether a force is felt inside the model while the IHIP stays with the HIP: then no contact point is given."""
+    if "force" not in recording.channels:
+        return False
     silent = loaded(recording, scene) & np.all(recording.ihip == recording.hip, axis=1)
     if not silent.any():
         return False
@@ -124,10 +126,12 @@ NO_IHIP = "the renderer gives a force but no IHIP: its contact point cannot be j
 
 
 def place(recording: Recording, tick: int) -> dict[str, object]:
-    """Evidence: when and where a sample is, as JSON values."""
-    return {
+    """Evidence: when and where a sample is, as JSON values; without the IHIP where none was recorded."""
+    found: dict[str, object] = {
         "time": float(recording.time[tick]),
         "tick": int(tick),
         "hip": [float(x) for x in recording.hip[tick]],
-        "ihip": [float(x) for x in recording.ihip[tick]],
     }
+    if "ihip" in recording.channels:
+        found["ihip"] = [float(x) for x in recording.ihip[tick]]
+    return found

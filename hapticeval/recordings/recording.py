@@ -248,13 +248,22 @@ class Recording:
     def contact(self) -> BoolArray:
         """Where the tool touches: a force is felt or the IHIP is not the HIP; shape (n,), False where not valid.
 
-        The HIP in single precision is still the HIP: a renderer may compute and answer so.
+        Where one of the two was not recorded, the other tells alone. The HIP in single precision is still the HIP: a
+        renderer may compute and answer so. Raises `MissingChannelError` where neither was recorded.
         """
+        touches = np.zeros(len(self), dtype=bool)
+        if "ihip" in self.channels or "force" not in self.channels:
+            touches |= self._apart()
+        if "force" in self.channels:
+            touches |= np.any(self.force != 0.0, axis=1)
+        return touches if self.valid is None else touches & self.valid
+
+    def _apart(self) -> BoolArray:
+        """Where the IHIP is not the HIP, beyond single precision: (n,)."""
         sound = self.hip if self.valid is None else self.hip[self.valid]
         rounding = 4.0 * SINGLE * float(np.max(np.abs(sound), initial=0.0))
-        apart = np.linalg.norm(self.ihip - self.hip, axis=1) > rounding
-        touches: BoolArray = apart | np.any(self.force != 0.0, axis=1)
-        return touches if self.valid is None else touches & self.valid
+        apart: BoolArray = np.linalg.norm(self.ihip - self.hip, axis=1) > rounding
+        return apart
 
     @property
     def resolution(self) -> float:

@@ -5,23 +5,37 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from hapticeval.replay import OPEN_LOOP
+from hapticeval.judging import LACKS
+from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.results import Results
 
 
 def differences(results: Results) -> str:
     """A line a renderer, under a note that the hand would have reacted; empty where nothing was compared."""
+    unjudged = lacking(results)
     rows = [
         [run["renderer"], *(_apart(run["replay"]["difference"][name], *unit) for name, unit in UNITS.items())]
         for run in results.runs
         if run.get("replay") and run["replay"]["difference"] is not None
     ]
     if not rows:
-        return OPEN_LOOP
+        return "\n".join([*unjudged, OPEN_LOOP])
     table = [["against the recorded run", "IHIP", "force"], *rows]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines = ["  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in table]
-    return "\n".join([*lines, OPEN_LOOP])
+    return "\n".join([*lines, *unjudged, OPEN_LOOP])
+
+
+def lacking(results: Results) -> list[str]:
+    """A line a channel for want of which checks could not judge the recorded run."""
+    checks: dict[str, list[str]] = {}
+    for verdict in results.verdicts:
+        if verdict["renderer"] == RECORDED and LACKS in verdict["evidence"]:
+            checks.setdefault(verdict["evidence"][LACKS], []).append(verdict["check"])
+    return [
+        f"the recording has no channel '{channel}': its own run is not judged by {', '.join(names)}"
+        for channel, names in checks.items()
+    ]
 
 
 UNITS: Mapping[str, tuple[str, float]] = {"ihip": ("mm", 1e3), "force": ("N", 1.0)}

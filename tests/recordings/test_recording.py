@@ -56,7 +56,7 @@ def test_hardware_may_lack_channels_and_says_so_when_asked_for_them():
     del given["ihip"]
     recording = Recording(np.arange(4.0), given)
     recording.require("hip", "force")
-    for ask in (lambda: recording.ihip, lambda: recording.contact, lambda: recording.require(*REQUIRED)):
+    for ask in (lambda: recording.ihip, lambda: recording.require(*REQUIRED)):
         with pytest.raises(MissingChannelError, match="lacks the channel 'ihip'") as caught:
             ask()
         assert caught.value.channel == "ihip"
