@@ -52,7 +52,7 @@ Examples:
 EXIT_CODES = """\b
 Exit codes:
   0  every verdict is as required, or as published where the suite publishes one
-  1  a check failed, could not decide or differs, or fewer verdicts than planned were reached
+  1  a check failed, could not decide or differs, or fewer verdicts than planned were reached, as after Ctrl-C
   2  wrong usage or input, or every case was refused by every renderer
   3  a renderer broke: the message names case, tick and HIP (outranks 1 and 2)
   4  nothing was selected
@@ -70,6 +70,10 @@ app = typer.Typer(
 )
 
 
+INTERRUPTED = 130
+"""What typer leaves with, without a word, where Ctrl-C has met nobody who does something about it."""
+
+
 class Listing(StrEnum):
     """What `hapticeval list` can list."""
 
@@ -82,7 +86,8 @@ class Listing(StrEnum):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code; what a user got wrong is told without a traceback.
 
-    Without `arguments` it takes those of the process, which ends after it.
+    Without `arguments` it takes those of the process, which ends after it. Ctrl-C where no command does something about
+    it, as before one has begun, is told in a word, and is 1.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -93,12 +98,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except HapticevalError as error:
         print(f"error: {error}", file=sys.stderr)
         return error.exit_code
+    except KeyboardInterrupt:
+        return _interrupted()
     except SystemExit as stop:
+        if stop.code == INTERRUPTED:
+            return _interrupted()
         return stop.code if isinstance(stop.code, int) else 0 if stop.code is None else 1
     finally:
         if arguments is not None and signal.getsignal(signal.SIGINT) is not interrupted:
             signal.signal(signal.SIGINT, interrupted)  # the command has kept Ctrl-C from disturbing its end
     return 0
+
+
+def _interrupted() -> int:
+    """The exit code of a command that was interrupted; nothing disturbs the end of it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    print("interrupted", file=sys.stderr)
+    return 1
 
 
 def _version(wanted: bool) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -405,3 +406,12 @@ def test_a_renderer_that_refuses_all_that_there_is_has_not_passed(tmp_path, caps
     assert "refuses: set-stabilisation on thesis/star-convex-corner" in shown
     assert "what to do: choose a smooth model" in shown
     assert main([*alone, "-r", "constraint"]) == 0
+
+
+def test_ctrl_c_that_no_command_answers_is_told_in_a_word(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hapticeval.listing.checks", lambda: signal.raise_signal(signal.SIGINT))
+    assert main(["list", "checks"]) == 1
+    assert capsys.readouterr().err == "interrupted\n"
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

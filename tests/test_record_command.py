@@ -71,6 +71,26 @@ class Stopped(Fine):
             os.kill(os.getpid(), signal.SIGINT)
         return super().read()
 
+class StoppedOften(Stopped):
+    def write(self, command):
+        if not command.any():
+            os.kill(os.getpid(), signal.SIGINT)
+            open("stopped", "w").close()
+        super().write(command)
+    def close(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        open("closed", "w").close()
+
+class AmplifierOff(Fine):
+    def write(self, command):
+        if self.count > 20:
+            raise OSError("no current")
+        super().write(command)
+
+class StoppedAtOnce:
+    def __init__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+
 class Missing:
     def __init__(self):
         raise RuntimeError("no card in slot 3")
@@ -86,6 +106,23 @@ def breaking(scene):
             self.steps += 1
             return hip, np.full(2, np.nan if self.steps == 20 else 0.0)
     return Renderer()
+
+def answering(force):
+    def made(scene):
+        class Renderer:
+            def reset(self, hip):
+                pass
+            def step(self, hip, velocity, dt):
+                return hip, force(scene, hip)
+        return Renderer()
+    return made
+
+forceless = answering(lambda scene, hip: np.zeros(2))
+not_finite = answering(lambda scene, hip: np.full(2, np.nan))
+of_three = answering(lambda scene, hip: np.zeros(3))
+raising = answering(lambda scene, hip: 1 / 0)
+pulling = answering(lambda scene, hip: -scene.stiffness * scene.model.boundary.signed_distance(hip[None])[0]
+                    * -hip / np.linalg.norm(hip))
 
 def slow(scene):
     class Renderer:
@@ -336,6 +373,67 @@ def test_ctrl_c_on_the_twin_finishes_it_too(here):
     run = read_recording(here / "run.h5")
     assert len(run) > 50
     assert [event.text for event in run.events if event.kind == "ended"] == ["interrupted by the user"]
+
+
+def test_however_often_ctrl_c_is_pressed_the_motors_are_stopped(here, capsys):
+    assert driven("mycard:StoppedOften") == 1
+    assert "interrupted by the user" in capsys.readouterr().out
+    assert {"run.h5", "stopped", "closed"} <= names(here)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_second_ctrl_c_leaves_the_run_in_the_journal(here, capsys, monkeypatch):
+    def pressed(*_):
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("hapticeval.recordings.recovery.write_recording", pressed)
+    assert driven("mycard:Stopped") == 1
+    told = capsys.readouterr().err
+    assert "interrupted: the run is kept in run.journal: hapticeval convert run.journal -o run.h5" in told
+    monkeypatch.undo()
+    os.chdir(here)
+    main(["convert", "run.journal", "-o", "run.h5"])
+    assert 19 <= len(read_recording(here / "run.h5")) <= 21
+
+
+def test_ctrl_c_before_the_first_row_leaves_nothing(here, capsys):
+    assert driven("mycard:StoppedAtOnce") == 1
+    assert "interrupted: nothing was recorded" in capsys.readouterr().err
+    assert not {"run.h5", "run.journal"} & names(here)
+
+
+def test_motors_that_do_not_answer_are_told_of_once(here, capsys):
+    assert driven("mycard:AmplifierOff") == 2
+    told = capsys.readouterr().err
+    assert "the motors may still be on" in told
+    assert told.count("raised OSError") == 1
+
+
+@pytest.mark.parametrize("renderer", ["not_finite", "of_three", "raising"])
+def test_a_renderer_that_breaks_at_once_is_told_without_a_warning(here, capsys, renderer):
+    assert driven("mycard:Fine", "-r", f"mycard:{renderer}") == 3
+    told = capsys.readouterr().err
+    assert told.startswith("error: the renderer")
+    assert not {"run.h5", "run.journal"} & names(here)
+
+
+def test_no_limit_is_told_of_a_renderer_without_force(here, capsys):
+    assert driven("mycard:Fine", "-r", "mycard:forceless") == 0
+    assert "warning" not in capsys.readouterr().err
+
+
+def test_a_force_into_the_surface_is_warned_about(here, capsys):
+    driven("mycard:Fine", "-r", "mycard:pulling")
+    assert "warning: the renderer's force pulls the hand into the surface" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run", "run.journal", "run.h5.mat"])
+def test_a_recording_has_the_name_of_one(here, capsys, name):
+    assert main(["record", "-o", name, "--device", "twin"]) == 2
+    told = capsys.readouterr().err
+    assert f"-o {name} does not end in .h5" in told
+    assert "hapticeval convert makes .csv" in told
+    assert not names(here) & {name, "run.journal"}
 
 
 @pytest.mark.parametrize(("stiffness", "warned"), [("300", False), ("20000", True)])

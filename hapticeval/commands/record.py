@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,10 +25,12 @@ ROBOT = "parallelogram-2dof"
 STIFFNESS = 300.0
 """N/m: below the bound (2.40) of the robot at 1 kHz all over the model."""
 
+SUFFIXES = (".h5", ".hdf5")
+
 EXIT_CODES = """\b
 Exit codes:
   0  recorded
-  1  recorded, but rows were lost, cycles missed, or it ended early: the message says which
+  1  recorded, but rows were lost, cycles missed, or it ended early, as by Ctrl-C: the message says which
   2  wrong usage or input, or the hardware has gone; what was recorded is kept
   3  the renderer broke; what was recorded is kept
 """
@@ -74,8 +77,9 @@ def record(
     """Run a renderer on a robot and record it.
 
     While it runs, rows go to FILE.journal beside the recording, which survives a crash: `hapticeval convert` reads it.
-    Ctrl-C ends the run and keeps it. The twin has the robot's encoders, motors, friction and a delay, and a hand that
-    slides on the model. Any other device needs a --wiring, which says what its raw numbers mean.
+    Ctrl-C ends the run and keeps it; a second one leaves it in the journal. The twin has the robot's encoders, motors,
+    friction and a delay, and a hand that slides on the model. Any other device needs a --wiring, which says what its
+    raw numbers mean.
 
     \b
     Examples:
@@ -86,7 +90,7 @@ def record(
     from hapticeval.commands.stability import too_stiff
     from hapticeval.discovery import resolve
     from hapticeval.hardware.kinematics import CUTOFF
-    from hapticeval.hardware.live import channels, run, signals
+    from hapticeval.hardware.live import channels, run, signals, warm
     from hapticeval.judging import built
     from hapticeval.playback import declared
     from hapticeval.recordings.recorder import Recorder
@@ -94,6 +98,12 @@ def record(
     from hapticeval.terminal import Terminal
 
     journal = output.with_suffix(".journal")
+    if output.suffix.lower() not in SUFFIXES:
+        raise InputError(
+            f"-o {output} does not end in {' or '.join(SUFFIXES)}",
+            why="a recording is HDF5, whatever its name",
+            todo=f"name it {output.with_suffix('.h5')}; hapticeval convert makes .csv, .mat or .npz of it",
+        )
     for file in (output, journal):
         if file.exists():
             raise InputError(f"{file} is there already", why="a recording is never written over", todo="name another")
@@ -105,6 +115,7 @@ def record(
         raise InputError(
             f"'{renderer}' cannot run on hardware", why="it has physics of its own", todo="choose another with -r"
         )
+    warm(wired, made, scene)
     warning = too_stiff(factory, scene, cutoff=CUTOFF)
     if warning:
         typer.echo(f"warning: {warning}", err=True)
@@ -112,25 +123,31 @@ def record(
     meta = {**_meta(scene, wired, renderer, hardware=hardware, who=who), **declared(made)}
     failure: HapticevalError | None = None
     live: LiveRun | None = None
-    with (
-        _place(hardware, wired, scene) as connect,
-        Recorder(journal, channels(wired.device.dimension), signals=signals(wired), meta=meta) as recorder,
-        Terminal() as terminal,
-    ):
-        shown = 0
+    recorder: Recorder | None = None
+    try:
+        with (
+            _place(hardware, wired, scene) as connect,
+            Recorder(journal, channels(wired.device.dimension), signals=signals(wired), meta=meta) as recorder,
+            Terminal() as terminal,
+        ):
+            shown = 0
 
-        def tell(done: int) -> None:
-            nonlocal shown
-            if done >= shown + rate:
-                shown = done
-                terminal.working(min(done, cycles) - 1, cycles, f"{done / rate:.0f} of {seconds:g} s")
+            def tell(done: int) -> None:
+                nonlocal shown
+                if done >= shown + rate:
+                    shown = done
+                    terminal.working(min(done, cycles) - 1, cycles, f"{done / rate:.0f} of {seconds:g} s")
 
-        try:
-            live = run(connect, wired, made, scene, recorder, cycles=cycles, tell=tell)
-        except HapticevalError as error:
-            failure = error
-        summary = recorder.close()
-    _finish(journal, output, summary)
+            try:
+                live = run(connect, wired, made, scene, recorder, cycles=cycles, tell=tell)
+            except HapticevalError as error:
+                failure = error
+            summary = recorder.close()
+        _finish(journal, output, summary)
+    except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left to do is to say so, and to end
+        typer.echo(_interrupted(journal, output, None if recorder is None else recorder.summary), err=True)
+        raise typer.Exit(1) from None
     if failure is not None:
         raise failure
     assert live is not None
@@ -174,6 +191,17 @@ def _finish(journal: Path, output: Path, summary: Summary) -> None:
         ) from error
     journal.unlink()
     say(f"{summary}\nwrote {output}")
+
+
+def _interrupted(journal: Path, output: Path, summary: Summary | None) -> str:
+    """What there is of a run that was interrupted outside of its loop, where nothing more is done for it."""
+    if output.exists():
+        return f"interrupted: the run is in {output}"
+    if summary is None or not summary.rows + summary.waiting:
+        if summary is not None:
+            journal.unlink(missing_ok=True)
+        return "interrupted: nothing was recorded"
+    return f"interrupted: the run is kept in {journal}: hapticeval convert {journal} -o {output}"
 
 
 def _wiring(hardware: str, robot: str | None, file: Path | None) -> Wiring:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hapticeval.errors import DomainError, InputError
+from hapticeval.errors import DomainError
 from hapticeval.geometry.curve import Curve
 from hapticeval.renderer import RendererFactory
 from hapticeval.scene import Scene
@@ -19,13 +19,17 @@ if TYPE_CHECKING:
 PLACES = 12
 """Points of the boundary that are tried: the robot's inertia at the hand varies over centimetres."""
 
+NOTHING = 1e-6
+"""Share of the scene's stiffness below which a spring is rounding: gains are differences of forces."""
+
 
 def too_stiff(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
     """In words, where the loop with velocities of `cutoff` (Hz) is unstable without a hand; empty where it holds.
 
     The eigenvalues of `hapticeval.limits`, around rest at points of the boundary, of the motion across the surface:
     that a tool slides off where it is pressed on a convex one is no matter of sampling. Empty too for what they cannot
-    tell: a renderer without gains that grow with the stiffness.
+    tell: a renderer without gains that grow with the stiffness, one without force, and one that breaks, which the run
+    itself then says.
     """
     from hapticeval.limits.linear import Place, SampledLoop, robot_at
     from hapticeval.limits.search import eigenvalue_limit, family_of
@@ -37,8 +41,14 @@ def too_stiff(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
     places = [Place(*each) for each in zip(frame.foot, frame.normal, strict=True)]
     try:
         family = _across(family_of(factory, scene, places[0]))
-    except (InputError, DomainError):
+    except Exception:
         return ""
+    normal, gains = places[0].normal, family.at(scene.stiffness)
+    spring = float(normal @ (gains.now + gains.before) @ normal)
+    if not (np.isfinite(spring) and abs(spring) > NOTHING * scene.stiffness):
+        return ""
+    if spring < 0.0:
+        return "the renderer's force pulls the hand into the surface; see its sign"
     found = []
     for place in places:
         try:
@@ -52,9 +62,10 @@ def too_stiff(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
         return ""
     limit, place = min(found, key=lambda each: each[0])
     where = ", ".join(f"{1e3 * value:.4g}" for value in place.point)
+    held = f"up to {limit:.4g} N/m; choose a lower --stiffness," if limit > 0.0 else "at no stiffness; choose"
     return (
-        f"without a hand the sampled loop cannot hold {scene.stiffness:.4g} N/m: at ({where}) mm it is stable up to "
-        f"{limit:.4g} N/m; choose a lower --stiffness, a faster --rate, or another --damping"
+        f"without a hand the sampled loop cannot hold {scene.stiffness:.4g} N/m: at ({where}) mm it is stable {held} "
+        "a faster --rate, or another --damping"
     )
 
 

@@ -27,6 +27,8 @@ class Guarded:
     Whatever a driver raises becomes a `HapticevalError` that names the cycle, and so do readings that are no numbers.
     A cycle that does not end within `PATIENCE` is broken off by a timer signal, which only the main thread can have,
     and which a driver that waits in foreign code without returning to Python does not see: give it a time limit.
+    So is Ctrl-C: it is raised when a reading has come, never within the driver, and however often it is pressed the
+    motors are stopped first.
     """
 
     def __init__(self, hardware: HardwareDevice, joints: int, dt: float) -> None:
@@ -35,11 +37,15 @@ class Guarded:
         self._cycle = 0
         self._last: int | None = None
         self._doing = "the driver"
+        self._interrupted = self._asks_us = False
         self._watched = threading.current_thread() is threading.main_thread()
 
     def __enter__(self) -> Guarded:
         if self._watched:
             self._before = signal.signal(signal.SIGALRM, self._late)
+            self._asks_us = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+            if self._asks_us:
+                signal.signal(signal.SIGINT, self._interrupt)
         return self
 
     def __exit__(
@@ -51,11 +57,15 @@ class Guarded:
             if self._watched:
                 signal.setitimer(signal.ITIMER_REAL, 0.0)
                 signal.signal(signal.SIGALRM, self._before)
+            if self._asks_us:
+                signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def read(self) -> Reading:
         """The next reading: as many finite numbers as joints, and a count that is later than the last."""
         self._cycle += 1
         given = self._asked("read()", self._hardware.read)
+        if self._interrupted:
+            raise KeyboardInterrupt
         try:
             nanoseconds, sequence, raw = given
             reading = Reading(int(nanoseconds), int(sequence), np.array(raw, dtype=np.float64))
@@ -105,19 +115,33 @@ class Guarded:
             except HapticevalError as error:
                 problems.append(error.what)
         if problems:
-            ended = f"; the run had ended because: {cause}" if cause is not None else ""
             raise HapticevalError(
-                "the motors may still be on", why="; ".join(problems) + ended, todo="switch them off"
+                "the motors may still be on",
+                why="; ".join([*problems, *_ending(cause, problems)]),
+                todo="switch them off",
             ) from cause
 
     def _error(self, what: str, why: str) -> HapticevalError:
         return HapticevalError(f"the driver's read() {what} in cycle {self._cycle}", why=why)
+
+    def _interrupt(self, _number: int, _frame: FrameType | None) -> None:
+        self._interrupted = True
 
     def _late(self, _number: int, _frame: FrameType | None) -> None:
         raise HapticevalError(
             f"{self._doing} has not come back for {self._patience:g} s in cycle {self._cycle}",
             todo="see that the hardware is on and answers",
         )
+
+
+def _ending(cause: BaseException | None, told: list[str]) -> list[str]:
+    """Why the run had ended, and where, less what is `told` already."""
+    if cause is None:
+        return []
+    if not isinstance(cause, HapticevalError):
+        return [f"the run had ended by {type(cause).__name__}: {cause}"]
+    what = [] if cause.what in told else [f"the run had ended because {cause.what}"]
+    return [*what, *filter(None, (cause.why,))]
 
 
 def _short(value: Any) -> str:
