@@ -124,8 +124,26 @@ def _draw(axes: Axes, aligned: Aligned, bands: Sequence[Band], column: str) -> N
 
 
 def table(aligned: Aligned, comparisons: Sequence[Comparison]) -> str:
-    """What was aligned, and how renderers differ, as markdown."""
-    return "\n".join([*_passes(aligned), "", *_statements(aligned, comparisons)])
+    """How renderers differ, and every pass that was aligned, as markdown."""
+    return "\n".join([*_statements(aligned, comparisons), "", *_passes(aligned)])
+
+
+def summary(aligned: Aligned, comparisons: Sequence[Comparison]) -> str:
+    """How renderers differ, and a row for each run, as markdown."""
+    return "\n".join([*_statements(aligned, comparisons), "", *_runs(aligned)])
+
+
+def _runs(aligned: Aligned) -> Iterator[str]:
+    """Of each run how many passes it makes, and what share of the way they cover together, forward and backward."""
+    yield "| renderer | run | forward | backward |"
+    yield "|---|---|---|---|"
+    for number, run in enumerate(aligned.runs):
+        cells = []
+        for direction in (1, -1):
+            own = [each.mask for each in aligned.passes if each.run == number and each.direction == direction]
+            share = f"{100.0 * float(np.mean(np.any(own, axis=0))):.3g} %" if own else ""
+            cells.append(f"{len(own)} passes over {share}" if len(own) > 1 else share)
+        yield f"| {run.renderer} | {run.label} | {cells[0]} | {cells[1]} |"
 
 
 def _passes(aligned: Aligned) -> Iterator[str]:
@@ -165,24 +183,35 @@ def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator
                 else (". These are single runs: whether other runs of the same renderers would differ is not known")
             )
             yield (
-                f"{head}{each.outcome} by {size}, which is {each.times:.3g} times the repeat spread of "
-                f"{scale * each.spread:.3g} {unit} ({tested}); most at {across * each.worst:.4g} {along}{whose}"
+                f"{head}{each.outcome} by {size}, {_in_spreads(each, scale, unit)} ({tested}); "
+                f"most at {across * each.worst:.4g} {along}{whose}"
             )
         elif each.outcome == "within the spread":
             yield f"{head}within the spread: {size} apart, repeats {scale * each.spread:.3g} {unit} ({tested})"
         else:
             yield (
-                f"{head}too few repeats to tell: {size} apart, {each.times:.3g} times the repeat spread, "
+                f"{head}too few repeats to tell: {size} apart, {_in_spreads(each, scale, unit)}, "
                 f"and these repeats cannot give a p below {each.least:.2g} ({tested}); {_needed(each)}"
             )
 
 
+def _in_spreads(each: Comparison, scale: float, unit: str) -> str:
+    if each.spread == 0.0:
+        return "where repeats do not differ at all"
+    return f"which is {each.times:.3g} times the repeat spread of {scale * each.spread:.3g} {unit}"
+
+
 def _needed(each: Comparison) -> str:
-    """How many repeats were given, and how many it takes."""
+    """How many repeats were given, and how many more of which it takes."""
     given = f"given are {each.repeats[0]} of {each.first} and {each.repeats[1]} of {each.second}"
     if each.needed is None:
         return f"{given}, and among so many renderers no number is enough: compare fewer at once"
-    return f"{given}, and it takes {each.needed[0]} and {each.needed[1]} at the least"
+    more = [
+        f"{enough - had} more of {renderer}"
+        for renderer, had, enough in zip((each.first, each.second), each.repeats, each.needed, strict=True)
+        if enough > had
+    ]
+    return f"{given}; it takes {' and '.join(more)} at the least ({each.needed[0]} and {each.needed[1]})"
 
 
 def _document(aligned: Aligned, bands: Sequence[Band], comparisons: Sequence[Comparison]) -> Any:

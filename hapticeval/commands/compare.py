@@ -45,7 +45,7 @@ def compare(
         typer.Option(metavar="MODEL", help="What was touched, where the recordings do not say.", show_default=False),
     ] = None,
     split: Annotated[
-        bool, typer.Option("--split", help="Take a run that turns back as one pass for each way.")
+        bool, typer.Option("--split", help="Take a run that turns back as a pass of its own for each way.")
     ] = False,
     mapping: MappingFile = None,
     format_: FormatName = None,
@@ -60,8 +60,9 @@ def compare(
     what drifts from the first run to the last would else count as theirs.
 
     A permutation test at 5 per cent decides. 4 and 4 repeats are dealt to two renderers in 70 ways, of which 2 part
-    them as they were recorded, so p is 2/70 or more: 4 of each, or 4 and 3, are the fewest that can tell. With a third
-    renderer, or both ways, it takes 5 of each, or 5 and 4. Where there are too few, what is printed says how many.
+    them as they were recorded, so p is 2/70 or more: 4 and 3 are the fewest that can tell. Both ways, with --split,
+    are two tests, and p is doubled: 5 and 3 are the fewest, and beside 4 of one it takes 5 of the other. Three
+    renderers take 5, 5 and 4 runs, one way or both. Where there are too few, what is printed says how many more.
 
     \b
     Examples:
@@ -72,7 +73,7 @@ def compare(
     from hapticeval.recordings.alignment import align
     from hapticeval.recordings.spread import bands
     from hapticeval.recordings.spread import compare as compared
-    from hapticeval.reports.spread_figure import table, write_spread
+    from hapticeval.reports.spread_figure import summary, write_spread
 
     runs = [_run(each, mapping, format_) for each in files]
     abscissa = Abscissa(by, centre=_centre(centre), curve=_curve(model, runs))
@@ -83,7 +84,7 @@ def compare(
     except InputError as error:
         refused, found = error, ()
     written = write_spread(directory, aligned, bands(aligned), found)
-    say("\n".join([table(aligned, found), "", *(f"wrote {path}" for path in written)]))
+    say("\n".join([summary(aligned, found), "", *(f"wrote {path}" for path in written)]))
     if refused is not None and len({run.renderer for run in runs}) > 1:
         raise refused
 

@@ -67,6 +67,20 @@ def test_the_table_states_each_difference_in_spreads(aligned):
     assert "takes two renderers" in table(aligned, ())
 
 
+def test_repeats_that_do_not_differ_are_no_spread_to_divide_by():
+    one = recording(1)
+    runs = []
+    for name, more in (("a", 0.0), ("b", 0.1)):
+        for k in range(4):
+            hip = one.hip.copy()
+            hip[15 + k] *= 1.0 + 1e-9  # no copy, and between two places of the grid
+            runs.append(Run(f"{name}{k}", name, Recording(one.time, {"hip": hip, "force": one.force * (1.0 + more)})))
+    apart = align(runs, Abscissa("angle"), points=11)
+    text = table(apart, [each for each in compare(apart) if each.column == "magnitude"])
+    assert re.search(r"size of the force: differs by \S+ N, where repeats do not differ at all \(p = 0.029", text)
+    assert "inf" not in text
+
+
 def files(folder, *names):
     out = []
     for k, name in enumerate(names):
@@ -80,7 +94,9 @@ def test_the_command_compares_and_writes(tmp_path, capsys):
     given = files(tmp_path, *"aaaabbbb")
     assert main(["compare", *given, "--by", "arc", "-o", str(tmp_path / "out")]) == 0
     said = capsys.readouterr().out
-    assert "differs by" in said
+    assert said.index("differs by") < said.index("| renderer |"), "what matters comes first"
+    rows = re.findall(r"^\| [ab] \| \S+ \| \S+ % \|  \|$", said, re.MULTILINE)
+    assert len(rows) == 8, "a row a run, that went one way"
     assert (tmp_path / "out" / "comparison.png").exists()
     assert json.loads((tmp_path / "out" / "comparison.json").read_text())["by"] == "arc"
 
@@ -89,7 +105,7 @@ def test_too_few_repeats_are_told_with_how_many_it_takes(tmp_path, capsys):
     assert main(["compare", *files(tmp_path, *"aabbb"), "-o", str(tmp_path / "out")]) == 0
     said = capsys.readouterr().out
     assert "too few repeats to tell" in said
-    assert "given are 2 of a and 3 of b, and it takes 4 and 3 at the least" in said
+    assert "given are 2 of a and 3 of b; it takes 2 more of a at the least (4 and 3)" in said
 
 
 def test_the_help_says_how_many_repeats_it_takes(capsys):
@@ -99,11 +115,15 @@ def test_the_help_says_how_many_repeats_it_takes(capsys):
     assert f"4 and 4 repeats are dealt to two renderers in {ways} ways, of which {twins} part them" in said
     assert least_p(4, 4) == twins / ways
     assert total == (4, 3)
-    assert "4 of each, or 4 and 3, are the fewest that can tell" in said
-    for tests in (2, 3, 6):  # one pair both ways, three pairs one way, three pairs both ways
-        assert tests * least_p(5, 5) < LEVEL <= tests * least_p(4, 4)
-        assert tests * least_p(5, 4) < LEVEL
-    assert "With a third renderer, or both ways, it takes 5 of each, or 5 and 4" in said
+    assert "4 and 3 are the fewest that can tell" in said
+    assert needed(1, 1, tests=2, level=LEVEL) == needed(2, 2, tests=2, level=LEVEL) == (5, 3)
+    assert needed(4, 4, tests=2, level=LEVEL) == (5, 4)
+    assert "5 and 3 are the fewest, and beside 4 of one it takes 5 of the other" in said
+    for tests in (3, 6):  # three pairs one way, and both ways
+        assert needed(1, 1, tests=tests, level=LEVEL) == (5, 4)
+        assert tests * least_p(5, 5) < LEVEL, "the third renderer meets two of which one has 5"
+        assert tests * least_p(4, 4) >= LEVEL
+    assert "Three renderers take 5, 5 and 4 runs, one way or both" in said
 
 
 def test_rounding_is_told_as_such(tmp_path):
