@@ -21,7 +21,10 @@ class Response(NamedTuple):
 
 @runtime_checkable
 class Renderer(Protocol):
-    """Answers a HIP with an IHIP and a force, a tick at a time (DESIGN section 5).
+    """Answers a HIP with an IHIP and a force, a tick at a time; made from a scene, by any callable that takes one.
+
+    N is 2, or 3 where the model is a surface in space: `scene.model.boundary.frame(points)` works in both, and
+    `scene.model.curve` refuses a surface. The force acts on the hand, and is zero in free space.
 
     A renderer may also have
 

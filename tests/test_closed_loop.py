@@ -1,4 +1,4 @@
-"""The closed loop against errata-checked solutions of thesis Tables 6.1 and 6.2."""
+"""The closed loop against the solutions of thesis Tables 6.1 and 6.2, checked, and corrected where misprinted."""
 
 from __future__ import annotations
 

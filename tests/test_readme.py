@@ -63,6 +63,23 @@ def test_the_renderer_is_judged_by_the_command(judged: tuple[Path, int]) -> None
     assert code == 1
 
 
+SPACE = """
+title = "In space"
+[[case]]
+name = "across-the-sphere"
+title = "Under the surface of a sphere"
+model = { kind = "sphere", size = 0.1 }
+checks = ["continuous-contact", "contact-normal-force"]
+trajectory = { kind = "points", points = [[0.0, 0.0, 0.06], [0.0, 0.0, 0.049], [0.001, 0.002, 0.049]], duration = 2 }
+"""
+
+
+def test_the_renderer_works_in_space_too(judged: tuple[Path, int]) -> None:
+    (judged[0] / "space.toml").write_text(SPACE)
+    assert main(["run", "space.toml", "-r", "mine:Nearest", "-o", "space"]) == 0
+    assert [verdict["outcome"] for verdict in read_results(judged[0] / "space").verdicts] == ["pass", "pass"]
+
+
 def test_the_results_are_read_as_told(judged: tuple[Path, int], capsys: pytest.CaptureFixture[str]) -> None:
     # The README leaves the closing of the file to the end of the program.
     source = block(section("What is written"), "python").replace("json.load(open(", "json.load(opened(")

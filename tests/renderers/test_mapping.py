@@ -55,7 +55,7 @@ def test_a_run_is_its_steps_to_the_last_bit(name):
 
 @pytest.mark.parametrize("name", ["cassinian", "star"])
 def test_the_force_lies_along_the_normal_however_deep(name):
-    """Transversal regulation (5.21), with the signs of the errata: it pushes out."""
+    """Transversal regulation (5.21), its signs corrected: it pushes out."""
     curve, renderer = rendered(name)
     hips = np.random.default_rng(3).uniform(-0.09, 0.09, (500, 2))
     hips = hips[curve.contains(hips)]
