@@ -22,7 +22,8 @@ class Model:
     """A closed plane curve (an extruded cross-section), a half-plane, or a closed surface in 3D.
 
     `parameters` are the JSON values it was made from; `boundary` is the exact boundary, whose `frame(points)` is for
-    the plane and space alike, and `curve` or `surface` is the same for what works in one of them only. Representations are made on first use and kept.
+    the plane and space alike, and `curve` or `surface` is the same for what works in one of them only. Representations are made on
+    first use and kept.
     """
 
     name: str
@@ -44,7 +45,7 @@ class Model:
             raise RefusalError(
                 f"model '{self.name}' is a surface in space",
                 why="this works on plane curves only, with scene.model.curve",
-                todo="choose a renderer for surfaces: minimum-distance, set-stabilisation; in a renderer of your own use "
+                todo="choose a renderer for surfaces: minimum-distance, set-stabilisation; in one of your own use "
                 "scene.model.boundary, whose frame(points) works in the plane and in space",
             )
         return self.boundary
