@@ -13,7 +13,7 @@ from hapticeval.output import say
 EXIT_CODES = """\b
 Exit codes:
   0  converted
-  1  converted, but something is missing or suspicious
+  1  converted, but rows are lost or masked, the run ended early, or something is suspicious
   2  wrong usage, or unreadable; nothing is written
 """
 
@@ -42,11 +42,11 @@ def convert(
     """
     from hapticeval.hardware.logs import load
     from hapticeval.recordings.export import export, refuse_existing
-    from hapticeval.recordings.losses import told_losses, told_warnings
+    from hapticeval.recordings.losses import incomplete
     from hapticeval.recordings.tell import converted
 
     refuse_existing(output)
     recording = load(file, mapping=mapping, format=format_, salvaging=salvage)
     export(output, recording)
     say(f"{converted(recording)}\nwrote {output}")
-    raise typer.Exit(int(bool(told_losses(recording) or told_warnings(recording))))
+    raise typer.Exit(int(incomplete(recording)))

@@ -96,8 +96,11 @@ def convert(table: Table, mapping: FileMapping, *, file: str = "") -> Recording:
         "left out": {key: count for key, count in counts.items() if count},
         "columns": {name: list(source.columns) for name, source in mapping.channels.items()},
     }
-    if table.warnings:
-        notes["warnings"] = list(table.warnings)
+    warnings = [text for text in table.warnings if text not in table.cells]
+    if warnings:
+        notes["warnings"] = warnings
+    if table.cells:
+        notes["cells"] = list(table.cells)
     resampled = {name: source.resample for name, source in mapping.channels.items() if source.resample}
     if resampled:
         notes["resampled"] = resampled

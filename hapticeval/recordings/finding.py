@@ -8,6 +8,11 @@ from enum import StrEnum
 from typing import Any
 
 
+def plural(count: int, noun: str) -> str:
+    """For instance `1 row`, `2 rows`."""
+    return f"{count} {noun}{'s' * (count != 1)}"
+
+
 class Severity(StrEnum):
     """`fault`: those rows are no measurement; `suspicious`: a person should look; `note`: good to know."""
 

@@ -306,5 +306,5 @@ def damaged(path: Path, why: str) -> DamagedError:
     return DamagedError(
         f"the recording {path} is cut short or damaged",
         why=why,
-        todo="copy it again; or take what is whole of it: hapticeval convert FILE --salvage -o WHOLE.h5",
+        todo=f"copy it again; or take what is whole of it: hapticeval convert {path} --salvage -o {path.stem}-whole.h5",
     )

@@ -15,7 +15,7 @@ from hapticeval.recordings.inverse_checks import inverse_checks
 from hapticeval.recordings.losses import told_losses, told_warnings
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.rows import runs_of
-from hapticeval.recordings.signal_faults import examine_column, quantum
+from hapticeval.recordings.signal_faults import examine_column, examine_numbers, quantum
 from hapticeval.recordings.signs import Sign, force_signs
 from hapticeval.recordings.stretches import joined, stretches
 from hapticeval.recordings.time_unit import time_unit
@@ -108,13 +108,17 @@ def examine(
     )
     faults += _counted(recording)
     columns = {}
+    parts: dict[str, dict[str, Array]] = {}
     for name, values in relations.columns_of(recording).items():
         channel = name if name in recording.signals else name.rpartition(".")[0]
+        parts.setdefault(channel, {})[name] = values
         unit = recording.signals[channel].unit
         kept = values[ordered & np.isfinite(values)]
         if kept.size:
             columns[name] = ColumnFacts(unit, float(kept.min()), float(kept.max()), quantum(kept))
         faults += examine_column(name, values, recording.time, ordered, held=unit in HELD)
+    for channel, each in parts.items():
+        faults += examine_numbers(channel, each, recording.time)
     faults += relations.copies(recording)
     faults += relations.velocities(recording)
     faults += relations.force_lag(recording)

@@ -24,6 +24,9 @@ from hapticeval.errors import InputError
 from hapticeval.files import plain
 from hapticeval.recordings.channels import Signal, declared
 
+UNCLOSED = "the process of the loop ended without closing"
+"""How a journal says that its recorder was killed."""
+
 MAGIC = b"\x89hapticeval journal\r\n"
 MARK = b"\xa5HEJ"
 BLOCK = struct.Struct("<4sB3xIIII")

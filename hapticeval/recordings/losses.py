@@ -40,6 +40,18 @@ def told_warnings(recording: Recording) -> tuple[str, ...]:
     return tuple(str(text) for text in recording.meta.get("import", {}).get("warnings", ()))
 
 
+MISSING = ("time out of order", "without a number")
+"""Of what an import leaves out, the rows that the file should have had: gaps are as they were meant."""
+
+
+def incomplete(recording: Recording) -> bool:
+    """Whether rows of a recording are lost or masked, cycles have no row, the run ended early, or the import warned."""
+    left_out = recording.meta.get("import", {}).get("left out", {})
+    ended = any(event.kind == "ended" for event in recording.events)
+    missed = recording.clock is not None and recording.clock.missed
+    return bool(missed or ended or told_losses(recording) or told_warnings(recording) or left_out.keys() & set(MISSING))
+
+
 @dataclass(frozen=True)
 class Salvaged:
     """What is whole of a file, as a recording, and the `losses`; of a sound file there are none."""

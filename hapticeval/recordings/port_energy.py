@@ -162,7 +162,7 @@ class _Port:
         back = float(self.size.max()) * np.linalg.norm(self.place[b] - self.place[a], axis=1)
         given, left = sign * (self.work[b] - self.work[a]) - back, self.open(a, b) + self.kinetic
         best = int(np.argmax(given - left))
-        yield Gift(float(given[best]), float(left[best]), int(a[best]), int(b[best]), "at rest at both ends")
+        yield Gift(float(given[best]), float(left[best]), int(a[best]), int(b[best]), "at rest at both")
 
     def _free(self, sign: float, free: list[int]) -> Iterator[Gift]:
         # But for the noise what is open adds up, and its best row is one for all that begin before it: no gift is
@@ -181,7 +181,7 @@ class _Port:
             rows = slice(first + 1, None)
             given, left = sign * (self.work[rows] - self.work[first]), self.open(first, rows)
             row = int(np.argmax(given - left))
-            gift = Gift(float(given[row]), float(left[row]), first, first + 1 + row, "from free space on")
+            gift = Gift(float(given[row]), float(left[row]), first, first + 1 + row, "free of force at the first")
             best = max(best or gift, gift, key=lambda each: each.energy - each.open)
         if best is not None:
             yield best

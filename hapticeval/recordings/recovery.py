@@ -13,7 +13,7 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.hdf5 import write_recording
-from hapticeval.recordings.journal import MAGIC, Block, Hole, Kind, Layout, blocks
+from hapticeval.recordings.journal import MAGIC, UNCLOSED, Block, Hole, Kind, Layout, blocks
 from hapticeval.recordings.losses import LOST, Loss, Salvaged
 from hapticeval.recordings.recording import Clock, Event, Recording
 from hapticeval.types import BoolArray, IntArray
@@ -148,7 +148,8 @@ def _made(read: _Read, layout: Layout, rows: Any, losses: Sequence[Loss]) -> Sal
     events = [Event((stamp - clock.zero) / 1e9, kind, text) for stamp, kind, text in read.events]
     last = float(clock.seconds[-1])
     if read.end is not None and read.end["how"] != "closed":
-        events.append(Event(last, "ended", read.end["how"]))
+        unknown = f": what came after cycle {int(rows['sequence'][-1])} is unknown"
+        events.append(Event(last, "ended", read.end["how"] + unknown * (read.end["how"] == UNCLOSED)))
     if not valid.all():
         events.append(Event(last, "not-valid", f"{np.count_nonzero(~valid)} rows are not finite or out of order"))
     events += [Event(last, LOST, str(loss)) for loss in losses]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
 
-from hapticeval.recordings.finding import Fault, Severity
+from hapticeval.recordings.finding import Fault, Severity, plural
+from hapticeval.recordings.rows import runs_of
 from hapticeval.recordings.stretches import GAP_STEPS
 from hapticeval.types import Array, BoolArray
 
@@ -80,19 +82,26 @@ def runs(values: Array, shortest: int) -> list[tuple[int, int]]:
     return [(int(edges[k]), int(edges[k + 1])) for k in long]
 
 
+def examine_numbers(name: str, columns: Mapping[str, Array], time: Array) -> list[Fault]:
+    """The rows of a channel that lack a number: one finding a stretch of rows, whichever of its `columns` (n,) do."""
+    empty = {column: ~np.isfinite(values) for column, values in columns.items()}
+    faults = []
+    for first, end in runs_of(np.logical_or.reduce(list(empty.values()))):
+        lacking = [column for column, where in empty.items() if where[first:end].any()]
+        parts = "" if len(lacking) == 1 else f" ({', '.join(column.rpartition('.')[2] for column in lacking)})"
+        faults.append(
+            _at(lacking[0] if len(lacking) == 1 else name, "no number", Severity.FAULT, first, end, time,
+                f"{plural(end - first, 'row')} without a number{parts}", "left out; see why the sensor gave none")
+        )  # fmt: skip
+    return faults
+
+
 def examine_column(name: str, values: Array, time: Array, valid: BoolArray, *, held: bool = False) -> list[Fault]:
-    """What is wrong with a column (n,): `name` as in `hip.x`, `time` (s), judged where `valid`.
+    """What is wrong with the numbers of a column (n,): `name` as in `hip.x`, `time` (s), judged where `valid`.
 
     `held` is for forces and torques, which are zero for long and then jump, and are hit in one tick.
     """
-    faults = []
-    empty = np.flatnonzero(~np.isfinite(values))
-    if empty.size:
-        first, end = int(empty[0]), int(empty[-1]) + 1
-        faults.append(
-            _at(name, "no number", Severity.FAULT, first, end, time,
-                f"{empty.size} rows without a number", "they are left out; see why the sensor gave none")
-        )  # fmt: skip
+    faults: list[Fault] = []
     sound = valid & np.isfinite(values)
     if np.ptp(values[sound]) == 0.0 if sound.any() else True:
         return faults

@@ -100,14 +100,16 @@ def _energy(recording: Recording, channel: str, place: str, sense: float) -> tup
     would = f"the environment would have given {active.energy:.3g} J to the hand"
     if channel == "wall_force":
         would = f"the wall would have given {active.energy:.3g} J to the tool"
-    where = f"from {times[0]:.4g} to {times[1]:.4g} s, {active.how}"
-    where += f" (noise, rounding and delay leave {active.open:.2g} J open)"
+    where = (
+        f"between {times[0]:.4g} and {times[1]:.4g} s ({active.how}), and noise, rounding and delay explain "
+        f"no more than {active.open:.2g} J of it"
+    )
     if best.sign > 0:
-        return Sign(channel, 1, f"right: with the other one {would} {where}"), None
+        return Sign(channel, 1, f"right: with the opposite sign {would} {where}"), None
     fault = Fault(
         "force sign",
         Severity.SUSPICIOUS,
-        f"the sign seems wrong: with it {would} {where}; with the other sign it takes energy",
+        f"the sign seems wrong: with it {would} {where}; with the opposite sign it takes energy",
         f"{TODO}. A motor, a magnet or another hand behind it may give energy, too",
         channel,
         first,
@@ -132,8 +134,8 @@ def _unclear(found: list[Balance]) -> str:
         return "not told: with either sign the environment gives energy"
     larger = max(best.given, best.turned, key=lambda each: each.energy)
     return (
-        f"not told: with neither sign would the environment give energy beyond doubt ({max(larger.energy, 0.0):.2g} J "
-        f"at most, of which noise, rounding and delay leave {larger.open:.2g} J open)"
+        f"not told: with neither sign would the environment give energy beyond doubt: {max(larger.energy, 0.0):.2g} J "
+        f"at most, and noise, rounding and delay explain up to {larger.open:.2g} J"
     )
 
 

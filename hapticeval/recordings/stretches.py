@@ -55,13 +55,24 @@ def joined(recording: Recording) -> BoolArray:
 
 
 def nominal_step(recording: Recording) -> float:
-    """The declared sampling time, s, as far as the median of the steps bears it out; otherwise that, in whole ns."""
-    median = recording.dt
+    """The declared sampling time, s, as far as the median of the steps bears it out; otherwise that, in whole ns.
+
+    Where the cycles are numbered it is that of a cycle: of a log that lacks most of them, rows are further apart.
+    """
+    median = _cycle(recording)
     declared = recording.meta.get("dt")
     if isinstance(declared, int | float) and abs(declared - median) <= _stamp(recording):
         return float(declared)
     whole = round(median, 9)
     return whole if abs(whole - median) <= _stamp(recording) else median
+
+
+def _cycle(recording: Recording) -> float:
+    if recording.clock is None or recording.clock.sequence is None:
+        return recording.dt
+    jumps, taken = np.diff(recording.clock.sequence), np.diff(recording.time)
+    counted = (jumps > 0) & (taken > 0.0)
+    return float(np.median(taken[counted] / jumps[counted])) if counted.any() else recording.dt
 
 
 def steps(recording: Recording, stretch: Stretch) -> float | Array:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from hapticeval.recordings.finding import Severity
+from hapticeval.recordings.finding import Severity, plural
 from hapticeval.recordings.impact import Impacts
-from hapticeval.recordings.integrity import Integrity, Soundness
+from hapticeval.recordings.integrity import Integrity, Interval, Soundness
 from hapticeval.recordings.losses import told_losses, told_warnings
 from hapticeval.recordings.recording import Recording
 
-MOST = 20
+MOST = 5
 """Findings of one kind and channel beyond so many are counted, not listed."""
 
 
@@ -21,20 +21,20 @@ def summary(report: Integrity, soundness: Soundness, *, title: str) -> str:
     jitter = ", ".join(f"{1e6 * value:.4g}" for value in timing.jitter)
     lines = [
         f"{title}: {report.valid_rows} of {report.rows} rows are measurements, over {report.duration:.6g} s",
-        f"clock: {timing.rate:.6g} Hz, median step {1e3 * timing.step:.6g} ms; steps off by {jitter} us "
-        "(50, 95, 99, 100 %)"
+        f"clock: {timing.rate:.6g} Hz, median step {1e3 * timing.step:.6g} ms, between gaps off by {jitter} us "
+        "(50, 95, 99, 100 % of the steps)"
         if timing.step > 0.0
         else "clock: no two rows follow each other, which tell no rate",
     ]
     if timing.missing:
-        lines.append(f"       about {timing.missing} rows missing, {timing.missing_seconds:.4g} s")
+        lines.append(f"       in gaps about {plural(timing.missing, 'row')} missing, {timing.missing_seconds:.4g} s")
     lines += ["", *_aligned([
         ("column", "unit", "lowest", "highest", "quantum"),
         *((name, facts.unit, f"{facts.low:.6g}", f"{facts.high:.6g}",
            "-" if facts.quantum is None else f"{facts.quantum:.6g}") for name, facts in report.columns.items()),
     ])]  # fmt: skip
     lines += ["", *_faults(report), "", *_checks(report)]
-    lines += ["", *(f"sign of {each.channel}: {each.words}" for each in report.signs), *_intervals(soundness)]
+    lines += ["", *(f"sign of {each.channel}: {each.words}" for each in report.signs), *_intervals(report, soundness)]
     return "\n".join(lines)
 
 
@@ -56,7 +56,7 @@ def _faults(report: Integrity) -> list[str]:
             advised.add((*key, fault.todo))
             lines.append(f"  what to do: {fault.todo}")
     lines += [
-        f"and {count - MOST} more: {kind} {channel}".rstrip()
+        f"and {count - MOST} more, marked in the picture: {kind} {channel}".rstrip()
         for (kind, channel), count in counts.items()
         if count > MOST
     ]
@@ -76,16 +76,28 @@ def _checks(report: Integrity) -> list[str]:
     return lines or ["inverse checks: none, as no device, model or stiffness is given or told by the recording"]
 
 
-def _intervals(soundness: Soundness) -> list[str]:
+def _intervals(report: Integrity, soundness: Soundness) -> list[str]:
     spans = soundness.sound
-    shown = ", ".join(f"{span.time[0]:.6g} to {span.time[1]:.6g} s" for span in spans[:MOST])
-    more = f" and {len(spans) - MOST} more" if len(spans) > MOST else ""
+    shown = ", ".join(f"{span.time[0]:.6g} to {span.time[1]:.6g} s{_lacking(report, span)}" for span in spans[:MOST])
+    more = f" and {len(spans) - MOST} more, shown in the picture" if len(spans) > MOST else ""
     lines = [f"sound: {shown}{more}" if spans else "sound: nothing"]
     reasons: dict[str, list[int]] = {}
     for span, why in soundness.left_out:
         reasons.setdefault(why, []).append(span.end - span.first)
-    lines += [f"left out: {sum(rows)} rows in {len(rows)} places: {why}" for why, rows in reasons.items()]
+    lines += [
+        f"left out: {plural(sum(rows), 'row')} in {plural(len(rows), 'place')}: {why}" for why, rows in reasons.items()
+    ]
     return lines
+
+
+def _lacking(report: Integrity, span: Interval) -> str:
+    """How many rows a sound stretch lacks in gaps that checks go across."""
+    counts = [
+        int(fault.measures["missing"])
+        for fault in report.faults
+        if fault.kind == "gap" and fault.first is not None and span.first <= fault.first < span.end - 1
+    ]
+    return f" (but for {plural(sum(counts), 'row')} missing in {plural(len(counts), 'short gap')})" if counts else ""
 
 
 def contacts(found: Impacts) -> str:
@@ -142,9 +154,12 @@ def contacts(found: Impacts) -> str:
 def converted(recording: Recording) -> str:
     """What a conversion made: rows, channels, and which rows are no measurement."""
     said = recording.meta.get("import", {})
+    missed = None if recording.clock is None else recording.clock.missed
     lines = [
         f"{len(recording)} rows, {recording.time[-1] - recording.time[0]:.6g} s: {', '.join(recording.channels)}",
-        *(f"no measurement: {count} rows {why}" for why, count in said.get("left out", {}).items()),
+        *(f"no measurement: {plural(count, 'row')} {why}" for why, count in said.get("left out", {}).items()),
+        *(f"remark: {text}" for text in said.get("cells", ())),
+        *([f"missed: {plural(missed, 'cycle')} of the loop without a row"] if missed else []),
         *(f"ended: {event.text}" for event in recording.events if event.kind == "ended"),
         *(f"suspicious: {text}" for text in told_losses(recording) + told_warnings(recording)),
     ]

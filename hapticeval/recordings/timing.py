@@ -27,7 +27,7 @@ SETTING = 0.01
 @dataclass(frozen=True)
 class Timing:
     """Of `rows` stamps: the median step (s), the mean rate (Hz) of cycles, and the deviation of steps from the median,
-    s, at 50, 95, 99 and 100 per cent; `missing` rows and the seconds in gaps."""
+    s, at 50, 95, 99 and 100 per cent; `missing` rows and the seconds that they would have taken."""
 
     rows: int
     step: float
@@ -70,16 +70,19 @@ def examine_timing(
                 f"the time repeats that of row {row - 1}"
                 if again
                 else f"the time goes back by {-1e-9 * steps[row - 1]:.6g} s",
-                'convert with [time] disorder = "mask", which marks the row as no measurement; or mend the file',
+                "it is marked as no measurement already, and left out"
+                if valid is not None and not valid[row]
+                else 'convert with [time] disorder = "mask", which marks the row as no measurement; or mend the file',
                 "time",
                 int(row),
                 int(row) + 1,
                 (float(seconds[row]),) * 2,
             )
         )
-    gaps = _gaps(stamps, steps, median) if sequence is None else _counted(sequence, steps, median)
+    cycle = median if sequence is None else _cycle(sequence, steps, median)
+    gaps = _gaps(stamps, steps, median) if sequence is None else _counted(sequence, steps, cycle)
     for place, count in gaps.items():
-        lost = 1e-9 * (float(steps[place]) - median)
+        lost = 1e-9 * count * cycle
         beside = valid is None or bool(valid[place : place + 2].all())
         bridged = beside and joined is not None and bool(joined[place])
         faults.append(
@@ -96,7 +99,7 @@ def examine_timing(
             )
         )
     missing = sum(gaps.values())
-    lost = 1e-9 * sum(float(steps[row]) - median for row in gaps)
+    lost = 1e-9 * missing * cycle
     regular = np.delete(steps, list(gaps))
     regular = regular[regular > 0]
     off = np.abs(regular - median) * 1e-9 if regular.size else np.zeros(1)
@@ -126,10 +129,16 @@ def _gaps(stamps: IntArray, steps: IntArray, median: float) -> dict[int, int]:
     return {int(row): round(float(steps[row]) / median) - 1 for row in late if not _caught_up(stamps, int(row), median)}
 
 
-def _counted(sequence: IntArray, steps: IntArray, median: float) -> dict[int, int]:
+def _cycle(sequence: IntArray, steps: IntArray, median: float) -> float:
+    """What a cycle of the loop takes, ns: where most cycles have no row, the step from row to row is longer."""
+    jumps = np.diff(sequence)
+    return float(np.median(steps[jumps > 0] / jumps[jumps > 0])) if np.any(jumps > 0) else median
+
+
+def _counted(sequence: IntArray, steps: IntArray, cycle: float) -> dict[int, int]:
     """The same by the numbers of the cycles, which know: a row that is only late is there."""
     jumps = np.diff(sequence)
-    return {int(row): int(jumps[row]) - 1 for row in np.flatnonzero((jumps > 1) & (steps > (1.0 + HALF) * median))}
+    return {int(row): int(jumps[row]) - 1 for row in np.flatnonzero((jumps > 1) & (steps > (1.0 + HALF) * cycle))}
 
 
 def _caught_up(stamps: IntArray, row: int, median: float) -> bool:

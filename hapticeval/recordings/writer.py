@@ -14,7 +14,7 @@ import signal
 import sys
 import time
 
-from hapticeval.recordings.journal import Kind, block_head
+from hapticeval.recordings.journal import UNCLOSED, Kind, block_head
 from hapticeval.recordings.ring import EVENTS, Ring, State
 
 LOOK = 0.1
@@ -49,7 +49,7 @@ class Writer:
             self.drain(seen)
             seen = self.state[State.HEAD]
         time.sleep(SETTLE)
-        self.finish("closed" if self.state[State.CLOSED] else "the process of the loop ended without closing")
+        self.finish("closed" if self.state[State.CLOSED] else UNCLOSED)
 
     def finish(self, how: str) -> None:
         """Write what is left, and the end."""

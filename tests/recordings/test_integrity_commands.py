@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from hapticeval.cli import main
 from hapticeval.errors import InputError
+from hapticeval.recordings.clock import Clock
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.impact import Impacts, impacts
 from hapticeval.recordings.recording import Recording
@@ -49,7 +50,7 @@ def test_a_suspicious_one_ends_with_1_and_says_where(here, capsys):
     assert main(["inspect", "run.h5"]) == 1
     shown = capsys.readouterr().out
     assert "suspicious: spike hip.x (row 200, 0.2 s)" in shown
-    assert "left out: 1 rows in 1 places: spike in hip.x" in shown
+    assert "left out: 1 row in 1 place: spike in hip.x" in shown
 
 
 @pytest.mark.parametrize(
@@ -118,6 +119,39 @@ def test_a_wrong_unit_of_time_is_suspected(here, capsys, factor, words):
     shown = capsys.readouterr().out
     assert words in shown
     assert ("suspicious: unit time" in shown) == (words != "")
+
+
+def test_a_masked_or_empty_row_is_one_event_and_a_conversion_ends_with_1(here, capsys):
+    lines = [f"{0.001 * row:.3f},{0.001 * row:.5f},{0.002 * row + 1e-4 * row**2:.5f}" for row in range(60)]
+    lines[20:23] = [line.partition(",")[0] + ",," for line in lines[20:23]]
+    lines[40] = lines[39]
+    (here / "a.csv").write_text("t [s],x [m],y [m]\n" + "\n".join(lines) + "\n")
+    (here / "m.toml").write_text(
+        '[time]\ncolumn = "t [s]"\nunit = "s"\ndisorder = "mask"\n'
+        '[channels.hip]\ncolumns = ["x [m]", "y [m]"]\nunit = "m"\nsign = 1\n'
+    )
+    assert main(["convert", "a.csv", "--mapping", "m.toml", "-o", "a.h5"]) == 1
+    shown = capsys.readouterr().out
+    assert "no measurement: 3 rows without a number" in shown
+    assert "no measurement: 1 row time out of order" in shown
+    assert main(["inspect", "a.h5"]) == 1
+    found = [line for line in capsys.readouterr().out.splitlines() if line.startswith(("fault", "suspicious"))]
+    assert [line.partition(" (")[0] for line in found] == ["fault: no number hip", "fault: duplicate time"]
+
+
+def test_where_most_cycles_lack_a_row_gaps_are_as_long_as_their_cycles(here, capsys):
+    keep = np.flatnonzero(np.arange(400) % 4 == 0)
+    keep = np.delete(keep, [2])
+    clock = Clock(keep * 1_000_000, sequence=keep)
+    channels = {name: each[keep] for name, each in smooth().items()}
+    write_recording(here / "run.h5", Recording.clocked(clock, channels, {"dt": 1e-3}))
+    assert main(["inspect", "run.h5"]) == 1
+    shown = capsys.readouterr().out
+    assert "7 rows missing (0.007 s)" in shown
+    assert "sound: 0 to 0.004 s (but for 3 rows missing in 1 short gap), 0.012 to 0.396 s (but for 288 rows" in shown
+    assert "and 93 more, marked in the picture: gap time" in shown
+    assert main(["convert", "run.h5", "-o", "run.csv"]) == 1
+    assert "missed: 298 cycles of the loop without a row" in capsys.readouterr().out
 
 
 def test_what_the_recording_declares_and_cannot_be_checked_is_told(here, capsys):

@@ -93,7 +93,7 @@ def test_a_recording_that_is_cut_is_examined_and_salvaged_when_asked_to(here, ca
     write_recording(here / "run.h5", run())
     cut(here / "run.h5", 0.7)
     assert main(["convert", "run.h5", "-o", "whole.h5"]) == 2
-    assert "hapticeval convert FILE --salvage -o WHOLE.h5" in capsys.readouterr().err
+    assert "hapticeval convert run.h5 --salvage -o run-whole.h5" in capsys.readouterr().err
     assert not (here / "whole.h5").exists()
     assert main(["replay", "run.h5", "-r", "minimum-distance"]) == 2  # judged only where someone said so
     assert main(["convert", "run.h5", "--salvage", "-o", "whole.h5"]) == 1
@@ -134,7 +134,7 @@ def test_a_run_whose_loop_died_says_so(here, capsys):
     end = json.dumps({"how": "the loop died", "next": ROWS, "unwritten": 0, "overrun": 0, "events_lost": 0}).encode()
     with (here / "run.journal").open("ab") as file:
         file.write(block_head(Kind.END, 10, 0, end) + end)
-    assert main(["convert", "run.journal", "-o", "run.h5"]) == 0
+    assert main(["convert", "run.journal", "-o", "run.h5"]) == 1
     assert "ended: the loop died" in capsys.readouterr().out
     assert main(["inspect", "run.h5"]) == 0
     assert "note: ended (all): the loop died" in capsys.readouterr().out

@@ -78,6 +78,7 @@ def read_delimited(path: Path) -> Table:
     columns: dict[str, Any] = {}
     warnings: list[str] = []
     remarks: list[str] = []
+    lacking: dict[tuple[int, int, str], list[str]] = {}
     for name in names:
         values = pd.to_numeric(frame[name], errors="coerce").to_numpy(dtype=np.float64)
         empty = np.flatnonzero(np.isnan(values) & ~_says_nan(frame[name]))
@@ -87,16 +88,28 @@ def read_delimited(path: Path) -> Table:
             continue
         if empty.size:
             cell = frame[name].iloc[int(empty[0])]
-            cells = "1 cell" if empty.size == 1 else f"{empty.size} cells"
             said = f": {cell!r}" if isinstance(cell, str) else ", which is empty or NaN"
-            warnings.append(f"the column '{name}' has {cells} without a number, first at row {empty[0]}{said}")
+            lacking.setdefault((empty.size, int(empty[0]), said), []).append(name)
         whole = frame[name].dtype.kind == "i"
         columns[name] = frame[name].to_numpy() if whole else values
+    cells = [_lacking(alike, *event) for event, alike in lacking.items()]
+    warnings += cells
     if cut:
         clock = next((name for name in columns if UNIT.sub(r"\1", name).strip().lower() in CLOCKS), None)
         step = None if clock is None else step_of(np.asarray(columns[clock]))
         warnings.append(cut_row(len(frame), step, units.get(clock or "", "of its clock")))
-    return Table(columns, units=units, warnings=tuple(warnings), remarks=tuple(remarks))
+    return Table(columns, units=units, warnings=tuple(warnings), remarks=tuple(remarks), cells=tuple(cells))
+
+
+def _lacking(names: list[str], count: int, first: int, said: str) -> str:
+    """One event a warning: the same cells of several columns are one."""
+    cells = "1 cell" if count == 1 else f"{count} cells"
+    who = (
+        f"the column '{names[0]}' has"
+        if len(names) == 1
+        else "the columns " + ", ".join(f"'{name}'" for name in names) + " each have"
+    )
+    return f"{who} {cells} without a number, first at row {first}{said}"
 
 
 def _header(path: Path, head: list[str]) -> tuple[list[str], dict[str, str], int, str]:

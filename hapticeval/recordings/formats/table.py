@@ -22,7 +22,8 @@ class Table:
     `attributes` are single numbers and texts of the file; `warnings` say what is missing or damaged, `remarks` what
     is whole but no column of numbers. Of a file that is cut short, `promised` says how many rows a column should have
     that lacks some at its end, or all of them: then it is in no `columns`. `open_ended` is one that was cut before it
-    said what else it held.
+    said what else it held. `cells` are those of the warnings that tell of cells without a number, which a recording
+    counts itself.
     Integers stay integers: nanoseconds of a wall clock do not fit into a float.
 
     Raises `InputError`, naming the column, for one that is not a row of numbers.
@@ -37,13 +38,14 @@ class Table:
     format: str = ""
     promised: Mapping[str, int] = field(default_factory=dict)
     open_ended: bool = False
+    cells: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         columns = {name: _column(name, values) for name, values in self.columns.items()}
         object.__setattr__(self, "columns", MappingProxyType(columns))
         for name in ("units", "notes", "attributes", "promised"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
-        for name in ("warnings", "remarks"):
+        for name in ("warnings", "remarks", "cells"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
 
     def __getitem__(self, name: str) -> NDArray[Any]:
