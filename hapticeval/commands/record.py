@@ -108,7 +108,7 @@ def record(
         if file.exists():
             raise InputError(f"{file} is there already", why="a recording is never written over", todo="name another")
     wired = _wiring(hardware, robot, wiring)
-    scene = _scene(wired, model, stiffness=stiffness, damping=damping, rate=rate)
+    scene = _scene(wired, wiring, model, stiffness=stiffness, damping=damping, rate=rate)
     factory = resolve(renderer)
     made = built(factory, scene)
     if not isinstance(made, Renderer):
@@ -254,13 +254,25 @@ def _toml(value: str) -> str:
         return f'"{value}"'
 
 
-def _scene(wiring: Wiring, model: str, *, stiffness: float, damping: float, rate: float) -> Scene:
+def _scene(wiring: Wiring, file: Path | None, model: str, *, stiffness: float, damping: float, rate: float) -> Scene:
     """The scene, on a model that the robot can reach."""
     from hapticeval.devices.workspace import require
     from hapticeval.picturing import model_named
     from hapticeval.scene import Scene
 
     touched = model_named(model)
+    if touched.dimension != wiring.device.dimension:
+        other = "parallelogram-2dof" if touched.dimension == 2 else "parallelogram-3dof"
+        how = (
+            f"--robot {other}"
+            if file is None
+            else f'another kind in {file}, where your robot is one, such as "{other}"'
+        )
+        raise InputError(
+            f"--model {model} has {touched.dimension} dimensions, and {wiring.device.name} {wiring.device.dimension}",
+            why="a device feels models of its own space only",
+            todo=f"give {how}; or choose a model of {wiring.device.dimension} dimensions",
+        )
     require(wiring.device, touched)
     return Scene(model=touched, stiffness=stiffness, damping=damping, device=wiring.device, sampling_time=1.0 / rate)
 

@@ -67,10 +67,11 @@ def make_device(kind: str, **parameters: Any) -> Device:
     for name, choices in (("dynamics", Dynamics), ("base_inertia", BaseInertia)):
         if name in parameters and parameters[name] not in list(choices):
             raise UnknownNameError(f"{name} of device '{kind}'", str(parameters[name]), choices)
-    for name, parameter in inspect.signature(DEVICES[kind]).parameters.items():
-        required = parameter.default is inspect.Parameter.empty and parameter.kind is not inspect.Parameter.VAR_KEYWORD
-        if required and name not in parameters:
-            raise InputError(f"device '{kind}' lacks the parameter '{name}'", todo=f"give {name}")
+    for name in required_of(kind):
+        if name not in parameters:
+            raise InputError(
+                f"device '{kind}' lacks the parameter '{name}'", todo=f"give {name}, for instance {name} = 0.1"
+            )
     return DEVICES[kind](**parameters)
 
 
@@ -91,7 +92,22 @@ def device_named(text: str) -> Device:
             parameters[name] = float(value)
         except ValueError:
             parameters[name] = value
+    for needed in required_of(kind) if kind in DEVICES else ():
+        if needed not in parameters:
+            raise InputError(
+                f"device '{kind}' lacks the parameter '{needed}'",
+                todo=f"write for instance {text.rstrip(':')}{',' if rest else ':'}{needed}=0.1",
+            )
     return make_device(kind, **parameters)
+
+
+def required_of(kind: str) -> tuple[str, ...]:
+    """The names of those parameters that a device of the catalogue cannot do without."""
+    return tuple(
+        name
+        for name, parameter in inspect.signature(DEVICES[kind]).parameters.items()
+        if parameter.default is inspect.Parameter.empty and parameter.kind is not inspect.Parameter.VAR_KEYWORD
+    )
 
 
 def parameters_of(kind: str) -> tuple[str, ...]:

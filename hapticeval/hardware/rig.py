@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import signal
 import socket
@@ -23,6 +24,9 @@ LISTEN = 0.9
 
 UNHEARD = 2.0
 """Seconds without a command after which the loop is taken to be gone."""
+
+AGAIN = 0.02
+"""Seconds between two times that a twin which has stopped says why."""
 
 
 def serve(twin: Twin, connection: socket.socket) -> None:
@@ -50,9 +54,21 @@ def serve(twin: Twin, connection: socket.socket) -> None:
                 if count != HELLO:
                     twin.write(np.array(values[: twin.wiring.device.dimension]))
     except HapticevalError as error:
-        connection.sendto(STOPPED + error.what.encode(), loop)
+        with contextlib.suppress(ConnectionError):
+            _last_word(connection, loop, STOPPED + error.what.encode())
     except ConnectionError:
         return
+
+
+def _last_word(connection: socket.socket, loop: tuple[str, int], packet: bytes) -> None:
+    """Say why it stopped until the loop has ended or gone: one that was held up has no room left for a packet."""
+    until = time.monotonic() + UNHEARD
+    while time.monotonic() < until:
+        with contextlib.suppress(BlockingIOError):
+            connection.sendto(packet, loop)
+        if any(count == BYE for count, _ in _commands(connection)):
+            return
+        time.sleep(AGAIN)
 
 
 def _commands(connection: socket.socket) -> Iterator[tuple[int, list[float]]]:

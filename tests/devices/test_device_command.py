@@ -74,7 +74,8 @@ def test_a_point_mass_has_no_picture(tmp_path: Path, capsys: pytest.CaptureFixtu
     ("arguments", "says"),
     [
         (("parallelogram",), "did you mean parallelogram-"),
-        (("point-mass",), "lacks the parameter 'mass'"),
+        (("point-mass",), "lacks the parameter 'mass'\n  what to do: write for instance point-mass:mass=0.1\n"),
+        (("point-mass:dimension=3",), "write for instance point-mass:dimension=3,mass=0.1\n"),
         (("parallelogram-2dof", "--at", "0.4,0"), "the links reach from"),
         (("parallelogram-2dof", "--at", "0,0,0"), "it is not 2 numbers"),
         (("parallelogram-2dof", "--at", "0;0"), "it is not 2 numbers"),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import socket
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from robots import DT, twin_of, wired
 from hapticeval.devices.imperfections import Imperfections
 from hapticeval.errors import HapticevalError
 from hapticeval.hardware import rig, udp
+from hapticeval.hardware.device import Reading
 from hapticeval.hardware.rig import running
 from hapticeval.hardware.twin import Twin
 from hapticeval.hardware.udp import BYE, COMMAND, HELLO, READ, READING, STOPPED, WRITE, UdpDevice
@@ -116,6 +119,41 @@ def test_the_twin_in_real_time_counts_its_cycles():
     assert np.all(np.diff(counts) >= 1)
     # The robot's own clock: a cycle each, however late the loop was.
     np.testing.assert_array_equal(np.diff(stamps), np.diff(counts) * round(DT * 1e9))
+
+
+class Stopping:
+    """A twin that stops by itself in its 50th cycle."""
+
+    def __init__(self):
+        self.wiring, self.dt, self.count, self.stopped = wired(), DT, 0, threading.Event()
+
+    def read(self):
+        self.count += 1
+        if self.count == 50:
+            self.stopped.set()
+            raise HapticevalError("a joint limit was hit")
+        return Reading(self.count, self.count, np.zeros(2))
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_loop_that_was_held_up_still_hears_why_the_robot_stopped(robot):
+    """Its buffer holds a few packets, and the first last word finds it full."""
+    device, twin = UdpDevice(robot.getsockname(), 2), Stopping()
+    device._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
+    thread = threading.Thread(target=rig.serve, args=(twin, robot))
+    thread.start()
+    assert twin.stopped.wait(60.0)
+    time.sleep(0.1)
+
+    def caught_up():
+        while True:
+            device.read()
+
+    with pytest.raises(HapticevalError, match="a joint limit was hit"):
+        caught_up()
+    device.close()
+    thread.join(60.0)
+    assert not thread.is_alive(), "it goes on saying so after the loop has ended"
 
 
 @pytest.mark.usefixtures("patient")
