@@ -383,6 +383,7 @@ def test_a_text_log_follows_to_its_last_decimal(tmp_path):
     [
         ({"scene": {"stiffness": 1000.0}}, {}, "--model circle"),
         ({"scene": {"model": {"kind": "circle"}}}, {}, "--scene stiffness=1000"),
+        ({"scene": {}}, {}, "--scene stiffness=1000 --model circle:size=0.2, or a case"),
         ({}, {"scene": ["stiffness"]}, "it has no value"),
         ({}, {"scene": ["stiffness=-3"]}, "must be finite and positive"),
         ({}, {"scene": ["bilateral=2"]}, "is true or false"),
@@ -487,6 +488,25 @@ def test_as_recorded_decides_the_exit_code(ran, tmp_path, capsys):
     write_recording(tmp_path / "turned.h5", turned)
     assert main(["replay", str(tmp_path / "turned.h5"), "--as-recorded"]) == 1
     assert "its sign is turned" in capsys.readouterr().out
+
+
+def test_a_log_that_says_nothing_is_asked_for_everything_at_once(tmp_path, capsys):
+    log = circle_run(np.arange(200) * 1e-3)
+    write_recording(tmp_path / "log.h5", Recording(log.time, log.channels, {"source": "file"}))
+    assert main(["replay", str(tmp_path / "log.h5"), "--as-recorded"]) == 2
+    said = capsys.readouterr().err
+    assert "the stiffness of its scene, which model was touched and its renderer" in said
+    assert "--scene stiffness=1000 --model circle:size=0.2 -r constraint" in said
+    given = ["--scene", "stiffness=1000", "--model", "circle", "-r", "minimum-distance"]
+    assert main(["replay", str(tmp_path / "log.h5"), "--as-recorded", *given]) == 0
+
+
+def test_a_replay_has_a_folder_of_its_own(ran, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    file = file_of(ran, "slide", "constraint")
+    main(["replay", str(file), "-r", "constraint"])
+    assert [path.name for path in tmp_path.iterdir()] == ["replay-constraint"]
+    assert read_results(tmp_path / "replay-constraint").complete
 
 
 def test_an_interrupt_keeps_what_had_finished(ran, tmp_path):

@@ -11,7 +11,8 @@ import typer
 from hapticeval.commands.arguments import FormatName, MappingFile
 from hapticeval.commands.running import cores, report_on, watch
 from hapticeval.errors import InputError
-from hapticeval.output import DEFAULT_DIRECTORY, prepare, say
+from hapticeval.files import file_stem
+from hapticeval.output import prepare, say
 
 if TYPE_CHECKING:
     from hapticeval.replay.subject import Subject
@@ -61,8 +62,11 @@ def replay(
     mapping: MappingFile = None,
     format_: FormatName = None,
     directory: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Where results and reports go.")
-    ] = DEFAULT_DIRECTORY,
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="Where results and reports go: replay-FILE.", show_default=False
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of everything random.", min=0, max=2**32 - 1)] = 0,
 ) -> None:
     """Lead renderers along a recorded hand path, and judge them beside the recorded run.
@@ -78,8 +82,11 @@ def replay(
     """
     from hapticeval.discovery import own_renderers
     from hapticeval.hardware.logs import load
+    from hapticeval.replay.as_recorded import unsaid
     from hapticeval.replay.subject import subject
 
+    if directory is None:
+        directory = Path(f"replay-{file_stem(file.stem)}")
     if file.resolve().is_relative_to((directory / "recordings").resolve()) and not as_recorded:
         raise InputError(
             f"{file} is a recording of the results in '{directory}', which a replay into that folder would remove",
@@ -87,7 +94,10 @@ def replay(
             todo="name another folder with -o",
         )
     recording = load(file, mapping=mapping, format=format_)
-    made = subject(file, recording, model=_model(model), suite_case=suite_case, scene=scene or ())
+    made = subject(
+        file, recording, model=_model(model), suite_case=suite_case, scene=scene or (),
+        unsaid=unsaid(recording, renderers or ()) if as_recorded else None,
+    )  # fmt: skip
     see = f"see `hapticeval inspect {file}{'' if mapping is None else f' --mapping {mapping}'}`"
     if as_recorded:
         raise typer.Exit(_as_recorded(made, renderers, see))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -93,6 +93,12 @@ def as_recorded(subject: Subject, renderers: Sequence[str] = ()) -> AsRecorded:
 
 def _answered(part: Part) -> slice:
     return slice(part.stretch.first, part.stretch.first + len(part.recording))
+
+
+def unsaid(recording: Recording, renderers: Sequence[str]) -> Mapping[str, str]:
+    """What is not known of the renderer to compare with, and how to give it; empty where it is known."""
+    said = recording.meta.get("renderer")
+    return {} if renderers or (isinstance(said, str) and said) else {"its renderer": "-r constraint"}
 
 
 def _name(subject: Subject, renderers: Sequence[str]) -> str:

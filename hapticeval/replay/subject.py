@@ -43,12 +43,14 @@ def subject(
     model: Mapping[str, Any] | None = None,
     suite_case: str | None = None,
     scene: Sequence[str] = (),
+    unsaid: Mapping[str, str] | None = None,
 ) -> Subject:
     """The case of a replay: model, scene and checks.
 
     Each comes from what is given (`model` as a suite has it; `suite_case` as SUITE/CASE; `scene` as key=value), else
     from the recording's meta. The checks are the case's, or all. Raises `InputError` where neither says the model or
-    the stiffness, for a key that a scene does not have, and where model and recording differ in dimension.
+    the stiffness, naming all that lacks, with `unsaid`: what else does, and how to give it. And for a key that a scene
+    does not have, and where model and recording differ in dimension.
     """
     template = None if suite_case is None else _case(suite_case)
     said = _said(recording)
@@ -56,18 +58,21 @@ def subject(
         said = dict(template.scene)
     chosen = {**said, **dict(_entry(each) for each in scene)}
     chosen.setdefault("sampling_time", float(recording.dt))
+    touched = model or (model_of(recording) if template is None else template.model)
+    lacks = {}
     if "stiffness" not in chosen and template is None:
-        raise InputError(
-            f"{file.name} does not say the stiffness of its scene",
-            why="forces are K_p times a depth, and a gain is not guessed",
-            todo="give it: --scene stiffness=1000 (N/m), or a case with the same scene: --suite-case SUITE/CASE",
-        )
+        lacks["the stiffness of its scene"] = "--scene stiffness=1000"
+    if touched is None:
+        lacks["which model was touched"] = "--model circle:size=0.2"
+    if lacks or unsaid:
+        raise _not_said(file, lacks, unsaid or {})
+    assert touched is not None
     made = Case(
         name=file_stem(file.stem),
         title=f"Replay of {file.name}",
         shows="The hand path of a recording, sample by sample, through other renderers.",
         citation="",
-        model=_model(file, recording, model, template),
+        model=touched,
         depth_of="model",
         scene=chosen,
         trajectory={"kind": "recording"},
@@ -103,20 +108,17 @@ def _case(name: str) -> Case:
     return found[case]
 
 
-def _model(
-    file: Path, recording: Recording, model: Mapping[str, Any] | None, template: Case | None
-) -> Mapping[str, Any]:
-    if model is not None:
-        return model
-    if template is not None:
-        return template.model
-    said = model_of(recording)
-    if said is not None:
-        return said
-    raise InputError(
-        f"{file.name} does not say which model was touched",
-        why="renderers and checks need the rigid model",
-        todo="give it: --model circle:size=0.2, --model outline.wkt, or --suite-case SUITE/CASE",
+def _not_said(file: Path, scene: Mapping[str, str], rest: Mapping[str, str]) -> InputError:
+    """All that a replay needs and a recording does not say, at once."""
+    names = [*scene, *rest]
+    given = f"give {'it' if len(names) == 1 else 'them'}: {' '.join([*scene.values(), *rest.values()])}"
+    case = ", or a case with the same model and scene: --suite-case SUITE/CASE" if scene else ""
+    return InputError(
+        f"{file.name} does not say {' and '.join([', '.join(names[:-1]), names[-1]] if names[1:] else names)}",
+        why="renderers and checks need the model and the gain (N/m), and nothing is guessed"
+        if scene
+        else "nothing of it is guessed",
+        todo=given + case,
     )
 
 
