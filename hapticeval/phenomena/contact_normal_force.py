@@ -31,7 +31,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return Finding(Outcome.INCONCLUSIVE, "no force above the floor: the tool never presses on the surface")
     if "ihip" not in base.channels:
         return _without_ihip(base, scene, strong)
-    deviation = _deviation(base, scene, strong)
+    declared, near = resolution(base, scene), placement(base, scene)
+    deviation = _deviation(base, scene, strong, near + declared)
     allowed = _rounding(base, scene, strong)
     worst = int(np.argmax(deviation - allowed))
     angle, bound = math.degrees(float(deviation[worst])), math.degrees(float(allowed[worst]))
@@ -43,9 +44,17 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             f"the force points {angle:.3g} degrees off every true normal near the IHIP at t = {base.time[tick]:.4g} s"
         )
         return Finding(Outcome.FAIL, message, metric, bound, evidence)
+    granted = ""
+    bare = _deviation(base, scene, strong, near) if declared > 0.0 else deviation
+    most = int(np.argmax(bare - allowed))
+    if bare[most] > allowed[most]:
+        leaning = math.degrees(float(bare[most]))
+        evidence["angle_by_resolution_deg"] = leaning
+        mm = 1e3 * declared
+        granted = f" (but for up to {leaning:.2g} degrees, which its declared resolution of {mm:.3g} mm allows)"
     balance = _static_balance(base, scene)
     if balance is None:
-        message = "the force is along the surface normal throughout"
+        message = f"the force is along the surface normal throughout{granted}"
         if base.meta.get("source") == "experiment" and not scene.bilateral:
             message += "; the tool is not at rest at the end, so the size of the force is not judged"
         return Finding(Outcome.PASS, message, metric, bound, evidence)
@@ -63,8 +72,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         magnitude = Metric("static force less the operator's normal component", abs(difference), "N")
         return Finding(Outcome.FAIL, message, magnitude, static_bound, evidence)
     message = (
-        f"normal throughout, and equal at rest to the operator's {push:.3g} N to within {abs(difference):.2g} N, "
-        f"{1e3 * depth:.3g} mm deep"
+        f"normal throughout{granted}, and equal at rest to the operator's {push:.3g} N to within "
+        f"{abs(difference):.2g} N, {1e3 * depth:.3g} mm deep"
     )
     return Finding(Outcome.PASS, message, metric, bound, evidence)
 
@@ -106,13 +115,12 @@ def _error_angle(recording: Recording, scene: Scene) -> dict[str, float]:
     }
 
 
-def _deviation(recording: Recording, scene: Scene, strong: IntArray) -> Array:
-    """Angle (rad) of each force above the floor outside the true normals around its IHIP.
+def _deviation(recording: Recording, scene: Scene, strong: IntArray, reach: float) -> Array:
+    """Angle (rad) of each force above the floor outside the true normals within `reach` (m) of its IHIP.
 
     A force that is a spring from a late IHIP to the present HIP is tilted by the HIP's travel since; so the spring to
     each of the last three HIPs is looked at too, and the best of them counts.
     """
-    reach = placement(recording, scene) + resolution(recording, scene)
     off = off_normals(scene.model.boundary, recording.ihip[strong], reach)
     force = recording.force[strong]
     depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[strong]

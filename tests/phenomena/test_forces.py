@@ -65,6 +65,27 @@ def test_an_error_vector_that_leans_is_reported_where_the_force_does_not():
     assert finding.evidence["error_vector_angle_median_deg"] == pytest.approx(30.0)
 
 
+@given(tilt=st.floats(0.02, 0.099))
+@settings(max_examples=10)
+def test_what_the_declared_resolution_forgives_is_said(tilt):
+    """On a circle of 0.1 m a resolution of 10 mm allows 0.1 rad, and the standing hand nothing more."""
+    scene = Scene(model=circle(), stiffness=1000.0, mass=0.1)
+    force = 2.0 * np.tile([np.cos(tilt), np.sin(tilt)], (100, 1))
+    channels = {"hip": np.tile([0.098, 0.0], (100, 1)), "ihip": np.tile([0.1, 0.0], (100, 1)), "force": force}
+    judged = {
+        declared: contact_normal_force.judge(
+            Runs(Recording(np.arange(100) * 1e-3, channels, {"resolution": declared})), scene
+        )
+        for declared in (0.0, 0.01)
+    }
+    assert judged[0.0].outcome is Outcome.FAIL
+    assert judged[0.01].outcome is Outcome.PASS
+    assert judged[0.01].evidence["angle_by_resolution_deg"] == pytest.approx(judged[0.0].metric.value, abs=1e-3)
+    assert "which its declared resolution of 10 mm allows)" in judged[0.01].message
+    said = judged[0.01].message.split("(but for up to ")[1].split()[0]
+    assert float(said) == pytest.approx(np.degrees(tilt), rel=0.05)
+
+
 def test_no_force_decides_nothing():
     assert contact_normal_force.judge(Runs(pressed(push=1e-6)), PLANE).outcome is Outcome.INCONCLUSIVE
 
