@@ -6,7 +6,6 @@ import io
 import signal
 import sys
 from collections.abc import Sequence
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -58,6 +57,25 @@ Exit codes:
   4  nothing was selected
 """
 
+TOLD = """\b
+Exit codes:
+  0  told
+  2  wrong usage, or no such name
+"""
+
+REPORTED = """\b
+Exit codes:
+  0  the reports are written, whatever they say
+  1  interrupted: no reports are written
+  2  wrong usage, no results in the folder, or no reports can be written there
+"""
+
+DRAWN = """\b
+Exit codes:
+  0  told and drawn
+  2  wrong usage or input: the message says what, why, and what to do
+"""
+
 app = typer.Typer(
     name="hapticeval",
     help=ABOUT,
@@ -72,15 +90,6 @@ app = typer.Typer(
 
 INTERRUPTED = 130
 """What typer leaves with, without a word, where Ctrl-C has met nobody who does something about it."""
-
-
-class Listing(StrEnum):
-    """What `hapticeval list` can list."""
-
-    RENDERERS = "renderers"
-    SUITES = "suites"
-    CASES = "cases"
-    CHECKS = "checks"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -132,7 +141,7 @@ def _common(
     """Nothing is shared but `--version`."""
 
 
-@app.command(epilog=EXIT_CODES)
+@app.command(epilog=EXIT_CODES, short_help="Run suites on renderers, judge, and report.")
 def run(
     suites: Annotated[
         list[str] | None,
@@ -190,35 +199,49 @@ def run(
     raise typer.Exit(max(exit_code(results, terminal.errors), int(terminal.stopped)))
 
 
-@app.command("list")
-def list_(what: Annotated[Listing, typer.Argument(help="What to list.", show_default=False)]) -> None:
-    """List the renderers, suites, cases or checks that there are."""
+@app.command("list", epilog=TOLD)
+def list_(
+    what: Annotated[
+        str, typer.Argument(help="renderers, suites, cases, checks, devices or models.", show_default=False)
+    ],
+) -> None:
+    """List the renderers, suites, cases, checks, devices or models.
+
+    \b
+    Examples:
+      hapticeval list renderers
+      hapticeval list cases
+    """
     from hapticeval import listing
 
-    rows = {
-        Listing.RENDERERS: listing.renderers,
-        Listing.SUITES: listing.suites,
-        Listing.CASES: listing.cases,
-        Listing.CHECKS: listing.checks,
-    }[what]()
-    say(listing.columns(rows))
+    say(listing.columns(listing.listed(what)))
 
 
-@app.command()
+@app.command(epilog=TOLD)
 def explain(
     check: Annotated[str, typer.Argument(help="A check's id, as in `hapticeval list checks`.")],
 ) -> None:
-    """Tell what a check asks, measures and allows, and why."""
+    """Tell what a check asks, measures and allows, and why.
+
+    \b
+    Example:
+      hapticeval explain continuous-contact
+    """
     from hapticeval import listing
 
     say(listing.columns(listing.explained(check)))
 
 
-@app.command()
+@app.command(epilog=REPORTED)
 def report(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of an earlier run.")],
 ) -> None:
-    """Write the reports of an earlier run anew, from its results."""
+    """Write the reports of an earlier run anew, from its results.
+
+    \b
+    Example:
+      hapticeval report results
+    """
     from hapticeval.runner import Interrupts
     from hapticeval.terminal import Terminal
 
@@ -229,14 +252,17 @@ def report(
     raise typer.Exit(int(terminal.stopped))
 
 
-app.command(epilog=record.EXIT_CODES)(record.record)
-app.command(epilog=inspect.EXIT_CODES)(inspect.inspect)
-app.command(epilog=convert.EXIT_CODES)(convert.convert)
-app.command(epilog=replay.EXIT_CODES)(replay.replay)
-app.command(epilog=compare.EXIT_CODES)(compare.compare)
-app.command(epilog=bench.EXIT_CODES)(bench.bench)
-app.command()(field.field)
-app.command()(flow.flow)
-app.command()(device.device)
-app.command(epilog=limits.EXIT_CODES)(limits.limits)
-app.command()(integrators.integrators)
+for _command, _epilog, _short in (
+    (record.record, record.EXIT_CODES, "Run a renderer on a robot and record it."),
+    (inspect.inspect, inspect.EXIT_CODES, "Examine a recording: clock, channels, units, physics."),
+    (convert.convert, convert.EXIT_CODES, "Convert foreign files, journals and recordings."),
+    (replay.replay, replay.EXIT_CODES, "Lead renderers along a recorded hand path."),
+    (compare.compare, compare.EXIT_CODES, "Compare the force of runs that no clock can align."),
+    (bench.bench, bench.EXIT_CODES, "Measure what accuracy costs in time."),
+    (field.field, DRAWN, "Draw where a projection leads, and where it jumps."),
+    (flow.flow, DRAWN, "Draw how a model's outline shrinks to a point."),
+    (device.device, DRAWN, "Tell what the hand feels of a device, and its reach."),
+    (limits.limits, limits.EXIT_CODES, "Find the largest stiffness that stays stable."),
+    (integrators.integrators, DRAWN, "Draw how exactly a robot's motion is integrated."),
+):
+    app.command(epilog=_epilog, short_help=_short)(_command)

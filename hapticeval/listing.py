@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import inspect
 import shutil
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from types import MappingProxyType
 
+from hapticeval.devices.catalogue import DEVICES
 from hapticeval.discovery import known_renderers, resolve
 from hapticeval.errors import HapticevalError, UnknownNameError
+from hapticeval.geometry.catalogue import MODELS
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.suite.installed import find_suites, suite_groups
 from hapticeval.suite.reading import load_suite
@@ -54,6 +58,43 @@ def checks() -> Iterator[tuple[str, str]]:
         yield name, check.asks
 
 
+def devices() -> Iterator[tuple[str, str]]:
+    """The devices of the catalogue, each with its parameters."""
+    return _made(DEVICES)
+
+
+def models() -> Iterator[tuple[str, str]]:
+    """The models of the catalogue, each with its parameters."""
+    return _made(MODELS)
+
+
+def _made(catalogue: Mapping[str, Callable[..., object]]) -> Iterator[tuple[str, str]]:
+    for name, factory in catalogue.items():
+        yield name, _first_sentence(factory)
+        given = [_parameter(each) for each in inspect.signature(factory).parameters.values()]
+        if given:
+            yield "", f"takes {', '.join(given)}"
+
+
+def _parameter(parameter: inspect.Parameter) -> str:
+    if parameter.kind is parameter.VAR_KEYWORD:
+        return parameter.name
+    return parameter.name if parameter.default is parameter.empty else f"{parameter.name}={parameter.default}"
+
+
+LISTINGS: Mapping[str, Callable[[], Iterator[tuple[str, str]]]] = MappingProxyType(
+    {each.__name__: each for each in (renderers, suites, cases, checks, devices, models)}
+)
+"""What can be listed, by name."""
+
+
+def listed(what: str) -> Iterator[tuple[str, str]]:
+    """All that there is of one kind. Raises `UnknownNameError` for what is none of `LISTINGS`."""
+    if what not in LISTINGS:
+        raise UnknownNameError("listing", what, LISTINGS)
+    return LISTINGS[what]()
+
+
 def explained(name: str) -> Iterator[tuple[str, str]]:
     """All that a check says of itself. Raises `UnknownNameError` for an id that is none."""
     if name not in CHECKS:
@@ -62,7 +103,7 @@ def explained(name: str) -> Iterator[tuple[str, str]]:
     yield check.id, check.asks
     yield "phenomenon", check.phenomenon
     yield "formula", check.formula
-    yield "metric", f"{check.metric} ({check.unit})"
+    yield "metric", f"{check.metric} ({check.unit or 'a ratio, without a unit'})"
     yield "bound", check.bound
     yield "level", check.level.value
     yield "reads", ", ".join(check.channels)
@@ -72,6 +113,10 @@ def explained(name: str) -> Iterator[tuple[str, str]]:
 
 def _first_line(factory: object) -> str:
     return (factory.__doc__ or "").strip().partition("\n")[0]
+
+
+def _first_sentence(factory: object) -> str:
+    return " ".join((factory.__doc__ or "").split()).partition(". ")[0].rstrip(".") + "."
 
 
 def columns(rows: Iterable[tuple[str, str]]) -> str:

@@ -163,7 +163,8 @@ def test_a_selection_that_leaves_nothing(here: Path, capsys: pytest.CaptureFixtu
         (["run", "--seed", "-1"], "--seed"),
         (["explain", "continuous-contct"], "continuous-contact"),
         (["report", "absent"], "absent"),
-        (["list", "everything"], "everything"),
+        (["list", "everything"], "unknown listing 'everything'"),
+        (["list", "chekcs"], "did you mean checks?"),
     ],
 )
 def test_wrong_usage_and_input_is_exit_code_2(
@@ -215,6 +216,8 @@ def test_reports_are_written_anew(here: Path, capsys: pytest.CaptureFixture[str]
         ("suites", "thesis"),
         ("cases", "thesis/cassinian-deep-slide"),
         ("checks", "continuous-contact"),
+        ("devices", "parallelogram-2dof"),
+        ("models", "cassinian"),
     ],
 )
 def test_there_is_a_list_of_everything(capsys: pytest.CaptureFixture[str], what: str, entry: str) -> None:
@@ -222,6 +225,32 @@ def test_there_is_a_list_of_everything(capsys: pytest.CaptureFixture[str], what:
     out = capsys.readouterr().out
     assert any(line.split()[0] == entry for line in out.splitlines())
     assert "broken:" not in out
+
+
+COMMANDS = [
+    "run", "list", "explain", "report", "record", "inspect", "convert", "replay", "compare", "bench", "field", "flow",
+    "device", "limits", "integrators",
+]  # fmt: skip
+
+
+def test_the_help_tells_every_command_on_a_line_of_80_columns(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["--help"]) == 0
+    lines = capsys.readouterr().out.split("Commands:\n", 1)[1].split("\n\n", 1)[0].splitlines()
+    assert [line.split()[0] for line in lines] == COMMANDS
+    assert all(line.endswith(".") and not line.endswith("...") and len(line) <= 80 for line in lines)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_help_of_a_command_has_an_example_and_its_exit_codes(
+    capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    assert main([command, "--help"]) == 0
+    out = capsys.readouterr().out
+    assert f"  hapticeval {command}" in out.split("Example", 1)[1]
+    assert "\n    0  " in out.split("Exit codes:", 1)[1]
 
 
 @pytest.mark.parametrize("name", CHECKS)
@@ -411,7 +440,7 @@ def test_a_renderer_that_refuses_all_that_there_is_has_not_passed(tmp_path, caps
 def test_ctrl_c_that_no_command_answers_is_told_in_a_word(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hapticeval.listing.checks", lambda: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr("hapticeval.listing.columns", lambda _: signal.raise_signal(signal.SIGINT))
     assert main(["list", "checks"]) == 1
     assert capsys.readouterr().err == "interrupted\n"
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

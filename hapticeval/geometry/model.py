@@ -22,8 +22,8 @@ class Model:
     """A closed plane curve (an extruded cross-section), a half-plane, or a closed surface in 3D.
 
     `parameters` are the JSON values it was made from; `boundary` is the exact boundary, whose `frame(points)` is for
-    the plane and space alike, and `curve` or `surface` is the same for what works in one of them only. Representations are made on
-    first use and kept.
+    the plane and space alike, and `curve` or `surface` is the same for what works in one of them only. Representations
+    are made on first use and kept.
     """
 
     name: str

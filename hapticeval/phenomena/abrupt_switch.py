@@ -69,7 +69,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 CHECK = Check(
     id="abrupt-switch",
     phenomenon="Abrupt Switch",
-    asks="Sliding into a concave corner: does the force turn from one face's normal to the other's at once in space?",
+    asks="Sliding into a concave corner: does the force turn from one face's normal to the other's at one HIP?",
     formula="travel of the HIP while n_e turns from n_pre to n_post, in penetration depths; 0 for rigid contact",
     citation="thesis 3.2.1, Figure 3.5; Figures 6.6, 6.7, 6.9",
     channels=("hip", "ihip", "force"),
