@@ -135,14 +135,14 @@ def summary(aligned: Aligned, comparisons: Sequence[Comparison]) -> str:
 
 def _runs(aligned: Aligned) -> Iterator[str]:
     """Of each run how many passes it makes, and what share of the way they cover together, forward and backward."""
-    yield "| renderer | run | forward | backward |"
+    yield "| renderer | run | covered forward | covered backward |"
     yield "|---|---|---|---|"
     for number, run in enumerate(aligned.runs):
         cells = []
         for direction in (1, -1):
             own = [each.mask for each in aligned.passes if each.run == number and each.direction == direction]
             share = f"{100.0 * float(np.mean(np.any(own, axis=0))):.3g} %" if own else ""
-            cells.append(f"{len(own)} passes over {share}" if len(own) > 1 else share)
+            cells.append(f"{share} in {len(own)} passes" if len(own) > 1 else share)
         yield f"| {run.renderer} | {run.label} | {cells[0]} | {cells[1]} |"
 
 

@@ -17,7 +17,7 @@ from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.permutation import LEVEL, least_p, needed
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.spread import bands, compare
-from hapticeval.reports.spread_figure import table, write_spread
+from hapticeval.reports.spread_figure import summary, table, write_spread
 
 ANGLE = np.linspace(0.2, 2.2, 400)
 
@@ -79,6 +79,17 @@ def test_repeats_that_do_not_differ_are_no_spread_to_divide_by():
     text = table(apart, [each for each in compare(apart) if each.column == "magnitude"])
     assert re.search(r"size of the force: differs by \S+ N, where repeats do not differ at all \(p = 0.029", text)
     assert "inf" not in text
+
+
+def test_a_row_a_run_says_what_its_passes_cover_together():
+    there = recording(1)
+    turn = np.concatenate([np.arange(400), np.arange(398, -1, -1), np.arange(1, 201)])
+    channels = {name: values[turn] for name, values in there.channels.items()}
+    to_and_fro = Run("a0", "a", Recording(1e-3 * np.arange(turn.size), channels))
+    rows = summary(align([to_and_fro, Run("b0", "b", there)], Abscissa("angle"), split=True), ()).splitlines()[2:]
+    assert rows[0] == "| renderer | run | covered forward | covered backward |"
+    assert re.fullmatch(r"\| a \| a0 \| (99.*|100) % in 2 passes \| (99.*|100) % \|", rows[2])
+    assert re.fullmatch(r"\| b \| b0 \| (99.*|100) % \|  \|", rows[3])
 
 
 def files(folder, *names):
