@@ -38,10 +38,12 @@ lint: .venv/dev.stamp
 
 # The install is editable: changes to the code need no new one. A change of pyproject.toml does.
 .venv/run.stamp: pyproject.toml | .venv/bin/pip
+	@echo "installing hapticeval and the libraries that it needs into .venv, once: this takes a while" >&2
 	$(BIN)/pip install --quiet --editable .
 	@touch $@
 
 .venv/dev.stamp: pyproject.toml | .venv/bin/pip
+	@echo "installing hapticeval, its libraries and the development tools into .venv, once: this takes a while" >&2
 	$(BIN)/pip install --quiet --editable '.[dev]'
 	@touch $@ .venv/run.stamp
 
@@ -49,6 +51,7 @@ lint: .venv/dev.stamp
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
 	  echo "hapticeval needs Python 3.11 or later, and $(PYTHON) is $$($(PYTHON) --version 2>&1)." >&2; \
 	  echo "Name a later one: make $(MAKECMDGOALS) PYTHON=python3.12" >&2; exit 1; }
+	@echo "making a virtual environment in .venv" >&2
 	$(PYTHON) -m venv .venv || { rm -rf .venv; exit 1; }
 
 clean:

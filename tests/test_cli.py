@@ -15,8 +15,9 @@ import pytest
 
 from hapticeval import __version__, cli, output, terminal
 from hapticeval.cli import main
+from hapticeval.commands import running
 from hapticeval.errors import HapticevalError, RendererError
-from hapticeval.events import Interrupted, JobFinished, RunStarted
+from hapticeval.events import Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
 from hapticeval.results import FILE, Results, read_results, verdict_document
@@ -134,7 +135,7 @@ def test_a_broken_renderer_outranks_a_failure(here: Path, capsys: pytest.Capture
     assert run("-r", "local_mine:Jumps", "-r", "local_mine:Breaks") == 3
     out = capsys.readouterr().out
     assert "broke: local_mine:Breaks on slides/flat\n" in out
-    assert "OSError: the sensor is gone at tick 101, HIP (0.0101, -0.001) m" in out
+    assert "OSError: the sensor is gone at tick 101 (counted from 0), HIP (0.0101, -0.001) m" in out
     assert "error: local_mine:Breaks" not in out, "a run that broke is told once, not once a check"
     assert "fail: local_mine:Jumps on slides/flat/continuous-contact" in out
 
@@ -376,7 +377,7 @@ def test_lines_where_there_is_no_terminal() -> None:
     assert stream.getvalue().splitlines() == [
         "2 runs, 2 verdicts planned",
         "[1/2] r on s/c: 1 pass",
-        "[2/2] r on s/c: broke: it raised at tick 3, HIP (0, 0.1) m",
+        "[2/2] r on s/c: broke: it raised at tick 3 (counted from 0), HIP (0, 0.1) m",
     ]
     assert sink.errors == [BROKE]
 
@@ -435,6 +436,21 @@ def test_a_renderer_that_refuses_all_that_there_is_has_not_passed(tmp_path, caps
     assert "refuses: set-stabilisation on thesis/star-convex-corner" in shown
     assert "what to do: choose a smooth model" in shown
     assert main([*alone, "-r", "constraint"]) == 0
+
+
+def test_the_first_run_says_that_it_compiles(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    (tmp_path / "geometry" / "__pycache__").mkdir(parents=True)
+    assert running.kernels_are_new(tmp_path)
+    (tmp_path / "geometry" / "__pycache__" / "kernels.bend.nbi").touch()
+    assert not running.kernels_are_new(tmp_path)
+    monkeypatch.setattr(running, "kernels_are_new", lambda: True)
+    stream = [RunFinished(results(verdict(Outcome.PASS)))]
+    with terminal.Terminal() as told:
+        assert running.watch(iter(stream), told) is stream[0].results
+    assert capsys.readouterr().err.startswith("compiling kernels as they are first used, once")
 
 
 def test_ctrl_c_that_no_command_answers_is_told_in_a_word(

@@ -18,11 +18,19 @@ def watch(stream: Iterator[Event], terminal: Terminal) -> Results:
     """Give every event to the terminal, and return the results that the last one brings."""
     from hapticeval.events import RunFinished
 
+    if kernels_are_new():
+        terminal.line("compiling kernels as they are first used, once: this run takes longer than later ones")
     for event in stream:
         terminal(event)
         if isinstance(event, RunFinished):
             results = event.results
     return results
+
+
+def kernels_are_new(package: Path = Path(__file__).parents[1]) -> bool:
+    """Whether none is compiled yet; no, where they would be kept elsewhere than in the package."""
+    elsewhere = "NUMBA_CACHE_DIR" in os.environ or not os.access(package, os.W_OK)
+    return not elsewhere and next(package.rglob("*.nbi"), None) is None
 
 
 def report_on(directory: Path, terminal: Terminal, interrupts: Interrupts) -> list[Path]:
