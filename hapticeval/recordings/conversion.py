@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hapticeval.errors import InputError
 from hapticeval.recordings.clock import Clock
 from hapticeval.recordings.cut import SIGNATURE
-from hapticeval.recordings.formats import Table, read_table
+from hapticeval.recordings.formats import Table, formats, read_table
 from hapticeval.recordings.formats.registry import first_bytes
 from hapticeval.recordings.hdf5 import DAMAGE, FORMAT, read_recording
 from hapticeval.recordings.losses import LOST
@@ -38,7 +38,23 @@ def load_recording(path: Path | str, *, mapping: Path | str | None = None, forma
             todo=f"write a mapping: hapticeval inspect {path.name} --write-mapping mapping.toml; then give --mapping",
         )
     said = read_mapping(mapping)
+    if format is None and said.format is not None:
+        _check_format(path, said.format, Path(mapping).name)
     return convert(read_table(path, format=format or said.format), said, file=path.name)
+
+
+def _check_format(path: Path, wanted: str, mapping: str) -> None:
+    """Raise `InputError` for a file that is plainly in another format than its mapping says."""
+    known, head = formats(), first_bytes(path)
+    if wanted not in known or known[wanted].recognises is None or known[wanted].fits(path, head):
+        return
+    found = next((each for each in known.values() if each.fits(path, head)), None)
+    if found is not None:
+        raise InputError(
+            f"{path} is in the format '{found.name}' ({found.about}), and the mapping {mapping} is for '{wanted}'",
+            why="its columns have other names there",
+            todo=f"propose a mapping of its own: hapticeval inspect {path.name} --write-mapping mapping.toml",
+        )
 
 
 def is_recording(path: Path) -> bool:

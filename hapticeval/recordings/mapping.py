@@ -53,6 +53,7 @@ import json
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -139,7 +140,19 @@ def _validate(document: Mapping[str, Any], name: str) -> None:
     schema = json.loads(
         resources.files("hapticeval.recordings").joinpath("mapping.schema.json").read_text(encoding="utf-8")
     )
-    error = jsonschema.exceptions.best_match(jsonschema.Draft202012Validator(schema).iter_errors(document))
+    errors = list(jsonschema.Draft202012Validator(schema).iter_errors(document))
+    # a misspelt key is both unknown and missing: the unknown one is what was written
+    unknown = next((error for error in errors if error.validator == "additionalProperties"), None)
+    if unknown is not None:
+        place = ".".join(str(part) for part in unknown.absolute_path) or "the file"
+        known = [key for key in unknown.schema["properties"] if key not in unknown.instance]
+        wrong = next(key for key in unknown.instance if key not in unknown.schema["properties"])
+        close = get_close_matches(wrong, known, n=1)
+        raise InputError(
+            f"{name}: {place} has the unknown key '{wrong}'",
+            todo=f"did you mean {close[0]}?" if close else f"known here: {', '.join(unknown.schema['properties'])}",
+        )
+    error = jsonschema.exceptions.best_match(errors)
     if error is not None:
         place = ".".join(str(part) for part in error.absolute_path) or "the file"
         raise InputError(f"{name}: {place} does not fit: {error.message}", todo="see the head of a proposed mapping")

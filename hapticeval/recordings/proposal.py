@@ -9,13 +9,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hapticeval.errors import HapticevalError
 from hapticeval.recordings.channels import CHANNELS
 from hapticeval.recordings.formats import Table
+from hapticeval.recordings.mapping import UNKNOWN
+from hapticeval.recordings.units import parse_unit
 
 CLOCK = re.compile(r"(t|time|zeit|timestamp|stamp|sec|seconds|clock|received|tick|tout)", re.IGNORECASE)
 PART = re.compile(r"(?P<stem>.*?)[._ \[]?(?P<part>[xyz]|\d+)\]?$", re.IGNORECASE)
 BRACKETS = re.compile(r"\s*[\[(][^\])]*[A-Za-z°][^\])]*[\])]\s*$")
 """A unit that a header states after the name."""
+
+STATED = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
+"""A unit that a label ends with."""
 
 RULES: tuple[tuple[str, str], ...] = (
     ("ihip", r"ihip|proxy|god.?object|virtual.?tool"),
@@ -51,13 +57,15 @@ def propose(table: Table, *, file: str = "FILE") -> str:
     clock = clocks(table)[0] if clocks(table) else None
     lines = [
         f'# Proposed for {file} ({table.format}). Replace each "?"; lines after # are remarks.',
+        f"# Channels: {', '.join(CHANNELS)}.",
+        '# Any other name says what it is: becomes = "N", meaning = "force of the wall", frame = "world" or "none".',
         f"title = {json.dumps(file)}",
         f"format = {json.dumps(table.format)}",
         "",
         "[time]",
         *_time(table, clock),
     ]
-    rows = table.rows(clock) if clock else max(np.size(values) for values in table.columns.values())
+    rows = _rows(table, clock) if clock else max(_rows(table, name) for name in table.columns)
     used = {clock}
     for channel, group in _channels(table, rows, clock):
         used |= set(group.columns)
@@ -104,10 +112,10 @@ def _time(table: Table, clock: str | None) -> list[str]:
 def _channels(table: Table, rows: int, clock: str | None) -> Iterator[tuple[str, Group]]:
     """Channels with the first group of columns that its words fit."""
     groups: dict[str, Group] = {}
-    for name, values in table.columns.items():
-        if name == clock or np.size(values) != rows or name in clocks(table):
+    for name in table.columns:
+        if name == clock or _rows(table, name) != rows or name in clocks(table):
             continue
-        plain = BRACKETS.sub("", name)
+        plain = BRACKETS.sub("", name).removesuffix(f"/{table.units.get(name)}")
         found = PART.fullmatch(plain)
         stem = found["stem"] if found else plain
         groups.setdefault(stem, Group(stem=stem)).columns.append(name)
@@ -127,13 +135,31 @@ def _channels(table: Table, rows: int, clock: str | None) -> Iterator[tuple[str,
 
 
 def _channel(table: Table, channel: str, group: Group, *, ours: bool) -> list[str]:
-    units = {table.units.get(name, "?") for name in group.columns}
+    units = {_unit(table, name) for name in group.columns}
     signed = ours or channel not in DIRECTED
     lines = [f"[channels.{channel}]  # {CHANNELS[channel].meaning} ({CHANNELS[channel].unit})"]
     lines += [f"#   {json.dumps(name)}: {_remark(table, name)}" for name in group.columns]
     lines.append(f"columns = {json.dumps(group.columns, ensure_ascii=False)}")
     lines.append(f"unit = {json.dumps(units.pop() if len(units) == 1 else '?', ensure_ascii=False)}")
-    return [*lines, "sign = 1" if signed else 'sign = "?"  # 1 or -1']
+    if signed:
+        return [*lines, "sign = 1" if ours else "sign = 1  # the axes of the file are taken for those of the model"]
+    return [*lines, 'sign = "?"  # 1 or -1']
+
+
+def _rows(table: Table, name: str) -> int:
+    """How many rows a column has, or had before the file was cut short."""
+    return table.promised.get(name, table.rows(name))
+
+
+def _unit(table: Table, name: str) -> str:
+    """What the file states, or the label of a column ends with in brackets."""
+    found = STATED.search(table.notes.get(name, ""))
+    unit = table.units.get(name) or (found[1].strip() if found else UNKNOWN)
+    try:
+        parse_unit(unit)
+    except HapticevalError:
+        return table.units.get(name, UNKNOWN)
+    return unit
 
 
 def _remark(table: Table, name: str) -> str:

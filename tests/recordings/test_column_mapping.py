@@ -82,7 +82,7 @@ def test_a_torque_at_a_lever_is_a_force_and_an_angle_a_length():
         ({"hip__sign": [1]}, "2 columns, 1 signs"),
         ({"time__unit": "?"}, r"\[time\]: the unit"),
         ({"time__unit": "mm"}, "'mm' is no s"),
-        ({"hip__colour": "red"}, "does not fit"),
+        ({"hip__colour": "red"}, "unknown key 'colour'"),
         ({"hip__becomes": "mm"}, "is in m, frame world"),
         ({"hip__scale": "much"}, "is no quantity"),
     ],
@@ -273,3 +273,34 @@ def test_the_errors_are_the_users(tmp_path):
         read_mapping(tmp_path / "m.toml")
     with pytest.raises(HapticevalError, match="cannot read the mapping"):
         read_mapping(tmp_path / "none.toml")
+
+
+def test_a_misspelt_key_is_named_with_the_right_one():
+    table = {"time": {"rate": 1000}, "channels": {"hip": {"columns": ["x"], "unit": "mm", "sgn": 1}}}
+    with pytest.raises(InputError, match="unknown key 'sgn'") as caught:
+        parse_mapping(table)
+    assert caught.value.todo == "did you mean sign?"
+
+
+def test_a_mapping_for_another_format_is_told_before_any_byte_is_read_by_it(tmp_path):
+    np.savez(tmp_path / "a.npz", t=np.arange(9), x=np.arange(9.0))
+    (tmp_path / "m.toml").write_text(
+        'format = "csv"\n[time]\nrate = 1000\n[channels.hip]\ncolumns = ["x"]\nunit = "m"\nsign = 1\n'
+    )
+    with pytest.raises(InputError, match=r"is in the format 'npz' .* is for 'csv'"):
+        load_recording(tmp_path / "a.npz", mapping=tmp_path / "m.toml")
+
+
+def test_a_proposal_takes_units_from_headers_and_labels(tmp_path):
+    (tmp_path / "a.csv").write_text("t/s,Pos X (mm),F_x/N\n0,1,2\n0.001,2,3\n0.002,3,4\n")
+    text = propose(read_table(tmp_path / "a.csv"))
+    assert "[channels.force]" in text
+    assert 'columns = ["F_x/N"]\nunit = "N"' in text
+    table = Table({"t": np.arange(9.0), "s": np.arange(9.0)}, notes={"s": "ee position [mm]"})
+    assert 'columns = ["s"]\nunit = "mm"' in propose(table)
+
+
+def test_a_cut_file_is_proposed_the_channels_that_it_had():
+    columns = {"t": np.arange(9.0), "pos[0]": np.arange(9.0), "pos[1]": np.arange(8.0)}
+    text = propose(Table(columns, promised={"t": 20, "pos[0]": 20, "pos[1]": 20}))
+    assert 'columns = ["pos[0]", "pos[1]"]' in text

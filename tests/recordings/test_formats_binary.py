@@ -85,7 +85,10 @@ def test_a_cut_mat_file_says_how_much_of_which_variable_is_missing(tmp_path):
     assert list(table.columns) == ["t"]
     assert "within the variable 'force', which is left out with all that followed: 50 x 2" in table.warnings[0]
     assert "556 of its 856 bytes are there" in table.warnings[0]
-    assert "of the 50 rows of 'force[0]', 'force[1]' none is there: 50 rows (25 of its clock)" in table.warnings[0]
+    assert (
+        "of the 50 rows of 'force[0]', 'force[1]' none is there: 50 rows (25 in the unit of its clock)"
+        in table.warnings[0]
+    )
 
 
 def _borders(data):
@@ -171,13 +174,27 @@ def test_any_hdf5_file_is_columns_by_path(tmp_path):
     assert "'words'" in table.remarks[0]
 
 
-def test_a_cut_archive_of_one_array_gives_nothing_and_says_so(tmp_path):
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_a_cut_archive_gives_the_rows_before_the_cut_and_says_that_no_checksum_covers_them(tmp_path, save):
     path = tmp_path / "a.npz"
-    np.savez(path, x=np.random.default_rng(0).normal(size=5000))
+    values = np.random.default_rng(0).normal(size=(5000, 2))
+    save(path, x=values)
+    path.write_bytes(path.read_bytes()[:20000])
+    table = read_table(path)
+    rows = table.rows("x[0]")
+    assert 1200 < rows < 1400
+    assert np.array_equal(np.column_stack([table["x[0]"], table["x[1]"]]), values[:rows])
+    assert f"of the 5000 rows of 'x[0]', 'x[1]' {rows} are there: {5000 - rows} rows missing" in table.warnings[0]
+    assert f"{rows} whole rows are given, which no checksum covers any more" in table.warnings[1]
+
+
+def test_a_cut_archive_without_a_whole_row_gives_nothing_and_says_so(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, x=np.asfortranarray(np.random.default_rng(0).normal(size=(5000, 2))))
     path.write_bytes(path.read_bytes()[:20000])
     with pytest.raises(InputError, match="cut short or damaged") as caught:
         read_table(path)
-    assert "of the 5000 rows of 'x' none is there: 5000 rows missing" in caught.value.why
+    assert "of the 5000 rows of 'x[0]', 'x[1]' none is there: 5000 rows missing" in caught.value.why
 
 
 def test_npz_arrays_are_columns_and_pickles_are_not_opened(tmp_path):

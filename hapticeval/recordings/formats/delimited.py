@@ -15,6 +15,7 @@ from hapticeval.recordings.formats.magic import TEXT_BOMS, is_text
 from hapticeval.recordings.formats.registry import importer
 from hapticeval.recordings.formats.table import Table
 from hapticeval.recordings.formats.text import CLOCKS, cut_row, decoded, is_whole, step_of
+from hapticeval.recordings.units import UNITS
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
 COMMENTS = ("#", "%")
@@ -23,6 +24,8 @@ LOOK = 1 << 16
 MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 UNIT = re.compile(r"(.*?)\s*[\[(]([^\])]*)[\])]\s*")
+SLASH = re.compile(r".*[^\s/]/([^\s/]+)")
+"""A unit as in `F_x/N`."""
 
 
 def _recognises(head: bytes) -> bool:
@@ -97,7 +100,7 @@ def read_delimited(path: Path) -> Table:
     if cut:
         clock = next((name for name in columns if UNIT.sub(r"\1", name).strip().lower() in CLOCKS), None)
         step = None if clock is None else step_of(np.asarray(columns[clock]))
-        warnings.append(cut_row(len(frame), step, units.get(clock or "", "of its clock")))
+        warnings.append(cut_row(len(frame), step, units.get(clock or "", "in the unit of its clock")))
     return Table(columns, units=units, warnings=tuple(warnings), remarks=tuple(remarks), cells=tuple(cells))
 
 
@@ -133,6 +136,7 @@ def _header(path: Path, head: list[str]) -> tuple[list[str], dict[str, str], int
         return [f"c{k}" for k in range(width)], {}, first, separator
     names = [cell.strip().strip('"') or f"c{k}" for k, cell in enumerate(above[0])]
     units = {name: found[2].strip() for name in names if (found := UNIT.fullmatch(name)) and found[2].strip()}
+    units |= {name: found[1] for name in names if (found := SLASH.fullmatch(name)) and found[1] in UNITS}
     if len(above) > 1:
         units |= {
             name: cell.strip(' "[]()') for name, cell in zip(names, above[1], strict=True) if cell.strip(' "[]()')

@@ -7,7 +7,7 @@ import zipfile
 import zlib
 from pathlib import Path
 from tokenize import TokenError
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,7 +29,9 @@ def _recognises(head: bytes) -> bool:
 def read_npz(path: Path) -> Table:
     """Columns by the arrays' names; single numbers and texts as attributes.
 
-    The index of an .npz stands at its end. One that is cut short gives the arrays that are whole by their checksums.
+    The index of an .npz stands at its end. One that is cut short gives the arrays that are whole by their checksums,
+    and the rows before the cut of the one that it ends within, whose checksum is not whole: they are as good as those
+    of a text that is cut.
     """
     found = _Found()
     try:
@@ -80,15 +82,34 @@ class _Found:
                 self.columns |= spread(part, values)
 
     def lose(self, name: str, entry: Entry) -> None:
-        """Note an array that is lost, and how many rows that is, where it still says its shape."""
-        self.warnings.append(f"the array '{name or '?'}' is left out: {entry.why}")
+        """Note an array that breaks off, with its first rows, and how many it lacks, where it still says its shape."""
         header = _header(entry.begun)
         if header is None:
+            self.warnings.append(f"the array '{name or '?'}' is left out: {entry.why}")
             self.open_ended = True
             return
-        for part, values in _parts(name, np.broadcast_to(np.zeros((), header[1]), header[0])).items():
+        rows = self._first_rows(name, entry.begun, header)
+        told = f"{rows} whole rows are given, which no checksum covers any more" if rows else "it is left out"
+        self.warnings.append(f"the array '{name}' breaks off, {entry.why}: {told}")
+        for part, values in _parts(name, np.broadcast_to(np.zeros((), header.dtype), header.shape)).items():
             if values.dtype.kind in "fiub" and values.size > 1:
                 self.promised |= lost_columns(part, values.shape, values.dtype)
+
+    def _first_rows(self, name: str, begun: bytes, header: _Header) -> int:
+        """Take the rows of an array that came before the cut; how many. An array stored by columns has none."""
+        size = int(np.prod(header.shape[1:], dtype=np.int64)) * header.dtype.itemsize
+        columnwise = header.by_columns and len(header.shape) > 1
+        if not header.shape or size == 0 or header.dtype.hasobject or columnwise:
+            return 0
+        rows = min((len(begun) - header.size) // size, header.shape[0])
+        if rows < 1:
+            return 0
+        data = begun[header.size : header.size + rows * size]
+        array = np.frombuffer(data, dtype=header.dtype).reshape(rows, *header.shape[1:])
+        for part, values in _parts(name, array).items():
+            if values.dtype.kind in "fiub":
+                self.columns |= spread(part, values)
+        return rows
 
     def table(self) -> Table:
         return Table(
@@ -127,16 +148,25 @@ def _salvage(data: bytes, found: _Found) -> None:
     found.warnings.insert(0, "; ".join(filter(None, (told, missing))))
 
 
-def _header(begun: bytes) -> tuple[tuple[int, ...], Any] | None:
-    """Shape and type of an array of which there is the start; None where there is not so much of it."""
+class _Header(NamedTuple):
+    """What an array says before its numbers: shape, order and type, and the bytes that this takes."""
+
+    shape: tuple[int, ...]
+    by_columns: bool
+    dtype: Any
+    size: int
+
+
+def _header(begun: bytes) -> _Header | None:
+    """The header of an array of which there is the start; None where there is not so much of it."""
     stream = io.BytesIO(begun)
     try:
         version = np.lib.format.read_magic(stream)
         read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}[version]
-        shape, _, dtype = read(stream)
+        shape, by_columns, dtype = read(stream)
     except (ValueError, KeyError):
         return None
-    return shape, dtype
+    return _Header(shape, by_columns, dtype, stream.tell())
 
 
 def _parts(name: str, array: Any) -> dict[str, Any]:

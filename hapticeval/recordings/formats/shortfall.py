@@ -44,5 +44,5 @@ def _step(
     for name, values in columns.items():
         leaf = re.split(r"[./]", re.sub(r"\s*[\[(].*", "", name))[-1].strip().lower()
         if leaf in CLOCKS and promised.get(name, np.size(values)) == rows:
-            return step_of(np.asarray(values)), units.get(name, "of its clock")
+            return step_of(np.asarray(values)), units.get(name, "in the unit of its clock")
     return None, ""

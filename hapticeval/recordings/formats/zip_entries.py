@@ -14,13 +14,12 @@ ENTRY, INDEX = b"PK\x03\x04", b"PK\x01"
 ENCRYPTED, SIZE_BEHIND, UTF8 = 1, 8, 0x800
 STORED, DEFLATED = 0, 8
 IN_REST = 0xFFFFFFFF
-START = 1 << 16
-"""So much of an entry that breaks off is looked at."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """An entry and its `data`: None where they are not whole, `why`. `begun` is what there is of those at first."""
+    """An entry and its `data`: None where they are not whole, `why`. `begun` is what there is of one that the file ends
+    within: no checksum covers it, nor does one cover a text file."""
 
     name: str
     data: bytes | None
@@ -58,7 +57,7 @@ def entries(archive: bytes) -> Iterator[Entry | End]:
             return
         at = begin + stored
         if at > len(archive):
-            begun = _begun(archive[begin : begin + START], method)
+            begun = _begun(archive[begin:], method)
             yield Entry(name, None, begun, f"{len(archive) - begin} of its {stored} bytes are there")
             yield End(len(archive), complete=False)
             return
@@ -81,7 +80,7 @@ def _sizes(rest: bytes, stored: int, real: int) -> tuple[int, int]:
 
 def _begun(data: bytes, method: int) -> bytes:
     try:
-        return data if method == STORED else zlib.decompressobj(-zlib.MAX_WBITS).decompress(data, START)
+        return data if method == STORED else zlib.decompressobj(-zlib.MAX_WBITS).decompress(data)
     except zlib.error:
         return b""
 
