@@ -90,7 +90,7 @@ class RendererError(HapticevalError):
         self.hip = None if hip is None else tuple(float(x) for x in hip)
         place = ""
         if tick is not None and self.hip is not None:
-            place = f" at tick {tick}, HIP ({', '.join(f'{x:.6g}' for x in self.hip)}) m"
+            place = f" at tick {tick} (counted from 0), HIP ({', '.join(f'{x:.6g}' for x in self.hip)}) m"
         super().__init__(what + place, why=why, todo=todo)
 
 

@@ -341,6 +341,9 @@ def test_a_log_without_force_is_judged_by_what_it_has(tmp_path, capsys):
     assert found["continuous-contact"]["outcome"] == "pass"
     page = (tmp_path / "out" / "report.html").read_text()
     assert page.count("The recording has no channel <code>force</code>, which") == 1
+    undecided = sum(v["outcome"] == "inconclusive" for v in read_results(tmp_path / "out").verdicts)
+    assert f"every verdict as expected; {undecided} inconclusive" in page
+    assert page.count('class="run-body stacked"') == 2, "seven verdicts stand below the figure, not beside it"
 
 
 @pytest.mark.parametrize(
@@ -436,6 +439,7 @@ def test_the_command_writes_results_and_a_page_that_says_open_loop(ran, tmp_path
     assert "IHIP" in said
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Distance from the recorded run" in page
+    assert "2 renderers and the recorded run, 1 case." in page
     assert page.count("the hand would have moved otherwise") >= 3
     written = read_recording(tmp_path / "out" / results.runs[1]["recording"])
     assert written.meta["source"] == "replay"
