@@ -349,7 +349,7 @@ def torn(each, first, length):
     return Run(each.label, each.renderer, Recording(time, each.recording.channels))
 
 
-@settings(max_examples=30)
+@settings(max_examples=8)
 @given(st.integers(0, 1000), st.floats(-9.0, -0.5), st.booleans())
 def test_repeats_that_agree_to_the_bit_still_tell_renderers_apart(seed, power, gaps):
     """By any amount far above what the numbers resolve; and the clock's gaps, elsewhere in each, hide none of it."""
