@@ -29,13 +29,13 @@ MOST = 6
 
 
 def write_integrity(
-    directory: Path, recording: Recording, report: Integrity, soundness: Soundness, *, title: str
+    directory: Path, recording: Recording, report: Integrity, soundness: Soundness, *, title: str, stem: str = ""
 ) -> list[Path]:
-    """Draw a report into `directory` as SVG and PNG; the paths written.
+    """Draw a report into `directory` as SVG and PNG, named by `stem` or else by the title; the paths written.
 
     Raises `HapticevalError` where a file cannot be written.
     """
-    stem = "integrity-" + file_stem(re.sub(r"[ :=,.]+", "-", title).strip("-"))
+    stem = "integrity-" + (stem or file_stem(re.sub(r"[ :=,.]+", "-", title).strip("-")))
     paths = [directory / f"{stem}.{kind}" for kind in ("svg", "png")]
     try:
         _draw(recording, report, soundness, title, paths)
@@ -65,10 +65,15 @@ def _draw(recording: Recording, report: Integrity, soundness: Soundness, title: 
         axes[-1].set_ylabel("step (ms)")
         axes[-1].set_xlabel("time (s)")
         _marks(axes[-1], [fault for fault in report.faults if fault.channel == "time"])
-        axes[0].set_title(f"{title}: {'suspicious' if report.suspicious else 'nothing suspicious'}", color=INK)
-        handles = [Patch(color=colour, alpha=0.5, label=str(severity)) for severity, colour in MARKS.items()]
-        handles.append(Patch(color=QUIET, alpha=0.25, label="left out"))
-        figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+        left = list(recording.channels)[MOST:]
+        told = f"\n(not drawn: {', '.join(left)})" if left else ""
+        axes[0].set_title(f"{title}: {'suspicious' if report.suspicious else 'nothing suspicious'}{told}", color=INK)
+        there = {fault.severity for fault in report.faults if fault.time is not None}
+        handles = [Patch(color=MARKS[each], alpha=0.5, label=str(each)) for each in MARKS if each in there]
+        if not valid.all():
+            handles.append(Patch(color=QUIET, alpha=0.25, label="left out"))
+        if handles:
+            figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
         for path in paths:
             with replacing(path) as temporary:
                 metadata = {"Date": None} if path.suffix == ".svg" else None
@@ -85,7 +90,7 @@ def _channel(axis: Any, recording: Recording, name: str, valid: BoolArray) -> No
         part = "xyz"[k] if world else str(k)
         axis.plot(time, thinned, color=LINES[k % len(LINES)], linewidth=0.8, label=part)
     if columns.shape[1] > 1:
-        axis.legend(loc="upper right", frameon=False, ncols=columns.shape[1], handlelength=1.0, borderpad=0.0)
+        axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, handlelength=1.0, borderpad=0.2)
     axis.set_ylabel(f"{name}\n({recording.signals[name].unit})")
     for first, end in runs_of(~valid):
         axis.axvspan(recording.time[first], recording.time[end - 1], color=QUIET, alpha=0.25, linewidth=0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -119,9 +120,21 @@ def _examined(
     parts = [summary(report, soundness, title=file.name)]
     if recording.dimension == 1 and {"wall_force", "force"} & recording.channels.keys():
         parts.append(contacts(impacts(recording)))
-    written = write_integrity(directory, recording, report, soundness, title=file.name)
+    written = write_integrity(directory, recording, report, soundness, title=file.name, stem=_stem(file))
     say("\n\n".join([*parts, "\n".join(f"wrote {path}" for path in written)]))
     return int(report.suspicious)
+
+
+def _stem(file: Path) -> str:
+    """The name of the picture: the file's without its ending, where no other file beside it would have the same."""
+    beside = file.parent.iterdir() if file.parent.is_dir() else ()
+    alike = {
+        other.name
+        for other in beside
+        if other.stem.casefold() == file.stem.casefold() and other.suffix not in (".toml", ".png", ".svg")
+    }
+    plain = re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9._-]*", file.stem)
+    return file.stem if plain and alike <= {file.name} else ""
 
 
 def _device(recording: Recording) -> Any:

@@ -105,7 +105,11 @@ def contacts(found: Impacts) -> str:
     intervals: how far the contacts differ, which may be more than the error of any one of them."""
     lines = [
         f"contacts above {found.floor:.4g} N: {len(found.contacts)}"
-        + (f"; a force without an approach at {_times(found.unexplained)}" if found.unexplained else "")
+        + (
+            f"; at {_times(found.unexplained)} a force rose though the tool was not moving into the wall"
+            if found.unexplained
+            else ""
+        )
     ]
     if not found.contacts:
         return lines[0]
@@ -141,6 +145,7 @@ def contacts(found: Impacts) -> str:
         for each in found.contacts
     ]
     lines += _aligned(rows)
+    lines.append("peak, impulse and stiffness are above what the sensor read just before each touch")
     for measure, unit in (("impulse", "N s"), ("stiffness", "N/m"), ("restitution", "")):
         mean, half = found.mean(measure)
         if math.isfinite(mean):

@@ -40,7 +40,10 @@ def test_a_sound_recording_ends_with_0_and_a_picture(here, capsys):
     saved(here / "run.h5", smooth(), scene={"stiffness": 1000.0, "model": {"kind": "circle", "size": 0.202}})
     assert main(["inspect", "run.h5"]) == 0
     assert "nothing found" in capsys.readouterr().out
-    assert (here / "integrity-run-h5.png").read_bytes().startswith(b"\x89PNG")
+    assert (here / "integrity-run.png").read_bytes().startswith(b"\x89PNG")
+    (here / "run.journal").write_bytes(b"another")
+    assert main(["inspect", "run.h5"]) == 0
+    assert (here / "integrity-run-h5.png").exists()
 
 
 def test_a_suspicious_one_ends_with_1_and_says_where(here, capsys):

@@ -49,4 +49,4 @@ def test_from_file_to_report_by_commands(tmp_path, monkeypatch, capsys):
     assert "559 rows in a gap" in capsys.readouterr().out
     assert main(["inspect", "stroke.h5"]) == 0
     assert "819 of 1378 rows are measurements" in capsys.readouterr().out
-    assert (tmp_path / "integrity-stroke-h5.svg").is_file()
+    assert (tmp_path / "integrity-stroke.svg").is_file()

@@ -101,7 +101,7 @@ class _Found:
         columnwise = header.by_columns and len(header.shape) > 1
         if not header.shape or size == 0 or header.dtype.hasobject or columnwise:
             return 0
-        rows = min((len(begun) - header.size) // size, header.shape[0])
+        rows = int(min((len(begun) - header.size) // size, header.shape[0]))
         if rows < 1:
             return 0
         data = begun[header.size : header.size + rows * size]
