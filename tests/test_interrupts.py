@@ -190,7 +190,7 @@ def test_a_second_one_stops_at_once(here: Path) -> None:
 def test_a_replay_says_and_does_the_same(here: Path) -> None:
     assert main(["run", "slides.toml", "-r", "constraint", "-k", "flat-back", "-o", "first"]) == 0
     log = "first/recordings/slides/flat-back/constraint.h5"
-    with command(["replay", log, "-r", "mine:Waits", "-r", "constraint"]) as replay:
+    with command(["replay", log, "-r", "mine:Waits", "-r", "constraint", "-o", "results"]) as replay:
         replay.says("[1/3]")
         replay.until((here / "waiting").exists)
         replay.ctrl_c()
