@@ -25,7 +25,6 @@ from hapticeval.commands import (
     record,
     replay,
 )
-from hapticeval.commands.running import cores as _cores
 from hapticeval.commands.running import report_on as _report
 from hapticeval.commands.running import watch as _watch
 from hapticeval.errors import HapticevalError
@@ -189,11 +188,12 @@ def run(
     from hapticeval.results import FILE
     from hapticeval.runner import Interrupts, execute, plan
     from hapticeval.terminal import Terminal, exit_code, summary
+    from hapticeval.workers import cores
 
     planned = plan(suites or [DEFAULT_SUITE], renderers or (), select=select or (), seed=seed)
     prepare(directory)
     with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
-        results = _watch(execute(planned, directory, workers=_cores(), interrupts=interrupts), terminal)
+        results = _watch(execute(planned, directory, workers=cores(), interrupts=interrupts), terminal)
         written = _report(directory, terminal, interrupts)
         say(summary(results, [directory / FILE, *written]))
     raise typer.Exit(max(exit_code(results, terminal.errors), int(terminal.stopped)))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import multiprocessing
 import multiprocessing.connection
+import os
 import pickle
 import signal
 import traceback
@@ -17,12 +18,17 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from types import TracebackType
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar, cast
 
 T = TypeVar("T")
 
 GRACE = 1.0
 """Seconds that a process without a call has to end by itself, before it is killed."""
+
+
+def cores() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Ended(Exception):
@@ -82,6 +88,9 @@ class Workers(Generic[T]):
             except OSError:  # it ended while it had nothing to do
                 _kill(worker)
                 continue
+            except Exception:  # the arguments cannot travel, and nothing of them was sent
+                self._idle.append(worker)
+                raise
             self._at[call] = worker
             return
 
@@ -90,11 +99,10 @@ class Workers(Generic[T]):
         calls = {worker.pipe: call for call, worker in self._at.items()}
         found: list[Answer[T]] = []
         for pipe in multiprocessing.connection.wait(list(calls), timeout):
-            assert isinstance(pipe, Connection)
-            call = calls[pipe]
+            call = calls[cast("Connection", pipe)]
             worker = self._at.pop(call)
             try:
-                told = pipe.recv_bytes()
+                told = worker.pipe.recv_bytes()
             except (EOFError, OSError):  # in the middle of an answer, or before
                 _kill(worker)
                 found.append(Answer(call, None, Ended()))
@@ -135,15 +143,15 @@ def _serve(pipe: Connection, others: Connection, function: Callable[..., Any]) -
     others.close()  # else this process would keep its own pipe open
     try:
         while True:
-            pipe.send_bytes(_called(function, pipe.recv()))
+            pipe.send_bytes(_called(function, pipe.recv_bytes()))
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
 
 
-def _called(function: Callable[..., Any], arguments: tuple[Any, ...]) -> bytes:
+def _called(function: Callable[..., Any], arguments: bytes) -> bytes:
     """Value and error, ready to travel. An error that cannot is told by its traceback."""
     try:
-        return pickle.dumps((function(*arguments), None))
+        return pickle.dumps((function(*pickle.loads(arguments)), None))
     except Exception as raised:
         error: Exception = raised
     told = "".join(traceback.format_exception(error))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -138,3 +139,22 @@ def test_processes_end_when_their_parent_is_killed():
         assert parent.stdout.read() == ""
     assert len(pids) == 2
     assert parent.returncode == -signal.SIGKILL
+
+
+class Unread:
+    """Can be sent, and not be made again on the other side."""
+
+    def __reduce__(self):
+        return int, ("no number",)
+
+
+def test_what_cannot_travel_costs_no_process():
+    with Workers(act, 1) as crew:
+        crew.begin(0, "pid")
+        pid = answered(crew, 1)[0].value
+        with pytest.raises((pickle.PicklingError, AttributeError, TypeError)):
+            crew.begin(1, "double", lambda: None)
+        crew.begin(2, "double", Unread())
+        assert isinstance(answered(crew, 1)[2].error, ValueError)
+        crew.begin(3, "pid")
+        assert answered(crew, 1)[3].value == pid

@@ -20,6 +20,7 @@ from hapticeval.renderer import Batch, Renderer, RendererFactory
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Path
 from hapticeval.types import Array, IntArray
+from hapticeval.workers import cores
 
 WARM_UP = 200
 """Steps before each round of timing, outside the clock."""
@@ -172,7 +173,7 @@ def machine() -> dict[str, Any]:
         processor = named[0] if named else processor
     return {
         "processor": processor,
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
+        "cores": cores(),
         "load_average": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
         "clock_ns": clock_cost(),
         "clock_resolution_ns": time.get_clock_info("perf_counter").resolution * 1e9,

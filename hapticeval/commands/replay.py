@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hapticeval.commands.arguments import FormatName, MappingFile
-from hapticeval.commands.running import cores, report_on, watch
+from hapticeval.commands.running import report_on, watch
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem
 from hapticeval.output import prepare, say
@@ -119,6 +119,7 @@ def _replay(made: Subject, renderers: list[str], directory: Path, seed: int, see
     from hapticeval.results import FILE
     from hapticeval.runner import Interrupts, execute
     from hapticeval.terminal import Terminal, exit_code, summary
+    from hapticeval.workers import cores
 
     planned = replay_plan(made, renderers, seed=seed)
     work = prepared(made)

@@ -40,6 +40,7 @@ def report_on(directory: Path, terminal: Terminal, interrupts: Interrupts) -> li
     interrupt that has ended the run early does not stop the drawing as well.
     """
     from hapticeval.reports import write_reports
+    from hapticeval.workers import cores
 
     meant_for_the_run = int(terminal.interrupted)
 
@@ -54,8 +55,3 @@ def report_on(directory: Path, terminal: Terminal, interrupts: Interrupts) -> li
     terminal.stopped = True
     terminal.line(f"no reports are written: hapticeval report {directory} makes them of what is kept")
     return []
-
-
-def cores() -> int:
-    """The cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

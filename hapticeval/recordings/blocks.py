@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hapticeval.types import ByteArray
+from hapticeval.workers import cores
 
 FLETCHER = 4
 FEW = 16
@@ -51,9 +52,9 @@ def read_rows(dataset: Any, begin: int, end: int) -> Any:
             for place, plane in enumerate(planes[:, first - block.row : last - block.row]):
                 numbers[:, place] = plane.ravel()
 
-    workers = os.cpu_count() or 1
-    with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(fill, (blocks[k::workers] for k in range(workers))))  # raises what a block raised
+    count = cores()
+    with ThreadPoolExecutor(count) as pool:
+        list(pool.map(fill, (blocks[k::count] for k in range(count))))  # raises what a block raised
     return out
 
 

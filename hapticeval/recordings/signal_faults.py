@@ -65,7 +65,11 @@ def quantum(values: Array) -> float | None:
 
 
 def _common(steps: Array, floor: float) -> float:
-    """The largest length that all steps are multiples of, by Euclid's rule; about `floor` where there is none."""
+    """The largest length that all steps are multiples of, by Euclid's rule; about `floor` where there is none.
+
+    From the smallest up: a remainder has the rounding of its divisor as many times as that was taken off.
+    """
+    steps = np.sort(steps)
     common = float(steps[0])
     for other in steps[: 50 * STUCK_ROWS]:
         a, b = max(common, float(other)), min(common, float(other))
