@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from hapticeval import __version__, cli, output, terminal
+from hapticeval import __version__, output, terminal
 from hapticeval.cli import main
 from hapticeval.commands import running
 from hapticeval.errors import HapticevalError, RendererError
@@ -191,7 +191,7 @@ def test_only_an_earlier_run_is_overwritten(here: Path) -> None:
 def test_the_same_command_gives_the_same_verdicts(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     documents = []
     for cores in (1, 2):
-        monkeypatch.setattr(cli, "_cores", lambda cores=cores: cores)
+        monkeypatch.setattr("hapticeval.workers.cores", lambda cores=cores: cores)
         run("-r", "local_mine:Jumps", "-r", "local_mine:Good", "--seed", "7")
         documents.append(read_results(here / "results"))
     assert documents[0].verdicts == documents[1].verdicts
