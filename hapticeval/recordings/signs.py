@@ -42,7 +42,7 @@ QUANTA = 3.0
 
 LEVEL = 0.05
 
-TODO = "see its sign in the mapping, and what the sensor calls positive; no sign was changed"
+ADVICE = "see its sign in the mapping, and what the sensor calls positive; no sign was changed"
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def _energy(recording: Recording, channel: str, place: str, sense: float) -> tup
         "force sign",
         Severity.SUSPICIOUS,
         f"the sign seems wrong: with it {would} {where}; with the opposite sign it takes energy",
-        f"{TODO}. A motor, a magnet or another hand behind it may give energy, too",
+        f"{ADVICE}. A motor, a magnet or another hand behind it may give energy, too",
         channel,
         first,
         last + 1,
@@ -163,7 +163,7 @@ def _pointing(recording: Recording, told: Sign) -> tuple[Sign, Fault | None]:
         "force sign",
         Severity.SUSPICIOUS,
         f"the sign seems wrong: {words}",
-        f"{TODO}. It is to be the force on the hand",
+        f"{ADVICE}. It is to be the force on the hand",
         told.channel,
         first,
         last + 1,
@@ -191,7 +191,7 @@ def _approach(recording: Recording, told: Sign) -> tuple[Sign, Fault | None]:
         "force sign",
         Severity.SUSPICIOUS,
         f"the sign seems wrong: {words}, at {', '.join(f'{each:.4g} s' for each in found.retreats[:8])}",
-        TODO,
+        ADVICE,
         told.channel,
         measures={"into": into, "out": out},
     )

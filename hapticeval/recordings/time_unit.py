@@ -31,7 +31,7 @@ FACTORS = {
 SIMULATED = ("playback", "experiment", "replay")
 """Sources whose clock is made, so that there is no unit to mistake."""
 
-TODO = "see the unit of [time] in the mapping"
+ADVICE = "see the unit of [time] in the mapping"
 
 
 def time_unit(recording: Recording) -> list[Fault]:
@@ -57,7 +57,7 @@ def time_unit(recording: Recording) -> list[Fault]:
         if _within(rate / factor, RATE) and (speed is None or _within(speed / factor, SPEED))
     ]
     message = "; ".join([words, *fitting]) if fitting else f"{words}: no haptic device has that"
-    return [Fault("unit", Severity.SUSPICIOUS, message, TODO, "time", measures={"rate": rate, "speed": speed})]
+    return [Fault("unit", Severity.SUSPICIOUS, message, ADVICE, "time", measures={"rate": rate, "speed": speed})]
 
 
 def _speed(recording: Recording) -> float | None:
