@@ -53,7 +53,7 @@ def at_the_hand(recording: Recording) -> Recording:
             raise InputError(
                 f"'{name}' has {values.shape[-1]} columns", why=f"the {wiring.device.name} has {size} joints"
             )
-    valid = np.ones(len(recording), dtype=bool) if recording.valid is None else recording.valid.copy()
+    valid = recording.measured.copy()
     kinematics = Kinematics(wiring.device)
     outside = _outside(kinematics, found["joint_position"], valid)
     valid &= ~outside

@@ -9,15 +9,13 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.normal_cone import off_normals
-from hapticeval.phenomena.sampling import LAG_TICKS, LED, hip_step, loaded, place, placement, resolution, standoff
+from hapticeval.phenomena.sampling import LAG_TICKS, hip_step, loaded, place, placement, resolution, standoff
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.grain import grain
+from hapticeval.recordings.metadata import SIMULATED
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
-
-SIMULATED = (*LED, "experiment")
-"""Sources that keep a force as the renderer gave it."""
 
 STATIC_SHARE = 0.2
 """Share of the run, at its end, over which a static equilibrium is looked for."""

@@ -98,6 +98,17 @@ class Impacts:
         return float(values.mean()), point * float(values.std(ddof=1)) / math.sqrt(values.size)
 
 
+def wall_channel(recording: Recording) -> str:
+    """The force that a wall gives: that on a teleoperated tool, where it is there, else that on the hand."""
+    return "wall_force" if "wall_force" in recording.channels else "force"
+
+
+def declared_floor(recording: Recording) -> float | None:
+    """The force that the sensor may read in free motion, N; None where it is not declared."""
+    declared = recording.meta.get("force_floor")
+    return float(declared) if isinstance(declared, int | float) else None
+
+
 def impacts(recording: Recording, *, floor: float | None = None) -> Impacts:
     """The contacts of a recording in one dimension.
 
@@ -112,15 +123,15 @@ def impacts(recording: Recording, *, floor: float | None = None) -> Impacts:
             why="impulse and restitution are told apart from sliding in one dimension only",
             todo="take the checks of a suite: hapticeval replay",
         )
-    remote = "wall_force" in recording.channels
-    force = recording.channel("wall_force" if remote else "force")[:, 0]
-    place = recording.channel("ihip" if remote else "hip")[:, 0]
-    valid = np.ones(force.size, dtype=bool) if recording.valid is None else recording.valid
+    pushing = wall_channel(recording)
+    force = recording.channel(pushing)[:, 0]
+    place = recording.channel("hip" if pushing == "force" else "ihip")[:, 0]
+    valid = recording.measured
     sign = -math.copysign(1.0, float(force[valid][np.argmax(np.abs(force[valid]))]))
     press, into = np.where(valid, -sign * force, 0.0), sign * place
     if floor is None:
-        declared = recording.meta.get("force_floor")
-        floor = float(declared) if isinstance(declared, int | float) else SHARE * float(press.max())
+        declared = declared_floor(recording)
+        floor = SHARE * float(press.max()) if declared is None else declared
     step = quantum(into[valid]) or 0.0
     tick = float(np.median(np.diff(recording.time)))
     window = max(2, round(SPEED_WINDOW / tick))

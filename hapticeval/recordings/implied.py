@@ -7,13 +7,13 @@ K_d v pushes outwards as long as the HIP is inside and goes deeper, and there is
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.finding import Fault, Severity
+from hapticeval.recordings.impact import declared_floor
 from hapticeval.recordings.inverse import QUANTA, Check, coarsest, judged, valid_rows, with_stiffness
+from hapticeval.recordings.metadata import is_bilateral
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import LAG, joined
 from hapticeval.types import Array, BoolArray
@@ -31,7 +31,7 @@ def implied_tool(recording: Recording, model: Model, stiffness: float) -> Check:
         return Check(IMPLIED, IMPLIES, why="the log has no hip or no force")
     rows = valid_rows(recording)
     grain = coarsest(recording.force[rows].T)
-    rows = rows[np.linalg.norm(recording.force[rows], axis=1) > max(QUANTA * grain, _floor(recording))]
+    rows = rows[np.linalg.norm(recording.force[rows], axis=1) > max(QUANTA * grain, declared_floor(recording) or 0.0)]
     if rows.size == 0:
         return Check(IMPLIED, IMPLIES, why="the log has no force beyond its resolution")
     hip, force = recording.hip[rows], recording.force[rows]
@@ -66,14 +66,13 @@ def contact(recording: Recording, model: Model) -> Check:
     step = coarsest(place[rows].T)
     allowed = QUANTA * step + recording.standoff + recording.resolution
     size = np.linalg.norm(recording.force, axis=1)
-    grain = max(QUANTA * coarsest(recording.force[rows].T), _floor(recording))
+    grain = max(QUANTA * coarsest(recording.force[rows].T), declared_floor(recording) or 0.0)
     nearest, farthest = _through(recording, distance, np.minimum), _through(recording, distance, np.maximum)
     deeper = np.zeros(len(recording), dtype=bool)
     deeper[1:] = np.diff(distance) <= 0.0
     deeper = _through(recording, np.where(deeper, 1.0, 0.0), np.minimum) > 0.0
     bare = (size <= grain) & deeper & (farthest < -allowed)
-    scene = recording.meta.get("scene")
-    held = isinstance(scene, Mapping) and bool(scene.get("bilateral"))
+    held = is_bilateral(recording.meta)
     away = (size > grain) & (nearest > allowed) & (not held)
     off = np.where(bare, -farthest, np.where(away, nearest, 0.0))[rows]
     faults = [
@@ -115,9 +114,3 @@ def _through(recording: Recording, values: Array, extreme: np.ufunc) -> Array:
         out = extreme(out, before)
         out[np.convolve(broken, np.ones(back))[: values.size] > 0.0] = np.nan
     return out
-
-
-def _floor(recording: Recording) -> float:
-    """What the sensor may read in free motion, as far as it is declared, N."""
-    declared = recording.meta.get("force_floor")
-    return float(declared) if isinstance(declared, int | float) else 0.0

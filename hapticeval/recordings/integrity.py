@@ -97,7 +97,7 @@ def examine(
     stamps = recording.nanoseconds
     start = 0 if recording.clock is None or recording.clock.start is None else recording.clock.start
     declared = recording.meta.get("dt")
-    ordered = _measured(recording)
+    ordered = recording.measured
     timing, faults = examine_timing(
         stamps,
         start=start,
@@ -150,7 +150,7 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
     why.
     """
     report = examine(recording) if report is None else report
-    keep = _measured(recording).copy()
+    keep = recording.measured.copy()
     left = [(span, "no measurement") for span in runs_of(~keep)]
     for fault in report.faults:
         if fault.first is None or fault.end is None or fault.kind not in LEFT_OUT:
@@ -166,10 +166,6 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
         tuple(_interval(recording.time, *span) for span in sound),
         tuple((_interval(recording.time, *span), why) for span, why in sorted(left)),
     )
-
-
-def _measured(recording: Recording) -> BoolArray:
-    return np.ones(len(recording), dtype=bool) if recording.valid is None else recording.valid
 
 
 def _counted(recording: Recording) -> list[Fault]:

@@ -171,7 +171,7 @@ def coarsest(columns: Iterable[Array]) -> float:
 
 def valid_rows(recording: Recording) -> IntArray:
     """The rows that are measurements, (n,)."""
-    return np.arange(len(recording)) if recording.valid is None else np.flatnonzero(recording.valid)
+    return np.flatnonzero(recording.measured)
 
 
 def _each(function: Callable[[Array], Array], joints: Array) -> Array:

@@ -36,6 +36,16 @@ METADATA: Mapping[str, tuple[str, str]] = MappingProxyType(
 """Known keys, with the kind of their value and their meaning. Any other key is free."""
 
 
+SIMULATED = ("playback", "experiment", "replay")
+"""Sources whose every number is an answer: force and IHIP are as the renderer gave them, and the clock is made."""
+
+
+def is_bilateral(meta: Mapping[str, Any]) -> bool:
+    """Whether the scene holds the tool from both sides."""
+    scene = meta.get("scene")
+    return isinstance(scene, Mapping) and bool(scene.get("bilateral"))
+
+
 def check_metadata(meta: Mapping[str, Any]) -> dict[str, Any]:
     """A copy of `meta`, its tables and lists too. Raises `InputError` for a known key of the wrong kind."""
     for key in METADATA.keys() & meta.keys():

@@ -167,6 +167,11 @@ class Recording:
             events=among(self.events, since, until),
         )
 
+    @property
+    def measured(self) -> BoolArray:
+        """Which rows are valid, (n,): all of them where none is marked."""
+        return np.ones(len(self), dtype=bool) if self.valid is None else self.valid
+
     def sound_rows(self) -> tuple[slice, ...]:
         """The stretches of rows that are valid, each as long as it goes."""
         if self.valid is None:
@@ -256,7 +261,7 @@ class Recording:
             touches |= self._apart()
         if "force" in self.channels:
             touches |= np.any(self.force != 0.0, axis=1)
-        return touches if self.valid is None else touches & self.valid
+        return touches & self.measured
 
     def _apart(self) -> BoolArray:
         """Where the IHIP is not the HIP, beyond single precision: (n,)."""

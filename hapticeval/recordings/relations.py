@@ -54,7 +54,7 @@ def copies(recording: Recording) -> list[Fault]:
 
     An IHIP may be the HIP, and a sensor exact: these are the same signal by what they mean, and are not told.
     """
-    keep = _sound(recording)
+    keep = recording.measured
     columns = {name: values[keep] for name, values in columns_of(recording).items()}
     moving = {name: values for name, values in columns.items() if np.count_nonzero(np.diff(values)) >= COPY_ROWS}
     mapped = recording.meta.get("import", {}).get("columns", {})
@@ -157,7 +157,7 @@ def velocities(recording: Recording) -> list[Fault]:
 
 
 def _velocity(recording: Recording, place: str, name: str, position: Array, speed: Array) -> Fault | None:
-    fit = derivative_fit(position, speed, recording.time, _sound(recording))
+    fit = derivative_fit(position, speed, recording.time, recording.measured)
     if fit is None:
         return None
     measures = {"ratio": fit.ratio, "correlation": fit.correlation, "lag": fit.lag, "window": fit.window}
@@ -205,7 +205,7 @@ def force_lag(recording: Recording) -> list[Fault]:
 
 def units(recording: Recording) -> list[Fault]:
     """Extents and peaks that no haptic device has: a unit taken for another."""
-    keep = _sound(recording)
+    keep = recording.measured
     faults = []
     for name, values in columns_of(recording).items():
         kept = values[keep]
@@ -235,10 +235,6 @@ def _unit_from(recording: Recording) -> str:
 
 def _all_small(recording: Recording, keep: BoolArray) -> bool:
     return bool(np.max(np.ptp(recording.hip[keep], axis=0)) < LEAST["m"])
-
-
-def _sound(recording: Recording) -> BoolArray:
-    return np.ones(len(recording), dtype=bool) if recording.valid is None else recording.valid
 
 
 def _part(recording: Recording, name: str, column: int) -> str:

@@ -58,7 +58,7 @@ class Resolution(NamedTuple):
 
 def resolution(recording: Recording) -> Resolution:
     """What the numbers of a recording with HIP and force resolve."""
-    keep = np.ones(len(recording), dtype=bool) if recording.valid is None else recording.valid
+    keep = recording.measured
     places = [recording.channels[name][keep] for name in ("hip", "ihip") if name in recording.channels]
     position = max([_grain(values) for values in places] + [_encoder(recording, places[0], keep)])
     force = recording.force[keep]

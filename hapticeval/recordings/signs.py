@@ -18,14 +18,14 @@ Nothing here changes a sign, and nothing but physics is taken for granted: that 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.finding import Fault, Severity
-from hapticeval.recordings.impact import impacts
+from hapticeval.recordings.impact import declared_floor, impacts, wall_channel
+from hapticeval.recordings.metadata import is_bilateral
 from hapticeval.recordings.port_energy import Balance, Gift, balance
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.resolution import resolution
@@ -141,10 +141,9 @@ def _unclear(found: list[Balance]) -> str:
 
 def _pointing(recording: Recording, told: Sign) -> tuple[Sign, Fault | None]:
     """Rule 2."""
-    scene = recording.meta.get("scene")
-    if "ihip" not in recording.channels or (isinstance(scene, Mapping) and scene.get("bilateral")):
+    if "ihip" not in recording.channels or is_bilateral(recording.meta):
         return told, None
-    keep = np.ones(len(recording), dtype=bool) if recording.valid is None else recording.valid
+    keep = recording.measured
     reach, force = recording.ihip - recording.hip, recording.force
     sizes = np.linalg.norm(reach, axis=1) * np.linalg.norm(force, axis=1)
     rows = keep & (np.linalg.norm(reach, axis=1) > QUANTA * resolution(recording).position) & (sizes > 0.0)
@@ -175,7 +174,7 @@ def _pointing(recording: Recording, told: Sign) -> tuple[Sign, Fault | None]:
 
 def _approach(recording: Recording, told: Sign) -> tuple[Sign, Fault | None]:
     """Rule 3, of the force that `impact` takes for the wall's."""
-    if told.channel != ("wall_force" if "wall_force" in recording.channels else "force"):
+    if told.channel != wall_channel(recording):
         return told, None
     try:
         found = impacts(recording)
@@ -205,7 +204,4 @@ def _chance(few: int, count: int) -> float:
 
 def _floor(recording: Recording, channel: str) -> float:
     """What the sensor may read in free motion: declared of the force that `impact` takes for the wall's."""
-    declared = recording.meta.get("force_floor")
-    if channel != ("wall_force" if "wall_force" in recording.channels else "force"):
-        return 0.0
-    return float(declared) if isinstance(declared, int | float) else 0.0
+    return declared_floor(recording) or 0.0 if channel == wall_channel(recording) else 0.0

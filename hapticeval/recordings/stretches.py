@@ -42,7 +42,7 @@ def stretches(recording: Recording, sound: BoolArray | None = None) -> tuple[Str
     Without `sound`, the rows that the recording holds valid are.
     """
     if sound is None:
-        sound = np.ones(len(recording), dtype=bool) if recording.valid is None else recording.valid
+        sound = recording.measured
     return tuple(Stretch(first, end + 1) for first, end in runs_of(sound[1:] & sound[:-1] & joined(recording)))
 
 

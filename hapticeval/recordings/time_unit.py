@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.recordings.finding import Fault, Severity
+from hapticeval.recordings.metadata import SIMULATED
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.relations import LEAST, LIMITS
 from hapticeval.recordings.stretches import nominal_step
@@ -27,9 +28,6 @@ FACTORS = {
     1e9: "are these seconds taken for nanoseconds?",
 }
 """What the times would have to be multiplied by, and which units were mixed up then."""
-
-SIMULATED = ("playback", "experiment", "replay")
-"""Sources whose clock is made, so that there is no unit to mistake."""
 
 ADVICE = "see the unit of [time] in the mapping"
 
@@ -64,7 +62,7 @@ def _speed(recording: Recording) -> float | None:
     """The median speed of the HIP over the steps in which it moves, m/s; None where it does not, or has no length."""
     if "hip" not in recording.channels:
         return None
-    keep = np.ones(len(recording), dtype=bool) if recording.valid is None else recording.valid
+    keep = recording.measured
     hip: Array = recording.hip[keep]
     steps, moved = np.diff(recording.time[keep]), np.linalg.norm(np.diff(hip, axis=0), axis=1)
     some = (moved > 0.0) & (steps > 0.0)

@@ -5,18 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.finding import Severity
+from hapticeval.recordings.metadata import SIMULATED
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import Stretch, stretches
 
 if TYPE_CHECKING:
     from hapticeval.recordings.integrity import Integrity
-
-SIMULATED = ("playback", "experiment", "replay")
-"""Sources whose every number is an answer: what looks like a spike there is the renderer's."""
 
 SEEN = ("hip", "measured_hip")
 """Channels that a renderer is given: only their faults break the hand's path."""
@@ -50,7 +46,7 @@ def usable(recording: Recording, *, model: Model | None = None, stiffness: float
 
     report = examine(recording, model=model, stiffness=stiffness)
     soundness = sound_intervals(recording, report)
-    hand = np.ones(len(recording), dtype=bool) if recording.valid is None else np.array(recording.valid)
+    hand = recording.measured.copy()
     for fault in report.faults:
         if fault.kind in LEFT_OUT and fault.channel.partition(".")[0] in SEEN and fault.first is not None:
             hand[fault.first : fault.end] = False
