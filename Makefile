@@ -1,5 +1,6 @@
 # make run     set up, judge the built-in renderers, by playback and in closed loop, write results/
 # make test    set up with the development tools, run the tests
+# make fuzz    explore with fresh seeds for MINUTES=30: properties, damaged files, odd renderers
 # make bench   time the renderers            make study   the longer studies
 # make lint    ruff, and mypy on an installed copy
 # make clean   remove what these made; results/ stays
@@ -8,7 +9,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test bench study lint clean
+.PHONY: run test fuzz bench study lint clean
 
 run: .venv/run.stamp .venv/kernels.stamp
 	@$(BIN)/hapticeval run thesis dynamics -o results || { code=$$?; \
@@ -17,6 +18,9 @@ run: .venv/run.stamp .venv/kernels.stamp
 
 test: .venv/dev.stamp .venv/kernels.stamp
 	$(BIN)/pytest -n 2
+
+fuzz: .venv/dev.stamp .venv/kernels.stamp
+	$(BIN)/python tests/fuzz.py $(or $(MINUTES),30)
 
 bench: .venv/dev.stamp .venv/kernels.stamp
 	$(BIN)/pytest benchmarks/

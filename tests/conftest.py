@@ -1,4 +1,4 @@
-"""What every test shares: no display, Ctrl-C as ever, and hypothesis without deadlines, repeatable in CI."""
+"""What every test shares: no display, Ctrl-C as ever, and hypothesis without deadlines, with the same examples each time."""
 
 from __future__ import annotations
 
@@ -8,12 +8,17 @@ import signal
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 
 # No clock decides a test: neither a deadline, nor how long examples take to draw.
 UNTIMED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
-settings.register_profile("local", **UNTIMED)
-settings.register_profile("ci", **UNTIMED, derandomize=True)
-settings.load_profile("ci" if os.environ.get("CI") else "local")
+settings.register_profile("repeatable", **UNTIMED, derandomize=True)
+settings.register_profile("fuzz", **UNTIMED, print_blob=True)  # chosen by --hypothesis-profile, see fuzz.py
+settings.load_profile("repeatable")
+
+# Hypothesis draws some numbers from the source of the modules that happen to be loaded. Which these are depends on the
+# tests that ran before in the same process, and so would the examples. tests/test_repeatable.py shows that this holds.
+providers.is_local_module_file = lambda path: False
 
 # Started from a background job the tests inherit an ignored SIGINT, and would pass it on to the commands they start.
 signal.signal(signal.SIGINT, signal.default_int_handler)

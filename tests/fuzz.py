@@ -1,0 +1,71 @@
+"""Run every property of the tests with fresh seeds, round after round, until the minutes are over.
+
+    make fuzz MINUTES=30
+    .venv/bin/python tests/fuzz.py 30 tests/geometry -k polygon     further arguments are pytest's
+
+A property that fails is shrunk, listed at the end with the command that repeats it, and left out of the rounds that
+follow; hypothesis keeps its smallest example in .hypothesis/examples, and damaged files stay in .hypothesis/kept.
+Ctrl-C ends the exploration as the end of the time does. Exit codes are pytest's: 0 nothing found, 1 found, 2 Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import itertools
+import random
+import sys
+import time
+
+import pytest
+
+OPTIONS = (
+    "-m",
+    "hypothesis and not slow",
+    "--hypothesis-profile=fuzz",
+    "-o",
+    "faulthandler_timeout=300",
+    "-p",
+    "no:xdist",
+)
+
+
+class Rounds:
+    """A pytest plugin that runs the collected tests again and again, in a new order each time."""
+
+    def __init__(self, minutes: float) -> None:
+        self.seconds = 60.0 * minutes
+        self.found: list[str] = []
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtestloop(self, session: pytest.Session) -> bool | None:
+        if session.testsfailed or session.config.option.collectonly:
+            return None
+        write = session.config.get_terminal_writer().line
+        modules = {item.path: [each for each in session.items if each.path == item.path] for item in session.items}
+        end = time.monotonic() + self.seconds
+        for number in itertools.count(1):
+            order = [item for path in random.sample(list(modules), len(modules)) for item in modules[path]]
+            order = [item for item in order if item.nodeid not in self.found]
+            if not order:
+                return True
+            write()
+            left = (end - time.monotonic()) / 60.0
+            write(f"round {number}: {len(order)} properties, {left:.1f} minutes left, {len(self.found)} found")
+            for item, following in itertools.pairwise([*order, None]):
+                item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+                if time.monotonic() >= end:
+                    return True
+        return True
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed and report.nodeid not in self.found:
+            self.found.append(report.nodeid)
+            print(f"found: {report.nodeid}", flush=True)
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        terminalreporter.section(f"{len(self.found)} properties fail")
+        for nodeid in self.found:
+            terminalreporter.line(f"repeat: .venv/bin/pytest --hypothesis-profile=fuzz '{nodeid}'")
+
+
+if __name__ == "__main__":
+    sys.exit(pytest.main([*OPTIONS, *sys.argv[2:]], plugins=[Rounds(float(sys.argv[1]))]))
