@@ -1,4 +1,4 @@
-"""What every test shares: no display, Ctrl-C as ever, and hypothesis without deadlines, with the same examples each time."""
+"""What every test shares: no display, Ctrl-C as ever, and hypothesis without deadlines and with the same examples."""
 
 from __future__ import annotations
 
