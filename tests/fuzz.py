@@ -5,13 +5,16 @@
 
 A property that fails is shrunk, listed at the end with the command that repeats it, and left out of the rounds that
 follow; hypothesis keeps its smallest example in .hypothesis/examples, and damaged files stay in .hypothesis/kept.
-Ctrl-C ends the exploration as the end of the time does. Exit codes are pytest's: 0 nothing found, 1 found, 2 Ctrl-C.
+Ctrl-C ends the exploration after the property that is running, as the end of the time does; a second one at once.
+Exit codes are pytest's: 0 nothing found, 1 something found, 2 ended by the second Ctrl-C.
 """
 
 from __future__ import annotations
 
 import itertools
+import os
 import random
+import signal
 import sys
 import time
 
@@ -34,32 +37,40 @@ class Rounds:
     def __init__(self, minutes: float) -> None:
         self.seconds = 60.0 * minutes
         self.found: list[str] = []
+        self.stopped = False
+        self.terminal = os.dup(2)  # what tests print is caught
+
+    def interrupted(self, *_: object) -> None:
+        """Not an exception: a command that is being tested would take it for its own."""
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        self.stopped = True
+        os.write(self.terminal, b"\ninterrupted: ending after this property; Ctrl-C again ends at once\n")
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> bool | None:
         if session.testsfailed or session.config.option.collectonly:
             return None
-        write = session.config.get_terminal_writer().line
+        self.write = session.config.get_terminal_writer().line
         modules = {item.path: [each for each in session.items if each.path == item.path] for item in session.items}
         end = time.monotonic() + self.seconds
+        signal.signal(signal.SIGINT, self.interrupted)
         for number in itertools.count(1):
             order = [item for path in random.sample(list(modules), len(modules)) for item in modules[path]]
             order = [item for item in order if item.nodeid not in self.found]
             if not order:
                 return True
-            write()
             left = (end - time.monotonic()) / 60.0
-            write(f"round {number}: {len(order)} properties, {left:.1f} minutes left, {len(self.found)} found")
+            self.write(f"\nround {number}: {len(order)} properties, {left:.1f} minutes left, {len(self.found)} found")
             for item, following in itertools.pairwise([*order, None]):
                 item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
-                if time.monotonic() >= end:
+                if self.stopped or time.monotonic() >= end:
                     return True
         return True
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.failed and report.nodeid not in self.found:
             self.found.append(report.nodeid)
-            print(f"found: {report.nodeid}", flush=True)
+            self.write(f"found: {report.nodeid}", flush=True)
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         terminalreporter.section(f"{len(self.found)} properties fail")
