@@ -56,7 +56,7 @@ class Correspondence(NamedTuple):
     """Where the boundary goes: a table of FINE steps from each node to the next, and the first again after one turn.
 
     `z` (n,) are the nodes, complex, m, relative to the `centre` (2,), m; `angles` (m + 1,), rad, never fall; `slopes`
-    (m + 1,) are their derivatives by table step, `density` (n,) those at the nodes by node, as solved for, and `lengths`
+    (m + 1,) are their derivatives by table step, `density` (n,) those at the nodes by node, and `lengths`
     (m + 1,), m, the arc lengths of the entries.
     """
 

@@ -298,7 +298,7 @@ def test_exhausted_precision_is_refused_with_number_and_place(model: Model) -> N
 
 @all_shapes
 def test_the_centre_balances_the_arc_length_on_the_circle(name: str) -> None:
-    """Seen from the centre the mean of f over the boundary's arc length is zero; the densest sample decides how well."""
+    """Seen from the centre the mean of f over the boundary's arc length is zero."""
     made = MAPS[name]
     curve = made.curve
     s = (np.arange(20_000) + 0.5) / 20_000 * curve.length
@@ -399,5 +399,5 @@ def test_a_map_knows_what_it_is() -> None:
     ids=["200 lobes", "160 vertices", "80 tips"],
 )
 def test_too_much_detail_is_refused(model: Model) -> None:
-    with pytest.raises(RefusalError, match="resolved|crowds|pieces"):
+    with pytest.raises(RefusalError, match=r"resolved|crowds|pieces"):
         conformal_map(model.curve)
