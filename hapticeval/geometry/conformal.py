@@ -18,7 +18,16 @@ from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry import conformal_kernels as kernels
 from hapticeval.geometry.conformal_nodes import parameters_at, smooth
-from hapticeval.geometry.conformal_solver import ARCS, FINE, ROUNDING, Correspondence, change, correspondences
+from hapticeval.geometry.conformal_solver import (
+    ARCS,
+    FINE,
+    ROUNDING,
+    Correspondence,
+    balanced,
+    change,
+    correspondence,
+    system_of,
+)
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.validate import checked_points
 from hapticeval.types import Array
@@ -33,10 +42,10 @@ BLUR_SHARE = 0.01
 """Blur, as a share of the curve's extent, beyond which the map is refused."""
 
 OUTLINE = 513
-"""Points of the outline of which the pole of inaccessibility is found."""
+"""Points of the outline inside which the search for the centre starts."""
 
-TIE = 1.1
-"""The pole of inaccessibility takes the origin's place only if it crowds less by this factor."""
+DEEP_ENOUGH = 0.01
+"""Depth of the outline's centroid, as a share of the greatest depth, from which on the search starts there."""
 
 
 class CrowdingError(RefusalError):
@@ -109,21 +118,24 @@ def conformal_map(curve: Curve, *, nodes: int | None = None, centre: Sequence[fl
 
     The `nodes` on the boundary are doubled until densities change by less than a twentieth of themselves, or are as
     many as given (rounded down to a multiple of four on each piece). The `centre` (m) is the one singular point of the
-    projection; without it, it is the origin, if that is inside, or the pole of inaccessibility, whichever crowds less.
-    Given numbers of nodes are used even where they resolve little; `error` and `blur` then say so.
+    projection; without it, it is the conformal barycentre of the boundary's arc length, which moves with the shape
+    wherever it is and however it is turned (see `conformal_solver`). Given numbers of nodes are used even where they
+    resolve little; `error` and `blur` then show it.
 
-    Raises `CrowdingError` where double precision is exhausted, and `InputError` for an unbounded curve, for a centre
-    that is not inside, for numbers of nodes that are no use, and for outlines of more detail than 2560 nodes resolve.
+    Raises `CrowdingError` where double precision is exhausted, `RefusalError` for outlines of more detail than 2560
+    nodes resolve, and `InputError` for an unbounded curve, for a centre that is not inside, and for numbers of nodes
+    that are no use.
     """
     if not curve.closed:
         raise InputError(f"curve '{curve.name}' is unbounded", why="its inside is a half-plane and not a disk")
-    centres = _centres(curve, centre)
     counts = _counts(curve, nodes)
-    coarse = correspondences(curve, counts[0] // 2, centres)
+    given = None if centre is None else _inside(curve, centre)
+    start = _start(curve) if given is None else given
+    coarse = system_of(curve, counts[0] // 2)
     for n in counts:
-        fine = correspondences(curve, n, centres)
-        maps = [_measured(curve, *pair) for pair in zip(coarse, fine, strict=True)]
-        best = maps[0] if maps[0].crowding <= TIE * maps[-1].crowding else maps[-1]
+        fine = system_of(curve, n)
+        found = balanced(fine, start) if given is None else correspondence(fine, given)
+        best = _measured(curve, correspondence(coarse, found.centre), found)
         if best.error <= TOLERANCE:
             break
         coarse = fine
@@ -132,7 +144,7 @@ def conformal_map(curve: Curve, *, nodes: int | None = None, centre: Sequence[fl
     if best.blur > BLUR_SHARE * max(xmax - xmin, ymax - ymin) and (resolved or nodes is None):
         raise CrowdingError(curve.name, best.crowding, best.blur, best.blurred_at)
     if not resolved and nodes is None:
-        raise InputError(
+        raise RefusalError(
             f"the conformal map of '{curve.name}' is not resolved by {best.nodes} boundary nodes",
             why=f"the last doubling changed boundary densities by {best.error:.2g} of themselves",
             todo="simplify the outline, or use the minimum-distance or constraint renderer",
@@ -176,20 +188,33 @@ def _measured(curve: Curve, coarse: Correspondence, found: Correspondence) -> Co
     )
 
 
-def _centres(curve: Curve, centre: Sequence[float] | None) -> list[Array]:
-    """Where f may be zero: as given, or the origin, if it is inside, and the pole of inaccessibility."""
-    if centre is not None:
-        point = checked_points([centre], "centre")[0]
-        if not curve.contains([point])[0]:
-            raise InputError(f"centre ({point[0]:g}, {point[1]:g}) m is not inside curve '{curve.name}'")
-        return [point]
+def _inside(curve: Curve, centre: Sequence[float]) -> Array:
+    """The given centre (2,), m, which must be inside."""
+    point = checked_points([centre], "centre")[0]
+    if not curve.contains([point])[0]:
+        raise InputError(f"centre ({point[0]:g}, {point[1]:g}) m is not inside curve '{curve.name}'")
+    return np.asarray(point)
+
+
+def _start(curve: Curve) -> Array:
+    """A point (2,), m, well inside, to look for the centre from: the outline's centroid, or the deepest point."""
     from shapely import Polygon
     from shapely.ops import polylabel
 
+    # about a point of the outline: far from the origin the search would stop at the rounding of coordinates
+    outline = curve.outline(OUTLINE)
+    polygon = Polygon(outline - outline[0])
     xmin, ymin, xmax, ymax = curve.bounds
-    pole = polylabel(Polygon(curve.outline(OUTLINE)), 0.005 * min(xmax - xmin, ymax - ymin))
-    found = np.array([[0.0, 0.0], [pole.x, pole.y]])
-    return list(found[curve.contains(found)])
+    deepest = polylabel(polygon, 0.05 * min(xmax - xmin, ymax - ymin))
+    found = outline[0] + np.array([[point.x, point.y] for point in (polygon.exterior.centroid, deepest)])
+    depths = -curve.signed_distance(found)
+    if depths[1] <= 0.0:
+        raise RefusalError(
+            f"the conformal map of '{curve.name}' has no centre to start from",
+            why=f"the body is too thin for an outline of {OUTLINE} points",
+            todo="simplify the outline, or use the minimum-distance or constraint renderer",
+        )
+    return np.asarray(found[0] if depths[0] > DEEP_ENOUGH * depths[1] else found[1])
 
 
 def _counts(curve: Curve, nodes: int | None) -> list[int]:
@@ -204,7 +229,7 @@ def _counts(curve: Curve, nodes: int | None) -> list[int]:
             )
         return [count]
     if fewest > MOST:
-        raise InputError(
+        raise RefusalError(
             f"curve '{curve.name}' has {pieces} pieces",
             why=f"the conformal map takes at least {PIECE} boundary nodes on each, and at most {MOST} in all",
             todo="simplify the outline, or use the minimum-distance or constraint renderer",

@@ -8,20 +8,27 @@ normal components outside gives an equation of the second kind, whose kernel is 
 
 solved by Nyström's method. Its unknown is a density that is positive and small where the boundary crowds, and so it is
 found there with far more digits than if it were the difference of angles of order one.
+
+The centre c is the conformal barycentre of the boundary's arc length: the one point from which the mean of exp(iΘ) over
+the arc length is zero (Douady and Earle, Acta Math. 157, 1986). It minimises the relative entropy of the harmonic
+measure seen from c to the arc length, so it balances the crowding of all parts of the boundary. It is defined by the
+shape alone, without coordinates. A function that is convex along hyperbolic lines has one minimum: there is no tie to
+break, as there is between the two lobes of a dumbbell for the pole of inaccessibility or the largest conformal radius.
+So the centre moves with the shape under turns, mirror images, shifts and changes of size.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import lu_factor, lu_solve
 
 from hapticeval.compiled import for_kernels
 from hapticeval.geometry.conformal_kernels import matrix
 from hapticeval.geometry.conformal_nodes import Complex, Nodes, nodes_of, parameters_at
 from hapticeval.geometry.curve import Curve
-from hapticeval.types import Array
+from hapticeval.types import Array, IntArray
 
 FINE = 8
 """Steps of the table of boundary angles from one node to the next."""
@@ -35,12 +42,22 @@ ARCS = 1024
 NOISE = 100.0 * ROUNDING
 """Change (rad) of an arc's share of the circle that may be rounding: the arc is at the end of many sums."""
 
+STEPS = 100
+"""Newton steps to the centre after which it is where it is: ten are common."""
+
+FARTHEST = 0.8
+"""Longest step to the centre, on the disk: there the formula of the way back still has all digits it needs."""
+
+SETTLED, SLOW = 1e-17, 1e-9
+"""Step, as a share of the length, that is rounding; and that on the disk below which steps that do not halve are."""
+
 
 class Correspondence(NamedTuple):
     """Where the boundary goes: a table of FINE steps from each node to the next, and the first again after one turn.
 
     `z` (n,) are the nodes, complex, m, relative to the `centre` (2,), m; `angles` (m + 1,), rad, never fall; `slopes`
-    (m + 1,) are their derivatives by table step, and `lengths` (m + 1,), m, the arc lengths of the entries.
+    (m + 1,) are their derivatives by table step, `density` (n,) those at the nodes by node, and `lengths`
+    (m + 1,), m, the arc lengths of the entries.
     """
 
     nodes: Nodes
@@ -48,22 +65,70 @@ class Correspondence(NamedTuple):
     z: Complex
     angles: Array
     slopes: Array
+    density: Array
     lengths: Array
 
 
-def correspondences(curve: Curve, n: int, centres: Sequence[Array]) -> list[Correspondence]:
-    """The integral equation solved on `n` nodes for each of the centres (2,), m."""
+class System(NamedTuple):
+    """The integral equation of a closed curve on its `nodes`: the `factors` of its matrix serve every centre.
+
+    `lengths` (m + 1,), m, are the arc lengths of the entries of the tables of boundary angles.
+    """
+
+    curve: Curve
+    nodes: Nodes
+    factors: tuple[Array, IntArray]
+    lengths: Array
+
+
+def system_of(curve: Curve, n: int) -> System:
+    """The integral equation on `n` nodes, its matrix factored."""
     nodes = nodes_of(curve, n)
     steps = np.arange(n * FINE) / FINE
     lengths = np.append(curve.arc_length(parameters_at(for_kernels(curve.pieces), n, nodes.per_piece, steps)), 0.0)
     lengths[1:][lengths[1:] <= lengths[0]] += curve.length  # the last half step of a graded curve is on its first piece
-    seen = [nodes.anchors - complex(*centre) + nodes.offsets for centre in centres]
-    sides = np.column_stack([(nodes.steps / z).imag for z in seen])
-    densities = np.linalg.solve(matrix(nodes.anchors, nodes.offsets, nodes.steps), sides)
-    return [
-        Correspondence(nodes, centre, z, *_integrated(density, z), lengths)
-        for centre, z, density in zip(centres, seen, densities.T, strict=True)
-    ]
+    return System(curve, nodes, lu_factor(matrix(nodes.anchors, nodes.offsets, nodes.steps)), lengths)
+
+
+def correspondence(system: System, centre: Array) -> Correspondence:
+    """The integral equation solved for the centre (2,), m."""
+    nodes = system.nodes
+    z = nodes.anchors - complex(*centre) + nodes.offsets
+    density = lu_solve(system.factors, (nodes.steps / z).imag)
+    return Correspondence(nodes, centre, z, *_integrated(density, z), density, system.lengths)
+
+
+def balanced(system: System, start: Array) -> Correspondence:
+    """The integral equation solved for the conformal barycentre of the arc length, looked for from `start` (2,), m.
+
+    Newton's method on the disk, shortened until the relative entropy falls and the centre is inside. It ends where
+    steps are rounding; or where they no longer shrink, on shapes that crowd so much that no map will come of it.
+    """
+    weights = np.abs(system.nodes.steps) / np.sum(np.abs(system.nodes.steps))
+    tiny = SETTLED * system.curve.length
+    found, last = correspondence(system, start), np.inf
+    for _ in range(STEPS):
+        circle = np.exp(1j * found.angles[:-1:FINE])
+        first, second = np.sum(weights * circle), np.sum(weights * circle**2)
+        w = (first + np.conj(first) * second) / (1.0 - abs(second) ** 2)
+        w *= min(1.0, FARTHEST / max(abs(w), FARTHEST))
+        while abs(w) > SLOW and np.sum(weights * np.log(np.abs(circle - w) ** 2 / (1.0 - abs(w) ** 2))) > 0.0:
+            w *= 0.5
+        if abs(w) < SLOW and abs(w) >= 0.5 * last:
+            break
+        harmonic = np.maximum(found.density, 0.0)
+        seen = harmonic * circle / (circle - w)
+        move = np.sum(seen * found.z) / np.sum(seen) - np.sum(harmonic * found.z) / np.sum(harmonic)
+        while abs(move) > tiny and not system.curve.contains([_moved(found.centre, move)])[0]:
+            move *= 0.5
+        if abs(move) <= tiny:
+            break
+        found, last = correspondence(system, _moved(found.centre, move)), abs(w)
+    return found
+
+
+def _moved(point: Array, move: complex) -> Array:
+    return point + np.array([move.real, move.imag])
 
 
 def _integrated(density: Array, z: Complex) -> tuple[Array, Array]:

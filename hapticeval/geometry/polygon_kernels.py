@@ -23,8 +23,11 @@ from hapticeval.types import Array, IntArray
 
 LEAF = 8
 DEPTH = 128
-TOUCH = 1e-12
-"""A point this close to an edge, in parts of the polygon's extent, is on it."""
+TOUCH, ROUNDING = 1e-12, 2e-15
+"""A point this close to an edge, in parts of the polygon's extent and of its distance from the origin, is on it.
+
+The second is the rounding of coordinates and of a few sums of them: far from the origin it is the larger one.
+"""
 
 
 @compiled
@@ -187,6 +190,39 @@ def _enters(vertices: Array, vertex: int, x1: float, y1: float) -> int:
 
 
 @compiled
+def _ahead(vertices: Array, vertex: int, touch: float, x: float, y: float, x1: float, y1: float) -> bool:
+    """Whether a segment from (x, y) to (x1, y1) passes a vertex ahead of it within `touch`."""
+    dx, dy = x1 - x, y1 - y
+    length = math.hypot(dx, dy)
+    px, py = vertices[vertex, 0] - x, vertices[vertex, 1] - y
+    along = px * dx + py * dy
+    return touch * length < along < length * length and abs(px * dy - py * dx) <= touch * length
+
+
+@compiled
+def _slides_into(vertices: Array, vertex: int, touch: float, x1: float, y1: float) -> tuple[int, int]:
+    """The (edge, vertex) at which a segment that passes `vertex` goes inside, there or after edges that it runs along.
+
+    An edge that lies on the segment within `touch` is no crossing, but its end may be: at a concave vertex the segment
+    runs on into the inside. (-1, -1) if it does not go inside.
+    """
+    n = vertices.shape[0]
+    for _ in range(n):
+        edge = _enters(vertices, vertex, x1, y1)
+        if edge >= 0:
+            return edge, vertex
+        after, before = (vertex + 1 if vertex + 1 < n else 0), (vertex - 1 if vertex > 0 else n - 1)
+        x, y = vertices[vertex, 0], vertices[vertex, 1]
+        if _ahead(vertices, after, touch, x, y, x1, y1):
+            vertex = after
+        elif _ahead(vertices, before, touch, x, y, x1, y1):
+            vertex = before
+        else:
+            break
+    return -1, -1
+
+
+@compiled
 def _share(vertices: Array, k: int, x: float, y: float) -> float:
     """Where along edge k, in [0, 1], a point on it is."""
     following = k + 1 if k + 1 < vertices.shape[0] else 0
@@ -213,20 +249,28 @@ def first_crossing_kernel(
         return -1, 0.0, 0.0
     start, _, distance2 = nearest_kernel(vertices, tree, x0, y0)
     distance = math.sqrt(distance2)
-    touch = TOUCH * (abs(tree[1, 0]) + abs(tree[1, 1]) + tree[1, 5])
+    touch = TOUCH * tree[1, 5] + ROUNDING * (abs(tree[1, 0]) + abs(tree[1, 1]))
     if distance > length + touch:
         return -1, 0.0, 0.0
     on_outline = distance <= touch
     if on_outline:
         vertex = _vertex_at(vertices, start, touch, x0, y0)
-        if vertex >= 0:
-            edge = _enters(vertices, vertex, x1, y1)
-        else:
+        passes = vertex
+        if vertex < 0:
             following = start + 1 if start + 1 < n else 0
             ax, ay, bx, by = vertices[start, 0], vertices[start, 1], vertices[following, 0], vertices[following, 1]
-            edge = start if _side(ax, ay, bx, by, x1, y1) > 0.0 else -1
-        if edge >= 0:
-            return edge, _share(vertices, edge, x0, y0), 0.0
+            if _side(ax, ay, bx, by, x1, y1) > 0.0:
+                return start, _share(vertices, start, x0, y0), 0.0
+            for end in (start, following):
+                if _ahead(vertices, end, touch, x0, y0, x1, y1):
+                    passes = end
+        if passes >= 0:
+            edge, entrance = _slides_into(vertices, passes, touch, x1, y1)
+            if edge >= 0 and entrance == vertex:
+                return edge, _share(vertices, edge, x0, y0), 0.0
+            if edge >= 0:
+                along = (vertices[entrance, 0] - x0) * sx + (vertices[entrance, 1] - y0) * sy
+                return edge, (0.0 if edge == entrance else 1.0), along / (length * length)
     best, best_edge, best_t = np.inf, -1, 0.0
     nodes = np.empty(DEPTH, np.int64)
     nodes[0] = 1
@@ -267,10 +311,15 @@ def first_crossing_kernel(
                 edge, t = k, a_side / (a_side - b_side)
                 vertex = _vertex_at(vertices, k, touch, ax + t * (bx - ax), ay + t * (by - ay))
                 if vertex >= 0:
-                    edge = _enters(vertices, vertex, x1, y1)
+                    edge, entrance = _slides_into(vertices, vertex, touch, x1, y1)
                     if edge < 0:
                         continue  # it only touches the vertex
-                    t = 0.0 if edge == vertex else 1.0
+                    t = 0.0 if edge == entrance else 1.0
+                    if entrance != vertex:
+                        along = (vertices[entrance, 0] - x0) * sx + (vertices[entrance, 1] - y0) * sy
+                        fraction = along / (length * length)
+                        if fraction >= best:
+                            continue
                 best, best_edge, best_t = fraction, edge, t
     if best_edge < 0:
         edge, along, distance2 = nearest_kernel(vertices, tree, x1, y1)

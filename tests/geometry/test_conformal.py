@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import ellipj, ellipk
 
-from hapticeval.errors import InputError
+from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
 from hapticeval.geometry.conformal import ConformalMap, CrowdingError, conformal_map
 from hapticeval.geometry.conformal_kernels import matrix
@@ -274,7 +274,7 @@ def test_crowding_is_where_the_far_ends_are() -> None:
 def test_a_dumbbell_that_the_flow_splits_is_mapped(neck: float) -> None:
     model = dumbbell(neck=neck)
     made = conformal_map(model.curve)
-    np.testing.assert_array_equal(made.centre, 0.0)
+    np.testing.assert_allclose(made.centre, 0.0, atol=1e-15)
     points = inside(model.curve, 300, depth=1e-3)
     ihips = model.curve.position(made.surface(made.to_angle(points)))
     far = np.abs(points[:, 0]) > 0.05
@@ -296,10 +296,36 @@ def test_exhausted_precision_is_refused_with_number_and_place(model: Model) -> N
     assert "minimum-distance" in error.todo
 
 
-def test_the_centre_that_crowds_less_is_taken() -> None:
+@all_shapes
+def test_the_centre_balances_the_arc_length_on_the_circle(name: str) -> None:
+    """Seen from the centre the mean of f over the boundary's arc length is zero."""
+    made = MAPS[name]
+    curve = made.curve
+    s = (np.arange(20_000) + 0.5) / 20_000 * curve.length
+    balance = np.mean(as_complex(made.to_disk(curve.position(curve.parameter(s)))))
+    assert abs(balance) < 2e-6
+
+
+def test_no_other_centre_has_less_entropy() -> None:
+    """The mean of log(dΘ/ds) over the arc length is largest at the centre, and falls away from it."""
+    curve = SHAPES["L"].curve
+
+    def entropy(centre: Array | None) -> float:
+        made = conformal_map(curve, nodes=768, centre=centre)
+        cuts = np.linspace(0.0, curve.length, 2001)[1:-1]
+        images = as_complex(made.to_disk(curve.position(curve.parameter(cuts))))
+        return float(np.mean(np.log(np.angle(images[1:] / images[:-1]))))
+
+    centre = MAPS["L"].centre
+    best = entropy(centre)
+    for offset in 2e-3 * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]):
+        assert entropy(centre + offset) < best - 1e-4
+
+
+def test_an_origin_near_the_edge_is_no_centre() -> None:
     shifted = from_vertices(np.array([[-0.008, -0.05], [0.1, -0.05], [0.1, 0.05], [-0.008, 0.05]]))
     made = conformal_map(shifted.curve)
-    assert made.centre[0] > 0.02
+    np.testing.assert_allclose(made.centre, [0.046, 0.0], atol=1e-15)
     forced = conformal_map(shifted.curve, centre=(0.0, 0.0))
     assert forced.crowding > 10.0 * made.crowding
 
@@ -361,3 +387,17 @@ def test_a_map_knows_what_it_is() -> None:
     assert isinstance(made, ConformalMap)
     assert made.nodes == 256
     assert made.error < 1e-5
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        cassinian(lobes=200, a_n=1.5),
+        from_vertices(cassinian().polygon(160).vertices),
+        from_vertices(star(80).polygon().vertices),
+    ],
+    ids=["200 lobes", "160 vertices", "80 tips"],
+)
+def test_too_much_detail_is_refused(model: Model) -> None:
+    with pytest.raises(RefusalError, match=r"resolved|crowds|pieces"):
+        conformal_map(model.curve)

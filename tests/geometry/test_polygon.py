@@ -189,8 +189,44 @@ class TestFirstCrossing:
         assert 0.0 <= fraction <= 1.0
         assert np.hypot(*(polygon.vertices[edge] + t * polygon.edges[edge] - place)) <= 10 * rounding
         if deep:
-            first = min(np.min(np.hypot(*(shapely.get_coordinates(part) - start).T)) for part in deep)
-            assert np.hypot(*(place - start)) <= first + 1e-8 * extent
+            first = min(deep, key=lambda part: np.min(np.hypot(*(shapely.get_coordinates(part) - start).T)))
+            assert np.hypot(*(place - start)) <= self.deep_from(polygon, start, first, rounding) + 1e-8 * extent
+
+    def deep_from(self, polygon: Polygon, start: np.ndarray, part: shapely.LineString, rounding: float) -> float:
+        """How far from `start` a part of a segment is deeper than rounding: it may run along an edge before that."""
+        ends = shapely.get_coordinates(part)
+        near, far = sorted(np.hypot(*(ends - start).T))
+        places = np.linspace(near, far, 401)
+        way = (ends - start)[np.argmax(np.hypot(*(ends - start).T))] / far
+        k = int(np.argmax(polygon.signed_distance(start + places[:, None] * way) < -rounding))
+        low, high = places[max(k - 1, 0)], places[k]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            deep = polygon.signed_distance([start + middle * way])[0] < -rounding
+            low, high = (low, middle) if deep else (middle, high)
+        return float(high)
+
+    def test_along_an_edge_and_on(self):
+        """What runs along an edge to its end, within rounding, goes inside there if the vertex is concave."""
+        rng = np.random.default_rng(7)
+        for _ in range(4000):
+            polygon = POLYGONS[rng.choice(list(POLYGONS))]
+            edge = rng.integers(len(polygon.vertices))
+            noise = rng.choice([0.0, 1.0]) * 10.0 ** rng.uniform(-18, -3) * rng.normal(size=2)
+            on, end = polygon.vertices[edge] + np.outer(
+                [rng.choice([0.0, rng.random(), 1.0]), rng.uniform(-1.0, 2.0)], polygon.edges[edge]
+            )
+            self.compare(polygon, on, end + noise)
+
+    @pytest.mark.parametrize("shift", [0.0, 1e6])
+    def test_off_the_end_of_an_edge_into_the_inside(self, shift):
+        polygon = Polygon(np.array(NOTCHED) + shift)
+        for y in (1.0, 2.0):
+            for end in (3.5, 4.5):
+                edge, t, fraction = polygon.first_crossing([1.0 + shift, y + shift], [1.0 + shift, end + shift])
+                assert (edge, t) == (4, 0.0)
+                assert y + fraction * (end - y) == pytest.approx(3.0)
+        assert polygon.first_crossing([1.0 + shift, 1.0 + shift], [1.0 + shift, 2.9 + shift]) is None
 
     def test_thin_part_passed_right_through(self):
         assert POLYGONS["sliver"].first_crossing([1.0, 1.0], [1.0, -1.0])[2] == pytest.approx((1.0 - 1e-6) / 2.0)
