@@ -94,6 +94,21 @@ def resolve(name: str) -> RendererFactory:
     return cast("RendererFactory", variant(**chosen))
 
 
+def resolve_installed(name: str, *, source: str) -> RendererFactory:
+    """The factory behind a name that `source`, a file, gives: an installed entry point and nothing else.
+
+    A file that is read never names code to run: that is for the command line. Raises `InputError` for a name of
+    another kind, and as `resolve` does.
+    """
+    if parse(name).base not in known_renderers():
+        raise InputError(
+            f"{source} names the renderer '{name}', which is not installed",
+            why="a file may name an installed renderer, and never code to import",
+            todo=f"if you trust that code, name it yourself: -r {name}",
+        )
+    return resolve(name)
+
+
 def load(base: str, *, kind: str = "renderer") -> Any:
     """What is called to make what `base` names: `package.module:factory`, or an entry point where it is a renderer.
 

@@ -18,7 +18,7 @@ from hapticeval.errors import DomainError, InputError
 from hapticeval.geometry.model import Model
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Experiment, Hand, Path
-from hapticeval.trajectories import read_path, read_rows
+from hapticeval.trajectories import below, read_path, read_rows
 from hapticeval.types import Array
 
 
@@ -99,7 +99,7 @@ def _force(spec: Mapping[str, Any], folder: FilePath, dimension: int) -> Array:
         if "force" in spec:
             raise InputError("both force and force_file are given", why="they say the same", todo="leave one out")
         return read_rows(
-            folder / str(spec["force_file"]),
+            below(folder, str(spec["force_file"])),
             "force",
             "a time in seconds and newtons",
             ("t", "fx", "fy", "fz"),
@@ -113,7 +113,7 @@ def _force(spec: Mapping[str, Any], folder: FilePath, dimension: int) -> Array:
 def _hand(spec: Mapping[str, Any], folder: FilePath) -> Hand:
     path = spec["path"]
     if "file" in path:
-        desired = read_path(folder / str(path["file"]))
+        desired = read_path(below(folder, str(path["file"])))
     else:
         try:
             points = np.array(path["points"], dtype=np.float64)

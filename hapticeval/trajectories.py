@@ -37,7 +37,7 @@ def build_path(spec: Mapping[str, Any], surface: Curve | Surface, folder: FilePa
     """
     kind = spec["kind"]
     if kind == "file":
-        return read_path(folder / str(spec["path"]))
+        return read_path(below(folder, str(spec["path"])))
     if kind == "points":
         return _at_constant_speed(np.array(spec["points"], dtype=np.float64), spec["duration"])
     if not isinstance(surface, Curve):
@@ -52,6 +52,18 @@ def build_path(spec: Mapping[str, Any], surface: Curve | Surface, folder: FilePa
     else:
         points = _past_corner(surface, spec["corner"], spec["depth"], spec["before"], spec["after"])
     return _at_constant_speed(points, spec["duration"])
+
+
+def below(folder: FilePath, name: str) -> FilePath:
+    """The file that a suite names. Raises `InputError` unless it lies below the suite's folder, links followed."""
+    file = folder / name
+    if not file.resolve().is_relative_to(folder.resolve()):
+        raise InputError(
+            f"the file '{name}' is not below the suite's folder {folder}",
+            why="a suite may come from anyone, and reads no other files of this machine",
+            todo="copy the file beside the suite",
+        )
+    return file
 
 
 def read_path(file: FilePath) -> Path:

@@ -25,6 +25,11 @@ MappingFile = Annotated[
         show_default=False,
     ),
 ]
+MemoryLimit = Annotated[
+    float,
+    typer.Option("--memory-limit", metavar="GB", help="Refuse a file whose numbers would take more.", min=0.0),
+]
+
 FormatName = Annotated[
     str | None,
     typer.Option(

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hapticeval.commands.arguments import FormatName, MappingFile
+from hapticeval.commands.arguments import FormatName, MappingFile, MemoryLimit
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.output import say
+from hapticeval.recordings.memory import LIMIT
 
 if TYPE_CHECKING:
     from hapticeval.geometry.curve import Curve
@@ -49,6 +50,7 @@ def compare(
     ] = False,
     mapping: MappingFile = None,
     format_: FormatName = None,
+    memory_limit: MemoryLimit = LIMIT,
     directory: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Where table and figure go.")
     ] = Path(),
@@ -71,11 +73,13 @@ def compare(
     """
     from hapticeval.recordings.abscissa import Abscissa
     from hapticeval.recordings.alignment import align
+    from hapticeval.recordings.memory import limited
     from hapticeval.recordings.spread import bands
     from hapticeval.recordings.spread import compare as compared
     from hapticeval.reports.spread_figure import summary, write_spread
 
-    runs = [_run(each, mapping, format_) for each in files]
+    with limited(memory_limit):
+        runs = [_run(each, mapping, format_) for each in files]
     abscissa = Abscissa(by, centre=_centre(centre), curve=_curve(model, runs))
     aligned = align(runs, abscissa, split=split)
     refused: HapticevalError | None = None

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from hapticeval.commands.arguments import FormatName, MappingFile
+from hapticeval.commands.arguments import FormatName, MappingFile, MemoryLimit
 from hapticeval.output import say
+from hapticeval.recordings.memory import LIMIT
 
 EXIT_CODES = """\b
 Exit codes:
@@ -25,6 +26,7 @@ def convert(
     ],
     mapping: MappingFile = None,
     format_: FormatName = None,
+    memory_limit: MemoryLimit = LIMIT,
     salvage: Annotated[
         bool, typer.Option("--salvage", help="Of a recording that is cut short or damaged take what is whole.")
     ] = False,
@@ -43,10 +45,12 @@ def convert(
     from hapticeval.hardware.logs import load
     from hapticeval.recordings.export import export, refuse_existing
     from hapticeval.recordings.losses import incomplete
+    from hapticeval.recordings.memory import limited
     from hapticeval.recordings.tell import converted
 
     refuse_existing(output)
-    recording = load(file, mapping=mapping, format=format_, salvaging=salvage)
+    with limited(memory_limit):
+        recording = load(file, mapping=mapping, format=format_, salvaging=salvage)
     export(output, recording)
     say(f"{converted(recording)}\nwrote {output}")
     raise typer.Exit(int(incomplete(recording)))

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hapticeval.commands.arguments import FormatName, MappingFile
+from hapticeval.commands.arguments import FormatName, MappingFile, MemoryLimit
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.output import say
+from hapticeval.recordings.memory import LIMIT
 
 if TYPE_CHECKING:
     from hapticeval.recordings.formats import Table
@@ -35,6 +36,7 @@ def inspect(
         typer.Option("--write-mapping", metavar="TOML", help="Write the proposed mapping here.", show_default=False),
     ] = None,
     format_: FormatName = None,
+    memory_limit: MemoryLimit = LIMIT,
     model: Annotated[
         str | None,
         typer.Option("--model", metavar="MODEL", help="What was touched, as in circle:size=0.2.", show_default=False),
@@ -64,11 +66,13 @@ def inspect(
     from hapticeval.hardware.logs import load
     from hapticeval.recordings.formats import read_table
     from hapticeval.recordings.loading import is_ours
+    from hapticeval.recordings.memory import limited
 
-    if mapping is None and not is_ours(file):
-        raise typer.Exit(_foreign(read_table(file, format=format_), file, write_mapping))
-    recording = load(file, mapping=mapping, format=format_, salvaging=True)
-    others = {other.name: load(other, mapping=None if is_ours(other) else mapping) for other in against or []}
+    with limited(memory_limit):
+        if mapping is None and not is_ours(file):
+            raise typer.Exit(_foreign(read_table(file, format=format_), file, write_mapping))
+        recording = load(file, mapping=mapping, format=format_, salvaging=True)
+        others = {other.name: load(other, mapping=None if is_ours(other) else mapping) for other in against or []}
     raise typer.Exit(_examined(recording, file, model, stiffness, others, directory))
 
 

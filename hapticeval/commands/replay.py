@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hapticeval.commands.arguments import FormatName, MappingFile
+from hapticeval.commands.arguments import FormatName, MappingFile, MemoryLimit
 from hapticeval.commands.running import report_on, watch
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem
 from hapticeval.output import prepare, say
+from hapticeval.recordings.memory import LIMIT
 
 if TYPE_CHECKING:
     from hapticeval.replay.subject import Subject
@@ -61,6 +62,7 @@ def replay(
     ] = None,
     mapping: MappingFile = None,
     format_: FormatName = None,
+    memory_limit: MemoryLimit = LIMIT,
     directory: Annotated[
         Path | None,
         typer.Option(
@@ -82,6 +84,7 @@ def replay(
     """
     from hapticeval.discovery import own_renderers
     from hapticeval.hardware.logs import load
+    from hapticeval.recordings.memory import limited
     from hapticeval.replay.as_recorded import unsaid
     from hapticeval.replay.subject import subject
 
@@ -93,7 +96,8 @@ def replay(
             why="new results take the place of earlier ones",
             todo="name another folder with -o",
         )
-    recording = load(file, mapping=mapping, format=format_)
+    with limited(memory_limit):
+        recording = load(file, mapping=mapping, format=format_)
     made = subject(
         file, recording, model=_model(model), suite_case=suite_case, scene=scene or (),
         unsaid=unsaid(recording, renderers or ()) if as_recorded else None,

@@ -10,14 +10,11 @@ from numpy.typing import NDArray
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.clock import Clock
-from hapticeval.recordings.cut import SIGNATURE
 from hapticeval.recordings.formats import Table, formats, read_table
 from hapticeval.recordings.formats.registry import first_bytes
-from hapticeval.recordings.hdf5 import DAMAGE, FORMAT, read_recording
-from hapticeval.recordings.losses import LOST
+from hapticeval.recordings.hdf5 import DAMAGE, FORMAT, SIGNATURE, read_recording
 from hapticeval.recordings.mapping import FileMapping, Source, TimeBase, read_mapping
-from hapticeval.recordings.recording import Event, Recording
-from hapticeval.recordings.remains import remains
+from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array, BoolArray, IntArray
 
 
@@ -76,18 +73,19 @@ def convert(table: Table, mapping: FileMapping, *, file: str = "") -> Recording:
     """The recording that a mapping makes of a table.
 
     Rows without a number in a mapped column, and those of `[gaps]`, are kept and marked as not valid; `meta["import"]`
-    counts them. Of a table that is cut short it is made of what `remains`, and events of kind `lost` say what does not.
-    Raises `UnknownNameError` for a column that is not there, with the closest, and `InputError` for
-    columns of different length, for a time that does not increase, and for a channel on another clock.
+    counts them. Raises `UnknownNameError` for a column that is not there, with the closest, and `InputError` for
+    a table without a row, columns of different length or of different topics, a time that does not increase, and a
+    channel on another clock.
     """
-    left = remains(table, mapping)
-    table, mapping = left.table, left.mapping
     first = next(iter(mapping.channels.values())).columns[0]
     stamps, valid = _stamps(table, mapping.time, table.rows(first))
+    if not stamps.size:
+        raise InputError(
+            f"{file or 'the file'} has no row",
+            why=f"the column '{mapping.time.column or first}' is empty",
+            todo="record or copy it again",
+        )
     counts = {"time out of order": int(np.sum(~valid))}
-    if left.short is not None:
-        counts["cut off"] = int(np.sum(left.short & valid))
-        valid &= ~left.short
     channels, signals = {}, {}
     for name, source in mapping.channels.items():
         values = _values(table, mapping, name, source, stamps)
@@ -99,7 +97,7 @@ def convert(table: Table, mapping: FileMapping, *, file: str = "") -> Recording:
     if mapping.gaps is not None:
         column, where = mapping.gaps
         gap = table[column] == where
-        _same_length(column, gap, stamps)
+        _same_clock(table, mapping.time, column, stamps)
         counts["in a gap"] = int(np.sum(gap & valid))
         valid &= ~gap
     if not valid.any():
@@ -125,8 +123,7 @@ def convert(table: Table, mapping: FileMapping, *, file: str = "") -> Recording:
         known = {key: value for key, value in mapping.device.items() if key != "kind"}
         meta |= {"device": mapping.device["kind"], "device_parameters": known}
     clock = Clock(stamps, start=start)
-    events = [Event(float(clock.seconds[-1]), LOST, str(loss)) for loss in left.losses]
-    return Recording.clocked(clock, channels, meta, valid=valid, signals=signals, events=events)
+    return Recording.clocked(clock, channels, meta, valid=valid, signals=signals)
 
 
 def _stamps(table: Table, time: TimeBase, rows: int) -> tuple[IntArray, BoolArray]:
@@ -162,7 +159,13 @@ def _values(table: Table, mapping: FileMapping, name: str, source: Source, stamp
     columns = [table[column] for column in source.columns]
     for column, values in zip(source.columns, columns, strict=True):
         if source.time is None:
-            _same_length(column, values, stamps)
+            _same_clock(table, mapping.time, column, stamps)
+        elif table.topics.get(column) != table.topics.get(source.time) or values.size != table.rows(source.time):
+            raise InputError(
+                f"the clock '{source.time}' of '{name}' is not that of its column '{column}'",
+                why=_lengths(table, column, source.time),
+                todo="name the clock of the same topic",
+            )
     made = [
         factor * values.astype(np.float64) + offset
         for values, factor, offset in zip(columns, source.factor, source.offset, strict=True)
@@ -184,8 +187,8 @@ def _resampled(name: str, source: Source, own: IntArray, values: Array, stamps: 
             why="nothing is re-timed silently",
             todo='say how: resample = "hold" (the latest value) or "linear"',
         )
-    if own.size != values.size or np.any(np.diff(own) <= 0):
-        raise InputError(f"the clock '{source.time}' of '{name}' does not fit its column, or does not increase")
+    if not own.size or np.any(np.diff(own) <= 0):
+        raise InputError(f"the clock '{source.time}' of '{name}' is empty, or does not increase")
     inside = (stamps >= own[0]) & (stamps <= own[-1])
     if source.resample == "hold":
         found = values[np.clip(np.searchsorted(own, stamps, side="right") - 1, 0, own.size - 1)]
@@ -194,10 +197,23 @@ def _resampled(name: str, source: Source, own: IntArray, values: Array, stamps: 
     return np.where(inside, found, np.nan)
 
 
-def _same_length(column: str, values: NDArray[Any], stamps: IntArray) -> None:
-    if values.size != stamps.size:
-        raise InputError(
-            f"the column '{column}' has {values.size} rows, the time has {stamps.size}",
-            why="they were recorded on different clocks",
-            todo='give the channel its own: time = "COLUMN", and resample = "hold" or "linear"',
-        )
+def _same_clock(table: Table, time: TimeBase, column: str, stamps: IntArray) -> None:
+    """Raise `InputError` for a column whose rows are not those of the time: by their number, or by their topic."""
+    rows = table.rows(column)
+    topics = table.topics.get(column), table.topics.get(time.column or "")
+    if rows == stamps.size and (time.column is None or topics[0] == topics[1]):
+        return
+    raise InputError(
+        f"the column '{column}' is not on the clock of the time"
+        + (f" '{time.column}'" if time.column is not None else ""),
+        why=f"it has {rows} rows, the time has {stamps.size}"
+        if rows != stamps.size
+        else f"it is of the topic '{topics[0]}', the time of '{topics[1]}'; as many rows are not the same times",
+        todo='give the channel its own: time = "COLUMN", and resample = "hold" or "linear"',
+    )
+
+
+def _lengths(table: Table, column: str, clock: str) -> str:
+    each = (f"'{name}' has {table.rows(name)} rows" for name in (column, clock))
+    topics = (f"of the topic '{table.topics[name]}'" if name in table.topics else "" for name in (column, clock))
+    return ", ".join(f"{rows} {topic}".strip() for rows, topic in zip(each, topics, strict=True))

@@ -14,13 +14,15 @@ wrong byte can keep the HDF5 library reading for ever. A file holds
     /meta               (m,) uint8: `Recording.meta` as JSON in UTF-8
 
 The rows lie in blocks of `ROWS_A_CHUNK`, all signals of one block before the next, so that a file that is cut short
-keeps whole rows. Version 1, which is read, had the channels beside `/time`, and neither clock nor events.
+keeps whole rows.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
+import struct
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -29,9 +31,15 @@ import numpy as np
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.files import creating, plain, replacing
-from hapticeval.recordings.blocks import read_rows
-from hapticeval.recordings.cut import SIGNATURE
+from hapticeval.recordings.memory import reserve
 from hapticeval.recordings.recording import CHANNELS, Clock, Event, Recording, Signal, among
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+END_OF_FILE = {0: 40, 1: 44, 2: 28, 3: 28}
+"""Where in a superblock of each version the end of the file stands, with offsets of eight bytes."""
+
+WIDTH = {0: 13, 1: 13, 2: 9, 3: 9}
+"""Where the version says how wide an offset is."""
 
 FORMAT = "hapticeval recording"
 FORMAT_VERSION = 2
@@ -156,9 +164,8 @@ def read_recording(path: Path, *, channels: Sequence[str] | None = None, rows: s
     check_signature(path)
     try:
         with h5py.File(path, "r", rdcc_nbytes=0) as file:
-            version = check_format(path, file)
-            read = _Reader(path, file, version, rows)
-            return read.recording(channels)
+            check_format(path, file)
+            return _Reader(path, file, rows).recording(channels)
     except HapticevalError:
         raise
     except DAMAGE as error:
@@ -170,12 +177,11 @@ def read_recording(path: Path, *, channels: Sequence[str] | None = None, rows: s
 class _Reader:
     """An open file, the rows of it that are wanted, and what is in it."""
 
-    def __init__(self, path: Path, file: Any, version: int, rows: slice | None) -> None:
-        self.path, self.file, self.version = path, file, version
-        self.group = file if version == 1 else file["channels"]
+    def __init__(self, path: Path, file: Any, rows: slice | None) -> None:
+        self.path, self.file, self.group = path, file, file["channels"]
         base = file["nanoseconds" if "nanoseconds" in file else "time"]
         self.count = int(base.shape[0])
-        if version > 1 and self.count != int(file.attrs["rows"]):
+        if self.count != int(file.attrs["rows"]):
             raise damaged(path, f"it has {self.count} rows, and says {int(file.attrs['rows'])}")
         begin, end, step = slice(None).indices(self.count) if rows is None else rows.indices(self.count)
         if step != 1 or begin >= end:
@@ -186,16 +192,13 @@ class _Reader:
         self.begin, self.end = begin, end
 
     def recording(self, wanted: Sequence[str] | None) -> Recording:
-        known = [name for name in CHANNELS if name in self.group] if self.version == 1 else list(self.group)
+        known = list(self.group)
         for name in wanted or ():
             if name not in known:
                 raise UnknownNameError(f"channel of {self.path.name}", name, known)
-        if self.version == 1:
-            missing = [name for name in ("hip", "ihip", "force") if name not in known]
-            if missing:
-                raise damaged(self.path, f"it has no channel '{missing[0]}'")
         names = known if wanted is None else list(dict.fromkeys(wanted))
-        signals = {name: read_signal(self.group[name], name, self.version) for name in names}
+        check_inside(self.path, self.file, (self.group[name] for name in names), self.end - self.begin)
+        signals = {name: read_signal(self.group[name], name) for name in names}
         values = {name: self.rows(self.group[name], name, np.float64) for name in names}
         meta = json.loads(bytes(self.file["meta"][:]).decode())
         clock, time = self.clock()
@@ -209,7 +212,7 @@ class _Reader:
             raise damaged(self.path, f"'{name}' is of type {dataset.dtype}, not {np.dtype(dtype)}")
         if dataset.shape[0] != self.count:
             raise damaged(self.path, f"'{name}' has {dataset.shape[0]} rows of {self.count}")
-        values = read_rows(dataset, self.begin, self.end)
+        values = dataset[self.begin : self.end]
         values.flags.writeable = False
         return values
 
@@ -239,7 +242,28 @@ class _Reader:
         return read_events(self.file)
 
 
-def read_signal(dataset: Any, name: str, version: int) -> Signal:
+def check_inside(path: Path, file: Any, channels: Iterable[Any], rows: int) -> None:
+    """Raise `InputError` for a recording whose numbers lie in another file, or take more memory than is allowed."""
+    beside = [file[name] for name in ("time", "nanoseconds", "sequence", "valid", "events", "meta") if name in file]
+    size = 0
+    for dataset in [*channels, *beside]:
+        if dataset.file.id != file.id or lies_elsewhere(dataset):
+            raise InputError(
+                f"{path}: '{dataset.name}' lies in another file",
+                why="hapticeval writes recordings whole, and reads no file that another one names",
+                todo="record it again, or copy the numbers into one file",
+            )
+        count = dataset.shape[0] if dataset.name in ("/events", "/meta") else rows
+        size += dataset.dtype.itemsize * count * math.prod(dataset.shape[1:])
+    reserve(size, str(path))
+
+
+def lies_elsewhere(dataset: Any) -> bool:
+    """Whether the numbers of an HDF5 data set are taken from other files, by path: any path of the machine."""
+    return bool(dataset.external) or dataset.is_virtual
+
+
+def read_signal(dataset: Any, name: str) -> Signal:
     """What the attributes of a dataset say it is. Raises `InputError` for a known channel in a unit other than ours."""
     unit = text(dataset, "unit")
     if name in CHANNELS and unit != CHANNELS[name].unit:
@@ -248,8 +272,6 @@ def read_signal(dataset: Any, name: str, version: int) -> Signal:
             why="recordings are in SI units",
             todo="write the file with hapticeval",
         )
-    if version == 1:
-        return CHANNELS[name]
     return Signal(unit or "", *(text(dataset, key) or "" for key in TOLD))
 
 
@@ -277,8 +299,8 @@ def check_signature(path: Path) -> None:
         )
 
 
-def check_format(path: Path, file: Any) -> int:
-    """The format version of an open file. Raises `InputError` for one of somebody else's, or of a later version."""
+def check_format(path: Path, file: Any) -> None:
+    """Raise `InputError` for an open file of somebody else's, or of another version of the format."""
     if text(file, "format") != FORMAT:
         raise InputError(
             f"{path} is an HDF5 file, but not a hapticeval recording",
@@ -286,13 +308,12 @@ def check_format(path: Path, file: Any) -> int:
             todo="give a recording that hapticeval wrote",
         )
     version = int(file.attrs["format_version"])
-    if not 1 <= version <= FORMAT_VERSION:
+    if version != FORMAT_VERSION:
         raise InputError(
-            f"{path} has recording format {version}; this hapticeval reads format 1 to {FORMAT_VERSION}",
+            f"{path} has recording format {version}; this hapticeval reads format {FORMAT_VERSION}",
             why="a newer hapticeval wrote it" if version > FORMAT_VERSION else "no such format was released",
             todo="update hapticeval" if version > FORMAT_VERSION else "record it again",
         )
-    return version
 
 
 def text(holder: Any, name: str) -> str | None:
@@ -308,3 +329,25 @@ def damaged(path: Path, why: str) -> DamagedError:
         why=why,
         todo=f"copy it again; or take what is whole of it: hapticeval convert {path} --salvage -o {path.stem}-whole.h5",
     )
+
+
+def declared_size(path: Path) -> int:
+    """The length of an HDF5 file by its own superblock, in bytes; zero where that does not state it."""
+    with path.open("rb") as opened:
+        head = opened.read(4096 + 64)
+    at = 0
+    while head[at : at + 8] != SIGNATURE:  # what comes before is the user's: nothing, 512 bytes, or twice as many ...
+        at = max(512, 2 * at)
+        if at >= len(head):
+            return 0
+    version = head[at + 8] if at + 8 < len(head) else None
+    if version not in END_OF_FILE or head[at + WIDTH[version] : at + WIDTH[version] + 1] != b"\x08":
+        return 0
+    told = head[at + END_OF_FILE[version] :][:8]
+    return int(struct.unpack("<Q", told)[0]) if len(told) == 8 else 0
+
+
+def ending(path: Path) -> str:
+    """In words, where a file ends before it should; empty where it does not."""
+    size, told = path.stat().st_size, declared_size(path)
+    return f"the file ends at byte {size} of {told}" if size < told else ""

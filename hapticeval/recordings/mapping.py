@@ -119,6 +119,7 @@ def read_mapping(path: Path | str) -> FileMapping:
 def parse_mapping(document: Mapping[str, Any], *, name: str = "the mapping") -> FileMapping:
     """The mapping of a document as TOML gives it. Raises `InputError`, naming the place, for one not complete."""
     _validate(document, name)
+    _check_format(document.get("format"), name)
     gaps, device = document.get("gaps"), document.get("device")
     return FileMapping(
         title=document.get("title", ""),
@@ -132,6 +133,16 @@ def parse_mapping(document: Mapping[str, Any], *, name: str = "the mapping") -> 
         meta=document.get("meta", {}),
         device=device,
     )
+
+
+def _check_format(wanted: str | None, name: str) -> None:
+    """Raise `InputError` for a format that is not installed: a file that is read never names code to run."""
+    if wanted is not None and ":" in wanted:
+        raise InputError(
+            f"{name}: format = '{wanted}' names code",
+            why="a mapping is data: it may name an installed format, and never a function to run",
+            todo=f"take it out of the mapping; if you trust that function, give --format {wanted} yourself",
+        )
 
 
 def _validate(document: Mapping[str, Any], name: str) -> None:

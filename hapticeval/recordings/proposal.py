@@ -60,12 +60,14 @@ def propose(table: Table, *, file: str = "FILE") -> str:
         f"# Channels: {', '.join(CHANNELS)}.",
         '# Any other name says what it is: becomes = "N", meaning = "force of the wall", frame = "world" or "none".',
         f"title = {json.dumps(file)}",
-        f"format = {json.dumps(table.format)}",
+        f"# Its format is code of yours, which no mapping names: give --format {table.format} beside the mapping."
+        if ":" in table.format
+        else f"format = {json.dumps(table.format)}",
         "",
         "[time]",
         *_time(table, clock),
     ]
-    rows = _rows(table, clock) if clock else max(_rows(table, name) for name in table.columns)
+    rows = table.rows(clock) if clock else max(table.rows(name) for name in table.columns)
     used = {clock}
     for channel, group in _channels(table, rows, clock):
         used |= set(group.columns)
@@ -112,12 +114,13 @@ def _time(table: Table, clock: str | None) -> list[str]:
 def _channels(table: Table, rows: int, clock: str | None) -> Iterator[tuple[str, Group]]:
     """Channels with the first group of columns that its words fit."""
     groups: dict[str, Group] = {}
+    found = {clock, *clocks(table)}
     for name in table.columns:
-        if name == clock or _rows(table, name) != rows or name in clocks(table):
+        if name in found or table.rows(name) != rows or table.topics.get(name) != table.topics.get(clock or ""):
             continue
         plain = BRACKETS.sub("", name).removesuffix(f"/{table.units.get(name)}")
-        found = PART.fullmatch(plain)
-        stem = found["stem"] if found else plain
+        part = PART.fullmatch(plain)
+        stem = part["stem"] if part else plain
         groups.setdefault(stem, Group(stem=stem)).columns.append(name)
     taken = set()
     for group in groups.values():
@@ -144,11 +147,6 @@ def _channel(table: Table, channel: str, group: Group, *, ours: bool) -> list[st
     if signed:
         return [*lines, "sign = 1" if ours else "sign = 1  # the axes of the file are taken for those of the model"]
     return [*lines, 'sign = "?"  # 1 or -1']
-
-
-def _rows(table: Table, name: str) -> int:
-    """How many rows a column has, or had before the file was cut short."""
-    return table.promised.get(name, table.rows(name))
 
 
 def _unit(table: Table, name: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,10 +13,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hapticeval.errors import HapticevalError, InputError
-from hapticeval.recordings.channels import CHANNELS, Signal
+from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.clock import Clock
-from hapticeval.recordings.cut import ending, open_padded
-from hapticeval.recordings.hdf5 import DAMAGE, check_format, check_signature, read_events, read_signal
+from hapticeval.recordings.hdf5 import (
+    DAMAGE,
+    check_format,
+    check_inside,
+    check_signature,
+    declared_size,
+    ending,
+    read_events,
+    read_signal,
+)
 from hapticeval.recordings.losses import LOST, Loss, Salvaged
 from hapticeval.recordings.recording import Event, Recording
 from hapticeval.recordings.rows import runs_of
@@ -138,19 +147,19 @@ def _scan(file: Any) -> _Found:
     """Read every block of every signal, and note those that cannot be read."""
     base = "nanoseconds" if "nanoseconds" in file else "time"
     count, chunk = int(file[base].shape[0]), int(file[base].chunks[0])
-    rows = {name: _part(file, name, count, chunk, None) for name in (base, "sequence", "valid") if name in file}
-    version = int(file.attrs["format_version"])
-    group = file if version == 1 else file["channels"]
-    names = [name for name in CHANNELS if name in file] if version == 1 else list(group)
-    return _Found(count, base, rows, {name: _part(group, name, count, chunk, version) for name in names})
+    beside = [name for name in (base, "sequence", "valid") if name in file]
+    rows = {name: _part(file, name, count, chunk, described=False) for name in beside}
+    group = file["channels"]
+    return _Found(count, base, rows, {name: _part(group, name, count, chunk, described=True) for name in group})
 
 
-def _part(group: Any, name: str, count: int, chunk: int, version: int | None) -> _Part | None:
+def _part(group: Any, name: str, count: int, chunk: int, *, described: bool) -> _Part | None:
     try:
         dataset = group[name]
-        signal = None if version is None else read_signal(dataset, name, version)
+        signal = read_signal(dataset, name) if described else None
         if dataset.shape[:1] != (count,) or dataset.dtype not in (np.float64, np.int64, np.uint8):
             return None
+        check_inside(Path(group.file.filename), group.file, [dataset], count)
         values = np.full(dataset.shape, np.nan if dataset.dtype == np.float64 else 0, dtype=dataset.dtype)
     except (HapticevalError, *DAMAGE):
         return None
@@ -188,6 +197,36 @@ def _opened(path: Path) -> Iterator[tuple[Any, str]]:
     import h5py
 
     cut = ending(path)
-    with path.open("rb") as raw, open_padded(raw, path) if cut else h5py.File(path, "r") as file:
+    with path.open("rb") as raw, h5py.File(_Padded(raw, path), "r") if cut else h5py.File(path, "r") as file:
         check_format(path, file)
         yield file, cut
+
+
+class _Padded(io.RawIOBase):
+    """A file that is as long as it should be: where it is cut short, bytes follow that no checksum takes for data."""
+
+    def __init__(self, raw: Any, path: Path) -> None:
+        self.raw, self.size, self.at = raw, declared_size(path), 0
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def tell(self) -> int:
+        return self.at
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        self.at = offset + (0, self.at, self.size)[whence]
+        return self.at
+
+    def readinto(self, buffer: Any) -> int:
+        view = memoryview(buffer).cast("B")
+        self.raw.seek(self.at)
+        got = self.raw.read(len(view))
+        view[: len(got)] = got
+        if len(got) < len(view):
+            view[len(got) :] = b"\xff" * (len(view) - len(got))
+        self.at += len(view)
+        return len(view)

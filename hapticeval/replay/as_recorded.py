@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hapticeval.discovery import resolve
+from hapticeval.discovery import resolve, resolve_installed
 from hapticeval.errors import InputError
 from hapticeval.judging import built
 from hapticeval.recordings.recording import SINGLE, Recording
@@ -62,7 +62,8 @@ def as_recorded(subject: Subject, renderers: Sequence[str] = ()) -> AsRecorded:
     """
     name = _name(subject, renderers)
     scene = subject.case.build_scene()
-    renderer = built(resolve(name), scene)
+    factory = resolve(name) if renderers else resolve_installed(name, source=subject.file)
+    renderer = built(factory, scene)
     if isinstance(renderer, SelfDriven):
         raise InputError(
             f"'{name}' cannot be computed again from {subject.file}",

@@ -298,9 +298,3 @@ def test_a_proposal_takes_units_from_headers_and_labels(tmp_path):
     assert 'columns = ["F_x/N"]\nunit = "N"' in text
     table = Table({"t": np.arange(9.0), "s": np.arange(9.0)}, notes={"s": "ee position [mm]"})
     assert 'columns = ["s"]\nunit = "mm"' in propose(table)
-
-
-def test_a_cut_file_is_proposed_the_channels_that_it_had():
-    columns = {"t": np.arange(9.0), "pos[0]": np.arange(9.0), "pos[1]": np.arange(8.0)}
-    text = propose(Table(columns, promised={"t": 20, "pos[0]": 20, "pos[1]": 20}))
-    assert 'columns = ["pos[0]", "pos[1]"]' in text

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import h5py
 import numpy as np
 import pytest
@@ -11,7 +9,7 @@ import pytest
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.recordings import hdf5
 from hapticeval.recordings.hdf5 import read_recording, write_recording
-from hapticeval.recordings.recording import CHANNELS, Clock, Event, Recording, Signal
+from hapticeval.recordings.recording import Clock, Event, Recording, Signal
 from hapticeval.recordings.salvage import salvage
 
 BLOCK = 16
@@ -128,35 +126,6 @@ def test_a_file_that_another_process_makes_in_the_meantime_stays(tmp_path, monke
         write_recording(path, real())
     assert path.read_bytes() == b"theirs"
     assert [file.name for file in tmp_path.iterdir()] == ["run.h5"]
-
-
-def write_format_1(path, time, channels, meta):
-    with h5py.File(path, "w", libver=("v110", "v110")) as file:
-        file.attrs["format"] = np.bytes_("hapticeval recording")
-        file.attrs["format_version"] = 1
-        for name, values in {"time": time, **channels}.items():
-            dataset = file.create_dataset(name, data=values, chunks=values.shape, compression="gzip", fletcher32=True)
-            dataset.attrs["unit"] = np.bytes_("s" if name == "time" else CHANNELS[name].unit)
-        file.create_dataset("meta", data=np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8))
-
-
-def test_format_1_is_read_also_in_part(tmp_path):
-    time = 1e-3 * np.arange(12)
-    channels = {name: np.arange(24.0).reshape(12, 2) + k for k, name in enumerate(("hip", "ihip", "force"))}
-    write_format_1(tmp_path / "old.h5", time, channels, {"dt": 1e-3})
-    recording = read_recording(tmp_path / "old.h5")
-    assert recording.clock is None
-    assert recording.time.tobytes() == time.tobytes()
-    assert dict(recording.meta) == {"dt": 1e-3}
-    part = read_recording(tmp_path / "old.h5", channels=["force"], rows=slice(3, 5))
-    assert part.time.tolist() == time[3:5].tolist()
-    assert part.force.tolist() == channels["force"][3:5].tolist()
-    assert salvage(tmp_path / "old.h5").losses == ()
-    del channels["force"]
-    write_format_1(tmp_path / "less.h5", time, channels, {})
-    with pytest.raises(InputError, match="damaged") as caught:
-        read_recording(tmp_path / "less.h5")
-    assert "'force'" in caught.value.why
 
 
 def chunk(dataset, number):

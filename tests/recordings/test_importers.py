@@ -34,7 +34,6 @@ def rowless(path): return Table({"t": [], "x": []})
 def unequal(path): return Table({"t": [0, 1, 2], "x": [1.0, 2.0]})
 def longer(path): return Table({**COLUMNS, "y": [1.0, 2.0, 3.0, 4.0]})
 def clocks(path): return Table({**COLUMNS, "s": [0, 2], "f": [1.0, 2.0]})
-def cut(path): return Table({"t": [0, 1, 2], "x": [1.0, 2.0]}, units={"y": "mm"}, promised={"x": 3, "y": 3})
 def stranger(path): return Table(COLUMNS, units={"y": "mm"})
 def noted(path): return Table(COLUMNS, notes={"y": "of the stick"})
 def furlong(path): return Table(COLUMNS, units={"x": "furlong"})
@@ -107,9 +106,8 @@ def test_what_is_a_table_is_taken(here):
     assert dict(read_table("run.acme", format="stick:good").units) == {"t": "ms", "x": "25.4 mm"}
 
 
-def test_signals_on_several_clocks_and_a_file_that_is_cut_short_have_columns_of_several_lengths(here):
+def test_signals_on_several_clocks_have_columns_of_several_lengths(here):
     assert set(read_table("run.acme", format="stick:clocks").columns) == {"t", "x", "s", "f"}
-    assert read_table("run.acme", format="stick:cut").rows("x") == 2
 
 
 def test_a_file_that_is_not_there_is_no_fault_of_the_importer(here):

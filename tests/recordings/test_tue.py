@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from hapticeval.cli import main
+from hapticeval.errors import InputError
 from hapticeval.recordings.conversion import load_recording
 from hapticeval.recordings.formats import read_table
 from hapticeval.recordings.hdf5 import read_recording
@@ -139,15 +140,13 @@ def test_free_motion_is_no_contact():
     assert impacts(run(FREE)).contacts == ()
 
 
-def test_a_file_cut_short_gives_its_whole_variables(tmp_path):
+def test_a_file_cut_short_is_refused_with_the_place(tmp_path):
     data = (DATA / f"{FOAM}.mat").read_bytes()
     path = tmp_path / "cut.mat"
     path.write_bytes(data[: len(data) // 2])
-    table = read_table(path)
-    assert "within the variable 'env_est1', which is left out" in table.warnings[-1]
-    whole = read_table(DATA / f"{FOAM}.mat")
-    assert 0 < len(table.columns) < len(whole.columns)
-    assert all(np.array_equal(table[name], whole[name]) for name in table.columns)
+    with pytest.raises(InputError, match="is cut short or damaged") as caught:
+        read_table(path)
+    assert f"it ends at byte {len(data) // 2}, within the variable that starts at byte" in caught.value.why
 
 
 def test_from_file_to_report_by_commands(tmp_path, capsys, monkeypatch):

@@ -111,13 +111,12 @@ def _check(table: Table, name: str) -> None:
     for column in table.columns:
         if not isinstance(column, str):
             raise InputError(f"the importer {name} named a column {column!r}", why="a name is a text")
-    if not table.promised and not table.open_ended:
-        if table.columns and not any(map(table.rows, table.columns)):
-            raise InputError(f"the importer {name} gave no row", why="a recording has at least one")
-        _check_lengths(table, name)
+    if table.columns and not any(map(table.rows, table.columns)):
+        raise InputError(f"the importer {name} gave no row", why="a recording has at least one")
+    _check_lengths(table, name)
     for kind, told in (("a unit", table.units), ("a note", table.notes)):
         for column in told:
-            if column not in table.columns and not table.lacks(column):
+            if column not in table.columns:
                 raise InputError(
                     f"the importer {name} gave {kind} of the column '{column}', which is not there",
                     why=f"its columns are: {', '.join(table.columns)}",

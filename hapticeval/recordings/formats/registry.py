@@ -13,15 +13,21 @@ from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.recordings.formats import foreign
 from hapticeval.recordings.formats.magic import is_text, kind
 from hapticeval.recordings.formats.table import Table
+from hapticeval.recordings.memory import reserve
 
 PACKAGE = "hapticeval.recordings.formats"
 GROUP = "hapticeval.formats"
 """Entry points of this group are functions, told to `importer`, of other packages."""
 
-OWN = ("matlab5", "matlab73", "hdf5", "npz", "rosbag", "svc", "devicelog", "hdurecord", "delimited")
-"""The modules of this package that hold a format, the most particular first: delimited text fits much."""
+MODULES = ("matlab", "arrays", "rosbag", "text")
+"""The modules of this package that hold formats."""
 
-HEAD = 4096
+OWN = ("matlab5", "matlab73", "hdf5", "npz", "rosbag", "svc", "devicelog", "hdurecord", "csv")
+"""The formats of this package, the most particular first: delimited text fits much."""
+
+HEAD = 1 << 16
+"""Bytes by which a format is recognised: a header of a thousand columns is shorter."""
+
 FOLDER = b"folder\n"
 
 Read = Callable[[Path], Table]
@@ -84,13 +90,13 @@ def importer(
 
 def formats() -> Mapping[str, Format]:
     """Every format by name, in the order in which a file is offered to them: other people's before ours."""
-    for module in OWN:
+    for module in MODULES:
         import_module(f"{PACKAGE}.{module}")
     for entry in entry_points(group=GROUP):
         with foreign.telling(f"the format '{entry.name}' of an installed package ({entry.value})", None):
             entry.load()
     own = [each for each in _KNOWN.values() if each.ours]
-    own.sort(key=lambda each: OWN.index(each.read.__module__.rpartition(".")[2]))
+    own.sort(key=lambda each: OWN.index(each.name))
     others = [each for each in _KNOWN.values() if each not in own]
     return MappingProxyType({each.name: each for each in (*others, *own)})
 
@@ -98,39 +104,42 @@ def formats() -> Mapping[str, Format]:
 def read_table(path: Path | str, *, format: str | None = None) -> Table:
     """The columns of a file, as they stand in it.
 
-    `format` names one of `formats()`, or `package.module:function` of one that is not installed; without it the file's
-    first bytes and its name tell. Raises `InputError` where the file is missing, empty, damaged, or something else, and
-    then says what it is; and as `foreign.load` and `foreign.run` do for an importer that is not one of ours.
+    `format` names one of `formats()`, or `package.module:function` of one that is not installed, which runs that code:
+    it is for names that a user gives, never for names that a file gives. Without it the file's first bytes and its name
+    decide. Raises `InputError` where the file is missing, empty, damaged, larger than `memory.limited` allows, or
+    something else, and then names what it is; and as `foreign.load` and `foreign.run` do for a foreign importer.
     """
     path = Path(path)
     chosen = _detect(path) if format is None else _named(format)
+    reserve(_size(path), str(path))
     try:
         table = chosen.read(path) if chosen.ours else foreign.run(chosen.read, path)
     except HapticevalError:
         raise
     except OSError as error:
         raise InputError(f"cannot read {path}", why=error.strerror or str(error), todo="check the path") from error
-    if not table.columns and (table.promised or table.open_ended):
-        raise InputError(
-            f"{path} is cut short or damaged: no row of it is whole",
-            why="; ".join(table.warnings),
-            todo="copy it again from where it was recorded",
-        )
     if not table.columns:
         raise InputError(
             f"{path} holds no column of numbers",
             why="; ".join(table.warnings) or f"it was read as {chosen.about}",
             todo="name another format with --format" if len(_KNOWN) > 1 else "",
         )
-    # as it was asked for, so that a mapping that names the format finds an importer that is not installed
     return replace(table, format=format or chosen.name)
+
+
+def _size(path: Path) -> int:
+    files = (each for each in path.rglob("*") if each.is_file()) if path.is_dir() else (path,)
+    return sum(file.stat().st_size for file in files if file.exists())
 
 
 def _detect(path: Path) -> Format:
     head = first_bytes(path)
-    for found in formats().values():
+    known = formats()
+    for found in known.values():
         if found.fits(path, head):
             return found
+    if is_text(head) and path.suffix.lower() in known["csv"].suffixes and len(head) == HEAD:
+        return known["csv"]  # a header longer than what was looked at
     if head.startswith(FOLDER):
         inside = head.decode(errors="replace").splitlines()[1:]
         words: str | None = "a folder"
@@ -141,7 +150,7 @@ def _detect(path: Path) -> Format:
     raise InputError(
         f"{path} is {words}, no recording" if words else f"{path} is in no format that is known",
         why=why,
-        todo=f"known formats: {', '.join(formats())}; choose one with --format, or write an importer",
+        todo=f"known formats: {', '.join(known)}; choose one with --format, or write an importer",
     )
 
 

@@ -13,8 +13,11 @@ import numpy as np
 
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.formats.registry import FOLDER, importer
-from hapticeval.recordings.formats.shortfall import shortfall
 from hapticeval.recordings.formats.table import Table
+from hapticeval.recordings.memory import reserve
+
+NUMBER = 40
+"""Bytes that a number takes while the messages are read."""
 
 LONGEST = 64
 """Arrays in a message with more numbers than this are pictures and clouds, no channels of a device."""
@@ -37,11 +40,10 @@ def read_rosbag(path: Path) -> Table:
             todo="pip install 'hapticeval[ros]'",
         ) from error
     columns: dict[str, list[int | float]] = {}
-    units: dict[str, str] = {}
-    warnings: list[str] = []
+    topics: dict[str, str] = {}
     rows: dict[str, int] = {}
     counted: dict[str, int] = {}
-    broken = False  # otherwise messages are missing anywhere, not at the end
+    size = 0
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             for connection in reader.connections:
@@ -50,39 +52,36 @@ def read_rosbag(path: Path) -> Table:
                 topic = connection.topic
                 found: dict[str, int | float] = {f"{topic}.received": int(received)}
                 _flatten(topic, reader.deserialize(raw, connection.msgtype), found)
+                size += NUMBER * len(found)
+                reserve(size, f"{path}, as far as it was read,")
                 expected = rows.setdefault(topic, 0)
                 for name, value in found.items():
+                    topics[name] = topic
                     if len(columns.setdefault(name, [])) == expected:
                         columns[name].append(value)
                 rows[topic] += 1
     except HapticevalError:
         raise
     except Exception as error:  # rosbags raises its own kinds for every store
-        if not rows:
-            raise InputError(
-                f"{path} cannot be read as a ROS bag",
-                why=f"{error}; a bag is found by its index, which one that was cut short has not got",
-                todo=f"on a copy try `rosbag reindex {path.name}`" if path.is_file() else "see `ros2 bag info`",
-            ) from error
-        broken = True
-        warnings.append(f"the bag breaks off after {sum(rows.values())} messages: {error}")
-    for name in [name for name in columns if len(columns[name]) != rows[_topic(name, rows)]]:
+        after = f", after {sum(rows.values())} messages" if rows else ""
+        raise InputError(
+            f"{path} cannot be read as a ROS bag{after}",
+            why=f"{error}; a bag is found by its index, which one that was cut short has not got",
+            todo=f"copy it again; on a copy try `rosbag reindex {path.name}`"
+            if path.is_file()
+            else "copy it again; see `ros2 bag info`",
+        ) from error
+    warnings = [
+        f"the bag lacks {count - rows.get(topic, 0)} of the {count} messages of '{topic}' that it counts"
+        for topic, count in counted.items()
+        if count > rows.get(topic, 0)
+    ]
+    for name in [name for name in columns if len(columns[name]) != rows[topics[name]]]:
         warnings.append(f"'{name}' is not in every message of its topic, and is left out")
-        del columns[name]
+        del columns[name], topics[name]
     units = {name: "ns" for name in columns if name.endswith((".received", ".stamp"))}
     made = {name: np.array(values) for name, values in columns.items()}
-    lacking = {name: counted[topic] for name in made if counted[topic := _topic(name, rows)] > rows[topic]}
-    silent = [topic for topic, count in counted.items() if count and topic not in rows]
-    if lacking:
-        warnings.insert(0, f"the bag lacks messages that it counts: {shortfall(made, lacking, units)}")
-    warnings += [f"the bag lacks all {counted[topic]} messages of '{topic}' that it counts" for topic in silent]
-    return Table(
-        made, units=units, warnings=tuple(warnings), promised=lacking if broken else {}, open_ended=bool(silent)
-    )
-
-
-def _topic(name: str, topics: dict[str, int]) -> str:
-    return max((topic for topic in topics if name.startswith(f"{topic}.")), key=len)
+    return Table(made, units=units, warnings=tuple(warnings), topics=topics)
 
 
 def _flatten(name: str, value: Any, found: dict[str, int | float]) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hapticeval.errors import InputError, UnknownNameError
-from hapticeval.types import BoolArray
+from hapticeval.recordings.memory import reserve
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,13 +20,13 @@ class Table:
 
     `units` holds only what the file or its format states; `notes` is the file's text about a column, a scope's label;
     `attributes` are single numbers and texts of the file; `warnings` say what is missing or damaged, `remarks` what
-    is whole but no column of numbers. Of a file that is cut short, `promised` says how many rows a column should have
-    that lacks some at its end, or all of them: then it is in no `columns`. `open_ended` is one that was cut before it
-    said what else it held. `cells` are those of the warnings that tell of cells without a number, which a recording
-    counts itself.
+    is whole but no column of numbers. `cells` are those of the warnings that report cells without a number, which a
+    recording counts itself. `topics` names, for columns of a file that holds several streams, the stream of each: rows
+    of different streams are at different times, however many there are.
     Integers stay integers: nanoseconds of a wall clock do not fit into a float.
 
-    Raises `InputError`, naming the column, for one that is not a row of numbers.
+    Raises `InputError`, naming the column, for one that is not a row of numbers, and where all of them take more memory
+    than `memory.limited` allows.
     """
 
     columns: Mapping[str, ArrayLike]
@@ -36,67 +36,27 @@ class Table:
     warnings: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     format: str = ""
-    promised: Mapping[str, int] = field(default_factory=dict)
-    open_ended: bool = False
     cells: tuple[str, ...] = ()
+    topics: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        reserve(8 * sum(np.size(values) for values in self.columns.values()), "the columns of the file")
         columns = {name: _column(name, values) for name, values in self.columns.items()}
         object.__setattr__(self, "columns", MappingProxyType(columns))
-        for name in ("units", "notes", "attributes", "promised"):
+        for name in ("units", "notes", "attributes", "topics"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         for name in ("warnings", "remarks", "cells"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        """A column, (n,).
-
-        Raises `UnknownNameError`, which suggests the closest, for one that is not there, and `InputError` for one that
-        is, or may be, in what the file has lost.
-        """
+        """A column, (n,). Raises `UnknownNameError`, which suggests the closest, for one that is not there."""
         if name in self.columns:
             return np.asarray(self.columns[name])
-        if self.lacks(name):
-            raise InputError(
-                f"the column '{name}' is not in what is left of the file",
-                why="; ".join(self.warnings),
-                todo="copy the file again from where it was recorded",
-            )
         raise UnknownNameError("column", name, self.columns)
-
-    def lacks(self, name: str) -> bool:
-        """Whether a column is, or may be, in what the file has lost altogether."""
-        return name not in self.columns and (self.open_ended or name in self.promised)
 
     def rows(self, name: str) -> int:
         """How many numbers a column has."""
         return int(self[name].size)
-
-
-def whole_rows(
-    name: str, values: NDArray[Any], whole: BoolArray | None
-) -> tuple[dict[str, NDArray[Any]], dict[str, int]]:
-    """The columns of an array (n, ...) up to the first row that is not `whole`, and of those that end early, n.
-
-    `whole` is of the shape of `values`, or of its first axes; None stands for all.
-    """
-    columns = spread(name, values)
-    if whole is None:
-        return columns, {}
-    whole = np.broadcast_to(whole.reshape(whole.shape + (1,) * (values.ndim - whole.ndim)), values.shape)
-    kept, promised = {}, {}
-    for column, there in spread(name, whole).items():
-        if not there.all():
-            promised[column] = there.size
-        rows = there.size if there.all() else int(np.argmin(there))
-        if rows:
-            kept[column] = columns[column][:rows]
-    return kept, promised
-
-
-def lost_columns(name: str, shape: tuple[int, ...], dtype: Any) -> dict[str, int]:
-    """How many rows the columns of an array had that is lost: by their names."""
-    return {column: values.size for column, values in spread(name, np.broadcast_to(np.zeros((), dtype), shape)).items()}
 
 
 def _column(name: str, values: ArrayLike) -> NDArray[Any]:
@@ -118,3 +78,30 @@ def spread(name: str, values: NDArray[Any]) -> dict[str, NDArray[Any]]:
         return {name: values}
     flat = values.reshape(len(values), -1)
     return {name if flat.shape[1] == 1 else f"{name}[{k}]": flat[:, k] for k in range(flat.shape[1])}
+
+
+def upright(name: str, values: NDArray[Any], remarks: list[str]) -> NDArray[Any]:
+    """An array with its samples along the first axis, as far as its shape alone shows it.
+
+    A single row is a column that lies down. A matrix of many more columns than any device has signals, and of fewer
+    rows than columns, has its signals in rows: a remark says that they were swapped.
+    """
+    if values.ndim != 2 or (values.shape[0] > 1 and not lies(values.shape)):
+        return values
+    if values.shape[0] > 1:
+        remarks.append(lying(name, values.shape))
+    return values.T
+
+
+MOST_SIGNALS = 64
+"""A matrix of more columns than these that has fewer rows than columns holds its signals in rows."""
+
+
+def lies(shape: tuple[int, ...]) -> bool:
+    """Whether a matrix of this shape has its signals in rows and its samples in columns."""
+    return len(shape) == 2 and shape[1] > max(MOST_SIGNALS, shape[0])
+
+
+def lying(name: str, shape: tuple[int, ...]) -> str:
+    """The remark on a matrix whose rows and columns are swapped."""
+    return f"{name} is {shape[0]} x {shape[1]}: its {shape[0]} rows are taken for the signals, its columns for samples"
