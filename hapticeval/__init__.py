@@ -14,6 +14,7 @@ from hapticeval.errors import (
     HapticevalError,
     InputError,
     NothingSelectedError,
+    RefusalError,
     RendererError,
     UnknownNameError,
 )
@@ -59,6 +60,7 @@ __all__ = [
     "Outcome",
     "Path",
     "Recording",
+    "RefusalError",
     "Renderer",
     "RendererError",
     "RendererFactory",

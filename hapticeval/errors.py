@@ -61,7 +61,9 @@ class UnknownNameError(InputError):
 
 
 class RefusalError(InputError):
-    """A renderer's factory refuses a model that it cannot render; `position` (m) says where that was seen, if it was.
+    """A renderer does not work in a scene: raised by its factory, or where the scene asks for what it does not support.
+
+    `position` (m) is where on the model the reason was seen, where there is such a place.
 
     A refusal is no fault: the verdicts of that renderer and case are not applicable, and say why.
     """

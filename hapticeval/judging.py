@@ -16,7 +16,7 @@ from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
 from hapticeval.playback import origin, play
 from hapticeval.recordings.recording import MissingChannelError, Recording
-from hapticeval.renderer import Renderer, RendererFactory, SelfDriven
+from hapticeval.renderer import Renderer, RendererFactory, SelfDriven, check_support, supported
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Experiment, Path, Stimulus
 from hapticeval.suite.case import Case
@@ -82,7 +82,14 @@ class _Bench:
 
 
 def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
-    """The renderer that a factory makes, refused with a `RendererError` unless it is one."""
+    """The renderer that a factory makes for a scene: whatever runs a renderer gets it here.
+
+    Raises `RefusalError` where the scene asks for what neither declares to support, before anything is built where the
+    factory declares it, and `RendererError` for what is no renderer.
+    """
+    declared = supported(factory)
+    if declared is not None:
+        check_support(scene, declared)
     try:
         renderer = factory(scene)
     except HapticevalError:
@@ -103,6 +110,8 @@ def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
             why="a renderer has reset(hip) and step(hip, velocity, dt) -> (ihip, force)",
             todo="see 'Judge your own renderer' in the README",
         )
+    if declared is None:
+        check_support(scene, supported(renderer) or frozenset())
     return renderer
 
 
@@ -126,9 +135,7 @@ def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Ju
             findings.append(_finding(check, runs, scene))
     except RefusalError as raised:
         refusal = raised
-        findings = [Finding(Outcome.NOT_APPLICABLE, f"the renderer refuses the model: {raised.what}")] * len(
-            case.checks
-        )
+        findings = [_refused_finding(raised)] * len(case.checks)
     except HapticevalError as raised:
         error = raised
         findings += [_error_finding(raised)] * (len(case.checks) - len(findings))
@@ -172,7 +179,7 @@ def judge_recorded(
             findings.append(merge([_finding(check, runs, scene) for runs in recorded.runs]))
     except RefusalError as raised:
         refusal = raised
-        findings = [Finding(Outcome.NOT_APPLICABLE, f"the renderer refuses: {raised.what}")] * len(case.checks)
+        findings = [_refused_finding(raised)] * len(case.checks)
     except HapticevalError as raised:
         error = raised
         findings += [_error_finding(raised)] * (len(case.checks) - len(findings))
@@ -187,6 +194,10 @@ def broken(error: HapticevalError, renderer: str, suite: str, case: Case) -> Jud
     """What is left of a renderer in a case whose process is gone: every verdict an error."""
     findings = [_error_finding(error)] * len(case.checks)
     return Judged(_verdicts(findings, renderer, suite, case), None, error, None, 0.0, 0.0)
+
+
+def _refused_finding(refusal: RefusalError) -> Finding:
+    return Finding(Outcome.NOT_APPLICABLE, f"the renderer refuses: {refusal.what}")
 
 
 def _error_finding(error: HapticevalError) -> Finding:

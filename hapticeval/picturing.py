@@ -18,6 +18,7 @@ from hapticeval.fields.shallow import shallow_angles
 from hapticeval.files import file_stem
 from hapticeval.geometry.catalogue import MODELS, from_geojson, from_wkt, make_model
 from hapticeval.geometry.model import Model
+from hapticeval.judging import built
 from hapticeval.knob import turned
 from hapticeval.projecting import projector, surface_of
 from hapticeval.renderer import Renderer, RendererFactory
@@ -44,7 +45,7 @@ def pictured(
     settings = {knob: values[0] for knob, values in chosen_values(knobs).items()}
     shape = model_named(model)
     scene = Scene(model=shape)
-    made = cast("RendererFactory", turned(resolve(renderer), settings, name=renderer))(scene)
+    made = built(cast("RendererFactory", turned(resolve(renderer), settings, name=renderer)), scene)
     if not isinstance(made, Renderer):
         raise InputError(
             f"'{renderer}' has no projection to draw", why="it answers a whole stimulus, not a HIP at a time"

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
+from hapticeval.errors import RefusalError, RendererError, UnknownNameError
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recording import Recording
-from hapticeval.scene import Scene
+from hapticeval.scene import FORCE_SENSOR, PLANE, REQUIREMENTS, SPACE, Scene
 from hapticeval.stimulus import Stimulus
 from hapticeval.types import Array
 
@@ -31,6 +32,8 @@ class Renderer(Protocol):
     - `run(hips, dt) -> (ihips, forces)`: the whole trajectory at once, when that is faster;
     - `resolution` and `standoff` (m): how coarse its own representation of the model is, see `Recording`;
     - `surface`: the `Curve` that it really renders, where that is not the model's own;
+    - `supports`: names of what it can beside a unilateral contact without viscosity, see `supported`; its factory may
+      have that instead;
     - `law`, `feel` and `signals`: see `Compiled`, `Feeling` and `Explaining`.
 
     A step that is led out of where the renderer is defined raises `DomainError`, which ends an experiment there.
@@ -101,6 +104,53 @@ class Explaining(Protocol):
 
     def signals(self, recording: Recording) -> Mapping[str, tuple[Signal, Array]]:
         """Name -> what it is, and its numbers a row of the recording: (n,) or (n, columns)."""
+
+
+def supported(declaring: object) -> frozenset[str] | None:
+    """The requirements that a renderer, or its factory, declares to support; None where it declares nothing.
+
+    `declaring.supports` is a collection of names of `hapticeval.scene.REQUIREMENTS`. "plane" and "space" narrow the
+    models: where neither is declared a renderer is given both kinds, and its own code refuses what it cannot take, as
+    `scene.model.curve` does. A renderer that has `feel` supports "force-sensor" without declaring it.
+
+    Raises `RendererError` for anything but a collection of strings, and `UnknownNameError`, with the closest names,
+    for one that is no requirement.
+    """
+    names = getattr(declaring, "supports", None)
+    if isinstance(declaring, type) and not isinstance(names, Collection):
+        return None  # a property of what the class makes
+    feels = {FORCE_SENSOR} if isinstance(declaring, Feeling) else set()
+    if names is None:
+        return frozenset(feels) or None
+    if isinstance(names, str) or not (isinstance(names, Collection) and all(isinstance(name, str) for name in names)):
+        raise RendererError(
+            f"the renderer declares supports = {names!r}",
+            why="it is a collection of names",
+            todo='write for instance supports = {"bilateral"}',
+        )
+    for name in names:
+        if name not in REQUIREMENTS:
+            raise UnknownNameError("requirement", name, REQUIREMENTS)
+    return frozenset(names) | feels
+
+
+def check_support(scene: Scene, supports: frozenset[str]) -> None:
+    """Raise `RefusalError`, naming the requirements, where the scene asks for what is not among `supports`."""
+    anywhere = supports.isdisjoint((PLANE, SPACE))
+    lacking = [
+        each
+        for each in scene.requirements
+        if each.name not in supports and not (anywhere and each.name in (PLANE, SPACE))
+    ]
+    if lacking:
+        declared = ", ".join(name for name in REQUIREMENTS if name in supports)
+        raise RefusalError(
+            "the scene asks for " + ", and for ".join(f"'{each.name}' ({each.meaning})" for each in lacking),
+            why="the renderer is for unilateral contact without viscosity"
+            + (f", and declares support for {declared}" if declared else ", as it declares no more"),
+            todo="choose another renderer or case; one of your own that can do it declares so: "
+            f"supports = {{{', '.join(repr(each.name) for each in lacking)}}}".replace("'", '"'),
+        )
 
 
 RendererFactory: TypeAlias = Callable[[Scene], Renderer | SelfDriven]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from hapticeval.devices.device import Device
@@ -62,6 +63,44 @@ class Scene:
             )
 
     @property
+    def requirements(self) -> tuple[Requirement, ...]:
+        """What this scene asks of a renderer, in the order of `REQUIREMENTS`."""
+        return tuple(each for each in REQUIREMENTS.values() if each.asked(self))
+
+    @property
     def robot(self) -> Device:
         """The device of an experiment: the scene's, or a point mass of the virtual tool's mass."""
         return PointMass(self.mass, self.model.dimension) if self.device is None else self.device
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """One thing that a scene may ask of a renderer, under the `name` by which a renderer declares that it supports it.
+
+    `meaning` completes "the scene asks for NAME: ..."; `asked` decides whether a scene does.
+    """
+
+    name: str
+    meaning: str
+    asked: Callable[[Scene], bool]
+
+
+PLANE, SPACE, FORCE_SENSOR = "plane", "space", "force-sensor"
+
+REQUIREMENTS = {
+    each.name: each
+    for each in (
+        Requirement(PLANE, "the model is a plane curve", lambda scene: scene.model.dimension == 2),
+        Requirement(SPACE, "the model is a surface in space", lambda scene: scene.model.dimension == 3),
+        Requirement("bilateral", "the surface holds the tool from both sides", lambda scene: scene.bilateral),
+        Requirement(
+            "viscosity", "the surface brakes the tool that slides along it (7.18)", lambda scene: scene.viscosity > 0.0
+        ),
+        Requirement(
+            FORCE_SENSOR,
+            "the hand's force is measured, and the tool moves along the surface as under that force (8.6)",
+            lambda scene: scene.imperfections.force_sensor is not None,
+        ),
+    )
+}
+"""All requirements by name. Whatever more a scene may call for is registered here, and nowhere else."""

@@ -122,7 +122,7 @@ def _told(event: JobFinished) -> str:
     if event.error is not None:
         return f"broke: {event.error.what}"
     if event.refusal is not None:
-        return f"refuses the model: {event.refusal.what}"
+        return f"refuses: {event.refusal.what}"
     counts = Counter(verdict.outcome for verdict in event.verdicts)
     surprises = sum(not verdict.as_expected for verdict in event.verdicts)
     return _counted(counts) + (f" ({surprises} not as expected)" if surprises else "")

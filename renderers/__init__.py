@@ -25,6 +25,7 @@ minimum_distance = ProjectiveFamily(
     representations=("curve", "polygon", "level-set", "lut"),
     representation="curve",
     bends=True,
+    space=True,
     offered_knobs={
         "polygon": {"vertices": VERTICES_KNOB},
         "level-set": {"grid": GRID_KNOB},

@@ -91,7 +91,7 @@ class ProjectiveFamily:
     without memory may list, that projection is read from a table. With `bends` the projection knows the curvature where
     it projects to on the exact curve, for the schemes that need it. A model of straight edges is its own polygon: there
     polygon and curve coincide. The line is unbounded and has no finite polygon or grid: there every representation
-    means the exact line.
+    means the exact line. With `space` the exact form is for surfaces in space too.
     """
 
     summary: str
@@ -101,6 +101,7 @@ class ProjectiveFamily:
     regulation: str = "pp"
     refused: str = ""
     bends: bool = False
+    space: bool = False
     offered_knobs: Mapping[str, Mapping[str, Knob]] = field(default_factory=dict)
     settings: Settings = field(default_factory=dict)
 
@@ -108,6 +109,16 @@ class ProjectiveFamily:
     def regulations(self) -> tuple[str, ...]:
         """The names of the regulation schemes that `variant` takes."""
         return tuple(name for name, regulation in REGULATIONS.items() if self.bends or not regulation.bends)
+
+    @property
+    def supports(self) -> frozenset[str]:
+        """What its renderers can beside unilateral contact: hold from both sides.
+
+        They need no force sensor: what it measures the inner loop gives to the tool (8.6), beside their force.
+        Viscosity (7.18) they do not have: no scheme of section 4.2 brakes along the surface alone.
+        """
+        exact = self.representation == TABULATED
+        return frozenset({"bilateral", "force-sensor", "plane"} | ({"space"} if self.space and exact else set()))
 
     @property
     def knobs(self) -> Mapping[str, Knob]:

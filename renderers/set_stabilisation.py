@@ -24,6 +24,7 @@ class SetStabilisation:
 
     summary: str = "set stabilisation, thesis chapter 7: feedback linearisation that follows the surface's curvature"
     representation: str = CURVE
+    supports = frozenset({"bilateral", "viscosity", "force-sensor", "plane", "space"})
 
     @property
     def representations(self) -> tuple[str, ...]:

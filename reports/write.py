@@ -135,8 +135,8 @@ def _orders(directory: Path, results: Results) -> Iterator[Order | Comparison]:
         key = (run["suite"], run["case"], run["renderer"])
         refusal = run.get("refusal")
         if refusal is not None:
-            position = None if refusal["position"] is None else tuple(refusal["position"])
-            yield Order(key, None, run["model"], (), f"f{index}", position)
+            if refusal["position"] is not None:  # else the reason lies in the scene, and an outline shows nothing of it
+                yield Order(key, None, run["model"], (), f"f{index}", tuple(refusal["position"]))
         elif run["recording"] is not None:
             given = [
                 verdict

@@ -73,7 +73,6 @@ def test_every_renderer_of_a_suite_can_be_had_and_is_the_only_one_with_outcomes(
         ("cassinian", "cassinian-robot"),
         ("sphere", "sphere"),
         ("sphere", "sphere-off-robot"),
-        ("sphere", "sphere-viscous"),
     ],
 )
 def test_every_verdict_is_as_published_and_every_closed_form_is_met(suite, name, renderer):
@@ -148,6 +147,16 @@ def test_the_table_of_the_circle_comes_out():
     assert in_print == {row.title: row.published for row in suite.rows}
     apart = "Keeps across and along apart on the circle"
     assert added == {title: "No" if title == apart else "Yes" for title in table}, "what its one added term can do"
+
+
+@pytest.mark.parametrize("name", ["sphere-viscous", "sphere-driven"])
+@pytest.mark.parametrize("renderer", SCHEMES)
+def test_what_knows_no_viscosity_is_not_asked_for_it(name, renderer):
+    case = named("sphere", name)
+    found = judge(resolve(renderer), renderer, "dynamics-sphere", case)
+    assert found.recording is None
+    assert {verdict.outcome for verdict in found.verdicts} == {Outcome.NOT_APPLICABLE}
+    assert all(verdict.as_expected and "'viscosity'" in verdict.finding.message for verdict in found.verdicts)
 
 
 def test_charts_and_chart_free_stabilisation_are_one_on_the_sphere():

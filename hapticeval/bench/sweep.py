@@ -17,6 +17,7 @@ from hapticeval.bench.settings import Setting
 from hapticeval.bench.workload import MODELS, Workload, fresh_scene, workload
 from hapticeval.costs import Costs, Samples
 from hapticeval.errors import HapticevalError, InputError, RendererError
+from hapticeval.judging import built
 from hapticeval.renderer import Renderer
 from hapticeval.results import environment
 from hapticeval.types import IntArray
@@ -113,11 +114,11 @@ class Sweep:
 
     def _measure(self, entry: _Entry) -> None:
         setting, work = entry.setting, entry.work
-        warm = setting.factory(work.scene)  # what is compiled on first use is compiled now
+        warm = built(setting.factory, work.scene)  # what is compiled on first use is compiled now
         if not isinstance(warm, Renderer):
             raise _NotBenched(
                 f"'{setting.renderer}' has no reset and step to be timed",
-                why="it answers a whole stimulus at once" if hasattr(warm, "answer") else "it is no renderer",
+                why="it answers a whole stimulus at once",
             )
         entry.reference = self._reference(setting, work)
         found = answers(warm, work)

@@ -35,6 +35,9 @@ class IdealContact:
     the scene names. Raises `RefusalError` for a model in space.
     """
 
+    supports = frozenset({"bilateral", "force-sensor", "plane"})
+    """Not viscosity: (3.1) slides without friction. The hand's force moves the tool, so that no sensor is needed."""
+
     def __init__(self, scene: Scene) -> None:
         scene.model.curve  # noqa: B018 - refuses a model in space
         self.scene = scene

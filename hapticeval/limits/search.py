@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hapticeval.closed_loop import drive
-from hapticeval.errors import InputError, RunawayError
+from hapticeval.errors import InputError, RefusalError, RunawayError
+from hapticeval.judging import built
 from hapticeval.limits.linear import Gains, Place, SampledLoop, gains_of
-from hapticeval.renderer import Renderer, RendererFactory
+from hapticeval.renderer import Renderer, RendererFactory, SelfDriven
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Experiment
 
@@ -63,7 +64,7 @@ def family_of(factory: RendererFactory, scene: Scene, place: Place) -> Family:
     found = []
     for share in (1.0 / 64.0, 1.0 / 32.0, 1.0 / 16.0):
         # Gains are the renderer's alone: they need no robot.
-        renderer = factory(replace(scene, device=None, stiffness=share * scene.stiffness, bilateral=True))
+        renderer = _two_sided(factory, replace(scene, device=None, stiffness=share * scene.stiffness))
         if not isinstance(renderer, Renderer):
             raise InputError(
                 "the renderer has physics of its own, and no gains to look for a limit of",
@@ -84,6 +85,14 @@ def family_of(factory: RendererFactory, scene: Scene, place: Place) -> Family:
     return family
 
 
+def _two_sided(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
+    """The renderer that holds from both sides, or from inside alone where it can do no more: its gains are the same."""
+    try:
+        return built(factory, replace(scene, bilateral=True))
+    except RefusalError:
+        return built(factory, replace(scene, bilateral=False))
+
+
 def eigenvalue_limit(loop: SampledLoop, family: Family, *, steps: int = STEPS) -> float:
     """The stiffness (N/m) up to which all modes of the sampled loop decay; 0 where none does, inf beyond `STIFFEST`."""
     return largest(lambda stiffness: loop.growth(family.at(stiffness)) < 1.0, steps=steps)
@@ -94,6 +103,9 @@ def simulated_limit(factory: RendererFactory, scene: Scene, place: Place) -> flo
 
     Its encoders, torque limits and friction are left out: a limit cycle of a count is no instability, motors that
     saturate bound one, and friction holds a loop at rest that would not stay there.
+
+    Raises `RefusalError` for a renderer that does not hold from both sides: let go at the surface, its tool leaves, and
+    shows nothing.
     """
     effects = replace(scene.imperfections, encoder_step=None, torque_limit=None, friction=None)
     smooth = replace(scene, imperfections=effects)
@@ -123,7 +135,9 @@ def _settles(factory: RendererFactory, scene: Scene, place: Place, stiffness: fl
     """Whether the distance from the surface is smaller at the end of a run than after its first tenth, or at rest."""
     held = replace(scene, stiffness=stiffness, bilateral=True)
     try:
-        renderer = factory(held)
+        renderer = built(factory, held)
+    except RefusalError:
+        raise
     except InputError:  # it refuses gains that it knows to be unstable
         return False
     dt = scene.sampling_time

@@ -41,6 +41,8 @@ class Damped(PointMass):
 class Crooked:
     """A renderer whose force grows with the square of the scene's stiffness."""
 
+    supports = ("bilateral",)
+
     def __init__(self, scene):
         self.stiffness = scene.stiffness
 

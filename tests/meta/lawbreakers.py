@@ -41,6 +41,8 @@ class Tick:
 class Stabilised:
     """(7.11), (7.14), (7.17) and (7.18) for a tool that the loop moves as a point mass."""
 
+    supports = frozenset({"bilateral", "viscosity", "plane"})
+
     def __init__(self, scene: Scene, fault: Fault | None = None) -> None:
         self.scene = scene
         self.fault = fault

@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from hapticeval.ideal import ideal
+from hapticeval.ideal.contact import IdealContact
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Experiment, Path, Stimulus
@@ -20,6 +21,8 @@ Spoil = Callable[[dict[str, np.ndarray], Recording, Scene, Stimulus], None]
 
 class Mutant:
     """The ideal contact with its channels spoiled."""
+
+    supports = IdealContact.supports
 
     def __init__(self, scene: Scene, spoil: Spoil) -> None:
         self.scene = scene

@@ -1,0 +1,153 @@
+"""Right renderers as real ones differ: late, in single precision, answering lists, at a distance, or force only.
+
+Each takes the factory of a right renderer and gives that of the same renderer so changed. No check may blame the
+change: in every case the verdict is the bare renderer's, or one that decides less.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from hapticeval.renderer import Renderer, RendererFactory, Response
+from hapticeval.scene import Scene
+
+STANDOFF = 1e-4
+"""Distance (m) in front of the surface at which a tool may stop, declared."""
+
+
+class Changed:
+    """A renderer that asks another one and changes its answer; what that one declares, it declares too."""
+
+    def __init__(self, scene: Scene, inner: Renderer) -> None:
+        self.scene = scene
+        self.inner = inner
+
+    def __getattr__(self, name: str) -> Any:
+        if name in ("surface", "resolution", "standoff", "supports", "feel"):
+            return getattr(self.inner, name)
+        raise AttributeError(name)
+
+    def reset(self, hip: np.ndarray) -> None:
+        self.inner.reset(hip)
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Any:
+        return self.inner.step(hip, velocity, dt)
+
+
+class Late(Changed):
+    """Answers with what it found `ticks` ago: IHIP and force."""
+
+    ticks = 0
+
+    def reset(self, hip: np.ndarray) -> None:
+        super().reset(hip)
+        self.found: deque[Response] = deque(maxlen=self.ticks + 1)
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        self.found.append(super().step(hip, velocity, dt))
+        return self.found[0]
+
+
+class Late1(Late):
+    """A tick late: it answers the sample before."""
+
+    ticks = 1
+
+
+class Late2(Late):
+    """Two ticks late."""
+
+    ticks = 2
+
+
+class Late3(Late):
+    """Three ticks late: as much as is granted."""
+
+    ticks = 3
+
+
+class Single(Changed):
+    """Takes and gives positions in single precision, and forms its spring's force of them, in single precision."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        seen = hip.astype(np.float32)
+        ihip, force = super().step(seen.astype(float), velocity.astype(np.float32).astype(float), dt)
+        tool = np.asarray(ihip, dtype=np.float32)
+        if not np.any(force):
+            return Response(tool, np.zeros_like(tool))
+        # What the scheme adds to the spring is rounded as a force is.
+        spring = np.float32(self.scene.stiffness) * (tool - seen)
+        beside = np.asarray(force, dtype=float) - self.scene.stiffness * (np.asarray(ihip) - seen)
+        return Response(tool, spring + beside.astype(np.float32))
+
+
+class Lists(Changed):
+    """Answers a list of two lists."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> list[list[float]]:
+        ihip, force = super().step(hip, velocity, dt)
+        return [np.asarray(ihip).tolist(), np.asarray(force).tolist()]
+
+
+class Tuples(Changed):
+    """Answers a tuple of two tuples."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> tuple[tuple[float, ...], ...]:
+        ihip, force = super().step(hip, velocity, dt)
+        return tuple(np.asarray(ihip).tolist()), tuple(np.asarray(force).tolist())
+
+
+class Apart(Changed):
+    """Stops the tool `STANDOFF` in front of the surface, and declares it: asks for the hand that much further in."""
+
+    standoff = STANDOFF
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        frame = self.scene.model.boundary.frame(hip[np.newaxis])
+        shift = STANDOFF * frame.normal[0]
+        if not self.scene.bilateral and frame.distance[0] >= STANDOFF:
+            return super().step(hip, velocity, dt)
+        ihip, force = super().step(hip - shift, velocity, dt)
+        return Response(np.asarray(ihip) + shift, np.asarray(force))
+
+
+class ForceOnly(Changed):
+    """Keeps its tool to itself: the IHIP that it answers is the HIP."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        return Response(hip, super().step(hip, velocity, dt)[1])
+
+
+HONEST: dict[str, type[Changed]] = {
+    "late-1": Late1,
+    "late-2": Late2,
+    "late-3": Late3,
+    "single": Single,
+    "lists": Lists,
+    "tuples": Tuples,
+    "standoff": Apart,
+    "force-only": ForceOnly,
+}
+"""Name of a change: the class that makes it."""
+
+
+def factory(name: str, inner: RendererFactory) -> Callable[[Scene], Changed]:
+    """The factory of what `inner` makes, changed so; it declares what `inner` does."""
+
+    def make(scene: Scene) -> Changed:
+        made = inner(scene)
+        assert isinstance(made, Renderer)
+        return HONEST[name](scene, made)
+
+    if hasattr(inner, "supports"):
+        make.supports = inner.supports  # type: ignore[attr-defined]
+    return make
+
+
+def every(inner: RendererFactory) -> Iterator[tuple[str, Callable[[Scene], Changed]]]:
+    """Each honest change of one renderer: its name and its factory."""
+    return ((name, factory(name, inner)) for name in HONEST)

@@ -1,0 +1,252 @@
+"""What a scene asks of a renderer and what a renderer supports: what is missing is refused once, before the run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hapticeval
+from hapticeval import RefusalError, Response, Scene
+from hapticeval.cli import main
+from hapticeval.devices.imperfections import ForceSensor, Imperfections
+from hapticeval.discovery import own_renderers, resolve
+from hapticeval.errors import RendererError, UnknownNameError
+from hapticeval.geometry.catalogue import circle, sphere
+from hapticeval.judging import built, judge
+from hapticeval.limits.linear import Place
+from hapticeval.limits.search import family_of, simulated_limit
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.recordings.recording import Recording
+from hapticeval.results import read_results
+from hapticeval.scene import REQUIREMENTS, Requirement
+from hapticeval.suite.reading import load_suite
+
+PLAIN = Scene(model=circle())
+SENSED = replace(PLAIN, imperfections=Imperfections(force_sensor=ForceSensor()))
+ASKING = {
+    "plane": PLAIN,
+    "space": Scene(model=sphere()),
+    "bilateral": replace(PLAIN, bilateral=True),
+    "viscosity": replace(PLAIN, viscosity=0.3),
+    "force-sensor": SENSED,
+}
+"""Requirement: a scene that asks for it."""
+
+
+class Nearest:
+    """A unilateral spring to the nearest point, in the plane and in space, that declares nothing."""
+
+    def __init__(self, scene):
+        self.boundary, self.stiffness = scene.model.boundary, scene.stiffness
+
+    def reset(self, hip):
+        pass
+
+    def step(self, hip, velocity, dt):
+        at = self.boundary.frame(hip[None])
+        ihip = at.foot[0] if at.distance[0] < 0 else hip
+        return Response(ihip, self.stiffness * (ihip - hip))
+
+
+class Feels(Nearest):
+    def feel(self, push):
+        pass
+
+
+def declaring(*names):
+    return type("Declaring", (Nearest,), {"supports": names})
+
+
+@pytest.mark.parametrize("name", REQUIREMENTS)
+def test_a_scene_asks_for_what_it_calls_for_and_no_more(name):
+    names = {each.name for each in ASKING[name].requirements}
+    assert names == {name, "space" if name == "space" else "plane"}
+
+
+@pytest.mark.parametrize("name", ["bilateral", "viscosity", "force-sensor"])
+def test_what_is_not_declared_is_refused_by_name_and_what_is_declared_is_not(name):
+    with pytest.raises(RefusalError, match=f"'{name}'") as refused:
+        built(Nearest, ASKING[name])
+    assert f'supports = {{"{name}"}}' in refused.value.todo
+    assert isinstance(built(declaring(name), ASKING[name]), Nearest)
+
+
+def test_all_that_is_missing_is_named_at_once():
+    scene = replace(SENSED, bilateral=True, viscosity=0.1)
+    with pytest.raises(RefusalError, match=r"'bilateral' .* 'viscosity' .* 'force-sensor'"):
+        built(Nearest, scene)
+    with pytest.raises(RefusalError, match="declares support for bilateral") as refused:
+        built(declaring("bilateral"), replace(PLAIN, bilateral=True, viscosity=0.1))
+    assert "'bilateral'" not in refused.value.what
+
+
+def test_a_renderer_that_declares_no_dimension_is_given_both_and_one_that_does_no_other():
+    for scene in (PLAIN, ASKING["space"]):
+        built(Nearest, scene)
+        built(declaring("bilateral"), scene)
+    built(declaring("space"), ASKING["space"])
+    with pytest.raises(RefusalError, match="'plane'"):
+        built(declaring("space"), PLAIN)
+    with pytest.raises(RefusalError, match="surface in space"):
+        built(lambda scene: Nearest(scene) if scene.model.curve else None, ASKING["space"])
+
+
+def test_a_factory_that_declares_is_refused_before_it_builds_anything():
+    def make(scene):
+        raise AssertionError
+
+    make.supports = {"plane"}
+    with pytest.raises(RefusalError, match="'bilateral'"):
+        built(make, ASKING["bilateral"])
+
+
+def test_what_it_makes_may_declare_by_a_property():
+    class Depends(Nearest):
+        @property
+        def supports(self):
+            return ["bilateral"]
+
+    built(Depends, ASKING["bilateral"])
+    built(lambda scene: Depends(scene), ASKING["bilateral"])
+    with pytest.raises(RefusalError, match="'viscosity'"):
+        built(Depends, ASKING["viscosity"])
+
+
+def test_a_renderer_that_feels_needs_not_declare_the_sensor():
+    built(Feels, SENSED)
+    built(lambda scene: Feels(scene), SENSED)
+
+
+@pytest.mark.parametrize(
+    ("supports", "error", "words"),
+    [
+        ("bilateral", RendererError, "a collection of names"),
+        (7, RendererError, "a collection of names"),
+        ([3], RendererError, "a collection of names"),
+        (["bilatral"], UnknownNameError, "did you mean bilateral"),
+    ],
+)
+def test_a_wrong_declaration_is_an_error(supports, error, words):
+    with pytest.raises(error, match=words):
+        built(lambda scene: type("Wrong", (Nearest,), {"supports": supports})(scene), PLAIN)
+
+
+def test_one_more_requirement_takes_one_line(monkeypatch):
+    texture = Requirement("texture", "the surface is rough", lambda scene: scene.mass == 0.7)
+    monkeypatch.setitem(REQUIREMENTS, "texture", texture)
+    rough = replace(PLAIN, mass=0.7)
+    with pytest.raises(RefusalError, match="'texture' \\(the surface is rough\\)"):
+        built(resolve("constraint"), rough)
+    built(declaring("texture"), rough)
+
+
+SUPPORTED = {
+    "ideal": {"plane", "bilateral", "force-sensor"},
+    "conformal": {"plane", "bilateral", "force-sensor"},
+    "mapping": {"plane", "bilateral", "force-sensor"},
+    "constraint": {"plane", "bilateral", "force-sensor"},
+    "minimum-distance": {"plane", "space", "bilateral", "force-sensor"},
+    "minimum-distance@polygon": {"plane", "bilateral", "force-sensor"},
+    "set-stabilisation": set(REQUIREMENTS),
+}
+
+
+@pytest.mark.parametrize("name", SUPPORTED)
+@pytest.mark.parametrize("asked", REQUIREMENTS)
+def test_the_renderers_that_come_along_work_where_they_declare_and_are_refused_elsewhere(name, asked):
+    scene = replace(ASKING[asked], damping=5.0)
+    if asked in SUPPORTED[name]:
+        made = built(resolve(name), scene)
+        hip = np.array([0.095, 0.0, 0.0][: scene.model.dimension])
+        if hasattr(made, "step"):
+            made.reset(hip)
+            assert np.linalg.norm(made.step(hip, 0.0 * hip, 1e-3)[1]) > 0.0
+    else:
+        with pytest.raises(RefusalError):
+            built(resolve(name), scene)
+
+
+def test_every_renderer_that_comes_along_declares():
+    assert set(own_renderers()) <= set(SUPPORTED)
+
+
+def test_the_ideal_contact_is_not_asked_for_a_viscosity_that_it_does_not_have():
+    case = next(case for case in load_suite("dynamics-circle").cases if case.name == "circle")
+    case = replace(case, scene={**case.scene, "viscosity": 0.3}, closed_form={}, checks=("tangential-dynamics",))
+    found = judge(resolve("ideal"), "ideal", "dynamics-circle", case)
+    assert [verdict.outcome for verdict in found.verdicts] == [Outcome.NOT_APPLICABLE]
+    assert "'viscosity'" in found.verdicts[0].finding.message
+    assert found.refusal is not None
+
+
+def test_a_renderer_with_physics_of_its_own_is_asked_no_more_than_it_declares():
+    class Whole:
+        def __init__(self, scene):
+            pass
+
+        def answer(self, stimulus, dt):
+            return Recording(np.arange(2.0), {})
+
+    built(Whole, PLAIN)
+    with pytest.raises(RefusalError):
+        built(Whole, ASKING["bilateral"])
+
+
+def test_limits_take_the_gains_of_a_unilateral_renderer_and_do_not_let_it_go():
+    place = Place(np.array([0.1, 0.0]), np.array([1.0, 0.0]))
+    gains = family_of(Nearest, PLAIN, place).at(700.0)
+    assert gains.now[0, 0] == pytest.approx(700.0, rel=1e-3)
+    with pytest.raises(RefusalError, match="'bilateral'"):
+        simulated_limit(Nearest, PLAIN, place)
+
+
+SUITE = """
+title = "Both"
+[[case]]
+name = "led"
+title = "Led under a circle"
+model = { kind = "circle" }
+checks = ["contact-normal-force", "memoryless"]
+trajectory = { kind = "scaled", depth = 0.002, from_angle = 0, to_angle = 20, duration = 0.2 }
+[[case]]
+name = "held"
+title = "Held on a circle"
+model = { kind = "circle" }
+scene = { stiffness = 50.0, damping = 4.47, bilateral = true }
+checks = ["centripetal-force", "contact-normal-force"]
+experiment = { duration = 0.2, position = [0.1, 0.0], velocity = [0.0, 0.5] }
+"""
+
+
+def test_what_does_not_apply_stops_no_gate(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "both.toml").write_text(SUITE)
+    (tmp_path / "plainly.py").write_text(
+        "from hapticeval import Response\n"
+        "class Nearest:\n"
+        "    def __init__(self, scene):\n"
+        "        self.boundary, self.stiffness = scene.model.boundary, scene.stiffness\n"
+        "    def reset(self, hip):\n"
+        "        pass\n"
+        "    def step(self, hip, velocity, dt):\n"
+        "        at = self.boundary.frame([hip])\n"
+        "        ihip = at.foot[0] if at.distance[0] < 0 else hip\n"
+        "        return Response(ihip, self.stiffness * (ihip - hip))\n"
+    )
+    assert main(["run", "both.toml", "-r", "plainly:Nearest", "-o", "out"]) == 0
+    results = read_results(tmp_path / "out")
+    assert results.complete
+    assert (results.ran, results.planned) == (4, 4)
+    found = {(each["case"], each["check"]): each for each in results.verdicts}
+    assert {each["outcome"] for (case, _), each in found.items() if case == "led"} == {"pass"}
+    held = [each for (case, _), each in found.items() if case == "held"]
+    assert {each["outcome"] for each in held} == {"not-applicable"}
+    assert all("'bilateral'" in each["message"] and each["as_expected"] for each in held)
+    assert "fail" not in capsys.readouterr().out.split("verdicts")[0].split()
+
+
+def test_an_author_finds_the_refusal_at_the_top():
+    assert hapticeval.RefusalError is RefusalError
+    assert "RefusalError" in hapticeval.__all__
