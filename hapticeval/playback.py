@@ -11,14 +11,26 @@ from typing import Any
 import numpy as np
 
 from hapticeval.errors import HapticevalError, RendererError
+from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.surface import Surface
 from hapticeval.recordings.recording import REQUIRED, Recording, backward_difference
 from hapticeval.renderer import Batch, Feeling, Renderer, SelfDriven
+from hapticeval.scene import Scene
 from hapticeval.stimulus import Path, Stimulus
 from hapticeval.types import Array
 
+NEAR = 1e-4
+"""Distance from the surface, as a share of the model's size, from which a hand that rests is led in."""
 
-def play(renderer: Renderer | SelfDriven, path: Path, dt: float) -> Recording:
-    """The renderer's answers along `path`, sampled every `dt` seconds.
+WAY = 1000
+"""Ticks that a hand is led in at the most."""
+
+REST = 10
+"""Ticks that it then rests where the path begins: more than any granted lag."""
+
+
+def play(renderer: Renderer | SelfDriven, path: Path, dt: float, *, scene: Scene | None = None) -> Recording:
+    """The renderer's answers along `path`, sampled every `dt` seconds; with a `scene` led in first: see `lead`.
 
     Raises `RendererError`, naming tick and HIP, when the renderer raises, answers in a wrong shape or with a
     number that is not finite.
@@ -27,7 +39,7 @@ def play(renderer: Renderer | SelfDriven, path: Path, dt: float) -> Recording:
         return answered(renderer, path, dt)
     time, hips = path.sampled(dt)
     velocity = backward_difference(hips, time)
-    ihips, forces = lead(renderer, hips, velocity, dt)
+    ihips, forces = lead(renderer, hips, velocity, dt, scene=scene)
     channels = {"hip": hips, "ihip": ihips, "force": forces, "velocity": velocity}
     return Recording(time, channels, meta={"source": "playback", "dt": dt, **declared(renderer)})
 
@@ -38,10 +50,14 @@ def lead(
     velocity: Array,
     dt: float | Array,
     *,
+    scene: Scene | None = None,
     pushes: Array | None = None,
     first: int = 0,
 ) -> tuple[Array, Array]:
     """IHIPs and forces, (n, N) each, of a renderer that is reset at the first row of `hips` (n, N) and led on.
+
+    With a `scene`, a hand that would start inside its model is led in first: see `way_in`. These ticks are no part of
+    the answer.
 
     With one `dt` (s) for all rows a batch renderer is asked at once, and takes the velocity from the HIPs itself; with
     a step a row, `dt` (n,), every renderer is asked row by row and given `velocity` (n, N). One that feels is told the
@@ -49,9 +65,45 @@ def lead(
     """
     if not isinstance(renderer, Feeling):
         pushes = None
+    way = way_in(renderer, hips, scene)
+    count = way.shape[0]
+    if count:
+        step = float(np.median(dt))
+        moving = np.diff(way, axis=0, prepend=way[:1]) / step
+        hips, velocity = np.vstack([way, hips]), np.vstack([moving, velocity])
+        dt = np.concatenate([np.full(count, step), dt]) if isinstance(dt, np.ndarray) else dt
+        pushes = None if pushes is None else np.vstack([np.zeros_like(way), pushes])
     if isinstance(renderer, Batch) and not isinstance(dt, np.ndarray) and pushes is None:
-        return _all_at_once(renderer, hips, velocity, dt, first)
-    return _step_by_step(renderer, hips, velocity, dt, first, pushes)
+        ihips, forces = _all_at_once(renderer, hips, velocity, dt, first, count)
+    else:
+        ihips, forces = _step_by_step(renderer, hips, velocity, dt, first, count, pushes)
+    return ihips[count:], forces[count:]
+
+
+def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
+    """HIPs (m, N) that lead a hand from free space to the first row of `hips` (n, N), where that is inside the model.
+
+    Straight in from the nearest point of the surface, the renderer's own where it has one, at the pace of the path, and
+    a rest at the end. A proxy that is reset inside of the solid would know no way out; so none is, and each starts with
+    its tool where the nearest projection puts it. None for a hand that starts outside, and on a bilateral constraint.
+    """
+    none = np.empty((0, hips.shape[1]))
+    if scene is None or scene.bilateral:
+        return none
+    boundary: Curve | Surface = getattr(renderer, "surface", None) or scene.model.boundary
+    start = hips[0]
+    frame = boundary.frame(start[np.newaxis])
+    depth = -float(frame.distance[0])
+    if depth <= 0.0:
+        return none
+    pace = float(np.linalg.norm(np.diff(hips, axis=0), axis=1).max(initial=0.0)) or NEAR * scene.model.size
+    outwards = (frame.foot[0] - start) / depth
+    before = frame.foot[0] + (declared(renderer)["standoff"] + pace) * outwards
+    if not boundary.signed_distance(before[np.newaxis])[0] > 0.0:
+        before = frame.foot[0]
+    ticks = min(math.ceil(float(np.linalg.norm(start - before)) / pace), WAY)
+    share = np.linspace(0.0, 1.0, ticks + 1)[:, np.newaxis]
+    return np.vstack([(1.0 - share) * before + share * start, np.repeat(start[np.newaxis], REST, axis=0)])
 
 
 def answered(renderer: SelfDriven, stimulus: Stimulus, dt: float) -> Recording:
@@ -90,7 +142,9 @@ def declared(renderer: object) -> Mapping[str, Any]:
     return said
 
 
-def _all_at_once(renderer: Batch, hips: Array, velocity: Array, dt: float, first: int) -> tuple[Array, Array]:
+def _all_at_once(
+    renderer: Batch, hips: Array, velocity: Array, dt: float, first: int, ahead: int
+) -> tuple[Array, Array]:
     try:
         ihips, forces = (np.asarray(part, dtype=np.float64) for part in renderer.run(hips.copy(), dt))
     except HapticevalError:
@@ -101,7 +155,7 @@ def _all_at_once(renderer: Batch, hips: Array, velocity: Array, dt: float, first
                 f"the renderer's run() raised {type(error).__name__}: {error}", tick=first, hip=hips[0]
             ) from error
         # A batch does not say where it broke; single steps do.
-        _step_by_step(renderer, hips, velocity, dt, first)
+        _step_by_step(renderer, hips, velocity, dt, first, ahead)
         raise RendererError(
             f"the renderer's run() raised {type(error).__name__}: {error}",
             tick=first,
@@ -120,22 +174,30 @@ def _all_at_once(renderer: Batch, hips: Array, velocity: Array, dt: float, first
         bad = ~np.isfinite(array).all(axis=1)
         if bad.any():
             tick = int(np.argmax(bad))
-            raise RendererError(f"{name} not finite: {array[tick]}", tick=first + tick, hip=hips[tick])
+            raise RendererError(f"{name} not finite: {array[tick]}", tick=first + max(tick - ahead, 0), hip=hips[tick])
         answers.append(array)
     return answers[0], answers[1]
 
 
 def _step_by_step(
-    renderer: Renderer, hips: Array, velocity: Array, dt: float | Array, first: int, pushes: Array | None = None
+    renderer: Renderer,
+    hips: Array,
+    velocity: Array,
+    dt: float | Array,
+    first: int,
+    ahead: int,
+    pushes: Array | None = None,
 ) -> tuple[Array, Array]:
+    """A step a row; the `ahead` rows of the way in count as tick `first`."""
     ihips = np.empty_like(hips)
     forces = np.empty_like(hips)
     steps = np.broadcast_to(dt, hips.shape[0]).tolist()
     start(renderer, hips[0])
     for row, step in enumerate(steps):
+        tick = first + max(row - ahead, 0)
         if pushes is not None:
-            _feel(renderer, first + row, hips[row], pushes[row])
-        ihips[row], forces[row] = ask(renderer, first + row, hips[row], velocity[row], step)
+            _feel(renderer, tick, hips[row], pushes[row])
+        ihips[row], forces[row] = ask(renderer, tick, hips[row], velocity[row], step)
     return ihips, forces
 
 

@@ -40,7 +40,13 @@ class Renderer(Protocol):
     """
 
     def reset(self, hip: Array) -> None:
-        """Start a run with the hand at `hip` (N,)."""
+        """Start a run with the hand at `hip` (N,).
+
+        Along a path of a suite or of a recording the tool is free then, and with the hand: where the path begins inside
+        a model that only pushes, the hand is led in from the nearest point of the surface, and what the renderer
+        answers on that way is not recorded. Elsewhere (single points, a closed loop, hardware) the hand may start
+        inside: put the tool to the nearest point of the surface.
+        """
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. In free space the IHIP is the HIP."""

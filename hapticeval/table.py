@@ -10,7 +10,7 @@ from hapticeval.suite.suite import Row, Suite
 
 
 def fill_table(suites: Sequence[Suite], verdicts: Iterable[Verdict]) -> Mapping[str, Mapping[str, str]]:
-    """For each row, the renderers that its cases have decided: No where one fails, Yes where all pass.
+    """For each row, the renderers that its cases have decided: No where one of its checks fails, Yes where all pass.
 
     A renderer that has not run in every case of the row, or has an inconclusive or erroneous verdict there and no
     failure, is left out: the table never says Yes for what was not seen.
@@ -20,21 +20,24 @@ def fill_table(suites: Sequence[Suite], verdicts: Iterable[Verdict]) -> Mapping[
     for suite in suites:
         for row in suite.rows:
             cells = table.setdefault(row.title, {})
-            wanted = [
-                case.name for case in suite.cases if case.judged and row.check in case.checks and _in(row, case.name)
-            ]
+            wanted = {
+                (case.name, check)
+                for case in suite.cases
+                if case.judged and _in(row, case.name)
+                for check in row.checks
+                if check in case.checks
+            }
             for renderer in dict.fromkeys(verdict.renderer for verdict in found):
                 outcomes = {
-                    verdict.case: verdict.outcome
+                    (verdict.case, verdict.check): verdict.outcome
                     for verdict in found
                     if verdict.renderer == renderer
                     and verdict.suite == suite.name
-                    and verdict.check == row.check
-                    and verdict.case in wanted
+                    and (verdict.case, verdict.check) in wanted
                 }
                 if Outcome.FAIL in outcomes.values():
                     cells[renderer] = "No"
-                elif wanted and set(outcomes) == set(wanted) and set(outcomes.values()) == {Outcome.PASS}:
+                elif wanted and set(outcomes) == wanted and set(outcomes.values()) == {Outcome.PASS}:
                     cells[renderer] = "Yes"
     return table
 

@@ -10,13 +10,16 @@ from hapticeval.table import fill_table
 
 SUITE = load_suite("thesis")
 ROW = "Resists Pop-Through on Corners"
+CHECKS = ("continuous-contact", "contact-kept")
 CASES = ("star-concave-corner", "star-convex-corner")
 
 
-def verdicts(*outcomes, renderer="mine"):
+def verdicts(*outcomes, renderer="mine", check="continuous-contact", other=Outcome.PASS):
+    """Of `check` the outcomes case by case, and of the row's other check `other`."""
     return [
-        Verdict(renderer, "thesis", case, "continuous-contact", Level.MUST, Finding(outcome, "said"))
+        Verdict(renderer, "thesis", case, each, Level.MUST, Finding(outcome if each == check else other, "found"))
         for case, outcome in zip(CASES, outcomes, strict=False)
+        for each in CHECKS
     ]
 
 
@@ -35,6 +38,16 @@ def verdicts(*outcomes, renderer="mine"):
 )
 def test_a_row_is_decided_by_its_cases(outcomes, cell):
     assert fill_table([SUITE], verdicts(*outcomes))[ROW].get("mine") == cell
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_each_check_of_a_row_decides_it(check):
+    passed, failed = (Outcome.PASS, Outcome.PASS), (Outcome.PASS, Outcome.FAIL)
+    assert fill_table([SUITE], verdicts(*passed, check=check))[ROW]["mine"] == "Yes"
+    assert fill_table([SUITE], verdicts(*failed, check=check))[ROW]["mine"] == "No"
+    undecided = verdicts(*passed, check=check, other=Outcome.INCONCLUSIVE)
+    assert "mine" not in fill_table([SUITE], undecided)[ROW]
+    assert "mine" not in fill_table([SUITE], [each for each in verdicts(*passed) if each.check == check])[ROW]
 
 
 def test_renderers_do_not_mix():

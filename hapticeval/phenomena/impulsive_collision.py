@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.sampling import LAG_TICKS, place, unsettled_by_path
+from hapticeval.phenomena.sampling import LAG_TICKS, place, touching, unsettled_by_path
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -23,9 +23,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     unsettled = unsettled_by_path(base)
     if unsettled is not None:
         return Finding(Outcome.INCONCLUSIVE, unsettled)
-    touching = base.contact
-    struck = int(np.argmax(touching))
-    if not touching.any() or struck == 0:
+    contact = touching(base, scene)
+    struck = int(np.argmax(contact))
+    if not contact.any() or struck == 0:
         return Finding(Outcome.INCONCLUSIVE, "the tool does not fly freely into the surface")
     end = struck + WINDOW_TICKS
     if end >= len(base):
@@ -47,7 +47,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     missing = max(wanted - taken, taken - answered, 0.0) / wanted
     metric = Metric("share of the impulse of (3.5) missing after four ticks", missing, "")
     stopped = np.flatnonzero(along[struck:] >= 0.0)
-    leaves = np.flatnonzero(~touching[struck:])
+    leaves = np.flatnonzero(~contact[struck:])
     evidence: dict[str, object] = {
         **place(base, struck),
         "approach_speed_m_s": approach,

@@ -11,6 +11,7 @@ from hapticeval.phenomena import (
     centripetal_force,
     closed_form,
     constraint_stability,
+    contact_kept,
     contact_normal_force,
     continuous_contact,
     decoupling,
@@ -26,6 +27,7 @@ CHECKS: Mapping[str, Check] = MappingProxyType(
         module.CHECK.id: module.CHECK
         for module in (
             continuous_contact,
+            contact_kept,
             contact_normal_force,
             broken_contact,
             abrupt_switch,

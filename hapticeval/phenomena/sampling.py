@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -36,8 +36,37 @@ def hip_steps(recording: Recording) -> Array:
 
 
 def touching(recording: Recording, scene: Scene) -> BoolArray:
-    """Where the tool is in contact, (n,): on a bilateral constraint always, also where no force is called for."""
-    return np.ones(len(recording), dtype=bool) if scene.bilateral else recording.contact
+    """Where the tool is in contact, (n,): on a bilateral constraint always, also where no force is called for.
+
+    On a surface that only pushes, contact is a force above the floor, or an IHIP apart from the HIP unless it trails
+    the hand in free space: see `trailing`.
+    """
+    if scene.bilateral:
+        return np.ones(len(recording), dtype=bool)
+    if "force" not in recording.channels:
+        return recording.contact
+    contact = loaded(recording, scene)
+    if "ihip" in recording.channels:
+        contact |= recording.apart & ~trailing(recording, scene)
+    return contact
+
+
+def trailing(recording: Recording, scene: Scene) -> BoolArray:
+    """Where the IHIP is apart from the HIP in free space, (n,): no contact, but a tool that does not follow the hand.
+
+    There is no force above the floor, and the HIP is outside of the model, or the IHIP farther outside than any contact
+    point may lie. Nowhere on a bilateral constraint, and where force or IHIP was not recorded.
+    """
+    found = np.zeros(len(recording), dtype=bool)
+    if scene.bilateral or not {"ihip", "force"} <= recording.channels.keys():
+        return found
+    silent = np.flatnonzero(recording.apart & ~loaded(recording, scene))
+    if silent.size:
+        distance = scene.model.boundary.signed_distance
+        steps = hip_steps(recording)
+        farthest = LAG_TICKS * float(steps.max(initial=0.0)) + believed_standoff(recording, scene) + rounding(scene)
+        found[silent] = (distance(recording.hip[silent]) > 0.0) | (distance(recording.ihip[silent]) > farthest)
+    return found
 
 
 def hip_step(recording: Recording, scene: Scene) -> float:
@@ -73,6 +102,11 @@ def standoff(recording: Recording, scene: Scene) -> float:
     if recording.standoff == 0.0:
         return 0.0
     return min(believed_standoff(recording, scene), off_surface(recording, scene)[0])
+
+
+def rounding(scene: Scene) -> float:
+    """How well single precision places two points of the model's size, m."""
+    return 4.0 * SINGLE * scene.model.size
 
 
 def resolution(recording: Recording, scene: Scene) -> float:

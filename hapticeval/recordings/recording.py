@@ -258,12 +258,13 @@ class Recording:
         """
         touches = np.zeros(len(self), dtype=bool)
         if "ihip" in self.channels or "force" not in self.channels:
-            touches |= self._apart()
+            touches |= self.apart
         if "force" in self.channels:
             touches |= np.any(self.force != 0.0, axis=1)
         return touches & self.measured
 
-    def _apart(self) -> BoolArray:
+    @property
+    def apart(self) -> BoolArray:
         """Where the IHIP is not the HIP, beyond single precision: (n,)."""
         sound = self.hip if self.valid is None else self.hip[self.valid]
         rounding = 4.0 * SINGLE * float(np.max(np.abs(sound), initial=0.0))

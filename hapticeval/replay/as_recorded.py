@@ -11,6 +11,7 @@ import numpy as np
 from hapticeval.discovery import resolve, resolve_installed
 from hapticeval.errors import InputError
 from hapticeval.judging import built
+from hapticeval.phenomena.sampling import LED
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.recordings.stretches import Stretch
 from hapticeval.renderer import SelfDriven
@@ -75,7 +76,8 @@ def as_recorded(subject: Subject, renderers: Sequence[str] = ()) -> AsRecorded:
     if log.meta.get("source") == LIVE and log.valid is None and told is not None:
         # Our own loop tells a renderer the same step each cycle and never resets it, also where cycles were missed.
         path = HandPath(log, (Stretch(0, len(log)),), dt=float(told))
-    parts = rerendered(renderer, path)
+    # A hand that was not led began where it was.
+    parts = rerendered(renderer, path, scene if log.meta.get("source") in LED else None)
     again = joined([part.recording for part in parts])
     log = joined([path.recording.part(_answered(part)) for part in parts])
     bounds = _rounding(log, scene)

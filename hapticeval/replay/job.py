@@ -72,13 +72,13 @@ class Replay:
     def _replayed(self, name: str, scene: Scene) -> Recorded:
         path = self.path
         renderer = built(resolve(name), scene)
-        parts = rerendered(renderer, path)
+        parts = rerendered(renderer, path, scene)
 
         def runs(part: Part) -> Runs:
             if part.ended:
                 return Runs(part.recording)
             # The samples backwards are as much the recorded path as forwards; finer samples would be invented.
-            return Runs(part.recording, reverse=cache(lambda: backwards(renderer, path, part.stretch)))
+            return Runs(part.recording, reverse=cache(lambda: backwards(renderer, path, part.stretch, scene)))
 
         recordings = [part.recording for part in parts]
         whole = joined(recordings)

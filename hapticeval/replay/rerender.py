@@ -13,6 +13,7 @@ from hapticeval.playback import answered, declared, lead
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.recordings.stretches import Stretch, steps
 from hapticeval.renderer import Renderer, SelfDriven
+from hapticeval.scene import Scene
 from hapticeval.stimulus import Path
 from hapticeval.types import Array
 
@@ -51,8 +52,10 @@ class Part:
     ended: str = ""
 
 
-def rerendered(renderer: Renderer | SelfDriven, path: HandPath) -> tuple[Part, ...]:
+def rerendered(renderer: Renderer | SelfDriven, path: HandPath, scene: Scene | None) -> tuple[Part, ...]:
     """The renderer's answers along each stretch, from a reset each, at the recorded samples and times.
+
+    With a `scene`, a hand that starts inside its model is led in first, see `playback.way_in`.
 
     The HIP is never resampled. A renderer that answers a stimulus whole is given straight lines between the samples;
     it is refused (`RefusalError`) on a clock that is not regular, since it knows one sampling time. A `DomainError`
@@ -64,7 +67,7 @@ def rerendered(renderer: Renderer | SelfDriven, path: HandPath) -> tuple[Part, .
     left: DomainError | None = None
     for stretch in path.stretches:
         try:
-            parts.append(_stretch(renderer, path, stretch, meta))
+            parts.append(_stretch(renderer, path, stretch, meta, scene))
         except DomainError as error:
             left = error
     if not parts and left is not None:
@@ -72,12 +75,14 @@ def rerendered(renderer: Renderer | SelfDriven, path: HandPath) -> tuple[Part, .
     return tuple(parts)
 
 
-def backwards(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch) -> Recording:
+def backwards(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, scene: Scene) -> Recording:
     """The same samples of a stretch in the opposite order, each step as long as it was."""
-    return _reversed(renderer, path, stretch, {"source": "replay", **declared(renderer)})
+    return _reversed(renderer, path, stretch, {"source": "replay", **declared(renderer)}, scene)
 
 
-def _stretch(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, meta: Mapping[str, Any]) -> Part:
+def _stretch(
+    renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, meta: Mapping[str, Any], scene: Scene | None
+) -> Part:
     time = path.recording.time[stretch.rows]
     hip, dt = path.hip[stretch.rows], steps(path.recording, stretch) if path.dt is None else path.dt
     if isinstance(renderer, SelfDriven):
@@ -90,28 +95,30 @@ def _stretch(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, 
         dt = np.full(time.size, dt)
     ended = ""
     try:
-        ihip, force = lead(renderer, hip, velocity, dt, pushes=pushes, first=stretch.first)
+        ihip, force = lead(renderer, hip, velocity, dt, scene=scene, pushes=pushes, first=stretch.first)
     except DomainError as error:
-        rows = _answered_rows(renderer, hip, velocity, np.broadcast_to(dt, time.size), pushes)
+        rows = _answered_rows(renderer, hip, velocity, np.broadcast_to(dt, time.size), pushes, scene)
         if rows < 2:
             raise
         whole = slice(0, rows)
         ended = f"{time[rows]:.6g} to {time[-1]:.6g} s: {error.what}"
         time, hip, velocity = time[whole], hip[whole], velocity[whole]
         dt, pushes = np.broadcast_to(dt, rows).copy(), None if pushes is None else pushes[whole]
-        ihip, force = lead(renderer, hip, velocity, dt, pushes=pushes, first=stretch.first)
+        ihip, force = lead(renderer, hip, velocity, dt, scene=scene, pushes=pushes, first=stretch.first)
     channels = {"hip": hip, "ihip": ihip, "force": force, "velocity": velocity}
     return Part(stretch, Recording(time, channels, {**meta, "dt": float(np.median(dt))}), ended)
 
 
-def _answered_rows(renderer: Renderer, hip: Array, velocity: Array, dt: Array, pushes: Array | None) -> int:
+def _answered_rows(
+    renderer: Renderer, hip: Array, velocity: Array, dt: Array, pushes: Array | None, scene: Scene | None
+) -> int:
     """How many samples a renderer answers before it is led out of its domain: found by bisection on the path."""
     low, high = 0, hip.shape[0]
     while high - low > 1:
         middle = (low + high) // 2
         try:
             lead(
-                renderer, hip[:middle], velocity[:middle], dt[:middle].copy(),
+                renderer, hip[:middle], velocity[:middle], dt[:middle].copy(), scene=scene,
                 pushes=None if pushes is None else pushes[:middle],
             )  # fmt: skip
         except DomainError:
@@ -121,7 +128,9 @@ def _answered_rows(renderer: Renderer, hip: Array, velocity: Array, dt: Array, p
     return low
 
 
-def _reversed(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, meta: Mapping[str, Any]) -> Recording:
+def _reversed(
+    renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, meta: Mapping[str, Any], scene: Scene
+) -> Recording:
     """The same HIPs in the opposite order, each step as long as it was."""
     time = path.recording.time[stretch.rows]
     back = time[-1] - time[::-1]
@@ -132,7 +141,7 @@ def _reversed(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch,
     velocity = backward_difference(hip, back)
     if not isinstance(dt, float):
         dt = np.concatenate([[dt[0]], dt[:0:-1]])
-    ihip, force = lead(renderer, hip, velocity, dt)
+    ihip, force = lead(renderer, hip, velocity, dt, scene=scene)
     return Recording(
         back, {"hip": hip, "ihip": ihip, "force": force, "velocity": velocity}, {**meta, "dt": float(np.median(dt))}
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
+from itertools import product
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -37,10 +38,10 @@ def load_suite(name_or_path: str) -> Suite:
     _refuse_repeats([case.name for case in cases], file.name)
     rows = tuple(_row(spec, file.name) for spec in document.get("row", []))
     for row in rows:
-        for pattern in row.cases:
-            if not any(fnmatchcase(case.name, pattern) and row.check in case.checks for case in cases):
+        for pattern, check in product(row.cases, row.checks):
+            if not any(fnmatchcase(case.name, pattern) and check in case.checks for case in cases):
                 raise InputError(
-                    f"{file.name}: row '{row.title}' asks for '{row.check}' in '{pattern}'",
+                    f"{file.name}: row '{row.title}' asks for '{check}' in '{pattern}'",
                     why="no case of that name has that check",
                     todo=f"the cases are: {', '.join(case.name for case in cases)}",
                 )
@@ -61,10 +62,12 @@ def _refuse_repeats(names: list[str], file: str) -> None:
 
 
 def _row(spec: Mapping[str, Any], file: str) -> Row:
-    _check_known(spec["check"], f"{file}: row '{spec['title']}'")
+    checks = (spec["check"],) if isinstance(spec["check"], str) else tuple(spec["check"])
+    for check in checks:
+        _check_known(check, f"{file}: row '{spec['title']}'")
     return Row(
         title=spec["title"],
-        check=spec["check"],
+        checks=checks,
         cases=tuple(spec["cases"]),
         published=spec.get("published", {}),
     )

@@ -10,10 +10,10 @@ from hapticeval.suite.case import Case
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A row of the summary table: Yes where `check` passes in all `cases` (globs), with what is in print."""
+    """A row of the summary table: Yes where `checks` pass in all `cases` (globs), with what is in print."""
 
     title: str
-    check: str
+    checks: tuple[str, ...]
     cases: tuple[str, ...]
     published: Mapping[str, str]
 

@@ -1,0 +1,205 @@
+"""Contact kept (section 3.2): a tool that the solid bars from the hand is in contact, and leaves when its way opens."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.held_tool import HeldTool
+from hapticeval.phenomena.sampling import (
+    LAG_TICKS,
+    NO_IHIP,
+    believed_standoff,
+    hip_steps,
+    lacks_ihip,
+    place,
+    resolution,
+    rounding,
+    touching,
+    trailing,
+)
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome
+from hapticeval.recordings.grain import grain
+from hapticeval.recordings.metadata import SIMULATED
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array, BoolArray, IntArray
+
+FINE = 0.125
+"""Grain of the rigid tool, as a share of the largest HIP step."""
+
+FINEST, COARSEST = 1e-6, 1e-4
+"""Limits of that grain, as shares of the model's size."""
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Wherever the renderer gives no contact, follow the hand with a rigid tool from the renderer's own last IHIP."""
+    base = runs.base
+    if scene.bilateral:
+        return Finding(Outcome.NOT_APPLICABLE, "a surface that holds the tool from both sides is never left")
+    if lacks_ihip(base, scene):
+        return Finding(Outcome.INCONCLUSIVE, NO_IHIP)
+    size = scene.model.size
+    tool = HeldTool(
+        scene.model.boundary,
+        float(np.clip(FINE * hip_steps(base).max(initial=0.0), FINEST * size, COARSEST * size)),
+    )
+    off, reach = _depth_allowed(base, scene) + tool.grain, _moved(base) + _along_allowed(base, scene) + tool.grain
+    allowed = _moved(base) + off
+    trails = _trails(base, scene, allowed)
+    if trails is not None:
+        return trails
+    contact = touching(base, scene)
+    gap, since = _barred(base, contact, tool, allowed, reach)
+    if not contact.any() and not gap.any():
+        return Finding(Outcome.INCONCLUSIVE, "the hand is never led into the model, and the tool never in contact")
+    worst = int(np.argmax(gap - allowed))
+    metric = Metric("how far the hand gets past the surface without contact", float(gap[worst]), "m")
+    bound = float(allowed[worst])
+    if gap[worst] <= bound:
+        message = "the tool is in contact wherever the model bars its way to the hand"
+        return Finding(Outcome.PASS, message, metric, bound, place(base, worst))
+    lost = gap > allowed
+    took = np.diff(base.time, append=base.time[-1] + base.dt)
+    depth = -scene.model.boundary.signed_distance(base.hip)
+    first = int(since[worst])
+    had = first > 0 and bool(contact[first - 1])
+    kind = "tunnelled" if np.all(depth[lost] <= allowed[lost]) else "let go" if had else "not met"
+    evidence: dict[str, object] = {
+        **place(base, first),
+        "kind": kind,
+        "deepest_m": max(float(depth[lost].max()), 0.0),
+        "farthest_time": float(base.time[worst]),
+        "farthest_hip": [float(x) for x in base.hip[worst]],
+        "lost_ticks": int(lost.sum()),
+        "lost_s": float(took[lost].sum()),
+        "times_lost": int(np.unique(since[lost]).size),
+    }
+    if had:
+        evidence["last_ihip"] = [float(x) for x in base.ihip[first - 1]]
+    message = (
+        f"{KINDS[kind]} at t = {base.time[first]:.4g} s, HIP ({_mm(base.hip[first])}) mm: without contact for "
+        f"{evidence['lost_s']:.3g} s ({evidence['lost_ticks']} of {len(base)} ticks), the hand gets "
+        f"{1e3 * metric.value:.3g} mm past the surface that bars the tool's way"
+    )
+    return Finding(Outcome.FAIL, message, metric, bound, evidence)
+
+
+KINDS = {
+    "let go": "contact is lost inside the model",
+    "not met": "the hand is led into the model and not met",
+    "tunnelled": "the tool tunnels through the model",
+}
+"""Words for `evidence["kind"]`: whether there was contact before; tunnelled, where the hand is never deep inside."""
+
+
+def _trails(base: Recording, scene: Scene, allowed: Array) -> Finding | None:
+    """A failure where the tool does not follow the hand in free space: it could then meet no surface in time."""
+    free = trailing(base, scene)
+    off = np.where(free, np.linalg.norm(base.hip - base.ihip, axis=1), 0.0)
+    worst = int(np.argmax(off - allowed))
+    if off[worst] <= allowed[worst]:
+        return None
+    many = int(np.sum(off > allowed))
+    message = (
+        f"the tool trails the hand in free space: no force, and the IHIP {1e3 * off[worst]:.3g} mm away from the HIP "
+        f"at t = {base.time[worst]:.4g} s ({many} of {len(base)} ticks)"
+    )
+    metric = Metric("distance of the IHIP from the HIP in free space", float(off[worst]), "m")
+    evidence = {**place(base, worst), "kind": "trails", "trailing_ticks": many}
+    return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
+
+
+def _barred(
+    base: Recording, contact: BoolArray, tool: HeldTool, allowed: Array, reach: Array
+) -> tuple[Array, IntArray]:
+    """For each tick without contact how far the HIP is from where a rigid tool is held, 0 where it is free: (n,), m.
+
+    And the tick since which it is held so: (n,). The rigid tool starts where the renderer's was: at its last IHIP in
+    contact, or with the hand in free space.
+    """
+    hip, steps = base.hip, hip_steps(base)
+    frame = tool.boundary.frame(hip)
+    clear = frame.distance > 0.0
+    # No point of a way is inside where the clear distances at its ends cover it.
+    clear[1:] &= clear[:-1] & (frame.distance[1:] + frame.distance[:-1] >= steps)
+    gap, since = np.zeros(len(base)), np.zeros(len(base), dtype=np.int64)
+    held: Array | None = None
+    first = 0
+    for tick in np.flatnonzero(~contact).tolist():
+        released = tick > 0 and bool(contact[tick - 1])
+        if released:
+            held = None
+        elif held is None and clear[tick]:
+            continue
+        if held is None:
+            first = tick
+            start = base.ihip[tick - 1] if released else hip[tick - 1] if tick else frame.foot[0]
+        else:
+            start = held
+        held = tool.follow(start, hip[tick])
+        if held is None:
+            continue
+        far = float(np.linalg.norm(hip[tick] - held))
+        if far > allowed[tick] and any(
+            tool.barred(other, hip[tick]) is None for other in tool.beside(held, float(reach[tick]))
+        ):
+            held = None
+            continue
+        gap[tick], since[tick] = far, first
+    return gap, since
+
+
+def _moved(base: Recording) -> Array:
+    """How far the HIP has moved in the last three ticks: (n,), m."""
+    along = np.concatenate([[0.0], np.cumsum(hip_steps(base))])
+    return np.asarray(along - along[np.maximum(np.arange(along.size) - LAG_TICKS, 0)])
+
+
+def _depth_allowed(base: Recording, scene: Scene) -> float:
+    """How far the renderer's surface may lie off the model, m, with the rounding of positions.
+
+    By what it declares: its standoff, or where it declares a resolution only, that.
+    """
+    declared = believed_standoff(base, scene) or resolution(base, scene)
+    digits = 0.0
+    if base.meta.get("source") not in SIMULATED:
+        digits = float(np.linalg.norm([grain(column) for column in (*base.hip.T, *base.ihip.T)]))
+    return declared + rounding(scene) + digits
+
+
+def _along_allowed(base: Recording, scene: Scene) -> float:
+    """How far along the surface an edge may lie off that of the model, m."""
+    return _depth_allowed(base, scene) + resolution(base, scene)
+
+
+def _mm(point: Array) -> str:
+    return ", ".join(f"{1e3 * x:.4g}" for x in point)
+
+
+CHECK = Check(
+    id="contact-kept",
+    phenomenon="Continuous Contact Point",
+    asks="Is a hand that is led into the model met, and the contact kept until the tool's way to the hand is open?",
+    formula="no contact at t only if a rigid tool, from the last IHIP, gets to HIP(t) outside of the solid",
+    citation="thesis 3.2, 3.2.1; 4.1.2 (pop-through)",
+    channels=("hip", "ihip", "force where it was recorded"),
+    siblings="none",
+    metric="how far the hand gets past the surface without contact",
+    unit="m",
+    bound=(
+        "The way of the HIP over the last 3 ticks + standoff + rounding + the step of the rigid tool. Where the "
+        "renderer gives no contact a rigid tool goes on from its last IHIP, or from the hand in free space: straight "
+        "to the HIP, and where the solid bars that way, along the surface downhill in distance, until it rests there "
+        "or its way is open. At rest it is held, and its distance from the HIP is how far a hand without contact has "
+        "got: into the solid, or beyond a plate, however thin. A proxy may answer three ticks late, so the way of "
+        "these is granted; its surface may lie off the model by the declared standoff (up to a fiftieth of the size), "
+        "or, where it declares a resolution only, by that. Its edges may lie off along the surface by as much and the "
+        "resolution (up to a sixteenth of the outline): contact may end where the way is open from so far beside. "
+        "Rounding is that of single precision, and the last digit of a log. The rigid tool moves in steps of an "
+        "eighth of the largest HIP step, between 1e-6 and 1e-4 of the model's size. In free space, which is no force "
+        "above the floor and the HIP outside of the model, or the IHIP farther outside than any contact point, the "
+        "IHIP is the HIP, within the same bound."
+    ),
+    judge=judge,
+)

@@ -1,0 +1,325 @@
+"""Letting go of the hand must fail, with where, how deep and how long; what is late or coarse must not be blamed."""
+
+from __future__ import annotations
+
+import letting_go
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from letting_go import HONEST, LETTING_GO, StandsOff, Wrapped, free, wrapping
+
+from hapticeval.discovery import resolve
+from hapticeval.geometry.catalogue import cassinian, circle, ellipsoid, from_vertices, line, sphere, star, torus
+from hapticeval.phenomena import contact_kept, continuous_contact
+from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.held_tool import HeldTool
+from hapticeval.phenomena.sampling import touching, trailing
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.playback import play
+from hapticeval.recordings.recording import Recording
+from hapticeval.renderer import Response
+from hapticeval.scene import Scene
+from hapticeval.stimulus import Path
+
+DT = 1e-3
+
+
+def along(*points, duration=0.5):
+    points = np.array(points, dtype=np.float64)
+    far = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    return Path(far * (duration / far[-1]), points)
+
+
+def found(make, model, path, **more):
+    scene = Scene(model=model, **more)
+    return contact_kept.judge(Runs(play(make(scene), path, DT, scene=scene)), scene)
+
+
+L_SHAPE = [[0.0, 0.0], [0.2, 0.0], [0.2, 0.1], [0.1, 0.1], [0.1, 0.2], [0.0, 0.2]]
+PLACES = {
+    "polygon": (from_vertices(L_SHAPE), along([0.15, 0.13], [0.15, 0.085], [0.01, 0.05], [-0.02, 0.05])),
+    "star": (star(), along([0.03, 0.12], [0.008, 0.066], [0.03, 0.02], [0.06, 0.08])),
+    "line": (line(), along([-0.05, 0.01], [0.0, -0.01], [0.03, -0.01], [0.04, 0.01])),
+    "cassinian": (cassinian(), along([0.11, -0.02], [0.09, 0.0], [0.08, 0.02], [0.11, 0.03])),
+    "sphere": (sphere(), along([0.0, 0.02, 0.12], [0.0, 0.0, 0.09], [0.05, 0.02, 0.07], [0.09, 0.03, 0.09])),
+    "ellipsoid": (ellipsoid(), along([0.0, 0.0, 0.06], [0.02, 0.01, 0.03], [0.05, 0.0, 0.03], [0.05, 0.0, 0.07])),
+    "torus": (torus(), along([0.0, 0.07, 0.04], [0.0, 0.07, 0.02], [0.03, 0.055, 0.02], [0.03, 0.055, 0.05])),
+}
+"""A hand that is led in, slides and is led out again."""
+BASES = {"minimum-distance": PLACES, "constraint@curve": [n for n, (m, _) in PLACES.items() if m.dimension == 2]}
+BUILT_IN = [(base, name) for base, names in BASES.items() for name in names]
+
+
+@pytest.mark.parametrize(("base", "place"), BUILT_IN)
+def test_a_renderer_that_keeps_its_contact_passes(base, place):
+    finding = found(resolve(base), *PLACES[place])
+    assert finding.outcome is Outcome.PASS, finding.message
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("fault", ["drops", "flickers", "lets-deep-go", "never-meets"])
+def test_a_renderer_that_lets_go_fails(fault, place):
+    kind, wrapper = LETTING_GO[fault]
+    finding = found(wrapping(wrapper, resolve("minimum-distance")), *PLACES[place])
+    assert finding.outcome is Outcome.FAIL
+    assert finding.evidence["kind"] == kind
+    assert finding.metric.value > finding.bound
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("honest", HONEST)
+def test_an_honest_renderer_is_not_blamed(honest, place):
+    finding = found(HONEST[honest](resolve("minimum-distance")), *PLACES[place])
+    assert finding.outcome is (Outcome.INCONCLUSIVE if honest == "force-only" else Outcome.PASS), finding.message
+
+
+def test_the_finding_names_where_how_deep_and_how_long():
+    """On a plane the numbers are known: in at 10 mm depth, let go at 0.299 s for the remaining time inside."""
+    path = along([0.0, 0.01], [0.0, -0.01], [0.0, 0.01], duration=0.8)
+    finding = found(wrapping(letting_go.Drops, resolve("minimum-distance")), line(), path)
+    evidence = finding.evidence
+    assert evidence["kind"] == "let go"
+    assert evidence["time"] == pytest.approx(0.299, abs=1e-9)
+    np.testing.assert_allclose(evidence["hip"], [0.0, 0.01 - 0.05 * 0.299], atol=1e-9)
+    np.testing.assert_allclose(evidence["last_ihip"], [0.0, 0.0], atol=1e-9)
+    assert finding.metric.value == pytest.approx(0.01, rel=1e-6)
+    assert evidence["deepest_m"] == pytest.approx(0.01, rel=1e-6)
+    assert evidence["farthest_time"] == pytest.approx(0.4)
+    # Inside until t = 0.6 s; the last three ticks are within the way that lag is granted.
+    assert evidence["lost_s"] == pytest.approx(0.6 - 0.299, abs=0.006)
+    assert evidence["times_lost"] == 1
+    assert "let go" not in finding.message
+    assert "10 mm past the surface" in finding.message
+
+
+def test_a_tick_without_contact_is_found_each_time():
+    finding = found(wrapping(letting_go.Flickers, resolve("minimum-distance")), *PLACES["line"])
+    inside = np.sum(PLACES["line"][0].boundary.signed_distance(PLACES["line"][1].sampled(DT)[1]) < -1e-3)
+    assert finding.evidence["lost_ticks"] == finding.evidence["times_lost"]
+    assert finding.evidence["lost_ticks"] >= int(inside) // 100
+
+
+THIN = from_vertices([[-0.1, 0.0], [0.1, 0.0], [0.1, 5e-5], [-0.1, 5e-5]])
+DISC = ellipsoid(a=0.1, b=0.1, c=4e-5)
+
+
+@pytest.mark.parametrize(("model", "up"), [(THIN, [0.0, 1.0]), (DISC, [0.0, 0.0, 1.0])], ids=["plate", "disc"])
+def test_a_plate_thinner_than_a_step_of_the_hand_is_not_passed(model, up):
+    up = np.array(up)
+    path = along(0.02 * up, -0.02 * up, duration=0.2)  # 0.2 mm a tick
+    finding = found(resolve("minimum-distance"), model, path)
+    assert finding.outcome is Outcome.FAIL
+    assert finding.evidence["kind"] == "tunnelled"
+    assert finding.evidence["deepest_m"] < 5e-5
+    assert finding.metric.value == pytest.approx(0.02, rel=0.02)
+    if model.dimension == 2:
+        assert found(resolve("constraint"), model, path).outcome is Outcome.PASS
+
+
+def test_a_hand_that_goes_round_a_plate_is_free():
+    """In three ticks past its edge, once close by and once so that the chord of one step cuts the edge."""
+    for gap in (2e-4, -5e-5):
+        path = along([0.05, 0.02], [0.1 + gap, 0.001], [0.1 + gap, -0.001], [0.05, -0.02], duration=0.3)
+        finding = found(resolve("minimum-distance"), THIN, path)
+        assert finding.outcome in (Outcome.PASS, Outcome.INCONCLUSIVE), (gap, finding.message)
+
+
+def test_contact_may_end_at_a_sharp_tip_far_from_the_hand():
+    """Under a face and past the tip the hand is 10 mm from the tool when its way opens, and outside long before."""
+    scene = Scene(model=star())
+    corner = scene.model.corners[0]
+    start = corner.position - 0.03 * corner.tangent_pre - 0.01 * corner.normal_pre
+    path = along(start, start + 0.05 * corner.tangent_pre, duration=1.0)
+    assert found(resolve("constraint"), star(), path).outcome is Outcome.PASS
+
+    class Early(Wrapped):
+        """Lets go 6 mm before the tip, where the hand is outside already, on the other side of the wedge."""
+
+        def spoil(self, hip, given):
+            far = (hip - corner.position) @ corner.tangent_pre
+            return free(hip) if far > -0.0055 else given
+
+    finding = found(wrapping(Early, resolve("constraint")), star(), path)
+    assert finding.outcome is Outcome.FAIL
+    assert finding.evidence["kind"] == "tunnelled"
+    assert finding.metric.value == pytest.approx(0.01, rel=1e-3)
+
+
+def test_a_new_contact_at_the_first_crossing_is_no_loss():
+    """From the upper block the hand jumps past its edge into the lower one, all within one tick."""
+    model = from_vertices([[0.0, 0.0], [0.3, 0.0], [0.3, 0.02], [0.1, 0.02], [0.1, 0.1], [0.0, 0.1]])
+    hip = np.array([[0.09, 0.11], [0.09, 0.095], [0.13, 0.015], [0.14, 0.015]])
+    ihip = np.array([[0.09, 0.11], [0.09, 0.1], [0.13, 0.02], [0.14, 0.02]])
+    recording = Recording(DT * np.arange(4), {"hip": hip, "ihip": ihip, "force": 1000.0 * (ihip - hip)}, {"dt": DT})
+    scene = Scene(model=model)
+    assert contact_kept.judge(Runs(recording), scene).outcome is Outcome.PASS
+
+
+class TestTrailing:
+    def test_it_is_found_once_and_as_what_it_is(self):
+        scene = Scene(model=line())
+        path = along([-0.3, 0.02], [0.0, 0.02], [0.0, -0.005], duration=0.2)
+        recording = play(wrapping(letting_go.Trails, resolve("minimum-distance"))(scene), path, DT, scene=scene)
+        finding = contact_kept.judge(Runs(recording), scene)
+        assert finding.outcome is Outcome.FAIL
+        assert finding.evidence["kind"] == "trails"
+        assert finding.metric.value > 0.02
+        assert "off the surface" not in continuous_contact.judge(Runs(recording), scene).message
+        assert trailing(recording, scene).any()
+        assert not (touching(recording, scene) & trailing(recording, scene)).any()
+
+    def test_contact_is_what_is_given_so_or_a_force_above_the_floor(self):
+        """Rows: free, trailing outside, trailing while the hand is in, given without a force, a force alone, noise."""
+        hip = np.array([[0.0, 0.01], [0.0, 0.01], [0.0, -0.01], [0.0, -0.01], [0.0, -0.01], [0.0, 0.01]])
+        ihip = np.array([[0.0, 0.01], [0.0, 0.03], [0.0, 0.25], [0.0, 0.0], [0.0, -0.01], [0.0, 0.01]])
+        force = np.zeros((6, 2))
+        force[4, 1], force[5, 1] = 10.0, 1e-9
+        recording = Recording(DT * np.arange(6), {"hip": hip, "ihip": ihip, "force": force}, {"dt": DT})
+        scene = Scene(model=line())
+        assert touching(recording, scene).tolist() == [False, False, False, True, True, False]
+        assert trailing(recording, scene).tolist() == [False, True, True, False, False, False]
+        held = Scene(model=line(), bilateral=True)
+        assert touching(recording, held).all()
+        assert not trailing(recording, held).any()
+        assert contact_kept.judge(Runs(recording), held).outcome is Outcome.NOT_APPLICABLE
+
+    def test_three_ticks_behind_is_no_trailing(self):
+        finding = found(HONEST["late-by-3"](resolve("minimum-distance")), *PLACES["line"])
+        assert finding.outcome is Outcome.PASS
+
+
+def test_a_hand_that_stays_outside_shows_nothing():
+    finding = found(resolve("minimum-distance"), circle(), along([0.2, -0.1], [0.2, 0.1]))
+    assert finding.outcome is Outcome.INCONCLUSIVE
+
+
+def test_a_claimed_standoff_is_no_licence():
+    class Claims(letting_go.Drops):
+        def __init__(self, inner, scene):
+            super().__init__(inner, scene)
+            self.standoff = 1.0
+
+    path = along([0.0, 0.11], [0.0, 0.09], [0.01, 0.09])
+    finding = found(wrapping(Claims, resolve("minimum-distance")), circle(), path)
+    assert finding.outcome is Outcome.FAIL
+
+
+class PlainProxy:
+    """A proxy that looks for contact only on the hand's way in from free space: reset inside, it knows no surface."""
+
+    def __init__(self, scene):
+        self.boundary, self.stiffness = scene.model.boundary, scene.stiffness
+
+    def reset(self, hip):
+        self.free, self.touches = bool(self.boundary.signed_distance(hip[np.newaxis])[0] >= 0.0), False
+
+    def step(self, hip, velocity, dt):
+        frame = self.boundary.frame(hip[np.newaxis])
+        outside = bool(frame.distance[0] >= 0.0)
+        self.touches = not outside and (self.touches or self.free)
+        self.free = outside
+        ihip = frame.foot[0] if self.touches else hip
+        return Response(ihip, self.stiffness * (ihip - hip))
+
+
+class TestStartInside:
+    def test_a_plain_reset_loses_nothing(self):
+        scene = Scene(model=star())
+        path = along([0.0, 0.06], [0.01, 0.05])
+        recording = play(PlainProxy(scene), path, DT, scene=scene)
+        whole = play(resolve("minimum-distance")(scene), path, DT, scene=scene)
+        np.testing.assert_array_equal(recording.hip, path.sampled(DT)[1])
+        np.testing.assert_allclose(recording.ihip, whole.ihip, atol=1e-12)
+        assert not play(PlainProxy(scene), path, DT).contact.any()
+
+    @pytest.mark.parametrize("place", PLACES)
+    def test_it_is_reset_outside_and_led_in_to_rest(self, place):
+        model, path = PLACES[place]
+        inside = Path(path.time[1:] - path.time[1], path.points[1:])
+        scene, calls = Scene(model=model), []
+
+        class Listens(PlainProxy):
+            def reset(self, hip):
+                calls.append(hip)
+                super().reset(hip)
+
+            def step(self, hip, velocity, dt):
+                calls.append(hip)
+                calls_velocity.append(velocity)
+                return super().step(hip, velocity, dt)
+
+        calls_velocity: list[np.ndarray] = []
+        recording = play(Listens(scene), inside, DT, scene=scene)
+        distance = model.boundary.signed_distance(np.array(calls))
+        before = len(calls_velocity) - len(recording)
+        assert distance[0] > 0.0
+        assert before > 0
+        assert np.all(np.diff(distance[1 : before + 1]) < 1e-12), "straight in"
+        assert recording.contact[0]
+        np.testing.assert_array_equal(calls_velocity[before], 0.0 * inside.points[0])
+        np.testing.assert_array_equal(calls_velocity[before - 1], 0.0 * inside.points[0])
+
+    def test_a_hand_outside_and_a_bilateral_one_are_not_led(self):
+        for model, path, bilateral in ((*PLACES["line"], False), (line(), along([0.0, -0.01], [0.1, -0.01]), True)):
+            scene, resets = Scene(model=model, bilateral=bilateral), []
+
+            class Listens(PlainProxy):
+                def reset(self, hip):
+                    resets.append(hip)  # noqa: B023 - called before the loop goes on
+                    super().reset(hip)
+
+            play(Listens(scene), path, DT, scene=scene)
+            np.testing.assert_array_equal(resets, path.points[:1])
+
+
+@settings(max_examples=25)
+@given(
+    angle=st.floats(0.0, 6.28),
+    depth=st.floats(1e-3, 0.05),
+    aside=st.floats(-0.05, 0.05),
+    shape=st.sampled_from(["circle", "cassinian", "star", "polygon"]),
+)
+def test_a_rigid_tool_is_held_outside_of_the_solid_and_nowhere_else(angle, depth, aside, shape):
+    """Law: a held tool is on the surface, no neighbour of it is nearer to the hand, and a free one's way is outside."""
+    model = {"circle": circle(), "cassinian": cassinian(), "star": star(), "polygon": from_vertices(L_SHAPE)}[shape]
+    ahead = np.array([np.cos(angle), np.sin(angle)])
+    start = 0.4 * ahead
+    hand = (0.12 - depth) * ahead + aside * np.array([-ahead[1], ahead[0]])
+    tool = HeldTool(model.boundary, 2e-5)
+    held = tool.follow(start, hand)
+    inside = float(model.boundary.signed_distance(hand[np.newaxis])[0]) < 0.0
+    if inside:
+        assert held is not None
+    if held is None:
+        return
+    assert abs(float(model.boundary.signed_distance(held[np.newaxis])[0])) < 1e-9
+    for other in tool.beside(held, tool.grain):
+        assert np.linalg.norm(other - hand) > np.linalg.norm(held - hand) - 1e-9
+
+
+@settings(max_examples=20)
+@given(share=st.floats(0.05, 0.95), depth=st.floats(1e-3, 0.02), seed=st.integers(0, 2**16))
+def test_contact_dropped_anywhere_is_found_there(share, depth, seed):
+    """Along a random chord under the surface of a sphere: the tick of the loss, and the depth there and later."""
+    rng = np.random.default_rng(seed)
+    ends = rng.normal(size=(2, 3))
+    ends *= (0.1 - depth) / np.linalg.norm(ends, axis=1)[:, np.newaxis]
+    scene = Scene(model=sphere())
+    whole = play(resolve("minimum-distance")(scene), along(*ends), DT, scene=scene)
+    from_tick = int(share * len(whole))
+    channels = {name: np.array(values) for name, values in whole.channels.items()}
+    channels["ihip"][from_tick:] = channels["hip"][from_tick:]
+    channels["force"][from_tick:] = 0.0
+    finding = contact_kept.judge(Runs(Recording(whole.time, channels, whole.meta)), scene)
+    assert finding.outcome is Outcome.FAIL
+    assert finding.evidence["tick"] == from_tick
+    lost = 0.1 - np.linalg.norm(whole.hip[from_tick:], axis=1)
+    assert finding.evidence["deepest_m"] == pytest.approx(lost.max(), rel=1e-9)
+    assert finding.evidence["lost_ticks"] == pytest.approx(len(whole) - from_tick, abs=3)
+
+
+def test_the_stand_in_stands_off_as_it_declares():
+    scene = Scene(model=circle())
+    answer = StandsOff(scene).step(np.array([0.0, 0.09]), np.zeros(2), DT)
+    assert scene.model.boundary.signed_distance(answer.ihip[np.newaxis])[0] == pytest.approx(-1e-4)
