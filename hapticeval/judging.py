@@ -70,15 +70,19 @@ class _Bench:
         def refine(factor: int) -> Recording:
             return self.record(stimulus, dt / factor)
 
+        def again() -> Recording:
+            return self.record(stimulus, dt)
+
         if isinstance(stimulus, Experiment):
             return Runs(
                 base,
                 refine=refine,
                 at_speed=lambda factor: self.record(stimulus.at_speed(factor), dt),
                 law=self.law,
+                again=again,
             ).remembered()
         sampled = Path(*stimulus.sampled(dt))
-        return Runs(base, refine=refine, reverse=lambda: self.record(sampled.reversed(), dt)).remembered()
+        return Runs(base, refine=refine, reverse=lambda: self.record(sampled.reversed(), dt), again=again).remembered()
 
 
 def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
@@ -211,7 +215,7 @@ def _verdicts(findings: Sequence[Finding], renderer: str, suite: str, case: Case
             suite=suite,
             case=case.name,
             check=check,
-            level=CHECKS[check].level if case.judged else Level.INFO,
+            level=(finding.level or CHECKS[check].level) if case.judged else Level.INFO,
             finding=finding,
             published=case.published.get(renderer, {}).get(check),
         )

@@ -14,7 +14,7 @@ from hapticeval.errors import HapticevalError, RendererError
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.surface import Surface
 from hapticeval.recordings.recording import REQUIRED, Recording, backward_difference
-from hapticeval.renderer import Batch, Feeling, Renderer, SelfDriven
+from hapticeval.renderer import Batch, Declaration, Feeling, Renderer, SelfDriven, Spring
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Path, Stimulus
 from hapticeval.types import Array
@@ -125,8 +125,11 @@ def answered(renderer: SelfDriven, stimulus: Stimulus, dt: float) -> Recording:
 
 
 def declared(renderer: object) -> Mapping[str, Any]:
-    """What a renderer says of its own coarseness: `resolution` and `standoff`, m, 0 where it says nothing."""
-    said = {}
+    """What a renderer says of itself, as metadata: `resolution` and `standoff`, m, 0 where it says nothing.
+
+    Beside them `spring`, `ihip_scatter` and `force_scatter` of its `Declaration`, where it makes one.
+    """
+    said: dict[str, Any] = {}
     for name in ("resolution", "standoff"):
         value = getattr(renderer, name, 0.0)
         try:
@@ -139,7 +142,24 @@ def declared(renderer: object) -> Mapping[str, Any]:
                 why="it is a length in metres: a finite number that is not negative",
                 todo=f"give {name} as a float, or leave it out",
             )
-    return said
+    return said | _promised(renderer)
+
+
+def _promised(renderer: object) -> dict[str, Any]:
+    promise = getattr(renderer, "declares", None)
+    if promise is None:
+        return {}
+    scatter = (
+        (promise.ihip_scatter, promise.force_scatter) if isinstance(promise, Declaration) else (math.nan, math.nan)
+    )
+    if not all(isinstance(each, int | float) and 0.0 <= each < math.inf for each in scatter):
+        raise RendererError(
+            f"the renderer declares {promise!r}",
+            why="declares is a hapticeval.renderer.Declaration, with scatters that are finite and not negative",
+            todo="give such a one, or leave declares out",
+        )
+    told = {"ihip_scatter": float(scatter[0]), "force_scatter": float(scatter[1])}
+    return {**({} if promise.spring is None else {"spring": Spring(promise.spring).value}), **told}
 
 
 def _all_at_once(

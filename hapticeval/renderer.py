@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 from hapticeval.errors import RefusalError, RendererError, UnknownNameError
@@ -11,6 +13,29 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.scene import FORCE_SENSOR, PLANE, REQUIREMENTS, SPACE, Scene
 from hapticeval.stimulus import Stimulus
 from hapticeval.types import Array
+
+
+class Spring(StrEnum):
+    """What a renderer's force is K_p times of, the scene's stiffness, where nothing damps it."""
+
+    ERROR = "error"
+    """F = -K_p e_p, with e_p = HIP - IHIP: a spring from the HIP to the IHIP, as pp of (4.8)."""
+    NORMAL = "normal"
+    """F = -K_p (n.e_p) n, with n the surface's normal: a spring across the surface, as transversal of (5.21)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Declaration:
+    """What a renderer promises of its answers, so that a check may hold it to that: its attribute `declares`.
+
+    `spring` says that its force is proportional to a depth; a damper with the scene's K_d may add to it. After a
+    `reset` the same way gives the same answers again, to the bit, or as far as `ihip_scatter` (m) and `force_scatter`
+    (N) allow.
+    """
+
+    spring: Spring | None = None
+    ihip_scatter: float = 0.0
+    force_scatter: float = 0.0
 
 
 class Response(NamedTuple):
@@ -34,6 +59,7 @@ class Renderer(Protocol):
     - `surface`: the `Curve` that it really renders, where that is not the model's own;
     - `supports`: names of what it can beside a unilateral contact without viscosity, see `supported`; its factory may
       have that instead;
+    - `declares`: the `Declaration` of what its answers keep to;
     - `law`, `feel` and `signals`: see `Compiled`, `Feeling` and `Explaining`.
 
     A step that is led out of where the renderer is defined raises `DomainError`, which ends an experiment there.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -30,16 +30,20 @@ def build_path(spec: Mapping[str, Any], surface: Curve | Surface, folder: FilePa
     - `corner`: parallel to the faces of the surface's corner number `corner`, `depth` (m) under them, from `before`
       to `after` metres from the corner; round a concave corner on an arc, straight on past a convex one;
     - `points`: straight lines between `points` (m);
+    - `loop`: from `start` (m) straight to the circle of `radius` (m) about `centre` (m), `laps` times round it
+      anticlockwise and as often clockwise, each in `lap` seconds, and straight back: `approach` seconds each way;
     - `file`: a CSV file or a recording, see `read_path`, relative to the suite's folder.
 
-    The built ones are run through in `duration` seconds at constant speed. Raises `InputError` for a kind that is built
-    on a plane curve and a surface in space, and for what cannot be built or read.
+    Those with a `duration` are run through in so many seconds at constant speed. Raises `InputError` for a kind that
+    is built on a plane curve and a surface in space, and for what cannot be built or read.
     """
     kind = spec["kind"]
     if kind == "file":
         return read_path(below(folder, str(spec["path"])))
     if kind == "points":
         return _at_constant_speed(np.array(spec["points"], dtype=np.float64), spec["duration"])
+    if kind == "loop":
+        return _loop(**{name: value for name, value in spec.items() if name != "kind"})
     if not isinstance(surface, Curve):
         raise InputError(
             f"a trajectory of kind '{kind}' is built on a plane curve, and the model is a surface in space",
@@ -179,6 +183,29 @@ def _past_corner(surface: Curve, number: int, depth: float, before: float, after
     arc = corner.position + depth * np.column_stack([np.cos(angles), np.sin(angles)])
     end = corner.position + after * corner.tangent_post - depth * corner.normal_post
     return np.vstack([start, arc, end])
+
+
+LAP_POINTS = 4096
+"""Points on a circle that the hand is led round."""
+
+
+def _loop(
+    start: Sequence[float], centre: Sequence[float], radius: float, laps: int, lap: float, approach: float
+) -> Path:
+    """Laps of whole ticks pass the same HIPs again, which is how they are told; both ways, as only one may gain."""
+    away = np.subtract(start, centre)
+    if away.size != 2 or not np.linalg.norm(away) > radius:
+        raise InputError(
+            f"a loop from {list(start)} m round {list(centre)} m with a radius of {radius:g} m",
+            why="its start lies outside of its circle, in the plane",
+            todo="start in free space, and put the circle inside the model",
+        )
+    turn = math.atan2(away[1], away[0]) + np.linspace(0.0, 2.0 * np.pi, LAP_POINTS, endpoint=False)
+    circle = np.asarray(centre) + radius * np.column_stack([np.cos(turn), np.sin(turn)])
+    there = np.vstack([np.tile(circle, (laps, 1)), circle[:1]])
+    points = np.vstack([there, there[-2::-1]])
+    time = approach + np.arange(len(points)) * (lap / LAP_POINTS)
+    return Path(np.concatenate([[0.0], time, [time[-1] + approach]]), np.vstack([start, points, start]))
 
 
 def _at_constant_speed(points: Array, duration: float) -> Path:

@@ -10,7 +10,7 @@ import numpy as np
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.surface import Surface
-from hapticeval.renderer import CompiledLaw, Response
+from hapticeval.renderer import CompiledLaw, Declaration, Response
 from hapticeval.renderers.projection import Bending, Projection
 from hapticeval.renderers.regulation import Components, Regulation
 from hapticeval.types import Array
@@ -54,6 +54,11 @@ class ProjectiveRenderer:
     def standoff(self) -> float:
         """Largest distance (m) of the rendered surface from the model's."""
         return self.projection.standoff
+
+    @property
+    def declares(self) -> Declaration:
+        """That the force is a spring, where the scheme has one that is linear."""
+        return Declaration(spring=self.regulation.spring)
 
     @cached_property
     def law(self) -> CompiledLaw | None:

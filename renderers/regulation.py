@@ -27,6 +27,8 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
+from hapticeval.renderer import Spring
+
 Components: TypeAlias = tuple[Any, ...]
 """A vector by its components: floats for one tick, columns of shape (n,) for a trajectory."""
 
@@ -60,6 +62,8 @@ class Law(Protocol):
 class Regulation:
     """A law with its name, where the thesis states it, and what it needs beside: the error's rate.
 
+    `spring` is what its force at rest is K_p times of, None where it is proportional to neither.
+
     With `bends`, the force that bends the tool's way along the surface, -m κ v_t^2 n (3.8), is added to the law's: the
     cheap alternative to set stabilisation that chapter 7 mentions. On the surface both are the same. Off it they are
     not: this leaves n̈ + (K_p n + K_d ṅ)/m = κ v_t^2 (1/(1 + n κ) - 1) and, as its force has no part along the surface,
@@ -71,6 +75,7 @@ class Regulation:
     citation: str
     needs_rate: bool = False
     bends: bool = False
+    spring: Spring | None = None
 
 
 def pp(
@@ -180,11 +185,11 @@ REGULATIONS: Mapping[str, Regulation] = MappingProxyType(
     {
         regulation.name: regulation
         for regulation in (
-            Regulation("pp", pp, "thesis (4.8)"),
-            Regulation("pp-v", pp_v, "thesis (4.10)"),
-            Regulation("pp-d", pp_d, "thesis (4.12)", needs_rate=True),
-            Regulation("pp-pd", pp_pd, "thesis (4.14)"),
-            Regulation("transversal", transversal, "thesis (5.21), signs corrected"),
+            Regulation("pp", pp, "thesis (4.8)", spring=Spring.ERROR),
+            Regulation("pp-v", pp_v, "thesis (4.10)", spring=Spring.ERROR),
+            Regulation("pp-d", pp_d, "thesis (4.12)", needs_rate=True, spring=Spring.ERROR),
+            Regulation("pp-pd", pp_pd, "thesis (4.14)", spring=Spring.ERROR),
+            Regulation("transversal", transversal, "thesis (5.21), signs corrected", spring=Spring.NORMAL),
             Regulation("square-root", square_root, "thesis section 4.2", needs_rate=True),
             Regulation("pp-pd-c", pp_pd, "thesis chapter 7, (3.8)", bends=True),
         )

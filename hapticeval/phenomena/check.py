@@ -17,7 +17,8 @@ class Runs:
     """The recording that is judged, and the ways to get its siblings where the runner can make them.
 
     `refine(k)` runs the same stimulus at k times the sampling rate; `reverse()` leads the hand backwards along
-    the same points; `at_speed(f)` starts the experiment f times as fast. Each is None where it cannot be had:
+    the same points; `at_speed(f)` starts the experiment f times as fast; `again()` runs it once more through the same
+    renderer, which is reset in between. Each is None where it cannot be had:
     a recorded hardware run has no siblings. `law` names the closed form (`hapticeval.closed_forms`) that the case
     gives for this renderer, if it does. Raises `InputError` for a recording with rows that are not valid.
     """
@@ -27,6 +28,7 @@ class Runs:
     reverse: Callable[[], Recording] | None = None
     at_speed: Callable[[float], Recording] | None = None
     law: str | None = None
+    again: Callable[[], Recording] | None = None
 
     def __post_init__(self) -> None:
         if self.base.valid is not None:
@@ -44,6 +46,7 @@ class Runs:
             None if self.reverse is None else cache(self.reverse),
             None if self.at_speed is None else cache(self.at_speed),
             self.law,
+            None if self.again is None else cache(self.again),
         )
 
 

@@ -15,9 +15,12 @@ from hapticeval.phenomena import (
     contact_normal_force,
     continuous_contact,
     decoupling,
+    force_magnitude,
     impulsive_collision,
     memoryless,
     output_invariance,
+    passivity,
+    reset_clears,
     tangential_dynamics,
 )
 from hapticeval.phenomena.check import Check
@@ -34,6 +37,9 @@ CHECKS: Mapping[str, Check] = MappingProxyType(
             impulsive_collision,
             centripetal_force,
             memoryless,
+            force_magnitude,
+            passivity,
+            reset_clears,
             constraint_stability,
             output_invariance,
             decoupling,

@@ -41,7 +41,7 @@ class Finding:
 
     `bound` has the metric's unit, and a metric up to it passes. `evidence` says where and when: `time` (s),
     `hip` and `ihip` (m) where they make sense, and what else the check measured, as plain JSON values.
-    `message` is one sentence for a person.
+    `message` is one sentence for a person. `level` is the weight of this finding where it is not the check's own.
     """
 
     outcome: Outcome
@@ -49,6 +49,7 @@ class Finding:
     metric: Metric | None = None
     bound: float | None = None
     evidence: Mapping[str, Any] = field(default_factory=dict)
+    level: Level | None = None
 
     @property
     def margin(self) -> float | None:

@@ -24,6 +24,8 @@ METADATA: Mapping[str, tuple[str, str]] = MappingProxyType(
         "dt": ("positive", "sampling time that the loop was meant to have, s"),
         "resolution": ("length", "length of surface over which the representation is blurred, m"),
         "standoff": ("length", "how far the rendered surface may lie off the model, m"),
+        "spring": ("text", "what the renderer declares its force to be K_p times of: error or normal"),
+        "ihip_scatter": ("length", "how far the IHIP may differ after a reset, m"),
         "signs": ("table", "sign conventions: channel to words"),
         "clock": ("text", "which clock gave the stamps"),
         "who": ("text", "operator"),

@@ -1,0 +1,337 @@
+"""Passivity: over a way that closes, the hand gets back no more work than it has put in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.refinement import SETTLES
+from hapticeval.phenomena.sampling import TELLS, place, touching
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
+from hapticeval.recordings.port_energy import balance
+from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array, BoolArray
+
+CLOSED = 1e-9
+"""Share of the model's size within which two HIPs are one point."""
+
+LAP = "in each lap after the first"
+
+RIGID = 1e-3
+"""Share of force times way that a force across the way may seem to do."""
+
+FINEST = (4, 8, 16)
+"""Rates, in base rates, to which the run is refined: to the first, and further only where that does not decide."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """Rows [first, last] of the base recording that bound what the renderer has stored, with what they are."""
+
+    first: int
+    last: int
+    what: str
+
+
+@dataclass(frozen=True)
+class Gain:
+    """The work, J, that the hand has got over rows [first, last]: as the motors hold the force, and its shares.
+
+    `hold` is what holding the force for a tick adds, `lag` what else vanishes as the tick does, and `law` the limit:
+    what the force gives as a function of the hand's way. `correction` is the last one of the extrapolation to it, and
+    `open` bounds all that is not known of it; `crossed` is all that crossed in either direction, and `effort` the
+    force times the way.
+    """
+
+    what: str
+    first: int
+    last: int
+    hold: float
+    lag: float
+    law: float
+    correction: float
+    open: float
+    crossed: float
+    effort: float
+
+    @property
+    def telling(self) -> bool:
+        """Whether it is known if the hand has got anything.
+
+        So it is where little of what crossed is open, and where refinement settles on what it has given: the error of a
+        trapezoid that has an impulse in it is not that large, but cannot be told from it. Along a surface a rigid
+        contact's force does no work, whatever is open of it.
+        """
+        settled = self.law + self.correction <= 0.0
+        return settled or self.open <= max(TELLS * self.crossed, RIGID * self.effort)
+
+    @property
+    def excess(self) -> float:
+        """How far the gain is beyond what is open, J."""
+        return self.law - self.open
+
+
+class Sampled:
+    """Sums of a recording at `factor` times the base rate, J from its first row to each of the base run's, (n,).
+
+    `smooth` is the trapezoid and `held` the work of a force that is held; `error` bounds what the trapezoid is off by.
+    `crossed` is the work without its sign, `path` (m) the hand's way, `effort` that times the force, and `free` where
+    nothing touches.
+    """
+
+    def __init__(self, recording: Recording, factor: int, scene: Scene) -> None:
+        force, moved = recording.force, np.diff(recording.hip, axis=0)
+        length = np.linalg.norm(moved, axis=1)
+        mean = np.sum(0.5 * (force[1:] + force[:-1]) * moved, axis=1)
+        # By this a trapezoid of two ticks differs: the whole of a jump of the force, and of second order elsewhere.
+        bend = np.zeros_like(moved)
+        bend[1:] = np.diff(force, n=2, axis=0)
+        self.free = ~touching(recording, scene)[::factor]
+        self.smooth, self.held, self.error, self.crossed, self.path, self.effort = (
+            _summed(steps)[::factor]
+            for steps in (
+                mean,
+                np.sum(force[:-1] * moved, axis=1),
+                0.5 * np.abs(np.sum(bend * moved, axis=1)),
+                np.abs(mean),
+                length,
+                np.linalg.norm(force[:-1], axis=1) * length,
+            )
+        )
+
+
+def _summed(steps: Array) -> Array:
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def laps(hip: Array, size: float) -> list[tuple[int, int, int]]:
+    """The first row, the period in rows and the number, two or more, of laps that follow each other on the same points.
+
+    `hip` (n, N), m. Points are the same within `CLOSED` of `size`, m; a hand at rest makes no lap.
+    """
+    count, near = hip.shape[0], CLOSED * size
+    if count < 3:
+        return []
+    cells = np.unique(np.rint(hip / near), axis=0, return_inverse=True)[1].reshape(-1)
+    again = np.full(count, -1)
+    seen: dict[int, int] = {}
+    for row in range(count - 1, -1, -1):
+        cell = int(cells[row])
+        again[row] = seen.get(cell, -1)
+        seen[cell] = row
+    found = []
+    row = 0
+    while row < count:
+        period = int(again[row]) - row
+        number = _number(hip, row, period, near) if period > 2 else 0
+        if number >= 2:
+            found.append((row, period, number))
+            row += number * period
+        else:
+            row += 1
+    return found
+
+
+def _number(hip: Array, first: int, period: int, near: float) -> int:
+    """How many laps of `period` rows follow each other from row `first` on."""
+    fits = np.linalg.norm(hip[first + period :] - hip[first : hip.shape[0] - period], axis=1) <= near
+    stop = int(np.argmin(fits)) if not fits.all() else fits.size
+    return 1 + (stop - 1) // period if stop > 0 else 0
+
+
+def stretches(free: BoolArray) -> Iterator[Way]:
+    """From each last row in free space to the next one there, or to the end."""
+    edges = np.flatnonzero(free[:-1] & ~free[1:])
+    for first in edges:
+        later = np.flatnonzero(free[first + 1 :])
+        last = int(first + 1 + later[0]) if later.size else free.size - 1
+        yield Way(int(first), last, "since free space" if not later.size else "from free space to free space")
+
+
+def _gain(sampled: Sequence[Sampled], way: Way, rounding: Array, *, anywhere: bool) -> Gain:
+    """The gain over `way`; with `anywhere` up to the row of it where it is furthest beyond what is open, if at any.
+
+    `sampled` are the base run, and three of which each has twice the rate of the one before.
+    """
+    rows = np.arange(way.first + 1, way.last + 1) if anywhere else np.array([way.last])
+
+    def over(sums: Array) -> Array:
+        return np.asarray(sums[rows] - sums[way.first])
+
+    whole, *_, finest = sampled
+    coarse, half, quarter = (over(each.smooth) for each in sampled[1:])
+    before, after = half - coarse, quarter - half
+    first, last = np.abs(before), np.abs(after)
+    error = over(finest.error) + over(rounding)
+    settled = last <= np.maximum(SETTLES * first, error)
+    law = np.where(settled, quarter + after, quarter)
+    correction = np.where(settled, np.maximum(last, 0.5 * np.abs(after - before + after)), np.maximum(first, last))
+    unknown = error + correction
+    row = int(np.argmax(law - unknown))
+    if law[row] <= unknown[row]:
+        row = rows.size - 1
+    return Gain(
+        way.what,
+        way.first,
+        int(rows[row]),
+        hold=float(over(whole.held - whole.smooth)[row]),
+        lag=float(over(whole.smooth)[row] - law[row]),
+        law=float(law[row]),
+        correction=float(correction[row]),
+        open=float(unknown[row]),
+        crossed=float(over(finest.crossed)[row]),
+        effort=float(over(finest.effort)[row]),
+    )
+
+
+def active_by_nature(scene: Scene) -> str | None:
+    """What the scene calls for that gives energy away whatever the renderer does; None where nothing does."""
+    if scene.imperfections.delay > 0.0:
+        return "motors that are late give energy away at any sampling rate"
+    if scene.imperfections.velocity_cutoff is not None and scene.damping > 0.0:
+        return "a damper on a filtered velocity is late, and so gives energy away"
+    return None
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Compare what the hand gets with nothing, where what is stored is known to be the same or none at the start."""
+    active = active_by_nature(scene)
+    finding = _judge_fixed(runs.base) if runs.refine is None else _judge(runs, scene)
+    if active is None:
+        return finding
+    return replace(finding, level=Level.INFO, message=f"{finding.message}; shown only, for {active}")
+
+
+def _judge(runs: Runs, scene: Scene) -> Finding:
+    base = runs.base
+    touches = touching(base, scene)
+    if not touches.any():
+        return Finding(Outcome.INCONCLUSIVE, "the tool is never in contact")
+    round_trips = laps(base.hip, scene.model.size)
+    if not round_trips and not any(True for _ in stretches(~touches)):
+        return Finding(
+            Outcome.INCONCLUSIVE,
+            "the hand neither comes from free space nor goes round a closed loop twice: what is stored is not known",
+        )
+    for finest in FINEST:
+        gains = _gains(runs, scene, round_trips, finest)
+        if any(gain.telling and gain.excess > 0.0 for gain in gains) or all(gain.telling for gain in gains):
+            break
+    telling = [gain for gain in gains if gain.telling]
+    if not telling:
+        return Finding(
+            Outcome.INCONCLUSIVE, "refinement does not settle the work that crosses between hand and renderer"
+        )
+    worst = max(telling, key=lambda each: each.excess)
+    metric = Metric("work that the hand gets back beyond what it put in", worst.law, "J")
+    evidence = _evidence(base, worst) | {"ways": len(telling), "laps": sum(gain.what == LAP for gain in telling)}
+    shares = f"holding the force adds {_mj(worst.hold)} and lag {_mj(worst.lag)} at {1e3 * base.dt:.3g} ms"
+    if worst.excess > 0.0:
+        where = ", ".join(f"{1e3 * each:.3g}" for each in base.hip[worst.first : worst.last].mean(axis=0))
+        message = (
+            f"creates energy: {worst.what}, round ({where}) mm until t = {base.time[worst.last]:.4g} s, the hand gets "
+            f"{_mj(worst.law)} that it never gave, however fast the loop is sampled; beside that {shares}"
+        )
+        return Finding(Outcome.FAIL, message, metric, worst.open, evidence)
+    message = f"the hand gets back no more than it put in; {worst.what} {shares}"
+    return Finding(Outcome.PASS, message, metric, worst.open, evidence)
+
+
+def _gains(runs: Runs, scene: Scene, round_trips: list[tuple[int, int, int]], finest: int) -> list[Gain]:
+    """The gains over all ways of the base run, extrapolated from `finest` times its rate."""
+    base, refine = runs.base, runs.refine
+    assert refine is not None
+    factors = (finest // 4, finest // 2, finest)
+    finer = [Sampled(base if factor == 1 else refine(factor), factor, scene) for factor in factors]
+    sampled = (Sampled(base, 1, scene), *finer)
+    count = min(each.free.size for each in sampled)
+    last = finer[-1]
+    largest = float(np.max(np.abs(base.hip)))
+    rounding = 4.0 * SINGLE * (scene.stiffness * largest * last.path + last.effort)
+    free = np.logical_and.reduce([each.free[:count] for each in sampled])
+    gains = [_gain(sampled, way, rounding, anywhere=True) for way in stretches(free)]
+    for first, period, number in round_trips:
+        starts = [first + lap * period for lap in range(1, number) if first + (lap + 1) * period < count]
+        after = [Way(start, start + period, LAP) for start in starts if not sampled[0].free[start:][:period].all()]
+        if after:
+            # What one lap alone gives may have been stored; what is created comes in every lap.
+            lasting = [_gain(sampled, way, rounding, anywhere=False) for way in after]
+            gains.append(min(lasting, key=lambda each: each.excess))
+    return gains
+
+
+def _mj(energy: float) -> str:
+    return f"{1e3 * energy:.3g} mJ"
+
+
+def _evidence(base: Recording, gain: Gain) -> dict[str, object]:
+    return {
+        **place(base, gain.last),
+        "from_time": float(base.time[gain.first]),
+        "way": gain.what,
+        "hold_J": gain.hold,
+        "lag_J": gain.lag,
+        "law_J": gain.law,
+        "crossed_J": gain.crossed,
+    }
+
+
+def _judge_fixed(base: Recording) -> Finding:
+    """The weaker test, of a recording that cannot be refined: see `recordings.port_energy`."""
+    note = "judged on one sampling only, which is the weaker test"
+    found = balance(base.hip, base.force, base.time)
+    if not found:
+        return Finding(Outcome.INCONCLUSIVE, f"no two rows bound what is stored; {note}")
+    least = min((each.given for each in found), key=lambda each: each.energy - each.open)
+    metric = Metric("work that the hand gets back beyond what it put in", least.energy, "J")
+    evidence = {**place(base, least.last), "from_time": float(base.time[least.first]), "way": least.how}
+    if least.passive:
+        return Finding(Outcome.PASS, f"the hand gets back no more than it put in; {note}", metric, least.open, evidence)
+    message = (
+        f"creates energy: from t = {base.time[least.first]:.4g} s to {base.time[least.last]:.4g} s the hand gets "
+        f"{_mj(least.energy)} that it never gave; {note}"
+    )
+    return Finding(Outcome.FAIL, message, metric, least.open, evidence)
+
+
+CHECK = Check(
+    id="passivity",
+    phenomenon="none of the six: a rigid, frictionless surface gives the hand no energy (3.2, 3.5)",
+    asks="Does the hand get back no more work than it has put in?",
+    formula="W = sum of F . dx <= 0 since free space, and over each closed lap after the first, as h -> 0",
+    citation="thesis 2.6.1, 3.2",
+    channels=("hip", "ihip", "force"),
+    siblings="the same stimulus at 2, 4 and, while undecided, 8 and 16 times the sampling rate",
+    metric="work that the hand gets back beyond what it put in",
+    unit="J",
+    bound=(
+        "What the extrapolation leaves open, and nothing else: a passive renderer has W <= S(start) - S(end) with "
+        "S >= 0 what it stores. In free space S = 0, so that W <= 0 at every later row; and after a lap over the "
+        "same points S is what it was a lap before, once a renderer with a memory has had a lap to load it. A lap "
+        "is judged by the least that any lap after the first gives. Three shares are told apart. Hold: the sum "
+        "with the force held for a tick less the trapezoid, -(1/2) sum of dF . dx, which over a spring K is (K/2) "
+        "sum of |dx|^2. Lag: what else vanishes with the tick; L ticks of lag make it L K sum of |dx|^2, so that "
+        "a penalty late by L ticks gains (L + 1/2) K sum of |dx|^2 and is passive nevertheless. Law: the limit of "
+        "the trapezoid W, extrapolated linearly from h/2 and h/4. It alone is judged. Left open are the last "
+        "correction of that extrapolation (as in `refinement`), the trapezoid's own error, (1/2) sum of |(F[i-1] "
+        "- 2 F[i] + F[i+1]) . dx| of the finest run, which has the whole of every jump in it, and single "
+        "precision of coordinates and forces. More than a tenth of what crossed, and a thousandth of force times "
+        "way, decides nothing where the hand seems to have got something. A recording that cannot be refined is "
+        "judged by the trapezoid at the best of 0 to 3 ticks of lag, between rests and from free space on, with a "
+        "tenth of what crossed left open: the weaker test. Level info where the scene calls for what is active by "
+        "nature: delayed motors, or a damper on a filtered velocity.\n"
+        "Conservative: the nearest point with pp, transversal or the square root's spring, F = -grad U with U = K "
+        "d^2/2, which is continuous across the medial axis. Dissipative: the constraint, whose tool moves only to "
+        "where it is nearer to the hand, so that W <= S(start) - S(end) + (K/2) sum of |dx|^2 tick by tick; pp-v, "
+        "which takes K_d |v|^2, and pp-pd, which takes K_d (n.v)^2. Active: the maps, for p(x) is no gradient and "
+        "the curl of F makes W = integral of curl F over the loop's area, with pp and with transversal; pp-d "
+        "under a convex surface, where the foot runs ahead of the hand and K_d v_t^2 |n| kappa / (1 - |n| kappa) "
+        "is given to it; pp-pd-c and set stabilisation off the surface, whose curvature force does m kappa v_t^2 "
+        "of work a metre of depth, which grows with the square of the speed."
+    ),
+    judge=judge,
+)
