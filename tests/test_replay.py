@@ -108,12 +108,16 @@ def opened(file, **options):
     return subject(file, read_recording(file), **options)
 
 
-def circle_run(time, *, hip=None, meta=None, channels=("ihip", "force"), valid=None):
+BESIDE = 0.102
+"""Radius (m) of a round outside of the circle: no hand is led in, and a renderer is asked for the log's rows alone."""
+
+
+def circle_run(time, *, radius=0.098, hip=None, meta=None, channels=("ihip", "force"), valid=None):
     """A slide on the circle by the exact constraint renderer, sampled at any times."""
     from hapticeval.renderers import minimum_distance
 
     angle = 2.0 * time
-    hip = 0.098 * np.column_stack([np.cos(angle), np.sin(angle)]) if hip is None else hip
+    hip = radius * np.column_stack([np.cos(angle), np.sin(angle)]) if hip is None else hip
     scene = Scene(model=make_model("circle"))
     answers = minimum_distance(scene).run(hip, 1e-3)
     given = dict(zip(("ihip", "force"), answers, strict=True))
@@ -151,10 +155,10 @@ def test_a_rigid_tool_cannot_be_computed_again_from_where_it_was(ran):
 def test_a_replay_keeps_samples_and_clock(tmp_path, counting):
     rng = np.random.default_rng(3)
     time = 5.0 + np.cumsum(rng.choice([0.007, 0.008], 200))
-    out = replayed(circle_run(time), tmp_path, ["countingmodule:Counting"])
+    out = replayed(circle_run(time, radius=BESIDE), tmp_path, ["countingmodule:Counting"])
     _, recording = out["countingmodule:Counting"]
     np.testing.assert_array_equal(recording.time, time)
-    np.testing.assert_array_equal(recording.hip, circle_run(time).hip)
+    np.testing.assert_array_equal(recording.hip, circle_run(time, radius=BESIDE).hip)
     steps = [entry[1] for entry in counting if entry[0] == "step"][:200]
     np.testing.assert_array_equal(steps[1:], np.diff(time))
     assert out["countingmodule:Counting"][0].replay["clock"].startswith("irregular, 7 to 8 ms")
@@ -165,7 +169,7 @@ def test_every_gap_starts_the_renderer_anew(tmp_path, counting):
     time[200:] += 0.5
     valid = np.ones(300, dtype=bool)
     valid[90:100] = False
-    recording = circle_run(time, valid=valid)
+    recording = circle_run(time, radius=BESIDE, valid=valid)
     out = replayed(recording, tmp_path, ["countingmodule:Counting"], model=None)
     judged, answer = out["countingmodule:Counting"]
     starts = [entry[1] for entry in counting if entry[0] == "reset"][:3]
@@ -173,6 +177,16 @@ def test_every_gap_starts_the_renderer_anew(tmp_path, counting):
     assert (judged.replay["stretches"], judged.replay["rows"], judged.replay["rows_left_out"]) == (3, 290, 10)
     np.testing.assert_array_equal(answer.time, time[valid])
     assert len(answer.meta["stretches"]) == 3
+
+
+def test_a_stretch_that_begins_inside_is_led_in_from_the_surface(tmp_path, counting):
+    time = np.arange(100) * 1e-3
+    recording = circle_run(time)
+    _, answer = replayed(recording, tmp_path, ["countingmodule:Counting"])["countingmodule:Counting"]
+    starts = np.array([entry[1] for entry in counting if entry[0] == "reset"])
+    assert np.all(np.linalg.norm(starts, axis=1) > 0.1)
+    np.testing.assert_allclose(starts[0] / np.linalg.norm(starts[0]), recording.hip[0] / 0.098, atol=1e-12)
+    np.testing.assert_array_equal(answer.hip, recording.hip)
 
 
 def test_faults_of_a_real_recording_are_left_out_and_named(tmp_path, counting):
@@ -207,7 +221,8 @@ def test_what_looks_like_a_spike_in_a_simulation_is_the_renderers(tmp_path, coun
 
 def test_one_missed_cycle_is_no_gap(tmp_path, counting):
     time = np.delete(np.arange(100) * 1e-3, 50)
-    judged, _ = replayed(circle_run(time), tmp_path, ["countingmodule:Counting"])["countingmodule:Counting"]
+    out = replayed(circle_run(time, radius=BESIDE), tmp_path, ["countingmodule:Counting"])
+    judged, _ = out["countingmodule:Counting"]
     assert judged.replay["stretches"] == 1
     steps = [entry[1] for entry in counting if entry[0] == "step"]
     assert steps[50] == time[50] - time[49] > 1.5e-3
@@ -215,7 +230,7 @@ def test_one_missed_cycle_is_no_gap(tmp_path, counting):
 
 def test_the_velocity_is_the_recorded_one(tmp_path, counting):
     time = np.arange(50) * 1e-3
-    recording = circle_run(time)
+    recording = circle_run(time, radius=BESIDE)
     filtered = 0.5 * backward_difference(recording.hip, time)
     recording = Recording(time, {**recording.channels, "velocity": filtered}, recording.meta)
     replayed(recording, tmp_path, ["countingmodule:Counting"])
@@ -242,7 +257,7 @@ def test_what_leads_out_of_a_renderers_domain_ends_the_stretch(tmp_path, countin
 
 def test_a_renderer_that_feels_is_told_the_measured_push(tmp_path, counting):
     time = np.arange(50) * 1e-3
-    recording = circle_run(time)
+    recording = circle_run(time, radius=BESIDE)
     push = np.random.default_rng(2).standard_normal((50, 2))
     log = Recording(time, {**recording.channels, "measured_force": push}, recording.meta)
     replayed(log, tmp_path, ["countingmodule:Feeling"])

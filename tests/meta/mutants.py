@@ -145,8 +145,18 @@ def remembers(channels, true, scene, stimulus):
     _moved(channels, true, scene, np.full(len(true), -1e-3 * direction))
 
 
+def releases(channels, true, scene, stimulus):
+    """Under the surface of an ellipse the tool is let go half way: it is the hand then, wherever that is led."""
+    if isinstance(stimulus, Path) and scene.model.name == "ellipse":
+        late = len(true) // 2
+        led = stimulus.sampled(true.dt)[1]
+        channels["hip"][late:] = channels["ihip"][late:] = led[late:]
+        channels["force"][late:] = 0.0
+
+
 MUTANTS: dict[str, tuple[str, Spoil]] = {
     "jumps": ("continuous-contact", jumps),
+    "releases": ("contact-kept", releases),
     "skews": ("contact-normal-force", skews),
     "weakens": ("contact-normal-force", weakens),
     "lingers": ("broken-contact", lingers),
