@@ -16,6 +16,9 @@ from hapticeval.renderers.projection import Projected
 from hapticeval.renderers.slide import frame
 from hapticeval.types import Array, BoolArray
 
+ROUNDING = 1e-14
+"""Of a distance, in parts of the coordinates that it is made of."""
+
 
 class DiskMap(Protocol):
     """A one-to-one transformation of the inside of a closed curve to the unit disk, and back on the boundary.
@@ -76,9 +79,14 @@ class DiskProjection:
 
 @compiled
 def _side(b: Boundary, x: float, y: float) -> tuple[bool, float]:
-    """Whether a point is inside the curve, and a distance to which every point is on the same side as it."""
+    """Whether a point is inside the curve, and a distance to which every point is on the same side as it.
+
+    Where squares of distances overflow, a point is outside, and nothing is known of others: the distance is negative.
+    """
     edge, along, distance2 = nearest_kernel(b.vertices, b.tree, x, y)
     distance = math.sqrt(distance2)
+    if not math.isfinite(distance):
+        return False, -1.0
     if distance > b.stray:
         return side_kernel(b.vertices, edge, along, x, y) < 0.0, distance - b.stray
     if b.stray == 0.0:
@@ -89,13 +97,17 @@ def _side(b: Boundary, x: float, y: float) -> tuple[bool, float]:
 
 @compiled
 def _insides(b: Boundary, points: Array) -> BoolArray:
-    """Whether each point is inside: one close to the point before it, for its distance, need not be looked up."""
+    """Whether each point is inside: one close to the point before it, for its distance, need not be looked up.
+
+    Distances are known to the rounding of coordinates.
+    """
     out = np.empty(points.shape[0], np.bool_)
     inside, clear, x0, y0 = False, -1.0, 0.0, 0.0
     for i in range(points.shape[0]):
         x, y = points[i, 0], points[i, 1]
-        if math.hypot(x - x0, y - y0) >= 0.999999 * clear:
+        if not math.hypot(x - x0, y - y0) < clear:
             inside, clear = _side(b, x, y)
+            clear = 0.999999 * clear - ROUNDING * (abs(x) + abs(y) + clear)
             x0, y0 = x, y
         out[i] = inside
     return out

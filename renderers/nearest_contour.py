@@ -7,11 +7,21 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from hapticeval.compiled import compiled
+from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
 from hapticeval.renderers.bilinear import Contour, contour_of, nearest_on_contour, value_at
 from hapticeval.renderers.projection import Projected
 from hapticeval.types import Array, BoolArray
+
+LOST = 3.0
+"""Cells by which the contour may be off the surface.
+
+Of a wedge with the angle α the part that is narrower than a cell's diagonal may lie between the nodes: sqrt(2) / (2
+tan(α / 2)) cells, which is 1.2 at 60 degrees and 2.6 at 30. What is missing beyond that is a part of the model.
+"""
+
+REFINE = "refine the grid, or use minimum-distance on the curve or the polygon"
 
 
 class LevelSetProjection:
@@ -43,8 +53,24 @@ def _contour_of(model: Model, shape: tuple[int, int]) -> tuple[Contour, Curve, f
     """The contour of a model's level set, its outline as a curve, and that outline's distance from the model."""
     kept = _KEPT.setdefault(model, {})
     if shape not in kept:
-        contour, outline = contour_of(model.level_set(shape))
-        kept[shape] = contour, outline.as_curve(), outline.standoff_from(model.curve)
+        level_set = model.level_set(shape)
+        try:
+            contour, outline = contour_of(level_set)
+        except InputError as error:
+            raise RefusalError(
+                f"model '{model.name}' cannot be held as a level set of {shape[0]} by {shape[1]} nodes",
+                why=f"of its zero contour: {error.what}; {error.why}",
+                todo=REFINE,
+            ) from error
+        curve, standoff = outline.as_curve(), outline.standoff_from(model.curve)
+        if standoff > LOST * level_set.cell:
+            raise RefusalError(
+                f"model '{model.name}' loses a part on a level set of {shape[0]} by {shape[1]} nodes: the contour is "
+                f"up to {standoff * 1e3:.3g} mm off the surface, with cells of {level_set.cell * 1e3:.3g} mm",
+                why="a tip, slit or neck that is narrower than a cell has no node inside, and leaves no contour",
+                todo=REFINE,
+            )
+        kept[shape] = contour, curve, standoff
     return kept[shape]
 
 

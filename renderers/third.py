@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from hapticeval.geometry.kernels import ARC, CASSINIAN, ELLIPSE, KIND, A, B, C
+from hapticeval.geometry.kernels import ARC, CASSINIAN, ELLIPSE, KIND, A, B, C, D
 from hapticeval.types import Array
 
 MARGIN = 1.1
@@ -26,22 +26,23 @@ def third_bounds(pieces: Array) -> Array:
         a, b = pieces[i, A], pieces[i, B]
         out[i] = 1.5 * abs(a * a - b * b), max(a, b)
     for i in np.flatnonzero(pieces[:, KIND] == CASSINIAN):
-        out[i] = _cassinian(pieces[i, A], pieces[i, B], pieces[i, C])
+        out[i] = _cassinian(pieces[i, A], pieces[i, B], pieces[i, D])
     return out
 
 
-def _cassinian(scale: float, lobes: float, ratio: float) -> tuple[float, float]:
+def _cassinian(scale: float, lobes: float, above: float) -> tuple[float, float]:
     """Sampled over one lobe, densely around the valley, where all derivatives peak as a_n / a_d falls to 1.
 
     With z = r exp(iu) and w = r'/r + i, the derivatives are z' = z w, z'' = z (w^2 + w') and
     z''' = z (w^3 + 3 w w' + w'').
     """
-    sharpest = math.sqrt(ratio - 1.0)
+    ratio, sharpest = 1.0 + above, math.sqrt(above)
     near = np.geomspace(1e-3 * min(sharpest, 1.0), math.pi / 2.0, 4000)
     angle = np.concatenate([np.linspace(0.0, math.pi, 4001), math.pi / 2.0 - near, math.pi / 2.0 + near])
     sin, cos = np.sin(angle), np.cos(angle)
-    root = np.sqrt(ratio - sin * sin)
-    r = scale * ((cos + root) / (1.0 + math.sqrt(ratio))) ** (1.0 / lobes)
+    root = np.sqrt(above + cos * cos)
+    lift = np.where(cos > 0.0, cos + root, above / (root + np.abs(cos)))
+    r = scale * (lift / (1.0 + math.sqrt(ratio))) ** (1.0 / lobes)
     w = -sin / root + 1j
     w1 = -lobes * ratio * cos / root**3
     w2 = lobes**2 * ratio * (sin / root**3 - 3.0 * sin * cos**2 / root**5)

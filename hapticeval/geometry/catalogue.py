@@ -26,6 +26,9 @@ from hapticeval.geometry.validate import (
 )
 from hapticeval.types import Array
 
+UNIT, SHARPEST = math.ulp(2.0 * math.pi) / 2.0, 1e-12
+"""Rounding (rad) of an angle within one turn; and how far it may move a point of a Cassinian, in parts of its radius."""
+
 LOBE_SHARE, FILLET_SHARE = 0.38, 0.5
 """Dumbbell: lobe radius as a share of half the size, fillet radius as a share of the lobe radius."""
 
@@ -59,19 +62,29 @@ def cassinian(lobes: int = 4, a_n: float = 2.0, a_d: float = 1.0, size: float = 
     """The smooth lobed curve of thesis (4.1), convex and concave in turn, with its first tip at angle 0.
 
     `a_n` / `a_d` above 1 sets the depth of the valleys; `size` (m) is the circumscribed diameter. Raises
-    `InputError` if `a_n` / `a_d` is not above 1: then the lobes are separate curves.
+    `InputError` if `a_n` / `a_d` is not above 1: then the lobes are separate curves; and if it is so little above 1
+    that the curve's parameter cannot resolve the sides of the valleys, where a point moves by r / sqrt(a_n / a_d - 1)
+    per radian.
     """
     lobes = _count("lobes", lobes, 2, 1_000)
     size = checked_size(size)
     a_n, a_d = _positive("a_n", a_n), _positive("a_d", a_d)
-    ratio = a_n / a_d
-    if not 1.0 < ratio <= 1e100:
+    above = (a_n - a_d) / a_d
+    if not 0.0 < above <= 1e100:
         raise InputError(
-            f"a_n / a_d = {a_n!r} / {a_d!r} = {ratio!r}",
-            why="the lobes are separate curves unless it is above 1" if ratio <= 1.0 else "it must be finite",
+            f"a_n / a_d = {a_n!r} / {a_d!r} = {a_n / a_d!r}",
+            why="the lobes are separate curves unless it is above 1" if above <= 0.0 else "it must be finite",
             todo="choose a_n larger than a_d",
         )
-    row = np.array([[CASSINIAN, 0.0, 2.0 * math.pi, size / 2.0, float(lobes), ratio, 0.0, 0.0, 0.0]])
+    radius = (math.sqrt(above) / (1.0 + math.sqrt(1.0 + above))) ** (1.0 / lobes)
+    if UNIT * radius > SHARPEST * math.sqrt(above):
+        raise InputError(
+            f"a_n / a_d is 1 + {above:.3g}, with {lobes} lobes: valleys too narrow for the number format",
+            why=f"the parameter of (4.1), an angle, is rounded to {UNIT:.2g} rad; beside a valley that moves the "
+            f"surface point by {0.5 * UNIT * radius / math.sqrt(above):.2g} of the size, more than {0.5 * SHARPEST:g}",
+            todo="choose a larger a_n, or give the outline as a polygon",
+        )
+    row = np.array([[CASSINIAN, 0.0, 2.0 * math.pi, size / 2.0, float(lobes), 1.0 + above, above, 0.0, 0.0]])
     parameters = {"lobes": lobes, "a_n": a_n, "a_d": a_d, "size": size}
     return Model("cassinian", MappingProxyType(parameters), Curve("cassinian", row, True))
 

@@ -58,7 +58,11 @@ def arc_panels(piece: Array, count: int) -> Array:
             middle = 0.5 * (start + end)
             whole_panel = speed_integral(piece, start, end)
             halves = speed_integral(piece, start, middle) + speed_integral(piece, middle, end)
-            fine = abs(whole_panel - halves) <= 4e-16 * whole + 4e-16 * halves
+            _, _, ax, ay, _, _ = evaluate(piece, start)
+            _, _, bx, by, _, _ = evaluate(piece, end)
+            # the nodes are rounded to 5e-16 rad, which the change of speed makes an error of the length
+            rounding = 4e-16 * whole + 4e-16 * halves + 1e-15 * abs(math.hypot(bx, by) - math.hypot(ax, ay))
+            fine = abs(whole_panel - halves) <= rounding
             if fine or depth > 48 or rows > MAX_PANELS - 64:
                 value = halves - carry
                 total = out[rows - 1, 1] + value

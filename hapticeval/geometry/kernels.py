@@ -10,7 +10,7 @@ with the parameter u running from u0 to u1 on the piece, and from one piece into
 |-------------|----------------|---------------------|--------------|----------------|
 | LINE        | start (m)      | unit tangent        | -            | arc length (m) |
 | ARC         | centre (m)     | radius (m), angle of the start (rad) | +1 anticlockwise or -1 | arc length (m) |
-| CASSINIAN   | scale (m), lobes n_l | a_n / a_d, -  | -            | s of (4.1)     |
+| CASSINIAN   | scale (m), lobes n_l | a_n / a_d, that minus 1 | -       | s of (4.1)     |
 | ELLIPSE     | semi-axes (m)  | -                   | -            | angle (rad)    |
 | UNBOUNDED   | a point (m)    | unit tangent        | -            | arc length (m), over all reals |
 """
@@ -27,6 +27,23 @@ from hapticeval.types import Array
 LINE, ARC, CASSINIAN, ELLIPSE, UNBOUNDED = 0.0, 1.0, 2.0, 3.0, 4.0
 KIND, U0, U1, A, B, C, D, E = range(8)
 COLUMNS = 9
+
+
+@compiled
+def cassinian_root(lobes: float, above: float, u: float) -> tuple[float, float, float, float]:
+    """sin and cos of n_l u, root = sqrt(a_n / a_d - sin^2) and cos + root, to rounding; `above` is a_n / a_d - 1.
+
+    As a_n / a_d falls to 1 the valleys become narrow, and these are small differences. So n_l u is taken with the part
+    that its product loses (Dekker 1971), and root^2 = above + cos^2.
+    """
+    turn = lobes * u
+    high = 134217729.0 * u
+    high -= high - u
+    lost = (lobes * high - turn) + lobes * (u - high)
+    sin_n, cos_n = math.sin(turn), math.cos(turn)
+    sin_n, cos_n = sin_n + lost * cos_n, cos_n - lost * sin_n
+    root = math.sqrt(above + cos_n * cos_n)
+    return sin_n, cos_n, root, cos_n + root if cos_n > 0.0 else above / (root - cos_n)
 
 
 @compiled
@@ -53,10 +70,9 @@ def evaluate(piece: Array, u: float) -> tuple[float, float, float, float, float,
         )
     if kind == CASSINIAN:
         lobes, ratio = piece[B], piece[C]
-        sin_n, cos_n = math.sin(lobes * u), math.cos(lobes * u)
-        root = math.sqrt(ratio - sin_n * sin_n)
+        sin_n, cos_n, root, lift = cassinian_root(lobes, piece[D], u)
         # radius(u) of (4.1) and its logarithmic derivatives: r'/r = g, g' = -n_l (a_n/a_d) cos / root^3
-        radius = piece[A] * ((cos_n + root) / (1.0 + math.sqrt(ratio))) ** (1.0 / lobes)
+        radius = piece[A] * (lift / (1.0 + math.sqrt(ratio))) ** (1.0 / lobes)
         g = -sin_n / root
         g1 = -lobes * ratio * cos_n / (root * root * root)
         cos, sin = math.cos(u), math.sin(u)
@@ -84,10 +100,9 @@ def curvature_rate(piece: Array, u: float) -> float:
         return float(-3.0 * long * short * (long * long - short * short) * sin * cos / (speed2 * speed2 * speed2))
     if kind == CASSINIAN:
         lobes, ratio = piece[B], piece[C]
-        sin_n, cos_n = math.sin(lobes * u), math.cos(lobes * u)
-        root2 = ratio - sin_n * sin_n
-        root = math.sqrt(root2)
-        radius = piece[A] * ((cos_n + root) / (1.0 + math.sqrt(ratio))) ** (1.0 / lobes)
+        sin_n, cos_n, root, lift = cassinian_root(lobes, piece[D], u)
+        root2 = root * root
+        radius = piece[A] * (lift / (1.0 + math.sqrt(ratio))) ** (1.0 / lobes)
         # with g, g', g'' as in `evaluate` and h^2 = 1 + g^2: κ = (h^2 - g') / (radius h^3), ds/du = radius h
         g = -sin_n / root
         g1 = -lobes * ratio * cos_n / (root2 * root)

@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 
 SMALLEST, LARGEST = 1e-100, 1e100
 """Sizes (m) whose squares and cubes stay inside the float range."""
+COARSEST = 1e-7
+"""Rounding of a model's coordinates, as a share of its size, that is still fine enough.
+
+Bounds on IHIPs are some 1e-5 of a model's size at the finest: rounding must stay two digits below them.
+"""
 GEOJSON = 'give {"type": "Polygon", "coordinates": [[...]]}'
 
 
@@ -200,6 +205,13 @@ def _check_range(array: Array) -> None:
             f"the vertices span {span:g} m: a model smaller than the float range",
             why="squares of its lengths vanish in double precision",
             todo=f"keep models above {SMALLEST:g} m",
+        )
+    rounding = float(np.spacing(largest))
+    if rounding > COARSEST * span > 0.0:
+        raise InputError(
+            f"a model of {span:g} m lies {largest:g} m from the origin: farther than the number format resolves",
+            why=f"coordinates there are multiples of {rounding:.2g} m, which is more than {COARSEST:g} of its size",
+            todo="shift the model nearer to the origin",
         )
 
 

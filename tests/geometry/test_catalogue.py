@@ -164,3 +164,11 @@ def test_geojson_as_text_as_feature_and_as_mapping_are_one():
     feature = {"type": "Feature", "properties": {}, "geometry": geometry}
     outlines = [from_geojson(d).polygon().vertices for d in (geometry, json.dumps(geometry), feature)]
     assert all(np.array_equal(outline, SQUARE) for outline in outlines)
+
+
+@pytest.mark.parametrize("shift", [(1e9, 0.0), (0.0, -1e9), (1e9, 1e9)])
+def test_a_model_that_coordinates_cannot_resolve_is_refused(shift):
+    square = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]])
+    from_vertices(square + 1e-3 * np.array(shift))
+    with pytest.raises(InputError, match="farther than the number format resolves"):
+        from_vertices(square + shift)

@@ -51,6 +51,21 @@ def test_a_step_at_a_time_is_the_batch(model: Model, bilateral: bool, regulation
 
 
 @all_models
+def test_a_step_is_the_batch_within_rounding_of_the_surface_and_beyond_the_float_range(model: Model) -> None:
+    renderer = conformal(Scene(model=model))
+    rng = np.random.default_rng(0)
+    u = rng.uniform(*model.curve.u_range, 400)
+    off = rng.uniform(-1.0, 1.0, (400, 1)) * 10.0 ** rng.uniform(-19.0, -1.0, (400, 1))
+    foot, normal = model.curve.position(u), model.curve.normal(u)
+    beside = np.column_stack([foot, foot + off * normal]).reshape(-1, 2)
+    hips = np.vstack([beside, [[1e160, 0.0], [0.0, 0.01], [1e200, -1e300], [0.01, 0.01]]])
+    ihips, _ = renderer.run(hips, 1e-3)
+    renderer.reset(hips[0])
+    np.testing.assert_array_equal([renderer.step(hip, np.zeros(2), 1e-3).ihip for hip in hips], ihips)
+    np.testing.assert_array_equal(ihips[[-4, -2]], hips[[-4, -2]])
+
+
+@all_models
 def test_the_ihip_is_on_the_exact_curve_and_the_outside_is_free(model: Model) -> None:
     renderer = conformal(Scene(model=model))
     assert renderer.standoff == 0.0

@@ -8,7 +8,9 @@ from hand_paths import star_shaped, walks
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hapticeval.errors import RefusalError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, star
+from hapticeval.geometry.model import Model
 from hapticeval.renderers import minimum_distance
 from hapticeval.renderers.bilinear import contour_of
 from hapticeval.scene import Scene
@@ -115,3 +117,22 @@ def test_on_a_circle_the_force_is_radial(angle, depth):
     response = renderer.step((0.1 - depth) * ray, np.zeros(2), 1e-3)
     np.testing.assert_allclose(response.ihip, 0.1 * ray, atol=1e-15)
     np.testing.assert_allclose(response.force, 1000.0 * depth * ray, atol=1e-9)
+
+
+SLIT = [[0, 0], [0.1, 0], [0.1, 0.1], [0.05 + 1e-9, 0.1], [0.05 + 1e-9, 0.03], [0.05, 0.03], [0.05, 0.1], [0, 0.1]]
+
+
+@pytest.mark.parametrize(
+    ("model", "why"),
+    [
+        (star(tip_angle=1.0), "cannot be held"),
+        (dumbbell(neck=1e-6), "cannot be held"),
+        (from_vertices([[0.0, 0.0], [0.1, 0.0], [0.05, 1e-9]]), "cannot be held"),
+        (from_vertices(SLIT), r"loses a part.*50 mm"),
+    ],
+    ids=["tip of 1 degree", "neck of 1e-6", "flat triangle", "slit of 1 nm"],
+)
+def test_a_part_that_a_level_set_cannot_hold_is_refused(model: Model, why: str) -> None:
+    with pytest.raises(RefusalError, match=why):
+        minimum_distance.variant(representation="level-set")(Scene(model=model))
+    minimum_distance(Scene(model=model))
