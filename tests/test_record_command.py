@@ -16,8 +16,10 @@ from hapticeval.cli import main
 from hapticeval.commands.record import _steps
 from hapticeval.devices.imperfections import ENCODER_COUNTS
 from hapticeval.hardware import guard, rig, udp
+from hapticeval.hardware import live as live_module
 from hapticeval.hardware.live import LiveRun
 from hapticeval.hardware.wiring_file import read_wiring
+from hapticeval.recordings import recorder as recorder_module
 from hapticeval.recordings.hdf5 import read_recording
 
 sys.path.insert(0, str(Path(__file__).parent / "hardware"))
@@ -248,6 +250,35 @@ def test_what_cannot_run_says_so_and_leaves_nothing(here, capsys, arguments, wor
     assert record(*arguments) == 2
     assert words in capsys.readouterr().err
     assert not {"run.h5", "run.journal"} & names(here)
+
+
+def test_a_folder_that_cannot_be_made_is_an_error_of_one_line(here, capsys):
+    (here / "file").write_text("")
+    assert main(["record", "-o", "file/deep/run.h5", "--seconds", "0.01"]) == 2
+    said = capsys.readouterr().err
+    assert "cannot record to file/deep/run.journal" in said
+    assert "Traceback" not in said
+
+
+@pytest.mark.filterwarnings("ignore::hapticeval.recordings.recorder.LossWarning")
+def test_a_writer_that_dies_ends_the_run_at_once(here, capsys, monkeypatch):
+    made = []
+    start = recorder_module.Recorder._started
+    monkeypatch.setattr(recorder_module.Recorder, "_started", lambda self: made.append(start(self)) or made[-1])
+    step = live_module._Loop.step
+
+    def dying(self, *arguments):
+        if self.tick == 20:
+            made[0].kill()
+            made[0].wait()
+        step(self, *arguments)
+
+    monkeypatch.setattr(live_module._Loop, "step", dying)
+    assert record("--device", "mycard:Fine", "--wiring", "wired.toml", "--seconds", "60") == 1
+    assert "ended early: the writer's process ended with code -9, and nothing is recorded" in capsys.readouterr().out
+    recording = read_recording(here / "run.h5")
+    assert 20 <= len(recording) < 600  # of 60,000; all that were taken
+    assert any(event.kind == "ended" and "the writer's process" in event.text for event in recording.events)
 
 
 @pytest.mark.parametrize(

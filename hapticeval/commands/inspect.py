@@ -158,14 +158,16 @@ def _device(recording: Recording) -> Any:
 def _model(recording: Recording, name: str | None) -> Any:
     from hapticeval.geometry.catalogue import make_model
     from hapticeval.picturing import model_named
+    from hapticeval.recordings.wall import LINE
 
     if name is not None:
         made = model_named(name)
-        if recording.dimension != made.dimension:
+        walled = recording.dimension == 1 and made.name == LINE
+        if recording.dimension != made.dimension and not walled:
             raise InputError(
                 f"the recording is in {recording.dimension}D, the model '{name}' in {made.dimension}D",
                 why="hand and model must live in the same space",
-                todo="give another model with --model",
+                todo="give the wall: --model line" if recording.dimension == 1 else "give another model with --model",
             )
         return made
     scene = recording.meta.get("scene", {})

@@ -92,7 +92,8 @@ def run(
     a first-order low-pass of `cutoff` Hz; the scene's inner loop makes torques of the renderer's force. A row has the
     hardware's stamp.
 
-    Ctrl-C, and a robot or a renderer that is led out of where it is defined, end the run: `ended` says so. Raises
+    Ctrl-C, a recorder whose writer dies, and a robot or a renderer that is led out of where it is defined, end the run:
+    `ended` says so. Raises
     `HapticevalError` where the hardware goes or gives nonsense, or stands outside of its workspace at the start, and
     `RendererError` with the tick when the renderer breaks.
     """
@@ -108,6 +109,9 @@ def run(
                     loop.step(reading.nanoseconds, reading.sequence, reading.raw, robot.write)
                     if tell is not None:
                         tell(loop.tick + loop.missed)
+                    if recorder.failed:
+                        ended = f"{recorder.failed}, and nothing is recorded any more"
+                        break
             except KeyboardInterrupt:
                 ended = "interrupted by the user"
             except DomainError as error:

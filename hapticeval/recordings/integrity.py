@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hapticeval.geometry.model import Model
-from hapticeval.recordings import relations
+from hapticeval.recordings import frozen, relations
 from hapticeval.recordings.finding import Fault, Severity
 from hapticeval.recordings.inverse import Check, Kinematics
 from hapticeval.recordings.inverse_checks import inverse_checks
@@ -20,6 +20,7 @@ from hapticeval.recordings.signs import Sign, force_signs
 from hapticeval.recordings.stretches import joined, stretches
 from hapticeval.recordings.time_unit import time_unit
 from hapticeval.recordings.timing import Timing, examine_timing
+from hapticeval.recordings.wall import LINE, before_the_wall
 from hapticeval.types import Array, BoolArray
 
 HELD = ("N", "N m")
@@ -116,9 +117,10 @@ def examine(
         kept = values[ordered & np.isfinite(values)]
         if kept.size:
             columns[name] = ColumnFacts(unit, float(kept.min()), float(kept.max()), quantum(kept))
-        faults += examine_column(name, values, recording.time, ordered, held=unit in HELD)
+        faults += examine_column(name, values, recording.time, ordered, held=unit in HELD, rests=channel == "ihip")
     for channel, each in parts.items():
         faults += examine_numbers(channel, each, recording.time)
+    faults += frozen.frozen(recording, faults) + frozen.repeated_rows(recording)
     faults += relations.copies(recording)
     faults += relations.velocities(recording)
     faults += relations.force_lag(recording)
@@ -127,7 +129,9 @@ def examine(
     faults += turned
     for name, other in (others or {}).items():
         faults += relations.of_another_run(recording, other, name)
-    checks = inverse_checks(recording, device=device, model=model, stiffness=stiffness)
+    walled = model is not None and model.name == LINE and recording.dimension == 1
+    placed = before_the_wall(recording) if walled else recording
+    checks = inverse_checks(placed, device=device, model=model, stiffness=stiffness)
     faults += [fault for check in checks for fault in check.faults]
     order = list(Severity)
     faults.sort(key=lambda fault: (order.index(fault.severity), fault.first if fault.first is not None else -1))

@@ -34,6 +34,9 @@ START = 60.0
 STOP = 60.0
 """Seconds within which the writer must have started, and ended."""
 
+LOOK = 256
+"""Rows between two looks at whether the writer still lives: a quarter of a second at 1 kHz, for 2 us."""
+
 OVERRUN, HEAD, TAIL = int(State.OVERRUN), int(State.HEAD), int(State.TAIL)
 
 
@@ -82,6 +85,8 @@ class Recorder:
     declares those that are not in `CHANNELS`; `meta` is the recording's. A process beside the loop does the writing.
 
     `append` never waits: a row that finds the memory full is counted, and its place shows in the sequence numbers.
+    Where the writer dies, the next `LOOK` rows bring a `LossWarning`, and `failed` has the reason: rows then stay in
+    memory as long as there is room, and `close` writes them.
     Raises `InputError` where the journal is there already and for channels nobody declared, `HapticevalError` where
     the file or the writer cannot be made. Needs a POSIX system.
     """
@@ -110,6 +115,8 @@ class Recorder:
         self._head = 0
         self._sequence = 0
         self._summary: Summary | None = None
+        self.failed = ""
+        """Why nothing is written any more; empty while all is well."""
         self._journal = _created(self.path)
         try:
             if os.write(self._journal, begin) != len(begin):
@@ -182,6 +189,21 @@ class Recorder:
         self._sequence += 1
         self._head = head + 1
         self._state[HEAD] = head + 1
+        if head % LOOK == 0 and not self.failed:
+            self._look()
+
+    def _look(self) -> None:
+        """Report a writer that has died, when it has and not at the end."""
+        code = self._process.poll()
+        if code is None:
+            return
+        self.failed = f"the writer's process ended with code {code}"
+        room = self._capacity - (self._head - self._state[TAIL])
+        warnings.warn(
+            f"{self.path.name}: {self.failed}; {room} more rows fit into memory, and close() writes them",
+            LossWarning,
+            stacklevel=3,
+        )
 
     def missed(self, cycles: int) -> None:
         """Tell that the loop left out so many cycles since the last row."""
@@ -290,7 +312,14 @@ class Recorder:
 
 
 def _created(path: Path) -> int:
-    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise HapticevalError(
+            f"cannot record to {path}",
+            why=f"the folder {path.parent} cannot be made: {error.strerror or error}",
+            todo="choose another folder",
+        ) from error
     try:
         return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
     except FileExistsError:

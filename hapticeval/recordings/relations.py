@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,10 @@ from hapticeval.types import Array, BoolArray
 
 COPY_ROWS = 50
 """Fewer moving rows than these can be equal by chance or by design."""
+
+OWN, FOREIGN = 0.9, 0.5
+"""Shares of the moving rows that are equal to the bit: of two columns of one run, and of one column of two runs. By
+chance a converter of a hundred steps gives a hundredth of them."""
 
 LAG_TICKS = 3
 """A proxy may answer up to three ticks late without being wrong, as peers do."""
@@ -79,46 +84,64 @@ def _same_by_meaning(a: str, b: str) -> bool:
 
 
 def _copy(one: str, other: str, a: Array, b: Array, *, said: bool) -> Fault | None:
-    if np.array_equal(a, b) or np.array_equal(a, -b):
-        how = "" if np.array_equal(a, b) else "minus "
-        why = ", as the mapping says" if said else ""
+    for how, other_sign in (("", b), ("minus ", -b)):
+        found = matched(a, other_sign, OWN)
+        if found is None or (how and found.lag):
+            continue
+        why = ", as the mapping says" if said and found.lag == 0 else ""
+        when = f" {abs(found.lag)} rows {'later' if found.lag > 0 else 'earlier'}" if found.lag else " over again"
+        note = said and found.lag == 0
         return Fault(
-            "copy",
-            Severity.NOTE if said else Severity.SUSPICIOUS,
-            f"it is {how}'{one}' over again{why}: no second measurement",
-            "" if said else "see which column of the file belongs here",
+            "shifted copy" if found.lag else "copy",
+            Severity.NOTE if note else Severity.SUSPICIOUS,
+            f"it is {how}'{one}'{when}{found.share}{why}: no second measurement",
+            "" if note else "see which column of the file belongs here",
             other,
+            measures={"rows": found.lag} if found.lag else {},
         )
-    lag = shift(a, b)
-    if lag is None:
-        return None
-    return Fault(
-        "shifted copy",
-        Severity.SUSPICIOUS,
-        f"it is '{one}' {abs(lag)} rows {'later' if lag > 0 else 'earlier'}: no second measurement",
-        "see which column of the file belongs here",
-        other,
-        measures={"rows": lag},
-    )
+    return None
 
 
-def shift(a: Array, b: Array) -> int | None:
-    """By how many rows `b` is `a` later (negative: earlier), to the last bit; None where it is not.
+class Match(NamedTuple):
+    """`equal` of the `rows` in which a column moves are another one's to the last bit, `lag` rows later."""
 
-    The correlation of the steps says which lag to look at; equality over the whole overlap decides.
+    lag: int
+    equal: int
+    rows: int
+
+    @property
+    def share(self) -> str:
+        """For instance ` in 1118 of 1120 rows`; empty for all of them."""
+        return "" if self.equal == self.rows else f" in {self.equal} of {self.rows} rows"
+
+
+def matched(a: Array, b: Array, share: float) -> Match | None:
+    """Whether at least this share of the moving rows of `b` is `a`, at the lag that the correlation of the steps names.
+
+    Rows in which nothing moves are left out, as they are equal by chance.
     """
     size = min(a.size, b.size)
+    for lag in (0, _best_lag(a[:size], b[:size])):
+        x, y = (a[: size - lag], b[lag:size]) if lag >= 0 else (a[-lag:size], b[: size + lag])
+        moving = np.concatenate([[False], np.diff(y) != 0.0])
+        rows = int(np.count_nonzero(moving))
+        equal = int(np.count_nonzero((x == y) & moving))
+        if rows >= COPY_ROWS and equal >= max(COPY_ROWS, share * rows):
+            return Match(lag, equal, rows)
+    return None
+
+
+def _best_lag(a: Array, b: Array) -> int:
+    """By how many rows the steps of `b` come later than those of `a` at the best correlation; 0 for short columns."""
+    size = a.size
     if size < 2 * COPY_ROWS:
-        return None
-    da, db = np.diff(a[:size]), np.diff(b[:size])
+        return 0
+    da, db = np.diff(a), np.diff(b)
     length = 1 << int(np.ceil(np.log2(2 * size)))
     spectrum = np.conj(np.fft.rfft(da, length)) * np.fft.rfft(db, length)
     found = int(np.argmax(np.fft.irfft(spectrum, length)))
     lag = found if found < length // 2 else found - length
-    if lag == 0 or abs(lag) > size - COPY_ROWS:
-        return None
-    x, y = (a[: size - lag], b[lag:size]) if lag > 0 else (a[-lag:size], b[: size + lag])
-    return lag if np.array_equal(x, y) and np.count_nonzero(np.diff(x)) >= COPY_ROWS else None
+    return lag if abs(lag) <= size - COPY_ROWS else 0
 
 
 def of_another_run(recording: Recording, other: Recording, name: str) -> list[Fault]:
@@ -128,12 +151,10 @@ def of_another_run(recording: Recording, other: Recording, name: str) -> list[Fa
     for column, values in columns_of(recording).items():
         if column not in theirs or np.count_nonzero(np.diff(values)) < COPY_ROWS:
             continue
-        size = min(values.size, theirs[column].size)
-        same = np.array_equal(values[:size], theirs[column][:size])
-        lag = 0 if same else shift(theirs[column], values)
-        if lag is not None:
-            where = "" if lag == 0 else f", {abs(lag)} rows {'later' if lag > 0 else 'earlier'}"
-            message = f"it is that of {name}{where}, bit for bit"
+        found = matched(theirs[column], values, FOREIGN)
+        if found is not None:
+            when = f", {abs(found.lag)} rows {'later' if found.lag > 0 else 'earlier'}" if found.lag else ""
+            message = f"it is that of {name}{when}{found.share}, bit for bit"
             todo = "see which run was meant: a hand never moves the same way twice"
             faults.append(Fault("from another run", Severity.SUSPICIOUS, message, todo, column))
     return faults

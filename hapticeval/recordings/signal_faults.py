@@ -100,10 +100,13 @@ def examine_numbers(name: str, columns: Mapping[str, Array], time: Array) -> lis
     return faults
 
 
-def examine_column(name: str, values: Array, time: Array, valid: BoolArray, *, held: bool = False) -> list[Fault]:
+def examine_column(
+    name: str, values: Array, time: Array, valid: BoolArray, *, held: bool = False, rests: bool = False
+) -> list[Fault]:
     """What is wrong with the numbers of a column (n,): `name` as in `hip.x`, `time` (s), judged where `valid`.
 
-    `held` is for forces and torques, which are zero for long and then jump, and are hit in one tick.
+    `held` is for forces and torques, which are zero for long and then jump, and are hit in one tick; `rests` for a
+    proxy, which rests on a wall at an extreme of its place and is clipped by nothing.
     """
     faults: list[Fault] = []
     sound = valid & np.isfinite(values)
@@ -120,7 +123,7 @@ def examine_column(name: str, values: Array, time: Array, valid: BoolArray, *, h
                     _at(name, "stuck", Severity.SUSPICIOUS, begin + first, begin + end, time,
                         "the value is frozen, then jumps", "leave those rows out; see the sensor and its cable")
                 )  # fmt: skip
-        for first, end in _clipped(kept, step, extremes):
+        for first, end in () if rests else _clipped(kept, step, extremes):
             if held and kept[first] == 0.0:  # out of contact
                 continue
             faults.append(
@@ -152,7 +155,7 @@ def _stuck(values: Array, step: float) -> list[tuple[int, int]]:
     lengths = np.diff(np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1], [True]])))
     usual = float(np.median(lengths)) if lengths.size else 1.0
     for first, end in runs(values, max(STUCK_ROWS, int(5 * usual) + 1)):
-        if first == 0 or end >= values.size - 3:
+        if end >= values.size - 3:
             continue
         jump = abs(values[end] - values[first])
         before = np.abs(np.diff(values[max(0, first - 8) : first + 1]))

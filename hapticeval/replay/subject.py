@@ -11,6 +11,7 @@ from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.files import file_stem
 from hapticeval.phenomena.registry import CHECKS, HELD
 from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.wall import LINE, before_the_wall
 from hapticeval.scene import Scene
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
@@ -50,7 +51,8 @@ def subject(
     Each comes from what is given (`model` as a suite has it; `suite_case` as SUITE/CASE; `scene` as key=value), else
     from the recording's meta. The checks are the case's, or all. Raises `InputError` where neither says the model or
     the stiffness, naming all that lacks, with `unsaid`: what else does, and how to give it. And for a key that a scene
-    does not have, and where model and recording differ in dimension.
+    does not have, and where model and recording differ in dimension: a run in one dimension is placed before the model
+    `line`, see `before_the_wall`.
     """
     template = None if suite_case is None else _case(suite_case)
     said = _said(recording)
@@ -87,11 +89,13 @@ def subject(
         built = made.build_scene()
     except HapticevalError as error:
         raise InputError(f"{file.name}: {error.what}", why=error.why, todo=error.todo) from error
+    if recording.hip.shape[1] == 1 and built.model.name == LINE:
+        recording = before_the_wall(recording)
     if built.model.dimension != recording.hip.shape[1]:
         raise InputError(
             f"{file.name} is in {recording.hip.shape[1]}D, its model in {built.model.dimension}D",
             why="hand and model must live in the same space",
-            todo="give another model with --model",
+            todo="give the wall: --model line" if recording.hip.shape[1] == 1 else "give another model with --model",
         )
     return Subject(file.name, recording, made)
 

@@ -16,7 +16,7 @@ from hapticeval.recordings.clock import Clock
 from hapticeval.recordings.finding import Severity
 from hapticeval.recordings.integrity import examine, sound_intervals
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.relations import shift
+from hapticeval.recordings.relations import matched
 from hapticeval.recordings.signal_faults import quantum
 from hapticeval.recordings.stretches import stretches
 
@@ -228,7 +228,7 @@ def test_a_column_that_is_another_one_shifted_is_found(lag, seed):
     long = np.cumsum(np.random.default_rng(seed).normal(size=ROWS + 250))
     begin = max(0, lag)
     a, b = long[begin : begin + ROWS], long[begin - lag : begin - lag + ROWS]
-    assert shift(a, b) == (lag or None)
+    assert matched(a, b, 0.9).lag == lag
     stamps, channels = parts()
     channels = {"hip": channels["hip"], "force": np.column_stack([a, b])}
     kinds = [(fault.kind, fault.channel) for fault in examine(recording(stamps, channels)).faults]
@@ -237,7 +237,7 @@ def test_a_column_that_is_another_one_shifted_is_found(lag, seed):
 
 def test_an_independent_column_is_no_copy():
     random = np.random.default_rng(0)
-    assert shift(random.normal(size=400), random.normal(size=400)) is None
+    assert matched(random.normal(size=400), random.normal(size=400), 0.1) is None
 
 
 def test_a_signal_of_another_run_is_found():
@@ -357,3 +357,93 @@ def test_left_out_rows_are_named_with_their_reason():
     assert [(i.first, i.end) for i in soundness.sound] == [(0, 50), (51, 200), (300, ROWS)]
     reasons = [(i.first, i.end, why) for i, why in soundness.left_out]
     assert reasons == [(50, 51, "spike in hip.x"), (200, 300, "no measurement")]
+
+
+def sensed(seed=0):
+    """As `parts`, with a force that a sensor measured: noise in every row."""
+    stamps, channels = parts(seed)
+    channels["force"] += np.random.default_rng(seed).normal(scale=0.02, size=(ROWS, 2))
+    return stamps, {name: channels[name] for name in ("hip", "force")}
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 99))
+def test_a_live_sensor_is_not_frozen(seed):
+    assert examine(recording(*sensed(seed))).faults == ()
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 99), first=st.sampled_from([0, 100, 260]), both=st.booleans())
+def test_a_component_that_is_frozen_is_found_from_the_first_row_on(seed, first, both):
+    """340 rows, within the rounding of a turned frame, and no jump needed where it wakes."""
+    stamps, channels = sensed(seed)
+    end, random = first + 340, np.random.default_rng(1)
+    for column in range(1 + both):
+        channels["force"][first:end, column] = channels["force"][end - 1, column]
+    channels["force"][first:end] += 2e-14 * random.uniform(-1.0, 1.0, (end - first, 2))
+    report = examine(recording(stamps, channels))
+    stuck = [fault for fault in report.faults if fault.kind == "stuck"]
+    assert [(fault.channel, fault.first, fault.end) for fault in stuck] == [
+        (f"force.{'xy'[column]}", first, end) for column in range(1 + both)
+    ]
+    assert all("while hip moves" in fault.message for fault in stuck)
+    assert report.suspicious
+    run = recording(stamps, channels)
+    assert not sound_intervals(run, report).rows(ROWS)[first:end].any()
+
+
+@pytest.mark.parametrize(("value", "severity"), [(1.7, Severity.SUSPICIOUS), (0.0, Severity.NOTE)])
+def test_a_force_that_never_changes_while_the_hand_moves(value, severity):
+    stamps, channels = sensed()
+    channels["force"][:, 1] = value * (1.0 + 1e-15 * np.random.default_rng(0).normal(size=ROWS))
+    faults = [fault for fault in examine(recording(stamps, channels)).faults if fault.kind == "constant"]
+    assert [(fault.channel, fault.severity) for fault in faults] == [("force.y", severity)]
+    still = dict(channels, hip=np.tile(channels["hip"][0], (ROWS, 1)))
+    assert not [fault for fault in examine(recording(stamps, still)).faults if fault.channel == "force.y"]
+
+
+def test_what_keeps_its_value_by_nature_is_left_alone():
+    """Free motion, a coarse converter in free motion, and a limit that is reached again and again."""
+    stamps = np.arange(ROWS) * 1_000_000
+    turn = np.linspace(0.0, 8.0 * np.pi, ROWS)
+    hip = 0.05 * np.column_stack([np.sin(turn), np.cos(1.3 * turn)])
+    press = np.maximum(np.sin(turn), 0.0)
+    for force in (press, np.minimum(press, 0.6), np.round(press / 0.05) * 0.05 + 0.05):
+        report = examine(recording(stamps, {"hip": hip, "force": np.column_stack([force, 0.5 * force])}))
+        assert not [fault for fault in report.faults if fault.kind in ("stuck", "constant")]
+    at_a_notch = {"hip": hip, "ihip": np.tile([0.06, 0.0], (ROWS, 1))}
+    assert not examine(recording(stamps, at_a_notch)).suspicious
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 99), share=st.floats(0.05, 0.5))
+def test_rows_that_a_logger_wrote_again_are_counted(seed, share):
+    stamps, channels = parts(seed)
+    channels["force"] += np.random.default_rng(seed).normal(scale=0.02, size=(ROWS, 2))
+    again = np.flatnonzero(np.random.default_rng(seed).random(ROWS - 20) < share) + 10
+    again = again[np.diff(again, prepend=0) > 1]
+    for row in again:
+        for values in channels.values():
+            values[row] = values[row - 1]
+    faults = [fault for fault in examine(recording(stamps, channels)).faults if fault.kind == "repeated rows"]
+    assert [fault.measures["rows"] for fault in faults] == [again.size]
+    assert f"{again.size} of {ROWS} rows repeat the row before in all 12 columns" in faults[0].message
+
+
+def test_slow_motion_repeats_rows_by_itself():
+    stamps = np.arange(4000) * 1_000_000
+    turn = np.arange(4000) * 2e-3
+    hip = np.round(0.01 * np.column_stack([np.sin(turn), np.sin(0.7 * turn)]) / 5e-5) * 5e-5
+    assert not [fault for fault in examine(recording(stamps, {"hip": hip})).faults if fault.kind == "repeated rows"]
+
+
+@pytest.mark.parametrize("lag", [0, 7])
+def test_a_signal_of_another_run_in_most_rows_is_found(lag):
+    one, other = (recording(*sensed(seed)) for seed in (1, 2))
+    force = np.roll(other.channels["force"], lag, axis=0)
+    force[[30, 90]] += 0.1
+    mixed = recording(sensed(1)[0], {"hip": one.hip, "force": force})
+    faults = [fault for fault in examine(mixed, others={"run 2": other}).faults if fault.kind == "from another run"]
+    assert [fault.channel for fault in faults] == ["force.x", "force.y"]
+    rows = ROWS - lag - 1
+    assert f" in {rows - 2} of {rows} rows, bit for bit" in faults[0].message

@@ -127,7 +127,8 @@ def test_a_dead_writer_is_told_and_its_work_done_at_the_end(tmp_path):
     os.kill(recorder.writer, signal.SIGKILL)
     until(lambda: recorder.summary.failure)
     assert recorder.summary.failure == "the writer's process ended with code -9"
-    feed(recorder, 400, 30)
+    with pytest.warns(LossWarning, match="more rows fit into memory"):
+        feed(recorder, 400, 30)
     with pytest.warns(LossWarning, match=r"430 rows recorded, 0 lost \(the writer's process ended"):
         summary = recorder.close()
     assert (summary.rows, summary.lost) == (430, 0)
@@ -135,6 +136,28 @@ def test_a_dead_writer_is_told_and_its_work_done_at_the_end(tmp_path):
     assert recording.clock.sequence.tolist() == list(range(430))
     assert_fed(recording)
     assert recording.events[-1].text == "the writer's process ended with code -9"
+
+
+def test_a_writer_that_dies_is_reported_at_once(tmp_path):
+    recorder = Recorder(tmp_path / "run.journal", CHANNELS, rows=2000)
+    feed(recorder, 30)
+    os.kill(recorder.writer, signal.SIGKILL)
+    until(lambda: recorder.summary.failure)
+    assert recorder.failed == ""
+    with pytest.warns(LossWarning, match=r"run.journal: the writer's process ended with code -9; \d+ more rows fit"):
+        feed(recorder, 300, 30)
+    assert recorder.failed == "the writer's process ended with code -9"
+    feed(recorder, 600, 330)  # and once
+    with pytest.warns(LossWarning, match="930 rows recorded, 0 lost"):
+        recorder.close()
+    assert_fed(recover(tmp_path / "run.journal").recording)
+
+
+def test_a_folder_that_cannot_be_made_is_no_traceback(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(HapticevalError, match="cannot record to") as caught:
+        Recorder(tmp_path / "file" / "deep" / "run.journal", CHANNELS)
+    assert "cannot be made" in caught.value.why
 
 
 LOOP = """

@@ -1,0 +1,82 @@
+"""Runs in one dimension against a wall: placed before it, replayed, judged; also those of a real rig."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hapticeval.cli import main
+from hapticeval.errors import InputError
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.recordings.hdf5 import write_recording
+from hapticeval.recordings.integrity import examine
+from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.wall import before_the_wall
+from hapticeval.results import read_results
+
+ROOT = Path(__file__).parents[2]
+DATA = ROOT.parent / "shared" / "data" / "tue_1dof_teleop"
+STIFFNESS = 800.0
+
+
+def pressed(*, at=0.0, outward=1, **meta):
+    """A hand that goes into a wall and out of it twice, with the force of a spring."""
+    depth = 3e-3 * np.sin(np.arange(1200) * 0.0105)
+    hip = at - outward * depth
+    ihip = np.where(depth > 0.0, at, hip)
+    force = STIFFNESS * (ihip - hip)
+    channels = {name: values[:, None] for name, values in (("hip", hip), ("ihip", ihip), ("force", force))}
+    wall = {"wall": {"at": at, "outward": outward}} if (at, outward) != (0.0, 1) else {}
+    return Recording(np.arange(1200) * 1e-3, channels, {"source": "file", **wall, **meta})
+
+
+@pytest.mark.parametrize(("at", "outward"), [(0.0, 1), (0.02, 1), (-0.01, -1)])
+def test_places_are_measured_from_the_wall_and_forces_turned_with_it(at, outward):
+    placed = before_the_wall(pressed(at=at, outward=outward))
+    plain = before_the_wall(pressed())
+    for name in ("hip", "ihip", "force"):
+        np.testing.assert_allclose(placed.channels[name], plain.channels[name], atol=1e-12)
+    assert not placed.hip[:, 0].any()
+    assert placed.hip[100, 1] < 0.0 < placed.force[100, 1]
+
+
+@pytest.mark.parametrize(("at", "outward"), [(0.0, 1), (0.02, -1)])
+def test_a_spring_before_a_wall_is_sound_and_another_wall_is_not(at, outward):
+    run, line = pressed(at=at, outward=outward), make_model("line")
+    assert not [fault for fault in examine(run, model=line, stiffness=STIFFNESS).faults if fault.severity != "note"]
+    moved = Recording(run.time, run.channels, {**run.meta, "wall": {"at": at + 0.5e-3, "outward": outward}})
+    assert {"surface", "contact"} <= {fault.kind for fault in examine(moved, model=line).faults}
+
+
+@pytest.mark.parametrize("wall", [{"at": "left"}, {"outward": 2}, {"place": 0.1}, {"at": float("nan")}])
+def test_a_wall_that_is_none_is_refused(wall):
+    with pytest.raises(InputError, match="the recording's wall is"):
+        before_the_wall(pressed(wall=wall))
+
+
+def test_a_replay_before_a_wall_gives_verdicts(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_recording(tmp_path / "run.h5", pressed(at=0.01, outward=-1))
+    scene = ["--scene", f"stiffness={STIFFNESS:g}"]
+    assert main(["replay", "run.h5", "--model", "circle", *scene]) == 2
+    assert "--model line" in capsys.readouterr().err
+    main(["replay", "run.h5", "--model", "line", *scene, "-r", "constraint", "-o", "out"])
+    verdicts = read_results(tmp_path / "out").verdicts
+    told = {(each["renderer"], each["check"]): each["outcome"] for each in verdicts}
+    for check in ("continuous-contact", "contact-normal-force"):
+        assert told["recorded", check] == told["constraint", check] == "pass"
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="needs shared/data/tue_1dof_teleop beside the repository")
+def test_a_real_contact_log_gets_verdicts(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    mapping = ROOT / "examples" / "tue_1dof_teleop.toml"
+    log = DATA / "question1a_rigid.mat"
+    given = ["--mapping", str(mapping), "--model", "line", "--scene", "stiffness=2000", "-r", "constraint", "-o", "out"]
+    assert main(["replay", str(log), *given]) == 1  # its slave is no proxy, and its hand pulls
+    verdicts = read_results(tmp_path / "out").verdicts
+    told = {(each["renderer"], each["check"]): each["outcome"] for each in verdicts}
+    assert told["constraint", "continuous-contact"] == told["constraint", "contact-normal-force"] == "pass"
+    assert told["recorded", "contact-normal-force"] == "fail"
