@@ -50,7 +50,8 @@ Examples:
 EXIT_CODES = """\b
 Exit codes:
   0  every verdict is as required, or as published where the suite publishes one
-  1  a check failed, could not decide or differs, or fewer verdicts than planned were reached, as after Ctrl-C
+  1  a check failed, could not decide or differs, or fewer verdicts than planned were reached, as after Ctrl-C;
+     with --strict also where a check of level should failed or could not decide
   2  wrong usage or input, or every case was refused by every renderer
   3  a renderer broke: the message names case, tick and HIP (outranks 1 and 2)
   4  nothing was selected
@@ -174,6 +175,7 @@ def run(
         Path, typer.Option("-o", "--output", metavar="DIR", help="Where results and reports go.")
     ] = DEFAULT_DIRECTORY,
     seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of everything random.", min=0, max=2**32 - 1)] = 0,
+    strict: Annotated[bool, typer.Option("--strict", help="Let warnings count: checks of level should.")] = False,
 ) -> None:
     """Run suites on renderers, judge, and write results and reports.
 
@@ -190,7 +192,7 @@ def run(
     from hapticeval.terminal import Terminal, exit_code, summary
     from hapticeval.workers import cores
 
-    planned = plan(suites or [DEFAULT_SUITE], renderers or (), select=select or (), seed=seed)
+    planned = plan(suites or [DEFAULT_SUITE], renderers or (), select=select or (), seed=seed, strict=strict)
     prepare(directory)
     with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
         results = _watch(execute(planned, directory, workers=cores(), interrupts=interrupts), terminal)

@@ -14,7 +14,7 @@ from typing import Any
 
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.files import file_stem, plain, replacing, without_non_finite
-from hapticeval.phenomena.verdict import Verdict
+from hapticeval.phenomena.verdict import Verdict, warns
 
 __all__ = [
     "FILE",
@@ -69,6 +69,16 @@ def all_refused(results: Results) -> bool:
     """Whether every renderer refused every case: then nothing was judged. A recorded run is no renderer."""
     runs = [run for run in results.runs if not is_recorded(run)]
     return bool(runs) and all(run.get("refusal") for run in runs)
+
+
+def is_warning(verdict: Document) -> bool:
+    """Whether a verdict document is a warning: see `hapticeval.phenomena.verdict.warns`."""
+    return warns(verdict["level"], verdict["outcome"], verdict["published"])
+
+
+def stops(results: Results, verdict: Document) -> bool:
+    """Whether a verdict stops a gate: it is not as expected, or a warning of a run that is strict."""
+    return not verdict["as_expected"] or (bool(results.command.get("strict")) and is_warning(verdict))
 
 
 def verdict_document(verdict: Verdict) -> dict[str, Any]:

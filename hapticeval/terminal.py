@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from hapticeval.errors import HapticevalError
 from hapticeval.events import Event, Interrupted, JobFinished, RunStarted
-from hapticeval.phenomena.verdict import Outcome
+from hapticeval.phenomena.verdict import Outcome, warns
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -125,7 +125,9 @@ def _told(event: JobFinished) -> str:
         return f"refuses: {event.refusal.what}"
     counts = Counter(verdict.outcome for verdict in event.verdicts)
     surprises = sum(not verdict.as_expected for verdict in event.verdicts)
-    return _counted(counts) + (f" ({surprises} not as expected)" if surprises else "")
+    warnings = sum(warns(verdict.level, verdict.outcome, verdict.published) for verdict in event.verdicts)
+    notes = [f"{surprises} not as expected"] * bool(surprises) + [_plural(warnings, "warning")] * bool(warnings)
+    return _counted(counts) + (f" ({', '.join(notes)})" if notes else "")
 
 
 def _interrupted(event: Interrupted) -> str:
@@ -148,14 +150,15 @@ def _counted(counts: Counter[Outcome]) -> str:
 
 
 def exit_code(results: Results, errors: Iterable[HapticevalError]) -> int:
-    """0 all as it must be; 1 something differs, failed, or did not run; what stopped a job outranks that.
+    """0 all as it must be; 1 something differs, failed, or did not run, or warns in a run that is strict.
 
-    3 where a renderer broke, else 2 where a job's input was not usable or every run was refused.
+    What stopped a job outranks that: 3 where a renderer broke, else 2 where a job's input was not usable or every run
+    was refused.
     """
-    from hapticeval.results import all_refused
+    from hapticeval.results import all_refused, stops
 
-    surprised = any(not verdict["as_expected"] for verdict in results.verdicts)
-    differs = surprised or not results.complete or results.ran < results.planned
+    stopped = any(stops(results, verdict) for verdict in results.verdicts)
+    differs = stopped or not results.complete or results.ran < results.planned
     return max([int(differs), 2 * int(all_refused(results)), *(error.exit_code for error in errors)])
 
 
@@ -166,6 +169,7 @@ def summary(results: Results, written: Sequence[Path]) -> str:
         "\n".join(_stopped("broke", run, run["error"]) for run in results.runs if run["error"]),
         "\n".join(_stopped("refuses", run, run["refusal"]) for run in _refused(results)),
         "\n".join(_surprise(verdict) for verdict in _surprising(results)),
+        "\n".join(_surprise(verdict, "warning: ") for verdict in _warning(results)),
         _totals(results),
         "\n".join(f"wrote {path}" for path in written),
     ]
@@ -226,11 +230,17 @@ def _surprising(results: Results) -> Iterator[Mapping[str, Any]]:
             yield verdict
 
 
-def _surprise(verdict: Mapping[str, Any]) -> str:
+def _warning(results: Results) -> list[Mapping[str, Any]]:
+    from hapticeval.results import is_warning
+
+    return [verdict for verdict in results.verdicts if is_warning(verdict)]
+
+
+def _surprise(verdict: Mapping[str, Any], mark: str = "") -> str:
     """A verdict that fails, or differs from what is published, with its measure and its bound."""
     outcome, published = verdict["outcome"], verdict["published"]
     place = f"{verdict['renderer']} on {verdict['suite']}/{verdict['case']}/{verdict['check']}"
-    head = f"differs: {place}: {outcome}, published {published}" if published else f"{outcome}: {place}"
+    head = f"differs: {place}: {outcome}, published {published}" if published else f"{mark}{outcome}: {place}"
     measured = _measured(verdict)
     return "\n".join([head, *([f"  {measured}"] if measured else []), f"  {verdict['message']}"])
 
@@ -247,12 +257,14 @@ def _measured(verdict: Mapping[str, Any]) -> str:
 def _totals(results: Results) -> str:
     counts = Counter(Outcome(verdict["outcome"]) for verdict in results.verdicts)
     unexpected = sum(not verdict["as_expected"] for verdict in results.verdicts)
+    warnings = len(_warning(results))
+    warned = f", {_plural(warnings, 'warning')}" + (" that count" if results.command.get("strict") else "")
     ran = f"{results.ran} of {_plural(results.planned, 'planned verdict')} ran"
     if not results.complete:
         ran += f" (incomplete: {results.reason})"
     timing = results.timing
     return (
-        f"{ran}: {_counted(counts)}; {unexpected or 'none'} not as expected\n"
+        f"{ran}: {_counted(counts)}; {unexpected or 'none'} not as expected{warned * bool(warnings)}\n"
         f"simulated {timing['simulated_seconds']:.1f} s in {timing['wall_seconds']:.1f} s: "
         f"{timing['times_real_time']:.1f} times real time"
     )

@@ -16,7 +16,7 @@ from hapticeval.reports.replay_section import COLUMNS as REPLAY_COLUMNS
 from hapticeval.reports.shown import Drawing, RunKey, shown_cases
 from hapticeval.reports.svg import classed
 from hapticeval.reports.table import SYMBOLS, ran, renderers
-from hapticeval.results import Results, all_refused, is_recorded
+from hapticeval.results import Results, all_refused, is_recorded, is_warning
 
 
 def render_html(results: Results, drawings: Mapping[RunKey, Drawing], *, costs: Costs | None = None) -> str:
@@ -47,6 +47,8 @@ def render_html(results: Results, drawings: Mapping[RunKey, Drawing], *, costs: 
         renderers=names,
         outcomes=[(name, outcomes[name]) for name in SYMBOLS if outcomes[name]],
         unexpected=unexpected,
+        warnings=sum(map(is_warning, results.verdicts)),
+        strict=bool(results.command.get("strict")),
         undecided=outcomes["inconclusive"],
         refused=all_refused(results),
         judged_renderers=[name for name in names if name not in recorded],

@@ -1,7 +1,8 @@
 """Verdicts as JUnit XML, which every CI service shows: a testsuite a (suite, renderer), a testcase a (case, check).
 
 A testcase fails exactly where the verdict is not as expected, as the exit code of a run does: a failure that is
-published passes and says so, an outcome that differs from the published one fails even if it is a pass.
+published passes and says so, an outcome that differs from the published one fails even if it is a pass. A warning, as a
+check of level should gives, passes and says so, and fails where the run was strict.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any
 from hapticeval.reports.quantity import measured
 from hapticeval.reports.scene_words import ended_words
 from hapticeval.reports.table import ran
-from hapticeval.results import Results
+from hapticeval.results import Results, is_warning, stops
 
 NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
@@ -34,7 +35,8 @@ def junit(results: Results) -> str:
             _say(case, "error", error["what"], "\n".join(filter(None, (error["why"], error["todo"]))))
     for verdict in results.verdicts:
         key = (verdict["suite"], verdict["case"], verdict["renderer"])
-        _tell(_case(_suite(root, suites, verdict), verdict, verdict["check"]), verdict, ended.get(key, ""))
+        case = _case(_suite(root, suites, verdict), verdict, verdict["check"])
+        _tell(case, verdict, ended.get(key, ""), stopped=stops(results, verdict))
     if not results.complete:
         suite = ET.SubElement(root, "testsuite", name="hapticeval: completeness", time="0")
         case = ET.SubElement(suite, "testcase", classname="hapticeval", name="every planned verdict ran")
@@ -60,21 +62,22 @@ def _case(suite: ET.Element, of: Mapping[str, Any], name: str) -> ET.Element:
     return ET.SubElement(suite, "testcase", classname=classname, name=name)
 
 
-def _tell(case: ET.Element, verdict: Mapping[str, Any], ended: str) -> None:
+def _tell(case: ET.Element, verdict: Mapping[str, Any], ended: str, *, stopped: bool) -> None:
     outcome, published = verdict["outcome"], verdict["published"]
     figures = measured(verdict)
     text = verdict["message"] + (f" ({figures})" if figures else "") + (f"; the run {ended}" if ended else "")
     if outcome == "error":
         _say(case, "error", text)
-    elif not verdict["as_expected"]:
+    elif stopped:
         differs = f"{outcome}, published {published}: " if published else ""
         _say(
             case, "failure", differs + text, "" if published is None else "The outcome differs from the published one."
         )
     elif outcome in ("inconclusive", "not-applicable"):
-        _say(case, "skipped", f"{outcome}: {text}")
+        _say(case, "skipped", f"{'warning: ' * is_warning(verdict)}{outcome}: {text}")
     elif outcome == "fail":
         why = "fails, as known" if published else f"fails; level {verdict['level']} stops no gate"
+        why = f"{'warning: ' * is_warning(verdict)}{why}"
         ET.SubElement(case, "system-out").text = _clean(f"{why}: {text}")
 
 

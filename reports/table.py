@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from hapticeval.reports.scene_words import ended_words
-from hapticeval.results import Results
+from hapticeval.results import Results, is_warning
 
 SYMBOLS: Mapping[str, str] = MappingProxyType(
     {"pass": "✓", "fail": "✗", "inconclusive": "?", "not-applicable": "-", "error": "!"}
@@ -23,7 +23,8 @@ class Cell:
     """One verdict in the matrix.
 
     `standing` says how it compares: "as known", "differs" (from what is published), "unexpected" (an error, or
-    a check of level must that failed or could not decide, with nothing published), or "" for nothing to say.
+    a check of level must that failed or could not decide, with nothing published), "warning" (one of level should that
+    did), or "" for nothing to say.
     """
 
     outcome: str
@@ -41,6 +42,8 @@ class Cell:
         """How the outcome compares with what was to be expected."""
         if self.published is not None:
             return "as known" if self.outcome == self.published else "differs"
+        if is_warning(self.verdict):
+            return "warning"
         return "" if self.as_expected else "unexpected"
 
 
@@ -175,7 +178,7 @@ def _cell_text(cell: Cell | None) -> str:
         return f"**{text}** (published: {cell.published})"
     if cell.standing == "unexpected":
         return f"**{text}**"
-    return f"{text} (as known)" if cell.standing else text
+    return f"{text} ({cell.standing})" if cell.standing else text
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

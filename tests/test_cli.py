@@ -336,6 +336,32 @@ def test_exit_codes(done: Results, errors: list[HapticevalError], code: int) -> 
     assert terminal.exit_code(done, errors) == code
 
 
+@pytest.mark.parametrize(
+    ("outcome", "published", "code"),
+    [
+        (Outcome.FAIL, None, 1),
+        (Outcome.INCONCLUSIVE, None, 1),
+        (Outcome.NOT_APPLICABLE, None, 0),
+        (Outcome.PASS, None, 0),
+        (Outcome.FAIL, Outcome.FAIL, 0),
+    ],
+)
+def test_a_strict_run_lets_warnings_count(outcome: Outcome, published: Outcome | None, code: int) -> None:
+    should = verdict(outcome, level=Level.SHOULD, published=published)
+    assert terminal.exit_code(results(should), []) == 0
+    assert terminal.exit_code(results(should, command={"strict": True}), []) == code
+    info = verdict(outcome, level=Level.INFO, published=published)
+    assert terminal.exit_code(results(info, command={"strict": True}), []) == 0
+
+
+def test_warnings_have_a_mark_of_their_own() -> None:
+    should = verdict(Outcome.FAIL, level=Level.SHOULD)
+    told = terminal.summary(results(should), [])
+    assert "warning: fail: r on s/c/" in told
+    assert "none not as expected, 1 warning\n" in told
+    assert "1 warning that count" in terminal.summary(results(should, command={"strict": True}), [])
+
+
 def test_the_summary_says_what_is_not_as_it_must_be() -> None:
     jump = finding(Outcome.FAIL, Metric("jump", 0.0123456, "m"), 0.001)
     done = results(

@@ -59,6 +59,15 @@ class Finding:
         return self.bound - self.metric.value
 
 
+UNSATISFIED = (Outcome.FAIL, Outcome.INCONCLUSIVE)
+"""What stops a gate at level `must`, and warns at level `should`."""
+
+
+def warns(level: str, outcome: str, published: str | None) -> bool:
+    """Whether a verdict warns: one of level `should` that would stop a gate at level `must`."""
+    return level == Level.SHOULD and outcome in UNSATISFIED and published is None
+
+
 @dataclass(frozen=True)
 class Verdict:
     """A finding with its identity, its weight, and the published outcome where the suite carries one."""
@@ -87,4 +96,4 @@ class Verdict:
             return self.outcome == self.published
         if self.outcome is Outcome.ERROR:
             return False
-        return not (self.outcome in (Outcome.FAIL, Outcome.INCONCLUSIVE) and self.level is Level.MUST)
+        return not (self.outcome in UNSATISFIED and self.level is Level.MUST)

@@ -25,13 +25,17 @@ class Job:
 
 @dataclass(frozen=True)
 class Plan:
-    """What will run. `suites` are whole; `jobs` hold only the selected cases, with only the selected checks."""
+    """What will run. `suites` are whole; `jobs` hold only the selected cases, with only the selected checks.
+
+    With `strict` a warning stops a gate, as a failure does.
+    """
 
     suites: tuple[Suite, ...]
     renderers: tuple[str, ...]
     jobs: tuple[Job, ...]
     select: tuple[str, ...]
     seed: int
+    strict: bool = False
 
     @property
     def planned(self) -> int:
@@ -39,7 +43,9 @@ class Plan:
         return sum(len(job.case.checks) for job in self.jobs)
 
 
-def plan(suites: Sequence[str], renderers: Sequence[str], *, select: Sequence[str] = (), seed: int = 0) -> Plan:
+def plan(
+    suites: Sequence[str], renderers: Sequence[str], *, select: Sequence[str] = (), seed: int = 0, strict: bool = False
+) -> Plan:
     """Load the suites, see that every renderer can be found, and apply the selection.
 
     A suite's name may be that of a group: `dynamics` for `dynamics-line` and the others. Where no `renderers` are named
@@ -70,7 +76,7 @@ def plan(suites: Sequence[str], renderers: Sequence[str], *, select: Sequence[st
         )
     for case in {(job.suite, job.case.name): job.case for job in jobs}.values():
         case.check_stimulus()
-    return Plan(loaded, names, jobs, tuple(select), seed)
+    return Plan(loaded, names, jobs, tuple(select), seed, strict)
 
 
 def _refuse_namesakes(suites: Sequence[Suite]) -> None:

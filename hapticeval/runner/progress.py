@@ -76,6 +76,7 @@ class Progress:
                 "suites": [suite.name for suite in self.plan.suites],
                 "renderers": list(self.plan.renderers),
                 "select": list(self.plan.select),
+                "strict": self.plan.strict,
             },
             runs=list(self.runs),
             verdicts=[verdict_document(verdict) for verdict in self.verdicts],

@@ -43,8 +43,15 @@ def test_a_failure_is_exactly_what_is_not_as_expected(results):
     assert found["broken-contact"][0].get("message") == "pop-through <here> (IHIP jump 40 mm, bound 1 mm)"
     assert found["contact-normal-force"][0].get("message").startswith("pass, published fail: ")
     assert (
-        found["centripetal-force"][0].get("message") == "inconclusive: too slow | to say (share not finite, bound 0.1)"
+        found["centripetal-force"][0].get("message")
+        == "warning: inconclusive: too slow | to say (share not finite, bound 0.1)"
     )
+
+
+def test_a_warning_fails_where_the_run_was_strict(results):
+    strict = cases(parsed(synthetic_results(command={**results.command, "strict": True})))
+    assert kinds(strict["centripetal-force"]) == ["failure"]
+    assert kinds(strict["impulsive-collision"]) == ["skipped"]
 
 
 def test_an_inconclusive_verdict_that_is_published_as_pass_is_no_skip(results):
