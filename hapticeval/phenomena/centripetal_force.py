@@ -10,7 +10,17 @@ from scipy.signal import lfilter, lfilter_zi
 from hapticeval.closed_forms.equations import Gains, transversal
 from hapticeval.geometry.frame import Frame
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.sampling import HOLD_TICKS, LAG_TICKS, TELLS, loaded, place, touching, unsettled_by_path
+from hapticeval.phenomena.sampling import (
+    FORCE_DEPTH,
+    HOLD_TICKS,
+    LAG_TICKS,
+    TELLS,
+    loaded,
+    place,
+    placement,
+    touching,
+    unsettled_by_path,
+)
 from hapticeval.phenomena.surface_motion import decay_rate
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import Recording
@@ -29,6 +39,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     unsettled = unsettled_by_path(base)
     if unsettled is not None:
         return Finding(Outcome.INCONCLUSIVE, unsettled)
+    loose = _loose(base, scene)
+    if loose is not None:
+        message = "the tool is not held: off a surface that holds from both sides there is no force on it"
+        return Finding(Outcome.INCONCLUSIVE, message, evidence=place(base, loose))
     everything = [base]
     if runs.at_speed is not None:
         everything += [runs.at_speed(factor) for factor in SPEEDS]
@@ -73,6 +87,19 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         f"{1e3 * abs(share) * largest:.3g} mm at the top speed"
     )
     return Finding(Outcome.FAIL, message, metric, bound, evidence)
+
+
+def _loose(recording: Recording, scene: Scene) -> int | None:
+    """The tick at which a tool on a bilateral constraint is farthest off it without a force; None where one is held.
+
+    A spring gives K_p times the distance. A damper takes that away where the tool comes home slowly, so that it counts
+    only over more than a tenth of the run, and beyond the distance that a late answer leaves.
+    """
+    if not scene.bilateral:
+        return None
+    distance = np.abs(scene.model.boundary.signed_distance(recording.hip))
+    free = (distance > placement(recording, scene) + FORCE_DEPTH) & ~loaded(recording, scene)
+    return int(np.argmax(np.where(free, distance, 0.0))) if np.mean(free) > TELLS else None
 
 
 def _terms(recording: Recording, scene: Scene) -> tuple[Array, Array, Array, float]:
@@ -188,7 +215,8 @@ CHECK = Check(
         "normal turns by kappa v T, half of it on average, and one tick more may pass between sample and force. The "
         "verdict is inconclusive within two standard errors of the bound. On a bilateral constraint the force at "
         "the start, where the error is zero, must supply m kappa v^2 to the same share, within the three ticks that "
-        "a proxy may lag. A bound above 0.1 is inconclusive."
+        "a proxy may lag. A bound above 0.1 is inconclusive, and so is a run of which more than a tenth has the tool "
+        "off a bilateral constraint without any force."
     ),
     judge=judge,
 )

@@ -6,10 +6,11 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.normal_cone import off_normals
-from hapticeval.phenomena.sampling import LAG_TICKS, hip_step, loaded, place, placement, resolution, standoff
+from hapticeval.phenomena.sampling import LAG_TICKS, hip_step, loaded, place, resolution, standoff
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.grain import grain
 from hapticeval.recordings.metadata import SIMULATED
@@ -29,7 +30,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return Finding(Outcome.INCONCLUSIVE, "no force above the floor: the tool never presses on the surface")
     if "ihip" not in base.channels:
         return _without_ihip(base, scene, strong)
-    declared, near = resolution(base, scene), placement(base, scene)
+    declared, near = resolution(base, scene), _reach(base, scene)[strong]
     deviation = _deviation(base, scene, strong, near + declared)
     allowed = _rounding(base, scene, strong)
     worst = int(np.argmax(deviation - allowed))
@@ -105,7 +106,7 @@ def _error_angle(recording: Recording, scene: Scene) -> dict[str, float]:
     pressed = np.flatnonzero(loaded(recording, scene) & np.any(error != 0.0, axis=1))
     if pressed.size == 0:
         return {}
-    reach = placement(recording, scene) + resolution(recording, scene)
+    reach = _reach(recording, scene)[pressed] + resolution(recording, scene)
     angles = np.degrees(off_normals(scene.model.boundary, recording.ihip[pressed], reach)(error[pressed]))
     return {
         "error_vector_angle_median_deg": float(np.median(angles)),
@@ -113,8 +114,20 @@ def _error_angle(recording: Recording, scene: Scene) -> dict[str, float]:
     }
 
 
-def _deviation(recording: Recording, scene: Scene, strong: IntArray, reach: float) -> Array:
-    """Angle (rad) of each force above the floor outside the true normals within `reach` (m) of its IHIP.
+def _reach(recording: Recording, scene: Scene) -> Array:
+    """How far (n,), m, along the surface the normal of each force may lie from the IHIP of its row.
+
+    IHIP and force may each be up to three ticks late, so that the force belongs to where the tool was or will be within
+    three ticks: that is three of its own steps around the row, however the projection stretches those of the hand.
+    Positions in single precision and the declared standoff come to it.
+    """
+    steps = np.linalg.norm(np.diff(recording.ihip, axis=0, prepend=recording.ihip[:1]), axis=1)
+    around = maximum_filter1d(steps, 2 * LAG_TICKS + 1, mode="nearest")
+    return np.asarray(LAG_TICKS * around + standoff(recording, scene) + 4.0 * SINGLE * scene.model.size)
+
+
+def _deviation(recording: Recording, scene: Scene, strong: IntArray, reach: Array) -> Array:
+    """Angle (rad) of each force above the floor outside the true normals within its `reach`, m, of its IHIP.
 
     A force that is a spring from a late IHIP to the present HIP is tilted by the HIP's travel since; so the spring to
     each of the last three HIPs is looked at too, and the best of them counts.
@@ -138,11 +151,14 @@ def _deviation(recording: Recording, scene: Scene, strong: IntArray, reach: floa
 def _rounding(recording: Recording, scene: Scene, strong: IntArray) -> Array:
     """Angle (rad) that single-precision positions, and the last place of a force that was logged, leave in each force.
 
-    Two rounded positions of the model's size are subtracted to give a vector as long as the depth; a force that is
-    there without a depth was not built so, and has the rounding of its own components only. Each component of a force
-    that a log tells in steps of q is off by up to q / 2.
+    Two rounded positions of the model's size are subtracted to give a vector as long as the depth, which is the least
+    of the three ticks that a force may be late; a force that is there without a depth was not built so, and has the
+    rounding of its own components only. Each component of a force that a log gives in steps of q is off by up to q / 2.
     """
-    depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[strong]
+    every = np.linalg.norm(recording.hip - recording.ihip, axis=1)
+    every[every == 0.0] = np.inf
+    depth = np.min([every[np.maximum(strong - lag, 0)] for lag in range(LAG_TICKS + 1)], axis=0)
+    depth[np.isinf(depth)] = 0.0
     stretch = np.divide(scene.model.size, depth, out=np.ones_like(depth), where=depth > 0.0)
     angle = 1e-6 + 4.0 * SINGLE * np.maximum(stretch, 1.0)
     if recording.meta.get("source") not in SIMULATED:
@@ -188,14 +204,16 @@ CHECK = Check(
     metric="angle of the force outside the true normals; at rest, the difference in newtons",
     unit="deg",
     bound=(
-        "The true normals are those of the model within 3 HIP steps + standoff + resolution of arc around the IHIP "
+        "The true normals are those of the model within 3 IHIP steps (the largest within three ticks of the row) + "
+        "standoff + resolution of arc around the IHIP. IHIP and force may each be three ticks late, so what is granted "
+        "is as long as the tool's way in that time, and the slower it goes, the sharper the check "
         "(the declared resolution counts up to a sixteenth of the outline): a facet's direction is taken by the "
         "true surface somewhere along that facet (mean value theorem), and across a corner every direction between "
         "the faces' normals is an equivalent normal. In space they fill a cone about the normal at the IHIP, as wide "
         "as that distance times the largest principal curvature there. A spring from an IHIP up to three ticks late "
         "is judged from the HIP of that tick. Outside of them the force may point by the rounding of "
         "single-precision positions: "
-        "1e-6 rad + 4 * 2^-23 * model size / depth, and that of a log's own digits: half "
+        "1e-6 rad + 4 * 2^-23 * model size / least depth of these ticks, and that of a log's own digits: half "
         "a step of every component. At rest the mean force over a window W may differ by 2 m v_max "
         "/ W, the momentum that the window cannot account for; in a simulated closed loop Newton's law makes the "
         "two equal, so that this half tests recordings of real devices, and the depth and apparent stiffness are "

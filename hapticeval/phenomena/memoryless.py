@@ -12,9 +12,6 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
 
-WINDOW = 2 * LAG_TICKS
-"""A lag of three ticks on either path sets the answers to one HIP up to six ticks apart."""
-
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the IHIPs of HIPs that were reached forwards and backwards along the same points."""
@@ -27,7 +24,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     found = cKDTree(back.hip).query(base.hip)
     distance, match = np.asarray(found[0]), np.asarray(found[1])
     contact = touching(base, scene) | touching(back, scene)[match]
-    common = np.flatnonzero((distance <= step) & contact)
+    answered = (np.arange(len(base)) < len(base) - LAG_TICKS) & (match < len(back) - LAG_TICKS)
+    common = np.flatnonzero((distance <= step) & contact & answered)
     if common.size == 0:
         return Finding(Outcome.INCONCLUSIVE, "no HIP in contact is reached along both paths")
     apart, other = _apart(base, back, common, match[common])
@@ -52,14 +50,17 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 
 
 def _apart(base: Recording, back: Recording, common: IntArray, match: IntArray) -> tuple[Array, IntArray]:
-    """How far each IHIP is from the closest one of the other path within the window, m, and which that is."""
+    """How far apart the answers to one HIP are on the two paths, m, and which row of the other has the closest.
+
+    The answer to a HIP is given in its own row or up to three later, on either path.
+    """
     best = np.full(common.size, np.inf)
     closest = match.copy()
-    for shift in range(-WINDOW, WINDOW + 1):
-        index = np.clip(match + shift, 0, len(back) - 1)
-        distance = np.linalg.norm(base.ihip[common] - back.ihip[index], axis=1)
-        nearer = distance < best
-        best[nearer], closest[nearer] = distance[nearer], index[nearer]
+    for late in range(LAG_TICKS + 1):
+        for other in range(LAG_TICKS + 1):
+            distance = np.linalg.norm(base.ihip[common + late] - back.ihip[match + other], axis=1)
+            nearer = distance < best
+            best[nearer], closest[nearer] = distance[nearer], match[nearer] + other
     return best, closest
 
 
@@ -74,8 +75,9 @@ CHECK = Check(
     metric="distance between the IHIPs of one HIP",
     unit="m",
     bound=(
-        "3 HIP steps + standoff, to the closest IHIP of the other path within six ticks of the same HIP: a proxy may "
-        "lag by three ticks, in opposite directions on the two paths, and a jump only shifted in time is no memory."
+        "3 HIP steps + standoff, between the closest two of the IHIPs that either path has in the HIP's own row and in "
+        "the three after it: a proxy may lag by three ticks. The last three rows of a path, whose answers may come "
+        "after its end, are not compared."
     ),
     judge=judge,
     level=Level.INFO,

@@ -113,7 +113,7 @@ def test_a_smooth_surface_has_no_corner_to_judge(check):
 def test_on_a_sphere_the_cone_is_as_wide_as_the_arc(angle, reach, drawn):
     radial, along = tilted(drawn)
     direction = np.cos(angle) * radial + np.sin(angle) * along
-    off = off_normals(BODIES["sphere"], 0.1 * radial[None], reach)(3.0 * direction[None])[0]
+    off = off_normals(BODIES["sphere"], 0.1 * radial[None], np.array([reach]))(3.0 * direction[None])[0]
     assert off == pytest.approx(max(0.0, angle - reach / 0.1), abs=1e-9)
 
 
@@ -131,7 +131,7 @@ def test_a_true_normal_in_reach_is_inside_the_cone(name, number, way, reach):
     one, other = np.linalg.svd(normal[None])[2][1:]
     # Where the surface is concave, the foot lies a little farther along than the point on the tangent plane.
     there = body.frame(foot + 0.9 * reach * (np.cos(way) * one + np.sin(way) * other))
-    assert off_normals(body, foot, reach)(there.normal)[0] <= 1e-9
+    assert off_normals(body, foot, np.array([reach]))(there.normal)[0] <= 1e-9
 
 
 @given(name=st.sampled_from(sorted(BODIES)), number=st.integers(0, 499), reach=st.floats(0.0, 1e-3))
@@ -140,6 +140,6 @@ def test_the_cone_is_no_wider_than_the_surface_turns(name, number, reach):
     foot = body.points(500)[number : number + 1]
     frame = body.frame(foot)
     tangent = np.linalg.svd(frame.normal)[2][1:2]
-    off = off_normals(body, foot, reach)(tangent)[0]
+    off = off_normals(body, foot, np.array([reach]))(tangent)[0]
     steepest = {"sphere": 10.0, "ellipsoid": 0.1 / 0.05**2, "torus": 1.0 / 0.03}[name]
     assert off >= np.pi / 2 - reach * steepest - 1e-9
