@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -55,6 +57,44 @@ def test_a_minimal_file_is_a_suite(tmp_path):
     assert (suite.name, case.judged, case.depth_of) == ("mine", True, "model")
     path = case.build_stimulus(case.build_scene(), object())
     np.testing.assert_allclose(path.sampled(1.0)[1], [[0.12, 0.0], [0.08, 0.02]])
+
+
+ROW = """
+[[row]]
+title = "Mine"
+check = {check}
+cases = {cases}
+"""
+
+
+def test_every_unilateral_case_that_is_installed_asks_for_the_contact_to_be_kept():
+    for name in find_suites():
+        for case in load_suite(name).cases:
+            assert ("contact-kept" in case.checks) is not case.build_scene().bilateral, case.name
+
+
+@pytest.mark.parametrize(
+    ("check", "expected"), [('"memoryless"', ("memoryless",)), ('["continuous-contact", "memoryless"]', None)]
+)
+def test_a_row_takes_one_check_or_a_list(tmp_path, check, expected):
+    more = CASE.replace('["continuous-contact"]', '["continuous-contact", "memoryless"]')
+    (row,) = load(tmp_path, more + ROW.format(check=check, cases='["o*"]')).rows
+    assert row.checks == (expected or ("continuous-contact", "memoryless"))
+
+
+@pytest.mark.parametrize(
+    ("check", "cases", "message"),
+    [
+        ('"memoryless"', '["one"]', "'memoryless' in 'one'"),
+        ('["continuous-contact", "memoryless"]', '["one"]', "'memoryless' in '*'"),
+        ('["continuous-contact", "memoryless"]', '["one", "two"]', "'continuous-contact' or 'memoryless' in 'two'"),
+        ('["continuous-contact", "memorless"]', '["one"]', "memorless"),
+        ("[]", '["one"]', "check"),
+    ],
+)
+def test_a_row_without_cases_for_its_checks_is_refused(tmp_path, check, cases, message):
+    with pytest.raises(InputError, match=re.escape(message)):
+        load(tmp_path, CASE + ROW.format(check=check, cases=cases))
 
 
 def test_unknown_suites_suggest_the_closest():

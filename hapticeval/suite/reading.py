@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
-from itertools import product
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -38,13 +37,7 @@ def load_suite(name_or_path: str) -> Suite:
     _refuse_repeats([case.name for case in cases], file.name)
     rows = tuple(_row(spec, file.name) for spec in document.get("row", []))
     for row in rows:
-        for pattern, check in product(row.cases, row.checks):
-            if not any(fnmatchcase(case.name, pattern) and check in case.checks for case in cases):
-                raise InputError(
-                    f"{file.name}: row '{row.title}' asks for '{check}' in '{pattern}'",
-                    why="no case of that name has that check",
-                    todo=f"the cases are: {', '.join(case.name for case in cases)}",
-                )
+        _check_row(row, cases, file.name)
     return Suite(
         name=file.stem,
         title=document["title"],
@@ -71,6 +64,20 @@ def _row(spec: Mapping[str, Any], file: str) -> Row:
         cases=tuple(spec["cases"]),
         published=spec.get("published", {}),
     )
+
+
+def _check_row(row: Row, cases: tuple[Case, ...], file: str) -> None:
+    """Raise `InputError` where a pattern of the row has none of its checks, or one of its checks is in no case."""
+    asked = [(pattern, row.checks) for pattern in row.cases] + [("*", (check,)) for check in row.checks]
+    named = [case for case in cases if any(fnmatchcase(case.name, pattern) for pattern in row.cases)]
+    for pattern, checks in asked:
+        names = "' or '".join(checks)
+        if not any(fnmatchcase(case.name, pattern) and set(checks) & set(case.checks) for case in named):
+            raise InputError(
+                f"{file}: row '{row.title}' asks for '{names}' in '{pattern}'",
+                why="no case of that name has that check",
+                todo=f"the cases are: {', '.join(case.name for case in cases)}",
+            )
 
 
 def _check_known(name: str, place: str) -> None:
