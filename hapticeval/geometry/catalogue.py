@@ -27,7 +27,8 @@ from hapticeval.geometry.validate import (
 from hapticeval.types import Array
 
 UNIT, SHARPEST = math.ulp(2.0 * math.pi) / 2.0, 1e-12
-"""Rounding (rad) of an angle within one turn; and how far it may move a point of a Cassinian, in parts of its radius."""
+"""Rounding (rad) of an angle within one turn; and how far it may move a point of a Cassinian, as a share of its radius.
+"""
 
 LOBE_SHARE, FILLET_SHARE = 0.38, 0.5
 """Dumbbell: lobe radius as a share of half the size, fillet radius as a share of the lobe radius."""
