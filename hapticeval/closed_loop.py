@@ -21,6 +21,9 @@ from hapticeval.scene import Scene
 from hapticeval.stimulus import Experiment, sample_times
 from hapticeval.types import Array
 
+RUNAWAY = 1e6
+"""Model sizes that a point mass, and radians that a joint, may be away from the start: no controller means more."""
+
 
 class _End(NamedTuple):
     """Where and why a run ended before its time."""
@@ -59,7 +62,7 @@ def drive(renderer: Renderer | SelfDriven, experiment: Experiment, scene: Scene,
         )
     law = renderer.law if isinstance(renderer, Compiled) else None
     if law is None and isinstance(device, PointMass) and _plain(experiment, scene):
-        return _drive_point_mass(renderer, experiment, device, dt)
+        return _drive_point_mass(renderer, experiment, device, dt, reach=RUNAWAY * scene.model.size)
     return _drive_device(renderer, law, experiment, scene, device, dt)
 
 
@@ -72,7 +75,9 @@ def _plain(experiment: Experiment, scene: Scene) -> bool:
     )
 
 
-def _drive_point_mass(renderer: Renderer, experiment: Experiment, device: PointMass, dt: float) -> Recording:
+def _drive_point_mass(
+    renderer: Renderer, experiment: Experiment, device: PointMass, dt: float, *, reach: float
+) -> Recording:
     """The plain case, without kernels: what a small renderer in Python costs is its own time."""
     time = sample_times(experiment.duration, dt)
     count = time.size
@@ -89,7 +94,7 @@ def _drive_point_mass(renderer: Renderer, experiment: Experiment, device: PointM
             break
         hips[tick], ihips[tick], forces[tick], velocities[tick] = hip, ihip, force, velocity
         hip, velocity = device.advance(hip, velocity, force, push[tick], push[tick + 1], dt)
-        if not abs(hip).max() < 1e6:
+        if not abs(hip - experiment.position).max() < reach:
             raise _ran_away(tick, hips[tick], hip)
     channels = {
         "hip": hips,
@@ -222,7 +227,8 @@ class _Loop:
         self.dynamics = first_class(code.dynamics, DYNAMICS)
         self.margin = first_class(code.margin, MARGIN)
         self.parameters = device.parameters
-        self.settings = np.array([float(scene.inner_loop.code), scene.mass, dt])
+        reach = RUNAWAY * (scene.model.size if isinstance(device, PointMass) else 1.0)
+        self.settings = np.array([float(scene.inner_loop.code), scene.mass, dt, reach])
         self.exact = self.parameters[:1].copy() if exact else None
         push = experiment.operator_force(ends)
         self.push = np.ascontiguousarray(push) if hand is not None or push.any() else None
@@ -243,7 +249,7 @@ class _Loop:
     def begin(self) -> None:
         """Put the device where the experiment starts. Raises `DomainError` where it cannot be."""
         joints = self.device.joints(self.experiment.position)
-        self.state[self.kernels.JOINTS] = joints
+        self.state[self.kernels.JOINTS] = self.state[self.kernels.START] = joints
         if self.device.margin(joints) > 0.0:
             self.state[self.kernels.RATES] = np.linalg.solve(self.device.jacobian(joints), self.experiment.velocity)
         if self.sense(0) == self.kernels.OUTSIDE:

@@ -7,7 +7,8 @@ branches are then gone from the compiled code.
 What a run keeps lies in `out` (PLANES, ticks, N), one plane a channel. The other arguments, throughout:
 
 - `kinematics`, `dynamics`, `margin`, `parameters`: the device, see `hapticeval.devices.device`;
-- `settings` (3,): which inner loop, mass of the virtual tool (kg), dt (s);
+- `settings` (4,): which inner loop, mass of the virtual tool (kg), dt (s), and how far a joint may go from where it
+  started (rad, m);
 - `exact` (1,): the mass (kg) of a point mass that moves by its exact integral;
 - `push` (ticks + 1, N): the operator's prescribed force at the samples; `path` (ticks + 1, N) and `grip` (2,): where
   the hand draws to at the samples, and its stiffness and damping;
@@ -37,12 +38,11 @@ from hapticeval.types import Array
     PLANES,
 ) = range(13)  # fmt: skip
 
-JOINTS, RATES, SEEN, SEEN_RATES, FELT, DRIFT, ROW_A, ROW_B, ROW_C, ROW_D, ROWS = range(11)
-"""Rows of `state` (ROWS, N): true joints and rates, those that the controller believes in, filtered force; scratch."""
+JOINTS, RATES, SEEN, SEEN_RATES, FELT, DRIFT, ROW_A, ROW_B, ROW_C, ROW_D, START, ROWS = range(12)
+"""Rows of `state` (ROWS, N): true joints and rates, those that the controller believes in, filtered force; scratch;
+joints at the start."""
 
-LOOP, TOOL, DT = range(3)
-RUNAWAY = 1e6
-"""A joint beyond this (rad, m) is no motion that a controller meant."""
+LOOP, TOOL, DT, REACH = range(4)
 
 DONE, OUTSIDE, RAN_AWAY, NOT_FINITE, REFUSED = range(5)
 """How a run ends; REFUSED and above is REFUSED - 1 plus the law's own number."""
@@ -197,7 +197,7 @@ def act(
             mean += grip[1] * (path[tick + 1, i] - path[tick, i] - (state[ROW_A, i] - out[HIP, tick, i])) / dt
         out[OPERATOR, tick, i] = mean
     for i in range(size):
-        if not abs(joints[i]) < RUNAWAY:
+        if not abs(joints[i] - state[START, i]) < settings[REACH]:
             return RAN_AWAY
     return DONE
 

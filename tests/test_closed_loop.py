@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +18,7 @@ from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.discovery import resolve
 from hapticeval.errors import DomainError, InputError, RendererError
-from hapticeval.geometry.catalogue import circle, line
+from hapticeval.geometry.catalogue import circle, line, make_model
 from hapticeval.renderer import CompiledLaw, Response
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Experiment, Hand, Path
@@ -157,6 +158,42 @@ def test_a_loop_that_runs_away_is_stopped_at_its_tick():
     with pytest.raises(RendererError, match="ran away") as caught:
         drive(Explosive(), push, Scene(model=line(), mass=0.1), 1e-3)
     assert caught.value.tick > 0
+
+
+@pytest.mark.parametrize("effects", [{}, {"encoder_step": 1e-4}])
+def test_a_loop_far_from_the_origin_runs_as_one_at_it(effects):
+    """What running away means is measured from the start: coordinates of 1e6 m leave 1e-10 m to be told."""
+    square = 0.05 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    found = []
+    for origin in (np.zeros(2), np.array([1e6, -1e6])):
+        scene = Scene(model=make_model("polygon", vertices=(square + origin).tolist()), damping=5.0)
+        scene = replace(scene, imperfections=Imperfections(**effects))
+        push = Experiment(
+            0.2, origin + np.array([0.01, 0.0505]), np.array([0.05, -0.1]), np.zeros(1), np.array([[0.0, -1.0]])
+        )
+        found.append(drive(resolve("minimum-distance")(scene), push, scene, 1e-3).hip - origin)
+    np.testing.assert_allclose(found[1], found[0], atol=1e-6)
+    assert found[0][:, 1].min() < 0.05
+
+
+@pytest.mark.parametrize("origin", [0.0, 1e6])
+@pytest.mark.parametrize("size", [1e-3, 0.2])
+@pytest.mark.parametrize("effects", [{}, {"velocity_cutoff": 400.0}])
+def test_a_loop_runs_away_at_a_million_model_sizes_wherever_it_is(origin, size, effects):
+    class Explosive:
+        def reset(self, hip):
+            self.hip = hip
+
+        def step(self, hip, velocity, dt):
+            return Response(hip, 1e9 * (hip - origin))
+
+    vertices = origin + size * np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    scene = Scene(model=make_model("polygon", vertices=vertices.tolist()), imperfections=Imperfections(**effects))
+    push = Experiment(1.0, np.array([origin + 1e-3, origin]), np.zeros(2), np.zeros(1), np.zeros((1, 2)))
+    with pytest.raises(RendererError, match="ran away") as caught:
+        drive(Explosive(), push, scene, 1e-3)
+    assert 0 < caught.value.tick < 10
+    assert abs(caught.value.hip[0] - origin) < 1e6 * size
 
 
 @compiled
