@@ -1,19 +1,23 @@
-"""Renderers as outsiders write them, plain classes with `reset` and `step`: each with one fault, or honest and odd.
+"""Renderers that answer step by step, as those of other people do: each with one fault, or honest and odd.
 
 All are a spring between the hand and the nearest point of the surface. `BROKEN` says of each fault which checks stop it
-and why; `HONEST` are those that no check may blame.
+and why; `HONEST` are those that no check may blame. They are led along `CASES`.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import honest
+import letting_go
 import numpy as np
+import overpowering
+from letting_go import wrapping
 
+from hapticeval.discovery import resolve
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
 from hapticeval.suite.case import Case
@@ -51,13 +55,6 @@ class Spring:
         return self.boundary.frame(hip[None]).normal[0]
 
 
-class LetsGo(Spring):
-    """Calls the hand free after 0.3 s."""
-
-    def inside(self, hip):
-        return self.time < 0.3 and super().inside(hip)
-
-
 class FallsThrough(Spring):
     """Loses the surface at one place, as a proxy does at the edge of two triangles, until the hand enters anew."""
 
@@ -93,19 +90,6 @@ class RatePop(Spring):
         return Response(ihip, force)
 
 
-class Trails(Spring):
-    """In free space the IHIP follows the hand with a time constant of 0.2 s."""
-
-    def reset(self, hip):
-        super().reset(hip)
-        self.ihip = hip
-
-    def contact(self, hip, velocity, dt):
-        ihip, force = super().contact(hip, velocity, dt)
-        self.ihip = ihip if force.any() else self.ihip + (hip - self.ihip) * dt / 0.2
-        return Response(self.ihip, force)
-
-
 class Strays(Spring):
     """The IHIP lies 1 mm under the surface, and jumps 10 mm along it halfway."""
 
@@ -115,31 +99,6 @@ class Strays(Spring):
             return Response(ihip, force)
         ihip, force = self.pressed(hip, self.nearest(_turned(hip, 0.1)) if hip[1] > 0.03 else ihip)
         return Response(ihip - 0.001 * self.normal(ihip), force)
-
-
-class Scaled(Spring):
-    """The force is another than the spring's by a factor that may depend on anything."""
-
-    def __init__(self, scene: Scene, factor: Callable[[Scaled, np.ndarray, np.ndarray], float]) -> None:
-        super().__init__(scene)
-        self.factor = factor
-        self.resets = 0
-
-    def reset(self, hip):
-        super().reset(hip)
-        self.resets += 1
-
-    def contact(self, hip, velocity, dt):
-        ihip, force = super().contact(hip, velocity, dt)
-        return Response(ihip, self.factor(self, force, velocity) * force)
-
-
-def scaled(factor: Callable[[Scaled, np.ndarray, np.ndarray], float]) -> Callable[[Scene], Scaled]:
-    return lambda scene: Scaled(scene, factor)
-
-
-def one_newton(renderer: Scaled, force: np.ndarray, velocity: np.ndarray) -> float:
-    return 1.0 / float(np.linalg.norm(force)) if force.any() else 1.0
 
 
 class RunsApart(Spring):
@@ -152,57 +111,6 @@ class RunsApart(Spring):
         touching = forces.any(axis=1)
         ihips[touching] += 1e-4 * self.boundary.frame(ihips[touching]).normal
         return ihips, forces
-
-
-class Late(Spring):
-    """Answers what it would have answered some ticks ago."""
-
-    def __init__(self, scene: Scene, ticks: int) -> None:
-        super().__init__(scene)
-        self.lag = ticks
-
-    def reset(self, hip):
-        super().reset(hip)
-        self.answers = deque([Response(hip, 0.0 * hip)], maxlen=self.lag + 1)
-
-    def contact(self, hip, velocity, dt):
-        self.answers.append(super().contact(hip, velocity, dt))
-        return self.answers[0]
-
-
-class Single(Spring):
-    """Works in single precision, as a renderer on a graphics card does."""
-
-    def contact(self, hip, velocity, dt):
-        ihip, force = super().contact(hip, velocity, dt)
-        return Response(ihip.astype(np.float32), force.astype(np.float32))
-
-
-class Lists(Spring):
-    """Answers lists."""
-
-    def contact(self, hip, velocity, dt):
-        ihip, force = super().contact(hip, velocity, dt)
-        return ihip.tolist(), force.tolist()
-
-
-class StandsOff(Spring):
-    """The surface with a skin of 0.1 mm, as it declares."""
-
-    standoff = 1e-4
-
-    def inside(self, hip):
-        return float(self.boundary.signed_distance(hip[None])[0]) < self.standoff
-
-    def nearest(self, hip):
-        return super().nearest(hip) + self.standoff * self.normal(hip)
-
-
-class ForceOnly(Spring):
-    """Knows no contact point: the IHIP is the hand's place throughout."""
-
-    def contact(self, hip, velocity, dt):
-        return Response(hip, super().contact(hip, velocity, dt).force)
 
 
 def _turned(hip: np.ndarray, angle: float) -> np.ndarray:
@@ -237,7 +145,15 @@ def _round(start: float, stop: float, depth: float) -> list[list[float]]:
     return np.column_stack([radii * np.cos(angles), radii * np.sin(angles)]).tolist()
 
 
-LED = ("continuous-contact", "contact-normal-force", "memoryless")
+LED = (
+    "contact-kept",
+    "continuous-contact",
+    "contact-normal-force",
+    "memoryless",
+    "force-magnitude",
+    "passivity",
+    "reset-clears",
+)
 
 CASES = {
     each.name: each
@@ -251,15 +167,15 @@ CASES = {
         case(
             "press",
             {"kind": "line"},
-            ("contact-normal-force", "continuous-contact"),
+            ("contact-kept", "continuous-contact", "contact-normal-force", "force-magnitude", "reset-clears"),
             scene={"mass": 1.0},
             experiment={"duration": 1.0, "position": [0.0, 0.0], "force": [[0.0, 0.0, 0.0], [0.5, 0.0, -2.0]]},
         ),
         case(
             "plate",
             {"kind": "polygon", "vertices": [[-0.1, -0.0005], [0.1, -0.0005], [0.1, 0.0005], [-0.1, 0.0005]]},
-            ("continuous-contact",),
-            trajectory={"kind": "points", "points": [[0.0, 0.02], [0.001, -0.02]], "duration": 0.04},
+            ("contact-kept",),
+            trajectory={"kind": "points", "points": [[0.0, 0.021], [0.001, -0.019]], "duration": 0.02},
         ),
     )
 }
@@ -275,38 +191,60 @@ class Outsider:
     cases: tuple[str, ...] = ("slide",)
 
 
+MEMORY = "the IHIP depends on more than the HIP"
+
 BROKEN: Mapping[str, Outsider] = {
-    "lets go": Outsider(LetsGo, {"contact-kept": "the hand is inside, and free"}),
-    "falls through": Outsider(FallsThrough, {"contact-kept": "the hand is inside, and free"}),
-    "tunnels": Outsider(Spring, {"contact-kept": "the hand passes a plate of 1 mm in a tick"}, ("plate",)),
-    "fine pop": Outsider(FinePop, {"continuous-contact": "a jump that finer runs lose with the contact"}),
-    "rate pop": Outsider(RatePop, {"continuous-contact": "a jump that depends on the sampling rate"}),
-    "trails": Outsider(Trails, {"continuous-contact": "an IHIP off the HIP in free space"}),
-    "strays": Outsider(Strays, {"continuous-contact": "a jump of 10 mm, off the surface"}),
-    "third": Outsider(scaled(lambda *_: 1 / 3), {"force-magnitude": "a third of the stiffness"}),
-    "half": Outsider(scaled(lambda *_: 1 / 2), {"force-magnitude": "half of the stiffness"}),
-    "stiffer": Outsider(scaled(lambda *_: 1.05), {"force-magnitude": "5 % more than the stiffness"}),
-    "one newton": Outsider(scaled(one_newton), {"force-magnitude": "1 N at any depth"}),
-    "spikes": Outsider(
-        scaled(lambda self, *_: 1.0 if self.ticks % 50 else 10.0), {"force-magnitude": "ten times the force"}
+    "drops": Outsider(wrapping(letting_go.Drops, Spring), {"contact-kept": "free after 0.3 s", "memoryless": MEMORY}),
+    "falls-through": Outsider(FallsThrough, {"contact-kept": "free beyond one place", "memoryless": MEMORY}),
+    "tunnels": Outsider(Spring, {"contact-kept": "a hand that passes a plate of 1 mm in a tick is free"}, ("plate",)),
+    "trails": Outsider(wrapping(letting_go.Trails, Spring), {"contact-kept": "off the hand in free space"}),
+    "fine-pop": Outsider(
+        FinePop,
+        {
+            "continuous-contact": "finer runs lose the jump with the contact",
+            "force-magnitude": "the IHIP lies elsewhere",
+        },
     ),
-    "gives back": Outsider(
-        scaled(lambda self, force, velocity: 1.1 if force @ velocity > 0.0 else 1.0),
-        {"passivity": "a tenth more force on the way out", "force-magnitude": "which the spring does not have"},
+    "rate-pop": Outsider(
+        RatePop,
+        {
+            "continuous-contact": "a jump at one sampling rate",
+            "memoryless": MEMORY,
+            "force-magnitude": "the IHIP lies elsewhere",
+        },
     ),
-    "softens": Outsider(scaled(lambda self, *_: 0.97**self.resets), {"reset-clears": "3 % less after every reset"}),
-    "drifts": Outsider(scaled(lambda self, *_: 1.0 + 0.1 * self.time), {"force-magnitude": "10 % more a second"}),
-    "runs apart": Outsider(RunsApart, {"run": "run() and step() are 0.1 mm apart"}),
+    "strays": Outsider(
+        Strays,
+        {
+            "continuous-contact": "a jump of 10 mm, 1 mm under the surface",
+            "force-magnitude": "a force of the depth, and an IHIP elsewhere",
+            "passivity": "the force's direction jumps with the IHIP",
+        },
+    ),
+    "third": Outsider(overpowering.factory("third"), {"force-magnitude": "a third of the stiffness"}),
+    "half": Outsider(overpowering.factory("half"), {"force-magnitude": "half of the stiffness"}),
+    "stiffer": Outsider(overpowering.factory("stiffer"), {"force-magnitude": "5 % stiffer"}),
+    "one-newton": Outsider(overpowering.factory("one-newton"), {"force-magnitude": "1 N at any depth"}),
+    "spikes": Outsider(overpowering.factory("spikes"), {"force-magnitude": "ten times the force in every 50th tick"}),
+    "kicks": Outsider(
+        overpowering.factory("kicks"),
+        {"passivity": "10 % more on the way out", "force-magnitude": "than the spring has"},
+    ),
+    "drifts": Outsider(
+        overpowering.factory("drifts"), {"force-magnitude": "5 % more a second", "passivity": "more when it is let out"}
+    ),
+    "wears": Outsider(overpowering.factory("wears"), {"reset-clears": "3 % softer after every reset"}),
+    "swirls": Outsider(
+        overpowering.factory("swirls"),
+        {"passivity": "a force across that drives the hand round", "contact-normal-force": "11 degrees aside"},
+    ),
+    "runs-apart": Outsider(RunsApart),
 }
+"""Every broken renderer that is written from the protocol: what stops it, and why."""
 
 HONEST: Mapping[str, Outsider] = {
     "spring": Outsider(Spring, cases=("slide", "press")),
-    **{
-        f"{ticks} late": Outsider(lambda scene, ticks=ticks: Late(scene, ticks), cases=("slide", "press"))
-        for ticks in (1, 2, 3)
-    },
-    "single": Outsider(Single, cases=("slide", "press")),
-    "lists": Outsider(Lists, cases=("slide", "press")),
-    "stands off": Outsider(StandsOff, cases=("slide", "press")),
-    "force only": Outsider(ForceOnly, cases=("slide", "press")),
+    "held": Outsider(resolve("constraint"), cases=("plate",)),
+    **{name: Outsider(honest.factory(name, Spring), cases=("slide", "press")) for name in honest.HONEST},
 }
+"""A right renderer in the ways in which real ones differ: no check may blame it."""

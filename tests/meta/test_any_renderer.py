@@ -10,11 +10,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from honest import Late
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from outsiders import LED, Late, case
+from outsiders import LED, Spring, case
 
 from hapticeval.judging import judge
+from hapticeval.phenomena.verdict import Outcome
 from hapticeval.results import verdict_document
 
 REAL = st.one_of(st.floats(-1e100, 1e100), st.sampled_from([math.nan, math.inf]))
@@ -69,20 +71,26 @@ class Odd(Late):
     """A spring, some ticks late, that changes IHIP and force in some ticks, and from one on gives no answer."""
 
     def __init__(self, scene, traits):
-        super().__init__(scene, traits["lag"])
+        super().__init__(scene, Spring(scene))
+        self.ticks = traits["lag"]
         self.traits = traits
         for name, value in traits["attributes"].items():
             setattr(self, name, value)
 
+    def reset(self, hip):
+        super().reset(hip)
+        self.count = 0
+
     def step(self, hip, velocity, dt):
         ihip, force = super().step(hip.copy(), velocity, dt)
-        traits = self.traits
-        if traits["every"] and self.ticks % traits["every"] == 0:
+        traits, self.count = self.traits, self.count + 1
+        if traits["every"] and self.count % traits["every"] == 0:
             ihip, force = ihip + traits["shift"], force * traits["factor"]
-        how = HARMLESS[traits["kind"]] if self.ticks < traits["until"] else NO_ANSWER[traits["breaks"]]
+        how = HARMLESS[traits["kind"]] if self.count < traits["until"] else NO_ANSWER[traits["breaks"]]
         return how(ihip.copy(), force.copy(), hip)
 
 
+BLAMES = (Outcome.FAIL, Outcome.ERROR)
 MODELS: list[dict[str, Any]] = [
     {"kind": "circle"},
     {"kind": "star"},
@@ -99,6 +107,24 @@ cases = st.builds(
     st.lists(st.tuples(places, places), min_size=2, max_size=4, unique=True).map(lambda made: [list(p) for p in made]),
     st.sampled_from([0.02, 0.06]),
 )
+
+
+@st.composite
+def plain(draw: st.DrawFn) -> Any:
+    """Into a circle or a line from free space, about under its surface, and out again: nothing there is hard."""
+    depths = [-5, *draw(st.lists(st.integers(-5, 20), min_size=1, max_size=3)), -5]
+    ways = draw(st.lists(st.integers(-40, 40), min_size=len(depths), max_size=len(depths)))
+    along, under = np.cumsum(ways) / 1000.0, np.array(depths) / 1000.0
+    model = draw(st.sampled_from(["circle", "line"]))
+    if model == "line":
+        points = np.column_stack([along, -under])
+    else:
+        angle = along / 0.1
+        points = (0.1 - under)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    path = {"kind": "points", "points": points.tolist(), "duration": draw(st.sampled_from([0.2, 0.5]))}
+    return case("plain", {"kind": model}, LED, trajectory=path)
+
+
 HONEST = {"attributes": {}, "every": 0, "shift": 0.0, "factor": 1.0, "until": math.inf, "breaks": "none"}
 honest = st.fixed_dictionaries({"kind": st.sampled_from(list(HARMLESS)), "lag": st.integers(0, 3)}).map(HONEST.__or__)
 odd = st.fixed_dictionaries(
@@ -144,3 +170,11 @@ def test_no_check_depends_on_how_a_right_answer_is_given(traits, judged):
     made = judge(lambda scene: Odd(scene, traits), "made", "any", judged)
     assert bare.error is None
     assert [verdict.outcome for verdict in made.verdicts] == [verdict.outcome for verdict in bare.verdicts]
+
+
+@settings(max_examples=10)
+@given(traits=honest, judged=plain())
+def test_an_honest_spring_is_not_blamed(traits, judged):
+    made = judge(lambda scene: Odd(scene, traits), "made", "any", judged)
+    blamed = {verdict.check: verdict.finding.message for verdict in made.verdicts if verdict.outcome in BLAMES}
+    assert blamed == {}
