@@ -26,7 +26,7 @@ from hapticeval.types import Array, BoolArray
 HELD = ("N", "N m")
 """Units of what jumps by nature: forces and torques."""
 
-LEFT_OUT = ("stuck", "spike")
+LEFT_OUT = ("stuck", "spike", "jump")
 """Findings whose rows are no measurement of the hand, though they are valid: checks leave them out."""
 
 
@@ -117,7 +117,15 @@ def examine(
         kept = values[ordered & np.isfinite(values)]
         if kept.size:
             columns[name] = ColumnFacts(unit, float(kept.min()), float(kept.max()), quantum(kept))
-        faults += examine_column(name, values, recording.time, ordered, held=unit in HELD, rests=channel == "ihip")
+        faults += examine_column(
+            name,
+            values,
+            recording.time,
+            ordered,
+            held=unit in HELD,
+            rests=channel == "ihip",
+            place=unit in ("m", "rad") and channel != "ihip",
+        )
     for channel, each in parts.items():
         faults += examine_numbers(channel, each, recording.time)
     faults += frozen.frozen(recording, faults) + frozen.repeated_rows(recording)

@@ -30,6 +30,9 @@ FEW = 8
 QUANTA = 6.0
 """... and is so many quanta, or so many usual steps from row to row, high: an encoder at rest dithers by one."""
 
+BESIDE = 8
+"""Steps on either side of a jump, all of which it exceeds by `SPIKE` times."""
+
 AGREE = 0.25
 """The rows beside a spike are on one line up to this share of it: otherwise the signal itself has moved."""
 
@@ -101,12 +104,20 @@ def examine_numbers(name: str, columns: Mapping[str, Array], time: Array) -> lis
 
 
 def examine_column(
-    name: str, values: Array, time: Array, valid: BoolArray, *, held: bool = False, rests: bool = False
+    name: str,
+    values: Array,
+    time: Array,
+    valid: BoolArray,
+    *,
+    held: bool = False,
+    rests: bool = False,
+    place: bool = False,
 ) -> list[Fault]:
     """What is wrong with the numbers of a column (n,): `name` as in `hip.x`, `time` (s), judged where `valid`.
 
     `held` is for forces and torques, which are zero for long and then jump, and are hit in one tick; `rests` for a
-    proxy, which rests on a wall at an extreme of its place and is clipped by nothing.
+    proxy, which rests on a wall at an extreme of its place and is clipped by nothing; `place` for where a hand or a
+    joint is, which goes from row to row without a jump.
     """
     faults: list[Fault] = []
     sound = valid & np.isfinite(values)
@@ -117,7 +128,15 @@ def examine_column(
     extremes = (float(values[sound].min()), float(values[sound].max()))
     for begin, stop in stretches(sound, time):
         kept = values[begin:stop]
-        for first, end in _stuck(kept, step):
+        stuck = _stuck(kept, step)
+        for row in _jumps(kept, step) if place else ():
+            if row not in {end for _, end in stuck}:
+                faults.append(
+                    _at(name, "jump", Severity.SUSPICIOUS, begin + row, begin + row + 1, time,
+                        f"it jumps by {kept[row] - kept[row - 1]:.4g} between two rows, and goes on from there",
+                        "see whether a counter overflowed, or two logs were joined; replays begin anew there")
+                )  # fmt: skip
+        for first, end in stuck:
             if not (held and kept[first] == 0.0):
                 faults.append(
                     _at(name, "stuck", Severity.SUSPICIOUS, begin + first, begin + end, time,
@@ -163,6 +182,23 @@ def _stuck(values: Array, step: float) -> list[tuple[int, int]]:
         around = max(float(before.max(initial=0.0)), float(after.max(initial=0.0)))
         if jump > max(4.0 * around, 4.0 * step):
             found.append((first, end))
+    return found
+
+
+def _jumps(values: Array, step: float) -> list[int]:
+    """The rows before which a place jumps: a single step that is far larger than all beside it on either side.
+
+    A hand has mass: its steps grow and shrink by its acceleration, from row to row, and never stand alone.
+    """
+    steps = np.abs(np.diff(values))
+    if steps.size < 2 * BESIDE + 1 or not np.any(steps > 0.0):
+        return []
+    floor = max(QUANTA * step, QUANTA * float(np.median(steps[steps > 0.0])))
+    found = []
+    for row in np.flatnonzero(steps > floor):
+        beside = np.concatenate([steps[max(0, row - BESIDE) : row], steps[row + 1 : row + 1 + BESIDE]])
+        if BESIDE <= row < steps.size - BESIDE and steps[row] > SPIKE * float(beside.max()):
+            found.append(int(row) + 1)
     return found
 
 

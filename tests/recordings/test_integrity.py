@@ -447,3 +447,23 @@ def test_a_signal_of_another_run_in_most_rows_is_found(lag):
     assert [fault.channel for fault in faults] == ["force.x", "force.y"]
     rows = ROWS - lag - 1
     assert f" in {rows - 2} of {rows} rows, bit for bit" in faults[0].message
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 99), row=st.integers(20, ROWS - 20), sign=st.sampled_from([-1, 1]))
+def test_a_counter_that_overflows_is_a_jump_and_parts_the_run(seed, row, sign):
+    """16 bits of an encoder: the place goes on elsewhere, at the same speed."""
+    stamps, channels = parts(seed)
+    joints = channels["joint_position"]
+    joints[row:, 1] += sign * 65_536 * ENCODER_STEP
+    run = recording(stamps, {"joint_position": joints})
+    report = examine(run)
+    assert found(report) == [("jump", "joint_position.1", row, row + 1)]
+    assert [(each.first, each.end) for each in sound_intervals(run, report).sound] == [(0, row), (row + 1, ROWS)]
+
+
+def test_a_proxy_may_jump():
+    stamps, channels = parts()
+    channels["ihip"][300:] += 0.02
+    kept = {name: channels[name] for name in ("hip", "ihip")}
+    assert not examine(recording(stamps, kept)).suspicious
