@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,20 +14,16 @@ from hapticeval.devices.criteria import cartesian_inertia
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.devices.parallelogram_kernels import BASE_LIMIT
 from hapticeval.devices.workspace import EDGES, corners, edges, lattice, section
-from hapticeval.errors import DomainError, HapticevalError
-from hapticeval.files import replacing
-from hapticeval.reports.figures import STYLE
+from hapticeval.errors import DomainError
+from hapticeval.reports.canvas import BOXED, INK, MM, figure, save_figure
 from hapticeval.reports.quantity import quantity
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MM = 1e3
 COLOURS: Mapping[str, str] = MappingProxyType(
     {
-        "ink": "#1c1f23",
-        "quiet": "#6b7280",
         "inside": "#eaf1f7",
         "beyond": "#f3f5f7",
         "shoulder": "#0072b2",
@@ -48,37 +44,18 @@ def write_device(directory: Path, device: Parallelogram2 | Parallelogram3, joint
 
     Raises `HapticevalError` where a file cannot be written.
     """
-    paths = [directory / f"{stem}.{kind}" for kind in ("svg", "png")]
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        _draw(device, joints, paths)
-    except OSError as error:
-        raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
-    return paths
-
-
-def _draw(device: Parallelogram2 | Parallelogram3, joints: Array, paths: Sequence[Path]) -> None:
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    settings: Any = {**STYLE, "axes.spines.top": True, "axes.spines.right": True, "axes.edgecolor": COLOURS["quiet"]}
     deep = isinstance(device, Parallelogram3)
-    with rc_context(settings):
-        figure = Figure(figsize=(13.2 if deep else 9.2, 5.3), facecolor="white", layout="constrained")
-        FigureCanvasAgg(figure)
-        panels = figure.subplots(1, 3 if deep else 2, width_ratios=(1.12, 1.25, 0.9) if deep else (1.2, 0.9))
+    size, widths = ((13.2, 5.3), (1.12, 1.25, 0.9)) if deep else ((9.2, 5.3), (1.2, 0.9))
+    with figure(*size, settings=BOXED, layout="constrained") as made:
+        panels = made.subplots(1, len(widths), width_ratios=widths)
         _side(panels[0], device, joints)
         if isinstance(device, Parallelogram3):
             _top(panels[1], device, joints)
         _joint_space(panels[-1], device, joints)
         handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, handlelength=1.8)
-        figure.suptitle(_title(device), fontsize=10, color=COLOURS["ink"])
-        for path in paths:
-            vector = path.suffix == ".svg"
-            with replacing(path) as temporary:
-                figure.savefig(temporary, format=path.suffix[1:], dpi=160, metadata={"Date": None} if vector else None)
+        made.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, handlelength=1.8)
+        made.suptitle(_title(device), fontsize=10, color=INK)
+        return save_figure(made, directory, stem)
 
 
 def _title(device: Parallelogram2 | Parallelogram3) -> str:
@@ -141,7 +118,7 @@ def _pose(axes: Axes, device: Parallelogram2 | Parallelogram3, joints: Array) ->
     hand = flat.position(linkage)
     points = MM * np.array([shoulder, elbow, hand])
     axes.plot(
-        points[:, 0], points[:, 1], "-o", color=COLOURS["ink"], linewidth=2.4, markersize=3.5, zorder=5,
+        points[:, 0], points[:, 1], "-o", color=INK, linewidth=2.4, markersize=3.5, zorder=5,
         solid_capstyle="round", label="the pose",
     )  # fmt: skip
     _ellipse(axes, hand, cartesian_inertia(flat, linkage), strong=True)
@@ -167,7 +144,7 @@ def _top(axes: Axes, device: Parallelogram3, joints: Array) -> None:
     for turn in (-BASE_LIMIT, BASE_LIMIT):
         end = outer * np.array([math.cos(turn), math.sin(turn)]) - [device.constants.l4, 0.0]
         axes.plot(
-            [-MM * device.constants.l4, MM * end[0]], [0.0, MM * end[1]], color=COLOURS["ink"], linewidth=1.3,
+            [-MM * device.constants.l4, MM * end[0]], [0.0, MM * end[1]], color=INK, linewidth=1.3,
             label="x₁ at its limit" if turn > 0.0 else None,
         )  # fmt: skip
     axes.plot(
@@ -185,7 +162,7 @@ def _top(axes: Axes, device: Parallelogram3, joints: Array) -> None:
             _ellipse(axes, device.position(full)[:2], cartesian_inertia(device, full)[:2, :2])
     hand = device.position(joints)
     axes.plot(
-        [-MM * device.constants.l4, MM * hand[0]], [0.0, MM * hand[1]], "-o", color=COLOURS["ink"], linewidth=2.4,
+        [-MM * device.constants.l4, MM * hand[0]], [0.0, MM * hand[1]], "-o", color=INK, linewidth=2.4,
         markersize=4.5, zorder=5,
     )  # fmt: skip
     _ellipse(axes, hand[:2], cartesian_inertia(device, joints)[:2, :2], strong=True)
@@ -216,7 +193,7 @@ def _joint_space(axes: Axes, device: Parallelogram2 | Parallelogram3, joints: Ar
         axes.contour(
             shoulder, elbow, shown, levels=[0.0], colors=[COLOURS["singular"]], linewidths=1.3, linestyles=[(0, (4, 2))]
         )
-    axes.plot(*joints[-2:], "o", color=COLOURS["ink"], markersize=5, zorder=5)
+    axes.plot(*joints[-2:], "o", color=INK, markersize=5, zorder=5)
     names = _names(device)
     axes.set_xlabel(f"{names['shoulder']} (rad)")
     axes.set_ylabel(f"{names['elbow']} (rad)")
