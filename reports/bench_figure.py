@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hapticeval.costs import Costs
 from hapticeval.reports.canvas import MM, figure, page_svg
 from hapticeval.reports.svg import drawn
+from hapticeval.study.bench.document import BenchResults
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,10 +27,10 @@ EXACT = 1e-5
 TITLES = {"step": "one step at a time, from Python", "batch": "a whole trajectory at once"}
 
 
-def bench_svg(costs: Costs, kind: str, *, prefix: str) -> str:
+def bench_svg(bench: BenchResults, kind: str, *, prefix: str) -> str:
     """One panel a model, as an SVG element for a page; `kind` is `step` or `batch`."""
-    models = list(dict.fromkeys(each["model"] for each in costs.settings))
-    names = list(dict.fromkeys(each["renderer"] for each in costs.settings if each["claims"] and each[kind]))
+    models = list(dict.fromkeys(each["model"] for each in bench.settings))
+    names = list(dict.fromkeys(each["renderer"] for each in bench.settings if each["claims"] and each[kind]))
     rows = (len(names) + 3) // 4
     title = f"Work-precision plot, {TITLES[kind]}: IHIP error against time a step"
     with figure(10.0, 4.6 + 0.2 * rows, page=True) as made:
@@ -38,7 +38,7 @@ def bench_svg(costs: Costs, kind: str, *, prefix: str) -> str:
         width = 0.93 / max(len(models), 1)
         panels = [made.add_axes((0.065 + k * width, low, width - 0.055, 0.93 - low)) for k in range(len(models))]
         for axes, model in zip(panels, models, strict=True):
-            _draw_panel(axes, [each for each in costs.settings if each["model"] == model], kind, names)
+            _draw_panel(axes, [each for each in bench.settings if each["model"] == model], kind, names)
             axes.set_title(model)
         if panels:
             panels[0].set_ylabel("IHIP error, 99 % (mm)")

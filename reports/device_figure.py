@@ -15,8 +15,8 @@ from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.devices.parallelogram_kernels import BASE_LIMIT
 from hapticeval.devices.workspace import EDGES, corners, edges, lattice, section
 from hapticeval.errors import DomainError
+from hapticeval.quantity import quantity
 from hapticeval.reports.canvas import BOXED, INK, MM, figure, save_figure
-from hapticeval.reports.quantity import quantity
 from hapticeval.types import Array
 
 if TYPE_CHECKING:

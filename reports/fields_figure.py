@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hapticeval.fields.field import Field
+from hapticeval.quantity import quantity
 from hapticeval.reports.canvas import BOXED, INK, MM, figure, save_figure
-from hapticeval.reports.quantity import quantity
+from hapticeval.study.projection_field.field import Field
 from hapticeval.types import Array
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ SERIES = ("#56b4e9", "#0072b2", "#1c1f23", "#d55e00")
 
 
 def write_limits(directory: Path, document: Mapping[str, Any]) -> list[Path]:
-    """Draw `hapticeval.limits.study.study`'s document into `directory` as SVG and PNG, with the numbers as JSON; the
+    """Draw the document of `study_limits` into `directory` as SVG and PNG, with the numbers as JSON; the
     paths written. Raises `HapticevalError` where a file cannot be written.
     """
     case = document["scene"].rpartition("/")[2]

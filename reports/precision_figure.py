@@ -28,7 +28,7 @@ MS = 1e3
 def write_precision(directory: Path, document: Mapping[str, Any]) -> list[Path]:
     """Draw a study of the integrators into `directory` as SVG and PNG, with its numbers as JSON; the paths written.
 
-    `document` is that of `hapticeval.devices.precision.study`. Raises `HapticevalError` where a file cannot be written.
+    `document` is that of `study_integrators`. Raises `HapticevalError` where a file cannot be written.
     """
     devices = document["devices"]
     width = 0.6 + 4.2 * len(devices)

@@ -156,8 +156,8 @@ def _device(recording: Recording) -> Any:
 
 
 def _model(recording: Recording, name: str | None) -> Any:
+    from hapticeval.commands.arguments import model_named
     from hapticeval.geometry.catalogue import make_model
-    from hapticeval.picturing import model_named
 
     if name is not None:
         made = model_named(name)
