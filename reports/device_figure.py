@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hapticeval.devices.criteria import cartesian_inertia
-from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
+from hapticeval.devices.parallelogram import EDGES, Parallelogram, Parallelogram2, Parallelogram3, corners
 from hapticeval.devices.parallelogram_kernels import BASE_LIMIT
-from hapticeval.devices.workspace import EDGES, corners, edges, lattice, section
+from hapticeval.devices.workspace import lattice
 from hapticeval.errors import DomainError
 from hapticeval.quantity import quantity
 from hapticeval.reports.canvas import BOXED, INK, MM, figure, save_figure
@@ -39,7 +39,7 @@ SPACING, CLEARANCE = 0.5, 0.12
 """rad: between the poses that an ellipse is drawn for, and their least margin."""
 
 
-def write_device(directory: Path, device: Parallelogram2 | Parallelogram3, joints: Array, *, stem: str) -> list[Path]:
+def write_device(directory: Path, device: Parallelogram, joints: Array, *, stem: str) -> list[Path]:
     """Draw a device at a pose into `directory`, as SVG and PNG; the paths written. The same input gives the same files.
 
     Raises `HapticevalError` where a file cannot be written.
@@ -58,22 +58,22 @@ def write_device(directory: Path, device: Parallelogram2 | Parallelogram3, joint
         return save_figure(made, directory, stem)
 
 
-def _title(device: Parallelogram2 | Parallelogram3) -> str:
+def _title(device: Parallelogram) -> str:
     if isinstance(device, Parallelogram2):
         return device.name
     return f"{device.name}: {device.dynamics} dynamics, d₀ with {device.base_inertia}² x₃"
 
 
-def _side(axes: Axes, device: Parallelogram2 | Parallelogram3, joints: Array) -> None:
+def _side(axes: Axes, device: Parallelogram, joints: Array) -> None:
     """The linkage's plane: what is reached, its edges by limit, inertia, and the pose."""
     deep = isinstance(device, Parallelogram3)
     flat = Parallelogram2(device.constants)
-    around = np.concatenate([points for _, points in edges(device)])
+    around = np.concatenate([points for _, points in device.edges()])
     axes.fill(*(MM * around.T), facecolor=COLOURS["beyond"], edgecolor="none")
-    axes.fill(*(MM * section(device).T), facecolor=COLOURS["inside"], edgecolor="none", label="functional workspace")
+    axes.fill(*(MM * device.section().T), facecolor=COLOURS["inside"], edgecolor="none", label="functional workspace")
     names = _names(device)
     seen = set()
-    for name, points in edges(device):
+    for name, points in device.edges():
         label = None if name in seen else f"{names[name]} at its limit"
         seen.add(name)
         axes.plot(*(MM * points.T), color=COLOURS[name], linewidth=1.5, label=label)
@@ -98,18 +98,18 @@ def _side(axes: Axes, device: Parallelogram2 | Parallelogram3, joints: Array) ->
     axes.set_title("in the plane of the linkage" if deep else "where the hand reaches", fontsize=8.5)
 
 
-def _reach(device: Parallelogram2 | Parallelogram3, linkage: Array) -> float:
+def _reach(device: Parallelogram, linkage: Array) -> float:
     """The hand's distance (m) from the base's axis."""
     shoulder, elbow = linkage
     return device.constants.l4 * math.cos(elbow) - device.constants.l1 * math.sin(shoulder)
 
 
-def _names(device: Parallelogram2 | Parallelogram3) -> dict[str, str]:
+def _names(device: Parallelogram) -> dict[str, str]:
     first, second = ("x₂", "x₃") if isinstance(device, Parallelogram3) else ("x₁", "x₂")
     return {"shoulder": first, "elbow": second, "stop": f"{first} − {second}"}  # noqa: RUF001
 
 
-def _pose(axes: Axes, device: Parallelogram2 | Parallelogram3, joints: Array) -> None:
+def _pose(axes: Axes, device: Parallelogram, joints: Array) -> None:
     """Both links from the shoulder to the hand, and the ellipse there."""
     flat = Parallelogram2(device.constants)
     linkage = joints[-2:]
@@ -135,7 +135,7 @@ def _ellipse(axes: Axes, centre: Array, inertia: Array, *, strong: bool = False)
 
 def _top(axes: Axes, device: Parallelogram3, joints: Array) -> None:
     """From above: what the base sweeps, with the horizontal part of the inertia at the height of the pose."""
-    outline = section(device)
+    outline = device.section()
     inner, outer = (device.constants.l4 + end for end in (outline[:, 0].min(), outline[:, 0].max()))
     turns = np.linspace(-BASE_LIMIT, BASE_LIMIT, 200)
     arcs = [radius * np.array([np.cos(turns), np.sin(turns)]) for radius in (outer, inner)]
@@ -180,7 +180,7 @@ def _linkage_at(flat: Parallelogram2, across: float, up: float) -> Array | None:
         return None
 
 
-def _joint_space(axes: Axes, device: Parallelogram2 | Parallelogram3, joints: Array) -> None:
+def _joint_space(axes: Axes, device: Parallelogram, joints: Array) -> None:
     """The limits of the linkage's joints, and the singular curve between them."""
     ends = corners()
     axes.fill(*ends.T, facecolor=COLOURS["inside"], edgecolor="none")

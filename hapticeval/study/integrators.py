@@ -75,8 +75,8 @@ class Runner:
 
     def __init__(self, benchmark: IntegrationBenchmark, method: Method, knobs: Array) -> None:
         from hapticeval.compiled import DYNAMICS, KINEMATICS, first_class
+        from hapticeval.devices.dynamics_kernels import ROWS, SQUARES
         from hapticeval.devices.integration_kernels import advance_many
-        from hapticeval.devices.motion_kernels import ROWS, SQUARES
 
         size = benchmark.device.dimension
         code = benchmark.device.kernels

@@ -7,8 +7,7 @@ import pytest
 
 from hapticeval.devices.catalogue import DEVICES, device_named, make_device, parameters_of
 from hapticeval.devices.device import Device
-from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
-from hapticeval.devices.parallelogram_parameters import BaseInertia, Dynamics
+from hapticeval.devices.parallelogram import BaseInertia, Dynamics, Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import InputError, UnknownNameError
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from hapticeval.compiled import DYNAMICS, KINEMATICS, first_class
+from hapticeval.devices.dynamics_kernels import ROWS, SQUARES
 from hapticeval.devices.integration import METHODS, control, default_method
 from hapticeval.devices.integration_kernels import advance
-from hapticeval.devices.motion_kernels import ROWS, SQUARES
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.study.integrators import (
