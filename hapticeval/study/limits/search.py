@@ -88,7 +88,7 @@ def family_of(factory: RendererFactory, scene: Scene, place: Place) -> Family:
 
 
 def _two_sided(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
-    """Make the renderer that holds from both sides, or only from inside if it can do no more: its gains are the same."""
+    """Make a renderer that holds from both sides, or from inside if it can do no more: its gains are the same."""
     try:
         return built(factory, replace(scene, bilateral=True))
     except RefusalError:
