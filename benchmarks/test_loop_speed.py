@@ -1,8 +1,9 @@
 """Closed loops of reference controllers on the robot at 1 kHz, warm, on one core, beside the motion of the robot alone.
 
 The yardstick is that motion: the same number of ticks integrated by the same method to 1e-9, drawn by a hand, without
-renderer, inner loop and recording. A closed loop took 0.7 to 1.5 times as long, and may take `ALLOWED` times. `extra_info` holds the ratio, the
-simulated seconds per second, and how both compare with the loop of a renderer that is asked in Python.
+renderer, inner loop and recording. A closed loop took 0.7 to 1.5 times as long, and may take `ALLOWED` times.
+`extra_info` holds the ratio, the simulated seconds per second, and how both compare with the loop of a renderer that is
+asked in Python.
 """
 
 import time
