@@ -31,12 +31,12 @@ NEEDS = ("chart", "eta1", "eta2", "torque1", "torque2")
 
 
 def has_charts(recording: Recording) -> bool:
-    """Whether the renderer told of charts, and a robot followed them."""
+    """Return whether the renderer recorded charts, and a robot followed them."""
     return all(name in recording.channels for name in NEEDS)
 
 
 def charts_words(recording: Recording) -> str:
-    """What the figure shows, in words: how often the charts take turns, and how far apart their torques are."""
+    """Describe how often the charts take turns, and how far apart their torques are."""
     time, chart = recording.time, recording.channels["chart"]
     apart = np.max(np.abs(recording.channels["torque1"] - recording.channels["torque2"]), axis=1)
     largest = float(np.max(np.abs(recording.channels["joint_torque"])))

@@ -28,7 +28,7 @@ TITLES = {"step": "one step at a time, from Python", "batch": "a whole trajector
 
 
 def bench_svg(bench: BenchResults, kind: str, *, prefix: str) -> str:
-    """One panel a model, as an SVG element for a page; `kind` is `step` or `batch`."""
+    """Draw one panel per model, as an SVG element for a page; `kind` is `step` or `batch`."""
     models = list(dict.fromkeys(each["model"] for each in bench.settings))
     names = list(dict.fromkeys(each["renderer"] for each in bench.settings if each["claims"] and each[kind]))
     rows = (len(names) + 3) // 4

@@ -27,7 +27,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Row:
-    """One setting; `mark` says that it lies on the Pareto front, `unproven` that the reference does not reach it."""
+    """One setting; `mark` if it lies on the Pareto front, `unproven` if the reference does not certify its error."""
 
     cells: Sequence[str]
     mark: bool

@@ -40,7 +40,7 @@ SPACING, CLEARANCE = 0.5, 0.12
 
 
 def write_device(directory: Path, device: Parallelogram, joints: Array, *, stem: str) -> list[Path]:
-    """Draw a device at a pose into `directory`, as SVG and PNG; the paths written. The same input gives the same files.
+    """Draw a device at the pose `joints` (N,), rad, into `directory`, as SVG and PNG; return the paths written.
 
     Raises `HapticevalError` where a file cannot be written.
     """

@@ -38,7 +38,7 @@ PRECISION = 2e-5
 
 
 def write_field(directory: Path, field: Field, document: Mapping[str, Any]) -> list[Path]:
-    """Draw a field into `directory`, as SVG and PNG, with its numbers as JSON beside it; the paths written.
+    """Draw a field into `directory`, as SVG and PNG, with its numbers as JSON; return the paths written.
 
     `document` is `Field.summary`'s with a `title` and the files' `stem`. The same field gives the same files. Raises
     `HapticevalError` where a file cannot be written.
@@ -62,7 +62,7 @@ def write_field(directory: Path, field: Field, document: Mapping[str, Any]) -> l
 
 
 def caption(summary: Mapping[str, Any]) -> str:
-    """What the picture cannot say: the numbers of section 5.1, a line each."""
+    """Describe the numbers of section 5.1 that the picture cannot show, one per line."""
     singular, amplification = summary["singular"], summary["amplification"]
     if singular["length_m"] > 0.0 or singular["points"]:
         parts = [f"{quantity(singular['length_m'], 'm')} of lines"] if singular["length_m"] > 0.0 else []

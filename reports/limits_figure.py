@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SERIES = ("#56b4e9", "#0072b2", "#1c1f23", "#d55e00")
-"""One colour a sampling time, from the shortest."""
+"""One colour per sampling time, from the shortest."""
 
 
 def write_limits(directory: Path, document: Mapping[str, Any]) -> list[Path]:

@@ -1,4 +1,4 @@
-"""The integrators' work-precision plot: error between samples against time, a panel a device."""
+"""The integrators' work-precision plot: error between samples against time, one panel per device."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class Limit(NamedTuple):
     """A limit of a device's functional configuration space, as seen from one pose.
 
     `distance` (rad) to a joint limit or a singularity is positive inside, negative beyond. `what` names it; `text`
-    describes where the pose is with respect to it; `singular` tells a singularity from a joint limit.
+    describes where the pose is with respect to it; `singular` marks a singularity.
     """
 
     what: str

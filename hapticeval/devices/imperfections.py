@@ -17,7 +17,7 @@ from hapticeval.errors import InputError
 from hapticeval.types import Array
 
 ENCODER_COUNTS = 262_144
-"""Counts a turn of the robot's encoders, four for each of 65,536 lines (thesis A.1)."""
+"""Counts per turn of the robot's encoders, four for each of 65,536 lines (thesis A.1)."""
 
 ENCODER_STEP = 2.0 * math.pi / ENCODER_COUNTS
 """2.4e-5 rad per count."""

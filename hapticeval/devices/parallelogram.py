@@ -128,7 +128,7 @@ class Parallelogram(ABC):
         return self._dynamics(joints, np.zeros(self.dimension))[0]
 
     def bias(self, joints: ArrayLike, rates: ArrayLike) -> Array:
-        """Velocity terms as `dynamics` says, and b q̇; the linkage is balanced against gravity, (N,), N m."""
+        """Velocity terms of `dynamics`, and b q̇; the linkage is balanced against gravity, (N,), N m."""
         return self._dynamics(joints, rates)[1]
 
     def margin(self, joints: ArrayLike) -> float:
@@ -147,7 +147,7 @@ class Parallelogram(ABC):
         """Inverse kinematics in closed form: (N,), rad, the one pose inside the functional configuration space.
 
         Raises `InputError` where `position` is not N finite numbers, and `DomainError` for one that is out of reach or
-        only reached beyond a limit: it says which and by how much.
+        only reached beyond a limit, which it names with the excess.
         """
         point = checked_vector(self, position, "position")
         found = self._inverse(point)

@@ -126,7 +126,7 @@ def cheapest(
 ) -> int | None:
     """Return the setting with the least time, at most `budget`, whose error is at most `within`; None if there is none.
 
-    Times within `ALIKE` of the least are not told apart: of those the most accurate, then the first counts.
+    Times within `ALIKE` of the least count as equal: of those the most accurate wins, then the first.
     """
     good = [index for index, error in enumerate(errors) if error <= within and times[index] <= budget]
     least = min((times[index] for index in good), default=np.inf)

@@ -86,8 +86,8 @@ def settings_of(
 ) -> list[Setting]:
     """List every setting of the renderers, in the order given, coarse before fine.
 
-    Each knob is swept alone, the others as the renderer itself has them. `chosen` says which knobs to sweep instead,
-    and over which values, on the renderers that have them: then in every combination. Raises `UnknownNameError` for a
+    Each knob is swept alone, the others as the renderer itself has them. `chosen` names the knobs to sweep instead,
+    with their values, on the renderers that have them: then in every combination. Raises `UnknownNameError` for a
     knob that none of them has, and as `resolve` does.
     """
     factories = {name: resolve(name) for name in dict.fromkeys(renderers)}

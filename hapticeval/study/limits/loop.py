@@ -17,7 +17,7 @@ from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 PROBE = 1e-6
-"""Metres by which the hand is moved to learn a renderer's gains: less than any encoder tells apart."""
+"""Metres by which the hand is moved to measure a renderer's gains: less than any encoder resolves."""
 
 FREQUENCIES = 400
 """Frequencies, up to Nyquist's, at which the device's impedance is looked at."""

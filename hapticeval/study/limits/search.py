@@ -28,7 +28,7 @@ RESTS = 1e-7
 """Share of `PUSH` below which what is left of it is rounding: the loop has settled."""
 
 TICKS = 20_000
-"""Ticks of a run: a mode that grows by 1e-6 a tick grows by 2 per cent."""
+"""Ticks of a run: a mode that grows by 1e-6 per tick grows by 2 per cent."""
 
 
 @dataclass(frozen=True)

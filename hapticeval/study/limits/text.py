@@ -37,7 +37,7 @@ def why_none(document: Mapping[str, Any]) -> str:
 
 
 def verdict(document: Mapping[str, Any]) -> str:
-    """Say what the limits mean for the stiffness that the scene asks for."""
+    """Describe what the limits mean for the stiffness that the scene asks for."""
     stiffness, growth = document["stiffness"], document["growth"]
     dt = document["sampling_time"]
     parts = []

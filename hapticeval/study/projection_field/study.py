@@ -56,7 +56,7 @@ def study_field(
     at = None if origin is None else surface.position(surface.nearest(origin[np.newaxis]))[0]
     project = projector(made, surface, dt=scene.sampling_time, origin=at)
     found = field_of(project, surface, cells=cells, start=at)
-    # From one previous IHIP the far side is out of reach, and its angles say nothing about the projection.
+    # From one previous IHIP the far side is out of reach, and its angles are not those of the projection.
     shallow = shallow_angles(project, surface) if at is None else ()
     label = " ".join([renderer, *(f"{knob} {value:g}" for knob, value in settings.items())])
     shown = name or model.name
