@@ -18,6 +18,9 @@ from hapticeval.types import Array
 TARGET = 1e-9
 """Relative error between samples that closed loops promise."""
 
+TICK = 1e-3
+"""Seconds of a tick."""
+
 SUBSTEPS = (1, 2, 4, 8, 16, 32, 64)
 TOLERANCES = tuple(10.0**-k for k in range(4, 14))
 
@@ -35,17 +38,18 @@ class IntegrationBenchmark:
     states: Array
 
 
-def integration_benchmark(device: Device, *, ticks: int = 300, dt: float = 1e-3, seed: int = 0) -> IntegrationBenchmark:
-    """A hand of 500 N/m and 5 N s/m draws a circle of 3 cm at 2 Hz from home, against motors that jump at each tick.
+def integration_benchmark(device: Device, *, ticks: int = 300, dt: float = TICK) -> IntegrationBenchmark:
+    """Make the benchmark of a device: a hand draws a circle from home, against motors that jump at each tick.
 
-    The states come from scipy's DOP853 at its tightest, tick by tick, on the device's Python methods.
+    The hand has 500 N/m and 5 N s/m, the circle 3 cm and 2 Hz. The states come from scipy's DOP853 at its
+    tightest, tick by tick, on the device's Python methods.
     """
     size = device.dimension
     grip = np.array([500.0, 5.0])
     angle = 2.0 * math.pi * 2.0 * dt * np.arange(ticks + 1)
     path = np.zeros((ticks + 1, size))
     path[:, 0], path[:, 1] = 0.03 * np.sin(angle), 0.03 * (1.0 - np.cos(angle))
-    torque = 0.2 * np.random.default_rng(seed).standard_normal((ticks, size))
+    torque = 0.2 * np.random.default_rng(0).standard_normal((ticks, size))
     states = np.zeros((ticks + 1, 2 * size))
     for k in range(ticks):
         states[k + 1] = moved(device, states[k], torque[k], path[k : k + 2], grip, dt)
@@ -109,19 +113,17 @@ def errors(states: Array, reference: Array) -> Array:
     return np.asarray(np.maximum(*parts))
 
 
-def study_integrators(
-    devices: Sequence[Device], *, ticks: int = 300, dt: float = 1e-3, rounds: int = 7
-) -> dict[str, Any]:
+def study_integrators(devices: Sequence[Device], *, ticks: int = 300, rounds: int = 7) -> dict[str, Any]:
     """Measure every method at every setting on every device, as JSON values.
 
     The error after a tick is relative, the time is per simulated second.
     """
     return {
         "target": TARGET,
-        "dt": dt,
+        "dt": TICK,
         "default": {"method": DEFAULT, "tolerance": TOLERANCE},
         "devices": [
-            {"device": device.name, "methods": _methods(integration_benchmark(device, ticks=ticks, dt=dt), rounds)}
+            {"device": device.name, "methods": _methods(integration_benchmark(device, ticks=ticks), rounds)}
             for device in devices
         ],
     }
