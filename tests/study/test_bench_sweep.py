@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,7 +18,6 @@ from hapticeval.stimulus import Path
 from hapticeval.study.bench import sweep as sweeping
 from hapticeval.study.bench.accuracy import (
     Answers,
-    Reference,
     answers,
     errors,
     fresh_scene,
@@ -61,17 +61,12 @@ class _Blurred:
         return Response(ihip + self.off, force + self.stiffness * self.off)
 
 
+@cache
 def small(kind):
-    """A workload of few points and a short slide, made once."""
-    if kind not in SMALL:
-        full = workload(kind, seed=0)
-        time, points = full.slide.sampled(full.dt)
-        SMALL[kind] = replace(full, points=full.points[:60], slide=Path(time[::10], points[::10]))
-        SMALL[kind] = replace(SMALL[kind], slide=Path(0.1 * SMALL[kind].slide.time, SMALL[kind].slide.points))
-    return SMALL[kind]
-
-
-SMALL = {}
+    """A workload of few points and a short slide."""
+    full = workload(kind, seed=0)
+    time, points = full.slide.sampled(full.dt)
+    return replace(full, points=full.points[:60], slide=Path(0.1 * time[::10], points[::10]))
 
 
 @pytest.fixture
@@ -79,17 +74,18 @@ def work():
     return small("cassinian")
 
 
-def run(settings, monkeypatch, tell=lambda *_: None):
+@pytest.fixture
+def run(monkeypatch):
+    """Runs a bench of settings on small workloads, with little effort."""
     monkeypatch.setattr(sweeping, "QUICK", TINY)
     monkeypatch.setattr(sweeping, "workload", lambda kind, seed: small(kind))
-    bench = Sweep(settings, quick=True, seed=0, command={})
-    bench.run(tell)
-    return bench
 
+    def run(settings, progress=lambda *_: None):
+        bench = Sweep(settings, quick=True, seed=0, command={})
+        bench.run(progress)
+        return bench
 
-@pytest.fixture
-def no_work(monkeypatch):
-    monkeypatch.setattr(sweeping, "workload", lambda kind, seed: small(kind))
+    return run
 
 
 def test_the_points_are_inside_and_away_from_discontinuities():
@@ -152,10 +148,10 @@ def test_a_renderer_without_exact_form_or_knob_has_no_reference(work):
         refinements({"n": Knob(values=(1.0,), unit="", meaning="")})
 
 
-def test_the_bench_says_so_and_holds_back_its_answer(monkeypatch):
+def test_the_bench_says_so_and_holds_back_its_answer(run):
     slow = Blurred(lambda n: 1e-3 / n)
     settings = [Setting("blurred", {"n": n}, slow.with_knobs(n=n), {"n": ""}) for n in (1.0, 2.0, 4.0)]
-    costs = judged(run(settings, monkeypatch).results(), within=1e-4)
+    costs = judged(run(settings).results(), within=1e-4)
     assert all(each["proven"] is False for each in costs.settings)
     assert [each["label"] for each in costs.answers] == [None] * 4
     (cassini, starred) = unproven(costs)
@@ -189,9 +185,9 @@ def test_lengths_may_be_given_to_a_knob():
     assert parse_knobs(["cell=1mm,0.5 mm"])["cell"] == pytest.approx((1e-3, 5e-4))
 
 
-def test_a_bench_from_end_to_end(monkeypatch, tmp_path):
+def test_a_bench_from_end_to_end(run, tmp_path):
     settings = settings_of(["minimum-distance@polygon", "ideal"], quick=True)
-    bench = run(settings, monkeypatch)
+    bench = run(settings)
     costs = judged(bench.results())
     cassini = [each for each in costs.settings if each["model"] == "cassinian" and not each["problem"]]
     assert [each["settings"] for each in cassini] == [{"vertices": n} for n in (40, 160, 640)]
@@ -222,19 +218,19 @@ def test_a_bench_from_end_to_end(monkeypatch, tmp_path):
     assert "order of convergence, minimum-distance@polygon on the cassinian" in describe(again)
 
 
-def test_ctrl_c_keeps_what_was_measured(monkeypatch):
+def test_ctrl_c_keeps_what_was_measured(run):
     def stop(done, total, what):
         if "round 3" in what:
             raise KeyboardInterrupt
 
-    costs = judged(run(settings_of(["minimum-distance"], quick=True), monkeypatch, stop).results())
+    costs = judged(run(settings_of(["minimum-distance"], quick=True), stop).results())
     assert (costs.complete, costs.reason, costs.rounds) == (False, "interrupted by the user", 2)
     assert costs.settings[0]["step"] is not None
     assert "incomplete: interrupted" in describe(costs)
 
 
-def test_a_setting_that_breaks_leaves_the_others(monkeypatch):
-    bench = run(settings_of(["minimum-distance@polygon"], quick=True, chosen={"vertices": (2.0, 40.0)}), monkeypatch)
+def test_a_setting_that_breaks_leaves_the_others(run):
+    bench = run(settings_of(["minimum-distance@polygon"], quick=True, chosen={"vertices": (2.0, 40.0)}))
     broken, whole = (each for each in bench.results().settings if each["model"] == "cassinian")
     assert "polygon of 2 vertices" in broken["problem"]
     assert broken["step"] is None
@@ -288,7 +284,7 @@ def test_memory_of_a_polygon_grows_with_its_vertices():
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "message"),
     [
         (lambda text: text[: len(text) // 2], "not JSON"),
         (lambda text: json.dumps({**json.loads(text), "format_version": 2}), "format 2"),
@@ -298,14 +294,14 @@ def test_memory_of_a_polygon_grows_with_its_vertices():
         (lambda text: "[]", "no bench"),
     ],
 )
-def test_a_damaged_bench_is_refused(no_work, tmp_path, change, says):
-    empty = Sweep([], quick=True, seed=0, command={})
+def test_a_damaged_bench_is_refused(run, tmp_path, change, message):
+    empty = run([])
     entry = dict.fromkeys(ENTRY)
     write_bench(tmp_path, replace(empty.results(), settings=[entry]), {"s000/step": np.zeros((2, 3), dtype=np.int64)})
     assert read_bench(tmp_path).settings == [entry]
     file = tmp_path / FILE
     file.write_text(change(file.read_text()))
-    with pytest.raises(InputError, match=says):
+    with pytest.raises(InputError, match=message):
         read_bench(tmp_path)
 
 
@@ -318,9 +314,3 @@ def test_missing_or_cut_samples_are_refused(tmp_path):
     (tmp_path / SAMPLES).write_bytes((tmp_path / SAMPLES).read_bytes()[:700])
     with pytest.raises(InputError, match="damaged"):
         read_samples(tmp_path)
-
-
-def test_reference_value_type():
-    nothing = Answers(np.zeros((0, 2)), np.zeros((0, 2)))
-    assert errors(nothing, nothing, stiffness=1.0)["ihip"] == {"rms": 0.0, "p99": 0.0, "max": 0.0}
-    assert Reference("x", nothing, None).disagreement is None
