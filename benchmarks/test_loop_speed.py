@@ -1,24 +1,29 @@
-"""Closed loops of reference controllers on the robot at 1 kHz: simulated seconds per second, warm, on one core.
+"""Closed loops of reference controllers on the robot at 1 kHz, warm, on one core, beside the motion of the robot alone.
 
-What is asked is 300 on the parallelogram with two joints and 100 with three, with the motion between samples true to
-1e-9. `extra_info` holds the ratio, and how it compares with the same loop of a renderer that is asked in Python.
+The yardstick is that motion: the same number of ticks integrated by the same method to 1e-9, drawn by a hand, without
+renderer, inner loop and recording. A closed loop took 0.7 to 1.5 times as long, and may take `ALLOWED` times.
+`extra_info` holds the ratio, the simulated seconds per second, and how both compare with the loop of a renderer that is
+asked in Python.
 """
 
 import time
+from functools import cache
 
 import numpy as np
 import pytest
 
 from hapticeval.closed_loop import drive
 from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.devices.integration import control, default_method
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Experiment, Hand, Path
+from hapticeval.study.integrators import Runner, integration_benchmark
 
 DT, SECONDS = 1e-3, 10.0
-ASKED = {2: 300.0, 3: 100.0}
+ALLOWED = 3.0
 CASES = {
     "circle, 2 joints": (Parallelogram2(), {"kind": "circle", "size": 0.2}),
     "cassinian, 2 joints": (Parallelogram2(), {"kind": "cassinian", "size": 0.2}),
@@ -58,14 +63,22 @@ def set_up(case, controller, hand):
     return resolve(controller)(scene), scene, experiment
 
 
-def best(run, rounds=20):
-    """The shortest of some rounds, s, of this thread's own time: on a core of its own, as long as the clock's."""
-    times = []
-    for _ in range(rounds):
-        start = time.thread_time()
-        run()
-        times.append(time.thread_time() - start)
-    return min(times)
+@cache
+def motion_alone(device):
+    """The motion of a device drawn round a circle, ready to be integrated, and its ticks."""
+    benchmark, method = integration_benchmark(device), default_method()
+    return Runner(benchmark, method, control(method)), len(benchmark.torque)
+
+
+def best(*runs, rounds=20):
+    """The shortest of some rounds of each, s, in turns, of this thread's own time: no other work counts."""
+    times = np.empty((rounds, len(runs)))
+    for i in range(rounds):
+        for j, run in enumerate(runs):
+            start = time.thread_time()
+            run()
+            times[i, j] = time.thread_time() - start
+    return times.min(axis=0)
 
 
 @pytest.mark.parametrize("hand", [False, True], ids=["free", "drawn"])
@@ -76,11 +89,14 @@ def test_closed_loop(benchmark, case, controller, hand):
     renderer, scene, experiment = set_up(case, controller, hand)
     assert renderer.law is not None
     recording = drive(renderer, experiment, scene, DT)
-    simulated = DT * len(recording)
-    assert simulated > 0.5 * SECONDS
-    ratio = simulated / best(lambda: drive(renderer, experiment, scene, DT))
-    slow = simulated / best(lambda: drive(InPython(renderer), experiment, scene, DT), rounds=2)
-    benchmark.extra_info["times real time"] = round(ratio)
-    benchmark.extra_info["times the loop through Python"] = round(ratio / slow, 1)
+    ticks = len(recording)
+    assert DT * ticks > 0.5 * SECONDS
+    motion, counted = motion_alone(scene.robot)
+    looped, alone = best(lambda: drive(renderer, experiment, scene, DT), lambda: motion(afresh=False))
+    (slow,) = best(lambda: drive(InPython(renderer), experiment, scene, DT), rounds=2)
+    ratio = (looped / ticks) / (alone / counted)
+    benchmark.extra_info["times the motion alone"] = round(ratio, 2)
+    benchmark.extra_info["times real time"] = round(DT * ticks / looped)
+    benchmark.extra_info["times the loop through Python"] = round(slow / looped, 1)
     benchmark(drive, renderer, experiment, scene, DT)
-    assert ratio > ASKED[scene.robot.dimension]
+    assert ratio < ALLOWED

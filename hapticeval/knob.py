@@ -42,7 +42,7 @@ Settings = Mapping[str, float]
 
 
 def knobs_of(factory: object) -> Mapping[str, Knob]:
-    """The knobs that a factory declares; none where it declares none.
+    """Return the knobs that a factory declares; none where it declares none.
 
     Raises `InputError` where it declares knobs and has no `with_knobs` to set them.
     """
@@ -56,8 +56,8 @@ def knobs_of(factory: object) -> Mapping[str, Knob]:
     return cast("Mapping[str, Knob]", knobs)
 
 
-def turned(factory: Callable[..., object], settings: Settings, *, name: str) -> Callable[..., object]:
-    """The factory with its knobs at `settings`; `name` is what the user called the renderer.
+def configured(factory: Callable[..., object], settings: Settings, *, name: str) -> Callable[..., object]:
+    """Return the factory with its knobs at `settings`; `name` is what the user called the renderer.
 
     Raises `UnknownNameError`, with the closest, for a knob that it does not have.
     """

@@ -28,9 +28,8 @@ from typing import Any
 import numpy as np
 
 from hapticeval.compiled import compiled
-from hapticeval.devices.inner_loop_kernels import torque
+from hapticeval.devices.dynamics_kernels import JACOBIAN, torque
 from hapticeval.devices.integration_kernels import advance, fall_free
-from hapticeval.devices.motion_kernels import JACOBIAN
 from hapticeval.types import Array
 
 (

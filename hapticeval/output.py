@@ -15,15 +15,15 @@ REPORTS = ("table.md", "junit.xml", "report.html")
 
 def prepare(directory: Path) -> None:
     """See that results may be written: into a folder that is new, empty, or holds an earlier run or bench of ours."""
-    from hapticeval import costs
     from hapticeval.results import FILE
+    from hapticeval.study.bench import document as bench
 
     if directory.exists() and not directory.is_dir():
         raise InputError(f"'{directory}' is a file", why="results go into a folder", todo="name another with -o")
     if (
         directory.is_dir()
         and any(directory.iterdir())
-        and not any(map(_ours, (directory / FILE, directory / costs.FILE)))
+        and not any(map(_ours, (directory / FILE, directory / bench.FILE)))
     ):
         raise InputError(
             f"'{directory}' is not empty and holds no {FILE} of an earlier run",

@@ -6,7 +6,6 @@ joint by either chart (7.8). Where a chart is not the active one it is shaded; b
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +13,9 @@ import numpy as np
 
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.figures import BUCKETS, COLOURS, MM, STYLE, extremes
-from hapticeval.reports.svg import drawn, inlined
+from hapticeval.reports.canvas import MM, figure, page_svg
+from hapticeval.reports.figures import BUCKETS, extremes
+from hapticeval.reports.svg import drawn
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -31,12 +31,12 @@ NEEDS = ("chart", "eta1", "eta2", "torque1", "torque2")
 
 
 def has_charts(recording: Recording) -> bool:
-    """Whether the renderer told of charts, and a robot followed them."""
+    """Return whether the renderer recorded charts, and a robot followed them."""
     return all(name in recording.channels for name in NEEDS)
 
 
 def charts_words(recording: Recording) -> str:
-    """What the figure shows, in words: how often the charts take turns, and how far apart their torques are."""
+    """Describe how often the charts take turns, and how far apart their torques are."""
     time, chart = recording.time, recording.channels["chart"]
     apart = np.max(np.abs(recording.channels["torque1"] - recording.channels["torque2"]), axis=1)
     largest = float(np.max(np.abs(recording.channels["joint_torque"])))
@@ -65,20 +65,12 @@ def charts_words(recording: Recording) -> str:
 
 def atlas_svg(recording: Recording, model: Model, *, prefix: str, title: str) -> str:
     """The figure as an SVG element for a page, from the signals that set stabilisation by an atlas records."""
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
-    settings: Any = {**STYLE, **{key: drawn(role) for key, role in COLOURS.items()}}
     time, chart = recording.time, recording.channels["chart"]
     frame = model.boundary.frame(recording.hip)
     rate = np.sum(recording.velocity * frame.normal, axis=1)
-    with rc_context(settings):
-        figure = Figure(figsize=(8.0, 7.2))
-        FigureCanvasSVG(figure)
-        figure.patch.set_visible(False)
-        panels = figure.subplots(4, 1, sharex=True)
-        figure.subplots_adjust(left=0.10, right=0.90, top=0.97, bottom=0.07, hspace=0.30)
+    with figure(8.0, 7.2, page=True) as made:
+        panels = made.subplots(4, 1, sharex=True)
+        made.subplots_adjust(left=0.10, right=0.90, top=0.97, bottom=0.07, hspace=0.30)
         _trace(panels[0], time, MM * frame.distance, "ξ₁, distance", "hip")
         panels[0].set_ylabel("distance (mm)")
         beside = panels[0].twinx()
@@ -105,9 +97,7 @@ def atlas_svg(recording: Recording, model: Model, *, prefix: str, title: str) ->
                 axes.axvline(switch, color=drawn("quiet"), linewidth=0.8, linestyle=(0, (3, 2)), zorder=1)
         panels[3].set_xlabel("time (s)")
         panels[3].set_xlim(float(time[0]), float(time[-1]))
-        buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-    return inlined(buffer.getvalue(), prefix=prefix, title=title)
+        return page_svg(made, prefix=prefix, title=title)
 
 
 def _trace(axes: Axes, time: Array, values: Array, label: str, role: str, *, dashes: Any = "-") -> None:

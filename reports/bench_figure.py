@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hapticeval.costs import Costs
-from hapticeval.reports.figures import COLOURS, STYLE
-from hapticeval.reports.svg import drawn, inlined
+from hapticeval.reports.canvas import MM, figure, page_svg
+from hapticeval.reports.svg import drawn
+from hapticeval.study.bench.document import BenchResults
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MM, US = 1e3, 1e6
+US = 1e6
 ROLES = ("hip", "ihip", "one", "two", "mark", "three")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
 GOOD_ENOUGH = 0.1
@@ -28,25 +27,18 @@ EXACT = 1e-5
 TITLES = {"step": "one step at a time, from Python", "batch": "a whole trajectory at once"}
 
 
-def bench_svg(costs: Costs, kind: str, *, prefix: str) -> str:
-    """One panel a model, as an SVG element for a page; `kind` is `step` or `batch`."""
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
-    models = list(dict.fromkeys(each["model"] for each in costs.settings))
-    names = list(dict.fromkeys(each["renderer"] for each in costs.settings if each["claims"] and each[kind]))
-    settings: Any = {**STYLE, **{key: drawn(role) for key, role in COLOURS.items()}}
+def bench_svg(bench: BenchResults, kind: str, *, prefix: str) -> str:
+    """Draw one panel per model, as an SVG element for a page; `kind` is `step` or `batch`."""
+    models = list(dict.fromkeys(each["model"] for each in bench.settings))
+    names = list(dict.fromkeys(each["renderer"] for each in bench.settings if each["claims"] and each[kind]))
     rows = (len(names) + 3) // 4
-    with rc_context(settings):
-        figure = Figure(figsize=(10.0, 4.6 + 0.2 * rows))
-        FigureCanvasSVG(figure)
-        figure.patch.set_visible(False)
+    title = f"Work-precision plot, {TITLES[kind]}: IHIP error against time a step"
+    with figure(10.0, 4.6 + 0.2 * rows, page=True) as made:
         low = (0.62 + 0.2 * rows) / (4.6 + 0.2 * rows)
         width = 0.93 / max(len(models), 1)
-        panels = [figure.add_axes((0.065 + k * width, low, width - 0.055, 0.93 - low)) for k in range(len(models))]
+        panels = [made.add_axes((0.065 + k * width, low, width - 0.055, 0.93 - low)) for k in range(len(models))]
         for axes, model in zip(panels, models, strict=True):
-            _draw_panel(axes, [each for each in costs.settings if each["model"] == model], kind, names)
+            _draw_panel(axes, [each for each in bench.settings if each["model"] == model], kind, names)
             axes.set_title(model)
         if panels:
             panels[0].set_ylabel("IHIP error, 99 % (mm)")
@@ -54,14 +46,11 @@ def bench_svg(costs: Costs, kind: str, *, prefix: str) -> str:
             for axes in panels:
                 drawings, labels = axes.get_legend_handles_labels()
                 handles = {**dict(zip(labels, drawings, strict=True)), **handles}
-            figure.legend(
+            made.legend(
                 handles.values(), handles.keys(), loc="lower center", ncols=4, frameon=False, fontsize=8,
                 handlelength=1.2, columnspacing=1.6,
             )  # fmt: skip
-        buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-    title = f"Work-precision plot, {TITLES[kind]}: IHIP error against time a step"
-    return inlined(buffer.getvalue(), prefix=prefix, title=title)
+        return page_svg(made, prefix=prefix, title=title)
 
 
 def _draw_panel(axes: Axes, entries: Sequence[Mapping[str, Any]], kind: str, names: Sequence[str]) -> None:

@@ -1,4 +1,4 @@
-"""What accuracy costs in time, as a section of the page: plots, a table a model, and which setting will do."""
+"""What accuracy costs in time, as a section of the page: plots, one table per model, and which setting will do."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hapticeval.costs import Costs
+from hapticeval.quantity import duration, length, size
 from hapticeval.reports.bench_figure import TITLES, bench_svg
+from hapticeval.study.bench.document import BenchResults
 
 COLUMNS = (
     "renderer and setting",
@@ -26,7 +27,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Row:
-    """One setting; `mark` says that it lies on the Pareto front, `unproven` that the reference does not reach it."""
+    """One setting; `mark` if it lies on the Pareto front, `unproven` if the reference does not certify its error."""
 
     cells: Sequence[str]
     mark: bool
@@ -48,37 +49,37 @@ class Section:
     incomplete: str
 
 
-def bench_section(costs: Costs) -> Section:
+def bench_section(bench: BenchResults) -> Section:
     """The section of a bench document."""
-    measured = any(each["claims"] and each["step"] for each in costs.settings)
+    measured = any(each["claims"] and each["step"] for each in bench.settings)
     return Section(
-        plots=[(TITLES[kind], bench_svg(costs, kind, prefix=f"b{kind}")) for kind in TITLES] if measured else [],
-        answers=list(_answers(costs)),
+        plots=[(TITLES[kind], bench_svg(bench, kind, prefix=f"b{kind}")) for kind in TITLES] if measured else [],
+        answers=list(_answers(bench)),
         tables={
-            model: [_row(each) for each in costs.settings if each["model"] == model and not each["problem"]]
-            for model in dict.fromkeys(each["model"] for each in costs.settings)
+            model: [_row(each) for each in bench.settings if each["model"] == model and not each["problem"]]
+            for model in dict.fromkeys(each["model"] for each in bench.settings)
         },
         left_out=[
-            (f"{each['label']} on the {each['model']}", each["problem"]) for each in costs.settings if each["problem"]
+            (f"{each['label']} on the {each['model']}", each["problem"]) for each in bench.settings if each["problem"]
         ],
-        references=list(_references(costs)),
-        orders=list(_orders(costs)),
-        comparison=[_compared(each) for each in costs.comparison if each["verdict"] != "not significant"],
-        machine=_machine(costs),
-        incomplete="" if costs.complete else str(costs.reason),
+        references=list(_references(bench)),
+        orders=list(_orders(bench)),
+        comparison=[_compared(each) for each in bench.comparison if each["verdict"] != "not significant"],
+        machine=_machine(bench),
+        incomplete="" if bench.complete else str(bench.reason),
     )
 
 
-def _answers(costs: Costs) -> Iterator[tuple[str, str, str, str, str]]:
-    by_key = {each["key"]: each for each in costs.settings}
-    for each in costs.answers:
+def _answers(bench: BenchResults) -> Iterator[tuple[str, str, str, str, str]]:
+    by_key = {each["key"]: each for each in bench.settings}
+    for each in bench.answers:
         asked = length(each["within_m"]) + (f" within {duration(each['budget_s'])}" if each["budget_s"] else "")
         if each["key"] is None:
             yield each["model"], TITLES[each["what"]], asked, "no setting", ""
             continue
         entry = by_key[each["key"]]
         error, took = entry["claims"]["ihip"]["p99"], entry[each["what"]]["median"]
-        yield each["model"], TITLES[each["what"]], asked, each["label"], f"{length(error)} in {duration(took)}"
+        yield each["model"], TITLES[each["what"]], asked, each["label"], f"{_error(error)} in {duration(took)}"
 
 
 def _row(entry: Mapping[str, Any]) -> Row:
@@ -87,8 +88,8 @@ def _row(entry: Mapping[str, Any]) -> Row:
         ["–"] * 4  # noqa: RUF001
         if claims is None
         else [
-            length(claims["ihip"]["p99"]),
-            length(claims["ihip"]["max"]),
+            _error(claims["ihip"]["p99"]),
+            _error(claims["ihip"]["max"]),
             f"{claims['normal']['p99']:.2g}°",
             f"{claims['force']['p99']:.2g} N",
         ]
@@ -106,10 +107,10 @@ def _row(entry: Mapping[str, Any]) -> Row:
     return Row([entry["label"], *errors, *times, *rest], "step" in entry["front"], entry["proven"] is False)
 
 
-def _references(costs: Costs) -> Iterator[str]:
+def _references(bench: BenchResults) -> Iterator[str]:
     """What errors count from, renderers with the same words together."""
     words: dict[str, list[str]] = {}
-    for each in costs.references:
+    for each in bench.references:
         if each["what"] is None:
             text = "no reference: neither an exact form nor a knob to refine it by"
         elif each["disagreement"] is None:
@@ -121,8 +122,8 @@ def _references(costs: Costs) -> Iterator[str]:
         yield f"{text}: {', '.join(names)}"
 
 
-def _orders(costs: Costs) -> Iterator[str]:
-    for each in costs.orders:
+def _orders(bench: BenchResults) -> Iterator[str]:
+    for each in bench.orders:
         found = ", ".join(f"{name} {value:.2f}" for name, value in each["orders"].items() if value is not None)
         yield f"{each['renderer']} on the {each['model']}, by {each['knob']}: {found}"
 
@@ -132,8 +133,8 @@ def _compared(each: Mapping[str, Any]) -> str:
     return f"{each['verdict']}: {each['label']} on the {each['model']}, {each['what']}{by}"
 
 
-def _machine(costs: Costs) -> str:
-    machine, environment = costs.machine, costs.environment
+def _machine(bench: BenchResults) -> str:
+    machine, environment = bench.machine, bench.environment
     parts = [
         str(machine.get("processor", "")),
         f"{machine.get('cores', '?')} cores",
@@ -141,30 +142,11 @@ def _machine(costs: Costs) -> str:
         *(f"{name} {each}" for name, each in environment.get("versions", {}).items() if each),
         f"reading the clock takes {machine.get('clock_ns', 0.0):.0f} ns, which is in every step",
         f"load average {machine['load_average']:.2g} when it began" if machine.get("load_average") is not None else "",
-        f"{costs.rounds} rounds",
-        f"seed {costs.seed}",
+        f"{bench.rounds} rounds",
+        f"seed {bench.seed}",
     ]
     return ", ".join(part for part in parts if part)
 
 
-def length(metres: float) -> str:
-    """For instance `0.12 mm`, `3.1 µm`, `exact` for zero."""
-    if metres == 0.0:
-        return "exact"
-    units = (("mm", 1e3), ("µm", 1e6), ("nm", 1e9))
-    unit, scale = next(((u, s) for u, s in units if metres * s >= 0.0995), ("pm", 1e12))
-    return f"{metres * scale:.2g} {unit}"
-
-
-def duration(seconds: float) -> str:
-    """For instance `2.4 µs`."""
-    units = (("s", 1.0), ("ms", 1e3), ("µs", 1e6))
-    unit, scale = next(((u, s) for u, s in units if seconds * s >= 0.995), ("ns", 1e9))
-    return f"{seconds * scale:.3g} {unit}"
-
-
-def size(count: int) -> str:
-    """For instance `1.2 MB`."""
-    units = (("GB", 1e9), ("MB", 1e6), ("kB", 1e3))
-    unit, scale = next(((u, s) for u, s in units if count >= s), ("B", 1.0))
-    return f"{count / scale:.3g} {unit}"
+def _error(metres: float) -> str:
+    return "exact" if metres == 0.0 else length(metres)

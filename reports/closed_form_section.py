@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from hapticeval.reports.quantity import quantity
+from hapticeval.quantity import quantity
 from hapticeval.reports.table import Cell, cell_of
 
 if TYPE_CHECKING:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
@@ -11,10 +10,11 @@ import numpy as np
 
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.figures import BUCKETS, COLOURS, MM, STYLE, extremes
+from hapticeval.reports.canvas import MM, figure, page_svg
+from hapticeval.reports.figures import BUCKETS, extremes
 from hapticeval.reports.plane import Box, box_round, draw_body, shape_of
 from hapticeval.reports.shadow import axis_labels, shown_axes
-from hapticeval.reports.svg import drawn, inlined
+from hapticeval.reports.svg import drawn
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -47,19 +47,10 @@ def comparison_svg(runs: Mapping[str, Recording], model: Model, *, prefix: str, 
 
     `runs` maps renderers to their recordings of one case. Of runs in space the first panel shows the shadow.
     """
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
-    colours = {key: drawn(role) for key, role in COLOURS.items()}
-    settings: Any = {**STYLE, **colours}
     styles = dict(zip(runs, zip(cycle(ROLES), _dashes(len(runs)), strict=False), strict=False))
-    with rc_context(settings):
-        figure = Figure(figsize=(8.0, 4.7))
-        FigureCanvasSVG(figure)
-        figure.patch.set_visible(False)
-        _draw_paths(figure.add_axes((0.08, 0.10, 0.405, 0.79)), runs, styles, model)
-        off, size, along = (figure.add_axes((0.59, low, 0.39, 0.23)) for low in (0.66, 0.38, 0.10))
+    with figure(8.0, 4.7, page=True) as made:
+        _draw_paths(made.add_axes((0.08, 0.10, 0.405, 0.79)), runs, styles, model)
+        off, size, along = (made.add_axes((0.59, low, 0.39, 0.23)) for low in (0.66, 0.38, 0.10))
         motions = {name: surface_motion(each, model) for name, each in runs.items()}
         forwards = -1.0 if next(iter(motions.values()))[1][0] < 0.0 else 1.0
         for name, recording in runs.items():
@@ -80,10 +71,8 @@ def comparison_svg(runs: Mapping[str, Recording], model: Model, *, prefix: str, 
             axes.set_axisbelow(True)
             axes.set_xlim(0.0, max(float(each.time[-1]) for each in runs.values()))
         handles, names = off.get_legend_handles_labels()
-        figure.legend(handles, names, loc="upper center", ncols=min(4, len(names)), frameon=False, handlelength=2.6)
-        buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-    return inlined(buffer.getvalue(), prefix=prefix, title=title)
+        made.legend(handles, names, loc="upper center", ncols=min(4, len(names)), frameon=False, handlelength=2.6)
+        return page_svg(made, prefix=prefix, title=title)
 
 
 def surface_motion(recording: Recording, model: Model) -> tuple[Array, Array]:

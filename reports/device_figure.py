@@ -3,31 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hapticeval.devices.criteria import cartesian_inertia
-from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
+from hapticeval.devices.parallelogram import EDGES, Parallelogram, Parallelogram2, Parallelogram3, corners
 from hapticeval.devices.parallelogram_kernels import BASE_LIMIT
-from hapticeval.devices.workspace import EDGES, corners, edges, lattice, section
-from hapticeval.errors import DomainError, HapticevalError
-from hapticeval.files import replacing
-from hapticeval.reports.figures import STYLE
-from hapticeval.reports.quantity import quantity
+from hapticeval.devices.workspace import lattice
+from hapticeval.errors import DomainError
+from hapticeval.quantity import quantity
+from hapticeval.reports.canvas import BOXED, INK, MM, figure, save_figure
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MM = 1e3
 COLOURS: Mapping[str, str] = MappingProxyType(
     {
-        "ink": "#1c1f23",
-        "quiet": "#6b7280",
         "inside": "#eaf1f7",
         "beyond": "#f3f5f7",
         "shoulder": "#0072b2",
@@ -43,60 +39,41 @@ SPACING, CLEARANCE = 0.5, 0.12
 """rad: between the poses that an ellipse is drawn for, and their least margin."""
 
 
-def write_device(directory: Path, device: Parallelogram2 | Parallelogram3, joints: Array, *, stem: str) -> list[Path]:
-    """Draw a device at a pose into `directory`, as SVG and PNG; the paths written. The same input gives the same files.
+def write_device(directory: Path, device: Parallelogram, joints: Array, *, stem: str) -> list[Path]:
+    """Draw a device at the pose `joints` (N,), rad, into `directory`, as SVG and PNG; return the paths written.
 
     Raises `HapticevalError` where a file cannot be written.
     """
-    paths = [directory / f"{stem}.{kind}" for kind in ("svg", "png")]
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        _draw(device, joints, paths)
-    except OSError as error:
-        raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
-    return paths
-
-
-def _draw(device: Parallelogram2 | Parallelogram3, joints: Array, paths: Sequence[Path]) -> None:
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    settings: Any = {**STYLE, "axes.spines.top": True, "axes.spines.right": True, "axes.edgecolor": COLOURS["quiet"]}
     deep = isinstance(device, Parallelogram3)
-    with rc_context(settings):
-        figure = Figure(figsize=(13.2 if deep else 9.2, 5.3), facecolor="white", layout="constrained")
-        FigureCanvasAgg(figure)
-        panels = figure.subplots(1, 3 if deep else 2, width_ratios=(1.12, 1.25, 0.9) if deep else (1.2, 0.9))
+    size, widths = ((13.2, 5.3), (1.12, 1.25, 0.9)) if deep else ((9.2, 5.3), (1.2, 0.9))
+    with figure(*size, settings=BOXED, layout="constrained") as made:
+        panels = made.subplots(1, len(widths), width_ratios=widths)
         _side(panels[0], device, joints)
         if isinstance(device, Parallelogram3):
             _top(panels[1], device, joints)
         _joint_space(panels[-1], device, joints)
         handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, handlelength=1.8)
-        figure.suptitle(_title(device), fontsize=10, color=COLOURS["ink"])
-        for path in paths:
-            vector = path.suffix == ".svg"
-            with replacing(path) as temporary:
-                figure.savefig(temporary, format=path.suffix[1:], dpi=160, metadata={"Date": None} if vector else None)
+        made.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, handlelength=1.8)
+        made.suptitle(_title(device), fontsize=10, color=INK)
+        return save_figure(made, directory, stem)
 
 
-def _title(device: Parallelogram2 | Parallelogram3) -> str:
+def _title(device: Parallelogram) -> str:
     if isinstance(device, Parallelogram2):
         return device.name
     return f"{device.name}: {device.dynamics} dynamics, d₀ with {device.base_inertia}² x₃"
 
 
-def _side(axes: Axes, device: Parallelogram2 | Parallelogram3, joints: Array) -> None:
+def _side(axes: Axes, device: Parallelogram, joints: Array) -> None:
     """The linkage's plane: what is reached, its edges by limit, inertia, and the pose."""
     deep = isinstance(device, Parallelogram3)
     flat = Parallelogram2(device.constants)
-    around = np.concatenate([points for _, points in edges(device)])
+    around = np.concatenate([points for _, points in device.edges()])
     axes.fill(*(MM * around.T), facecolor=COLOURS["beyond"], edgecolor="none")
-    axes.fill(*(MM * section(device).T), facecolor=COLOURS["inside"], edgecolor="none", label="functional workspace")
+    axes.fill(*(MM * device.section().T), facecolor=COLOURS["inside"], edgecolor="none", label="functional workspace")
     names = _names(device)
     seen = set()
-    for name, points in edges(device):
+    for name, points in device.edges():
         label = None if name in seen else f"{names[name]} at its limit"
         seen.add(name)
         axes.plot(*(MM * points.T), color=COLOURS[name], linewidth=1.5, label=label)
@@ -121,18 +98,18 @@ def _side(axes: Axes, device: Parallelogram2 | Parallelogram3, joints: Array) ->
     axes.set_title("in the plane of the linkage" if deep else "where the hand reaches", fontsize=8.5)
 
 
-def _reach(device: Parallelogram2 | Parallelogram3, linkage: Array) -> float:
+def _reach(device: Parallelogram, linkage: Array) -> float:
     """The hand's distance (m) from the base's axis."""
     shoulder, elbow = linkage
     return device.constants.l4 * math.cos(elbow) - device.constants.l1 * math.sin(shoulder)
 
 
-def _names(device: Parallelogram2 | Parallelogram3) -> dict[str, str]:
+def _names(device: Parallelogram) -> dict[str, str]:
     first, second = ("x₂", "x₃") if isinstance(device, Parallelogram3) else ("x₁", "x₂")
     return {"shoulder": first, "elbow": second, "stop": f"{first} − {second}"}  # noqa: RUF001
 
 
-def _pose(axes: Axes, device: Parallelogram2 | Parallelogram3, joints: Array) -> None:
+def _pose(axes: Axes, device: Parallelogram, joints: Array) -> None:
     """Both links from the shoulder to the hand, and the ellipse there."""
     flat = Parallelogram2(device.constants)
     linkage = joints[-2:]
@@ -141,7 +118,7 @@ def _pose(axes: Axes, device: Parallelogram2 | Parallelogram3, joints: Array) ->
     hand = flat.position(linkage)
     points = MM * np.array([shoulder, elbow, hand])
     axes.plot(
-        points[:, 0], points[:, 1], "-o", color=COLOURS["ink"], linewidth=2.4, markersize=3.5, zorder=5,
+        points[:, 0], points[:, 1], "-o", color=INK, linewidth=2.4, markersize=3.5, zorder=5,
         solid_capstyle="round", label="the pose",
     )  # fmt: skip
     _ellipse(axes, hand, cartesian_inertia(flat, linkage), strong=True)
@@ -158,7 +135,7 @@ def _ellipse(axes: Axes, centre: Array, inertia: Array, *, strong: bool = False)
 
 def _top(axes: Axes, device: Parallelogram3, joints: Array) -> None:
     """From above: what the base sweeps, with the horizontal part of the inertia at the height of the pose."""
-    outline = section(device)
+    outline = device.section()
     inner, outer = (device.constants.l4 + end for end in (outline[:, 0].min(), outline[:, 0].max()))
     turns = np.linspace(-BASE_LIMIT, BASE_LIMIT, 200)
     arcs = [radius * np.array([np.cos(turns), np.sin(turns)]) for radius in (outer, inner)]
@@ -167,7 +144,7 @@ def _top(axes: Axes, device: Parallelogram3, joints: Array) -> None:
     for turn in (-BASE_LIMIT, BASE_LIMIT):
         end = outer * np.array([math.cos(turn), math.sin(turn)]) - [device.constants.l4, 0.0]
         axes.plot(
-            [-MM * device.constants.l4, MM * end[0]], [0.0, MM * end[1]], color=COLOURS["ink"], linewidth=1.3,
+            [-MM * device.constants.l4, MM * end[0]], [0.0, MM * end[1]], color=INK, linewidth=1.3,
             label="x₁ at its limit" if turn > 0.0 else None,
         )  # fmt: skip
     axes.plot(
@@ -185,7 +162,7 @@ def _top(axes: Axes, device: Parallelogram3, joints: Array) -> None:
             _ellipse(axes, device.position(full)[:2], cartesian_inertia(device, full)[:2, :2])
     hand = device.position(joints)
     axes.plot(
-        [-MM * device.constants.l4, MM * hand[0]], [0.0, MM * hand[1]], "-o", color=COLOURS["ink"], linewidth=2.4,
+        [-MM * device.constants.l4, MM * hand[0]], [0.0, MM * hand[1]], "-o", color=INK, linewidth=2.4,
         markersize=4.5, zorder=5,
     )  # fmt: skip
     _ellipse(axes, hand[:2], cartesian_inertia(device, joints)[:2, :2], strong=True)
@@ -203,7 +180,7 @@ def _linkage_at(flat: Parallelogram2, across: float, up: float) -> Array | None:
         return None
 
 
-def _joint_space(axes: Axes, device: Parallelogram2 | Parallelogram3, joints: Array) -> None:
+def _joint_space(axes: Axes, device: Parallelogram, joints: Array) -> None:
     """The limits of the linkage's joints, and the singular curve between them."""
     ends = corners()
     axes.fill(*ends.T, facecolor=COLOURS["inside"], edgecolor="none")
@@ -216,7 +193,7 @@ def _joint_space(axes: Axes, device: Parallelogram2 | Parallelogram3, joints: Ar
         axes.contour(
             shoulder, elbow, shown, levels=[0.0], colors=[COLOURS["singular"]], linewidths=1.3, linestyles=[(0, (4, 2))]
         )
-    axes.plot(*joints[-2:], "o", color=COLOURS["ink"], markersize=5, zorder=5)
+    axes.plot(*joints[-2:], "o", color=INK, markersize=5, zorder=5)
     names = _names(device)
     axes.set_xlabel(f"{names['shoulder']} (rad)")
     axes.set_ylabel(f"{names['elbow']} (rad)")

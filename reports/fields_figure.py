@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hapticeval.errors import HapticevalError
-from hapticeval.fields.field import Field
-from hapticeval.files import replacing
-from hapticeval.reports.figures import STYLE
-from hapticeval.reports.quantity import quantity
+from hapticeval.quantity import quantity
+from hapticeval.reports.canvas import BOXED, INK, MM, figure, save_figure
+from hapticeval.study.projection_field.field import Field
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from shapely.geometry.base import BaseGeometry
 
-MM = 1e3
 COLOURS: Mapping[str, str] = MappingProxyType(
     {
-        "ink": "#1c1f23",
-        "quiet": "#6b7280",
         "model": "#f3f5f7",
         "rests": "#d5dee8",
         "line": "#0072b2",
@@ -44,54 +38,31 @@ PRECISION = 2e-5
 
 
 def write_field(directory: Path, field: Field, document: Mapping[str, Any]) -> list[Path]:
-    """Draw a field into `directory`, as SVG and PNG, with its numbers as JSON beside it; the paths written.
+    """Draw a field into `directory`, as SVG and PNG, with its numbers as JSON; return the paths written.
 
     `document` is `Field.summary`'s with a `title` and the files' `stem`. The same field gives the same files. Raises
     `HapticevalError` where a file cannot be written.
     """
-    paths = [directory / f"{document['stem']}.{kind}" for kind in ("svg", "png", "json")]
-    try:
-        with replacing(paths[2]) as temporary:
-            temporary.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-        _draw(field, document, paths[:2])
-    except OSError as error:
-        raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
-    return paths
-
-
-def _draw(field: Field, document: Mapping[str, Any], paths: Sequence[Path]) -> None:
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    settings: Any = {**STYLE, "axes.spines.top": True, "axes.spines.right": True, "axes.edgecolor": COLOURS["quiet"]}
-    with rc_context(settings):
-        xmin, ymin, xmax, ymax = field.surface.bounds
-        pad = 2.0 * PAD * field.lattice.size
-        tall = PLOT * (ymax - ymin + pad) / (xmax - xmin + pad)
-        height = BELOW + tall + ABOVE
-        figure = Figure(figsize=(LEFT + PLOT + RIGHT, height), facecolor="white")
-        FigureCanvasAgg(figure)
-        width = LEFT + PLOT + RIGHT
-        axes = figure.add_axes((LEFT / width, BELOW / height, PLOT / width, tall / height))
+    xmin, ymin, xmax, ymax = field.surface.bounds
+    pad = 2.0 * PAD * field.lattice.size
+    tall = PLOT * (ymax - ymin + pad) / (xmax - xmin + pad)
+    width, height = LEFT + PLOT + RIGHT, BELOW + tall + ABOVE
+    with figure(width, height, settings=BOXED) as made:
+        axes = made.add_axes((LEFT / width, BELOW / height, PLOT / width, tall / height))
         draw_field(axes, field)
-        axes.set_title(document["title"], fontsize=10, color=COLOURS["ink"])
+        axes.set_title(document["title"], fontsize=10, color=INK)
         axes.legend(
             loc="upper center", bbox_to_anchor=(0.5, -0.42 / tall), ncols=4, frameon=False, handlelength=1.6,
             borderaxespad=0.0,
         )  # fmt: skip
-        figure.text(
-            0.35 / width, (BELOW - 0.78) / height, caption(document), fontsize=8, color=COLOURS["ink"], va="top",
-            linespacing=1.5,
-        )  # fmt: skip
-        for path in paths:
-            vector = path.suffix == ".svg"
-            with replacing(path) as temporary:
-                figure.savefig(temporary, format=path.suffix[1:], dpi=160, metadata={"Date": None} if vector else None)
+        made.text(
+            0.35 / width, (BELOW - 0.78) / height, caption(document), fontsize=8, color=INK, va="top", linespacing=1.5
+        )
+        return save_figure(made, directory, document["stem"], document=document)
 
 
 def caption(summary: Mapping[str, Any]) -> str:
-    """What the picture cannot say: the numbers of section 5.1, a line each."""
+    """Describe the numbers of section 5.1 that the picture cannot show, one per line."""
     singular, amplification = summary["singular"], summary["amplification"]
     if singular["length_m"] > 0.0 or singular["points"]:
         parts = [f"{quantity(singular['length_m'], 'm')} of lines"] if singular["length_m"] > 0.0 else []
@@ -130,7 +101,7 @@ def draw_field(axes: Axes, field: Field) -> None:
     _draw_rests(axes, field)
     lines = [MM * _simple(shapely.LineString(line)) for line in field.lines if len(line) > 1]
     axes.add_collection(LineCollection(lines, colors=COLOURS["line"], linewidths=0.7, label="constant projection"))
-    axes.plot(outline[:, 0], outline[:, 1], color=COLOURS["ink"], linewidth=1.3, zorder=3)
+    axes.plot(outline[:, 0], outline[:, 1], color=INK, linewidth=1.3, zorder=3)
     jumps = [MM * _simple(part) for part in shapely.get_parts(field.discontinuity) if part.geom_type == "LineString"]
     if jumps:
         axes.add_collection(

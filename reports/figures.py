@@ -6,56 +6,25 @@ time, and below it how far the points moved in a tick (playback) or how deep the
 
 from __future__ import annotations
 
-import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import GAP_STEPS
+from hapticeval.reports.canvas import MM, figure, page_svg
 from hapticeval.reports.marks import Mark, labels
 from hapticeval.reports.plane import draw_plane
-from hapticeval.reports.svg import drawn, inlined
+from hapticeval.reports.svg import drawn
 from hapticeval.types import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MM = 1e3
 BUCKETS = 140
-STYLE: Mapping[str, Any] = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "hapticeval",
-    "font.size": 8.0,
-    "font.family": "sans-serif",
-    "axes.linewidth": 0.6,
-    "axes.labelsize": 8.0,
-    "axes.formatter.useoffset": False,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "xtick.labelsize": 7.5,
-    "ytick.labelsize": 7.5,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
-    "legend.fontsize": 7.5,
-    "lines.linewidth": 1.1,
-    "axes.unicode_minus": True,
-}
-COLOURS = {
-    "text.color": "ink",
-    "axes.labelcolor": "ink",
-    "axes.edgecolor": "quiet",
-    "xtick.color": "quiet",
-    "ytick.color": "quiet",
-    "xtick.labelcolor": "ink",
-    "ytick.labelcolor": "ink",
-    "grid.color": "grid",
-}
 
 
 def figure_svg(
@@ -65,19 +34,10 @@ def figure_svg(
 
     Of a recording in 3D the two coordinates in which it moves most are drawn, and all three force components.
     """
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
-    colours = {key: drawn(role) for key, role in COLOURS.items()}
-    settings: Any = {**STYLE, **colours}
-    with rc_context(settings):
-        figure = Figure(figsize=(8.0, 3.5))
-        FigureCanvasSVG(figure)
-        figure.patch.set_visible(False)
-        plane = figure.add_axes((0.08, 0.12, 0.405, 0.79))
-        force = figure.add_axes((0.59, 0.45, 0.39, 0.46))
-        below = figure.add_axes((0.59, 0.12, 0.39, 0.225))
+    with figure(8.0, 3.5, page=True) as made:
+        plane = made.add_axes((0.08, 0.12, 0.405, 0.79))
+        force = made.add_axes((0.59, 0.45, 0.39, 0.46))
+        below = made.add_axes((0.59, 0.12, 0.39, 0.225))
         ticks = {mark.number: int(np.argmin(np.abs(recording.time - mark.time))) for mark in marks}
         failed = {mark.number for mark in marks if mark.failed}
         draw_plane(plane, recording, model, ticks=ticks, failed=failed)
@@ -89,9 +49,7 @@ def figure_svg(
         below.yaxis.set_label_coords(-0.125, 0.5)
         for axes in (force, below):
             _finish_time_axes(axes, recording, marks, numbered=axes is force)
-        buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-    return inlined(buffer.getvalue(), prefix=prefix, title=title)
+        return page_svg(made, prefix=prefix, title=title)
 
 
 def _draw_force(axes: Axes, recording: Recording) -> None:

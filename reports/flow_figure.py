@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
-from hapticeval.errors import HapticevalError
-from hapticeval.files import file_stem, replacing
+from hapticeval.files import file_stem
 from hapticeval.geometry.flow import Flow
 from hapticeval.geometry.model import Model
-from hapticeval.reports.fields_figure import COLOURS, MM
-from hapticeval.reports.figures import STYLE
+from hapticeval.reports.canvas import BOXED, INK, MM, figure, save_figure
+from hapticeval.reports.fields_figure import COLOURS
 
 EVERY_LEVEL = 4
 EVERY_LINE = 8
@@ -25,32 +23,16 @@ def write_flow(
     Without a flow the outline alone, with a `cross` (m) where the flow failed. Raises `HapticevalError` where a file
     cannot be written.
     """
-    stem = "flow-" + file_stem(re.sub(r"[ :=,]+", "-", title))
-    paths = [directory / f"{stem}.{kind}" for kind in ("svg", "png")]
-    try:
-        _draw(model, flow, title, cross, paths)
-    except OSError as error:
-        raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
-    return paths
-
-
-def _draw(model: Model, flow: Flow | None, title: str, cross: tuple[float, ...] | None, paths: list[Path]) -> None:
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.collections import LineCollection
-    from matplotlib.figure import Figure
 
     xmin, ymin, xmax, ymax = (MM * bound for bound in model.curve.bounds)
     pad = 0.03 * max(xmax - xmin, ymax - ymin)
-    settings: Any = {**STYLE, "axes.spines.top": True, "axes.spines.right": True, "axes.edgecolor": COLOURS["quiet"]}
-    with rc_context(settings):
-        tall = 5.5 * (ymax - ymin + 2 * pad) / (xmax - xmin + 2 * pad)
-        figure = Figure(figsize=(6.3, tall + 1.3), facecolor="white")
-        FigureCanvasAgg(figure)
-        axes = figure.add_axes((0.65 / 6.3, 0.85 / (tall + 1.3), 5.5 / 6.3, tall / (tall + 1.3)))
+    tall = 5.5 * (ymax - ymin + 2 * pad) / (xmax - xmin + 2 * pad)
+    with figure(6.3, tall + 1.3, settings=BOXED) as made:
+        axes = made.add_axes((0.65 / 6.3, 0.85 / (tall + 1.3), 5.5 / 6.3, tall / (tall + 1.3)))
         outline = MM * model.curve.outline(max(2000, 8 * len(model.curve.corners)))
         axes.fill(outline[:, 0], outline[:, 1], facecolor=COLOURS["model"], edgecolor="none")
-        axes.plot(outline[:, 0], outline[:, 1], color=COLOURS["ink"], linewidth=1.3, zorder=3)
+        axes.plot(outline[:, 0], outline[:, 1], color=INK, linewidth=1.3, zorder=3)
         if flow is not None:
             points = MM * flow.points
             levels = [[*level, level[0]] for level in points[EVERY_LEVEL::EVERY_LEVEL]]
@@ -68,9 +50,6 @@ def _draw(model: Model, flow: Flow | None, title: str, cross: tuple[float, ...] 
         axes.set(xlim=(xmin - pad, xmax + pad), ylim=(ymin - pad, ymax + pad))
         axes.set_xlabel("y₁ (mm)")
         axes.set_ylabel("y₂ (mm)")
-        axes.set_title(title, fontsize=10, color=COLOURS["ink"])
+        axes.set_title(title, fontsize=10, color=INK)
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.42 / tall), ncols=3, frameon=False)
-        for path in paths:
-            with replacing(path) as temporary:
-                metadata = {"Date": None} if path.suffix == ".svg" else None
-                figure.savefig(temporary, format=path.suffix[1:], dpi=160, metadata=metadata)
+        return save_figure(made, directory, "flow-" + file_stem(re.sub(r"[ :=,]+", "-", title)))

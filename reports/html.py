@@ -8,7 +8,6 @@ from dataclasses import replace
 from importlib import resources
 from typing import Any
 
-from hapticeval.costs import Costs
 from hapticeval.reports.bench_section import COLUMNS, bench_section
 from hapticeval.reports.closed_form_section import closed_form_tables
 from hapticeval.reports.groups import shown_suites, shown_summary
@@ -17,10 +16,11 @@ from hapticeval.reports.shown import Drawing, RunKey, shown_cases
 from hapticeval.reports.svg import classed
 from hapticeval.reports.table import SYMBOLS, ran, renderers
 from hapticeval.results import Results, all_refused, is_recorded, is_warning
+from hapticeval.study.bench.document import BenchResults
 
 
-def render_html(results: Results, drawings: Mapping[RunKey, Drawing], *, costs: Costs | None = None) -> str:
-    """The page, with a section on `costs` where there is a bench.
+def render_html(results: Results, drawings: Mapping[RunKey, Drawing], *, bench: BenchResults | None = None) -> str:
+    """The page, with a section on `bench` where there is one.
 
     Everything that comes from results is escaped; the drawings' SVG is put in as it is.
     """
@@ -62,7 +62,7 @@ def render_html(results: Results, drawings: Mapping[RunKey, Drawing], *, costs: 
         cases=cases,
         ended=sum(bool(run.get("ended")) for run in results.runs),
         checks=_checks(results),
-        bench=None if costs is None else bench_section(costs),
+        bench=None if bench is None else bench_section(bench),
         bench_columns=COLUMNS,
         replay_columns=REPLAY_COLUMNS,
         versions={name: each for name, each in results.environment.get("versions", {}).items() if each},

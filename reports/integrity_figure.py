@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from hapticeval.errors import HapticevalError
-from hapticeval.files import file_stem, replacing
+from hapticeval.files import file_stem
 from hapticeval.recordings.finding import Fault, Severity
 from hapticeval.recordings.integrity import Integrity, Soundness
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.rows import runs_of
-from hapticeval.reports.figures import STYLE
+from hapticeval.reports.canvas import figure, save_figure
 from hapticeval.types import Array, BoolArray
 
 INK, QUIET = "#222222", "#9a9a9a"
@@ -36,26 +35,12 @@ def write_integrity(
     Raises `HapticevalError` where a file cannot be written.
     """
     stem = "integrity-" + (stem or file_stem(re.sub(r"[ :=,.]+", "-", title).strip("-")))
-    paths = [directory / f"{stem}.{kind}" for kind in ("svg", "png")]
-    try:
-        _draw(recording, report, soundness, title, paths)
-    except OSError as error:
-        raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
-    return paths
-
-
-def _draw(recording: Recording, report: Integrity, soundness: Soundness, title: str, paths: list[Path]) -> None:
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
     names = list(recording.channels)[:MOST]
-    settings: Any = {**STYLE, "axes.edgecolor": QUIET}
-    with rc_context(settings):
-        figure = Figure(figsize=(7.2, 1.1 + 1.15 * (len(names) + 1)), facecolor="white", layout="constrained")
-        FigureCanvasAgg(figure)
-        axes = figure.subplots(len(names) + 1, 1, sharex=True, squeeze=False)[:, 0]
+    height = 1.1 + 1.15 * (len(names) + 1)
+    with figure(7.2, height, settings={"axes.edgecolor": QUIET}, layout="constrained") as made:
+        axes = made.subplots(len(names) + 1, 1, sharex=True, squeeze=False)[:, 0]
         valid = soundness.rows(len(recording))
         for axis, name in zip(axes, names, strict=False):
             _channel(axis, recording, name, valid)
@@ -73,11 +58,8 @@ def _draw(recording: Recording, report: Integrity, soundness: Soundness, title: 
         if not valid.all():
             handles.append(Patch(color=QUIET, alpha=0.25, label="left out"))
         if handles:
-            figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
-        for path in paths:
-            with replacing(path) as temporary:
-                metadata = {"Date": None} if path.suffix == ".svg" else None
-                figure.savefig(temporary, format=path.suffix[1:], dpi=140, metadata=metadata)
+            made.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+        return save_figure(made, directory, stem, dpi=140)
 
 
 def _channel(axis: Any, recording: Recording, name: str, valid: BoolArray) -> None:

@@ -12,7 +12,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from typing import Any
 
-from hapticeval.reports.quantity import measured
+from hapticeval.quantity import quantity
 from hapticeval.reports.scene_words import ended_words
 from hapticeval.reports.table import ran
 from hapticeval.results import Results, is_warning, stops
@@ -97,3 +97,12 @@ def _count(suite: ET.Element) -> None:
 def _clean(text: str) -> str:
     """Without the characters that XML 1.0 has no way to write: a renderer's message may hold any."""
     return NOT_XML.sub("\ufffd", text)
+
+
+def measured(verdict: Mapping[str, Any]) -> str:
+    """Return metric and bound of a verdict document, for instance `IHIP jump 4.1 mm, bound 0.1 mm`; "" without one."""
+    metric = verdict["metric"]
+    if metric is None:
+        return ""
+    text = f"{metric['name']} {quantity(metric['value'], metric['unit'])}"
+    return text if verdict["bound"] is None else f"{text}, bound {quantity(verdict['bound'], metric['unit'])}"

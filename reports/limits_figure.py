@@ -2,64 +2,40 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hapticeval.errors import HapticevalError
-from hapticeval.files import file_stem, replacing
+from hapticeval.files import file_stem
+from hapticeval.reports.canvas import INK, QUIET, figure, save_figure
 from hapticeval.reports.fields_figure import COLOURS
-from hapticeval.reports.figures import STYLE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SERIES = ("#56b4e9", "#0072b2", "#1c1f23", "#d55e00")
-"""One colour a sampling time, from the shortest."""
+"""One colour per sampling time, from the shortest."""
 
 
 def write_limits(directory: Path, document: Mapping[str, Any]) -> list[Path]:
-    """Draw `hapticeval.limits.study.study`'s document into `directory` as SVG and PNG, with the numbers as JSON; the
+    """Draw the document of `study_limits` into `directory` as SVG and PNG, with the numbers as JSON; the
     paths written. Raises `HapticevalError` where a file cannot be written.
     """
     case = document["scene"].rpartition("/")[2]
-    stem = file_stem(f"limits-{case}-{document['device']}")
-    paths = [directory / f"{stem}.{kind}" for kind in ("svg", "png", "json")]
-    try:
-        with replacing(paths[2]) as temporary:
-            temporary.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-        _draw(document, paths[:2])
-    except OSError as error:
-        raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
-    return paths
-
-
-def _draw(document: Mapping[str, Any], paths: Sequence[Path]) -> None:
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     panels = 3 if document["workspace"] else 2
-    settings: Any = {**STYLE, "axes.edgecolor": COLOURS["quiet"]}
-    with rc_context(settings):
-        figure = Figure(figsize=(4.6 * panels, 4.4), facecolor="white", layout="constrained")
-        FigureCanvasAgg(figure)
-        axes = figure.subplots(1, panels)
+    with figure(4.6 * panels, 4.4, settings={"axes.edgecolor": QUIET}, layout="constrained") as made:
+        axes = made.subplots(1, panels)
         _width(axes[0], document)
         _delay(axes[1], document)
         if document["workspace"]:
             _workspace(axes[2], document)
-        figure.suptitle(
+        made.suptitle(
             f"Stable stiffness: {document['scene']}, {document['renderer']} on {document['device']}",
-            fontsize=11, color=COLOURS["ink"],
+            fontsize=11, color=INK,
         )  # fmt: skip
-        for path in paths:
-            with replacing(path) as temporary:
-                metadata = {"Date": None} if path.suffix == ".svg" else None
-                figure.savefig(temporary, format=path.suffix[1:], dpi=160, metadata=metadata)
+        return save_figure(made, directory, file_stem(f"limits-{case}-{document['device']}"), document=document)
 
 
 def _width(axes: Axes, document: Mapping[str, Any]) -> None:
@@ -69,7 +45,7 @@ def _width(axes: Axes, document: Mapping[str, Any]) -> None:
         axes.plot(curve["damping"], _kilo(curve["eigenvalues"]), color=colour, label=label)
         axes.plot(curve["damping"], _kilo(curve["passive"]), color=colour, linestyle="--", linewidth=1.0)
     if document["passive"] is not None:
-        axes.plot([], [], color=COLOURS["quiet"], linestyle="--", linewidth=1.0, label="passive (2.40)")
+        axes.plot([], [], color=QUIET, linestyle="--", linewidth=1.0, label="passive (2.40)")
     axes.plot(
         [document["damping"]],
         [1e-3 * document["stiffness"]],

@@ -9,6 +9,7 @@ import numpy as np
 
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording
+from hapticeval.reports.canvas import MM
 from hapticeval.reports.marks import labels
 from hapticeval.reports.shadow import axis_labels, shadow, shadow_of, shown_axes
 from hapticeval.reports.svg import drawn
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from shapely import Geometry
 
-MM = 1e3
 SAMPLES = 60
 OVERVIEW_BELOW = 0.35
 """Share of the model in view below which a small picture of the whole is added."""

@@ -1,15 +1,12 @@
-"""The integrators' work-precision plot: error between samples against time, a panel a device."""
+"""The integrators' work-precision plot: error between samples against time, one panel per device."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hapticeval.errors import HapticevalError
-from hapticeval.files import replacing
-from hapticeval.reports.figures import STYLE
+from hapticeval.reports.canvas import figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,40 +28,19 @@ MS = 1e3
 def write_precision(directory: Path, document: Mapping[str, Any]) -> list[Path]:
     """Draw a study of the integrators into `directory` as SVG and PNG, with its numbers as JSON; the paths written.
 
-    `document` is that of `hapticeval.devices.precision.study`. Raises `HapticevalError` where a file cannot be written.
+    `document` is that of `study_integrators`. Raises `HapticevalError` where a file cannot be written.
     """
-    paths = [directory / f"{STEM}.{kind}" for kind in ("svg", "png", "json")]
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        with replacing(paths[2]) as temporary:
-            temporary.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-        _draw(document, paths[:2])
-    except OSError as error:
-        raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
-    return paths
-
-
-def _draw(document: Mapping[str, Any], paths: Sequence[Path]) -> None:
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     devices = document["devices"]
-    settings: Any = dict(STYLE)
-    with rc_context(settings):
-        figure = Figure(figsize=(0.6 + 4.2 * len(devices), 4.6), facecolor="white")
-        FigureCanvasAgg(figure)
-        panels = figure.subplots(1, len(devices), squeeze=False, sharey=True)[0]
-        figure.subplots_adjust(left=0.7 / (0.6 + 4.2 * len(devices)), right=0.985, top=0.92, bottom=0.235, wspace=0.05)
+    width = 0.6 + 4.2 * len(devices)
+    with figure(width, 4.6) as made:
+        panels = made.subplots(1, len(devices), squeeze=False, sharey=True)[0]
+        made.subplots_adjust(left=0.7 / width, right=0.985, top=0.92, bottom=0.235, wspace=0.05)
         for axes, device in zip(panels, devices, strict=True):
             _draw_panel(axes, device, document)
         panels[0].set_ylabel("relative error after a tick, largest")
         handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="lower center", ncols=4, frameon=False, handlelength=1.6)
-        for path in paths:
-            metadata = {"Date": None} if path.suffix == ".svg" else None
-            with replacing(path) as temporary:
-                figure.savefig(temporary, format=path.suffix[1:], dpi=160, metadata=metadata)
+        made.legend(handles, labels, loc="lower center", ncols=4, frameon=False, handlelength=1.6)
+        return save_figure(made, directory, STEM, document=document)
 
 
 def _draw_panel(axes: Axes, device: Mapping[str, Any], document: Mapping[str, Any]) -> None:

@@ -2,30 +2,19 @@
 
 from __future__ import annotations
 
-import io
-from typing import Any
-
 from hapticeval.geometry.model import Model
-from hapticeval.reports.figures import COLOURS, STYLE
-from hapticeval.reports.plane import MM, draw_body, show
-from hapticeval.reports.svg import drawn, inlined
+from hapticeval.reports.canvas import MM, figure, page_svg
+from hapticeval.reports.plane import draw_body, show
+from hapticeval.reports.svg import drawn
 
 
 def refusal_svg(model: Model, position: tuple[float, ...] | None, *, prefix: str = "f", title: str = "") -> str:
     """The model's outline as an SVG element, with a cross at `position` (m) where there is one."""
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
     xmin, ymin, xmax, ymax = (MM * bound for bound in model.curve.bounds)
     edge = 0.06 * max(xmax - xmin, ymax - ymin)
     view = (xmin - edge, ymin - edge, xmax + edge, ymax + edge)
-    settings: Any = {**STYLE, **{key: drawn(role) for key, role in COLOURS.items()}}
-    with rc_context(settings):
-        figure = Figure(figsize=(8.0, 2.8))
-        FigureCanvasSVG(figure)
-        figure.patch.set_visible(False)
-        axes = figure.add_axes((0.08, 0.18, 0.55, 0.77))
+    with figure(8.0, 2.8, page=True) as made:
+        axes = made.add_axes((0.08, 0.18, 0.55, 0.77))
         axes.set_aspect("equal")
         draw_body(axes, model, view)
         if position is not None:
@@ -33,6 +22,4 @@ def refusal_svg(model: Model, position: tuple[float, ...] | None, *, prefix: str
         axes.set_xlabel("y₁ (mm)")
         axes.set_ylabel("y₂ (mm)")
         show(axes, view)
-        buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-    return inlined(buffer.getvalue(), prefix=prefix, title=title)
+        return page_svg(made, prefix=prefix, title=title)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hapticeval.reports.quantity import quantity
+from hapticeval.quantity import quantity
 
 COLUMNS = (
     "renderer",

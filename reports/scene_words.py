@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from hapticeval.reports.quantity import quantity
+from hapticeval.quantity import quantity
 
 GAINS = {"stiffness": "N/m", "damping": "N s/m", "mass": "kg", "restitution": "", "viscosity": "kg/s"}
 LOOPS = {

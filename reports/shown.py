@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from hapticeval.quantity import quantity
 from hapticeval.reports.marks import Mark, marks_of
-from hapticeval.reports.quantity import quantity
 from hapticeval.reports.replay_section import Section as ReplaySection
 from hapticeval.reports.replay_section import replay_section
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words

@@ -8,8 +8,6 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from hapticeval.costs import FILE as BENCH
-from hapticeval.costs import Costs, read_costs
 from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
 from hapticeval.geometry.model import Model
@@ -23,6 +21,8 @@ from hapticeval.reports.refusal import refusal_svg
 from hapticeval.reports.shown import Drawing, RunKey
 from hapticeval.reports.table import markdown
 from hapticeval.results import Results, read_results
+from hapticeval.study.bench.document import FILE as BENCH
+from hapticeval.study.bench.document import BenchResults, read_bench
 from hapticeval.workers import Answer, Ended, Workers
 
 PATIENCE = 0.1
@@ -74,7 +74,7 @@ def write_reports(
     texts = {
         "table.md": markdown(results),
         "junit.xml": junit(results),
-        "report.html": render_html(results, drawings, costs=_bench(directory)),
+        "report.html": render_html(results, drawings, bench=_bench(directory)),
     }
     written = []
     for name, text in texts.items():
@@ -87,9 +87,9 @@ def write_reports(
     return written
 
 
-def _bench(directory: Path) -> Costs | None:
+def _bench(directory: Path) -> BenchResults | None:
     """The bench beside the results, where there is one."""
-    return read_costs(directory) if (directory / BENCH).exists() else None
+    return read_bench(directory) if (directory / BENCH).exists() else None
 
 
 def _drawn(

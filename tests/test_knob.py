@@ -4,7 +4,7 @@ import pytest
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import cassinian
-from hapticeval.knob import Knob, knobs_of, turned
+from hapticeval.knob import Knob, configured, knobs_of
 from hapticeval.renderers import constraint, minimum_distance
 from hapticeval.scene import Scene
 
@@ -26,16 +26,16 @@ class Foreign:
 
 def test_a_third_party_declares_knobs_without_inheriting():
     assert list(knobs_of(Foreign())) == ["cells"]
-    assert turned(Foreign(), {"cells": 2.0}, name="mine").cells == 2.0
+    assert configured(Foreign(), {"cells": 2.0}, name="mine").cells == 2.0
     assert knobs_of(lambda scene: scene) == {}
 
 
 def test_a_knob_that_is_not_there_is_refused_with_the_closest():
     with pytest.raises(UnknownNameError, match="unknown knob of mine 'cell'") as caught:
-        turned(Foreign(), {"cell": 1.0}, name="mine")
+        configured(Foreign(), {"cell": 1.0}, name="mine")
     assert "cells" in caught.value.todo
     with pytest.raises(UnknownNameError, match="unknown knob of mine 'cell'") as caught:
-        turned(lambda scene: scene, {"cell": 1.0}, name="mine")
+        configured(lambda scene: scene, {"cell": 1.0}, name="mine")
     assert "none" in caught.value.todo
 
 

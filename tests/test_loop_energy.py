@@ -18,8 +18,7 @@ from hapticeval.closed_loop import drive
 from hapticeval.compiled import compiled
 from hapticeval.devices.imperfections import ENCODER_STEP, ForceSensor, Imperfections
 from hapticeval.devices.inner_loop import InnerLoop
-from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
-from hapticeval.devices.parallelogram_parameters import Dynamics
+from hapticeval.devices.parallelogram import Dynamics, Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.discovery import load, own_renderers, resolve
 from hapticeval.geometry.catalogue import ellipse, ellipsoid, line, sphere, torus

@@ -1,11 +1,18 @@
-"""Arguments that several commands take."""
+"""Arguments that several commands take, and what their text means."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from hapticeval.errors import InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from hapticeval.geometry.model import Model
+    from hapticeval.types import Array
 
 ModelName = Annotated[
     str,
@@ -39,3 +46,86 @@ FormatName = Annotated[
         show_default=False,
     ),
 ]
+
+
+def model_named(text: str) -> Model:
+    """Make a model from `kind`, `kind:name=value,...`, or the name of a WKT or GeoJSON file.
+
+    Raises `UnknownNameError` for an unknown kind that is no file either, `InputError` for values that are no numbers,
+    and as the catalogue does.
+    """
+    from hapticeval.geometry.catalogue import MODELS, from_geojson, from_wkt, make_model
+
+    file = Path(text)
+    if file.suffix in (".wkt", ".geojson", ".json") or file.is_file():
+        try:
+            content = file.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"cannot read the model file {file}", why=str(error)) from error
+        return (from_wkt if file.suffix == ".wkt" else from_geojson)(content, name=file.stem)
+    kind, _, rest = text.partition(":")
+    drawable = {name for name in MODELS if name not in ("polygon", "wkt", "geojson")}
+    if kind not in drawable:
+        raise UnknownNameError("model", kind, drawable)
+    parameters: dict[str, float] = {}
+    for part in rest.split(",") if rest else []:
+        name, equals, value = part.partition("=")
+        try:
+            parameters[name.strip()] = float(value)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise InputError(
+                f"model '{text}': '{part}' is not name=number", todo="write for instance star:points=6,tip_angle=40"
+            )
+    return make_model(kind, **parameters)
+
+
+def model_title(text: str) -> str:
+    """Return what a model is called in titles: a file by its stem, another as it was written."""
+    return Path(text).stem if Path(text).is_file() else text
+
+
+def parse_point(text: str, dimension: int, *, option: str) -> Array:
+    """Return the point (`dimension`,), m, of `0.05,-0.02`. Raises `InputError`, naming the option, otherwise."""
+    import numpy as np
+
+    try:
+        point = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        point = np.empty(0)
+    if point.shape != (dimension,) or not np.isfinite(point).all():
+        example = ",".join(("0.05", "-0.02", "0.01")[:dimension])
+        raise InputError(
+            f"{option} {text}", why=f"it is not {dimension} finite numbers", todo=f"write metres: {option} {example}"
+        )
+    return point
+
+
+def parse_knobs(options: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    """Return the values by knob of `vertices=40,80,160` or `cell=1mm,0.5mm`. Raises `InputError` for anything else."""
+    chosen: dict[str, tuple[float, ...]] = {}
+    for option in options:
+        knob, equals, text = option.partition("=")
+        try:
+            values = tuple(_number(each) for each in text.split(","))
+        except (ValueError, InputError):
+            values = ()
+        if not knob or not equals or not values or not all(0.0 < value < float("inf") for value in values):
+            raise InputError(
+                f"--knob {option}",
+                why="it is a knob's name, '=' and positive numbers with commas between",
+                todo="for instance --knob vertices=40,80,160",
+            )
+        chosen[knob.strip()] = values
+    return chosen
+
+
+def _number(text: str) -> float:
+    """Return a plain number, or the metres of a length with its unit."""
+    from hapticeval.quantity import parse_length
+
+    try:
+        return float(text)
+    except ValueError:
+        return parse_length(text, option="--knob")

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from hapticeval.commands.arguments import parse_knobs
 from hapticeval.output import DEFAULT_DIRECTORY, prepare, say
 
 EXIT_CODES = """\b
@@ -54,7 +55,9 @@ def bench(
     compare: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="The folder of an earlier bench: tell what is better or worse now.", show_default=False
+            metavar="DIR",
+            help="The folder of an earlier bench: show what is better or worse now.",
+            show_default=False,
         ),
     ] = None,
     directory: Annotated[
@@ -73,30 +76,30 @@ def bench(
     """
     from dataclasses import replace
 
-    from hapticeval.bench import compare as comparison
-    from hapticeval.bench import quantity, tell
-    from hapticeval.bench.judge import judged
-    from hapticeval.bench.settings import chosen_values, own_variants, settings_of
-    from hapticeval.bench.sweep import Sweep
-    from hapticeval.costs import read_costs, read_samples, write_costs
+    from hapticeval.quantity import parse_duration, parse_length
+    from hapticeval.study.bench.compare import compare_benches
+    from hapticeval.study.bench.document import read_bench, read_samples, write_bench
+    from hapticeval.study.bench.judge import judged
+    from hapticeval.study.bench.sweep import Sweep, own_variants, settings_of
+    from hapticeval.study.bench.text import describe
     from hapticeval.terminal import Terminal
 
-    wanted = None if within is None else quantity.length(within, option="--within")
-    limit = None if budget is None else quantity.duration(budget, option="--budget")
-    before = None if compare is None else (read_costs(compare), read_samples(compare))
+    wanted = None if within is None else parse_length(within, option="--within")
+    limit = None if budget is None else parse_duration(budget, option="--budget")
+    before = None if compare is None else (read_bench(compare), read_samples(compare))
     names = renderers or own_variants()
-    settings = settings_of(names, quick=quick, chosen=chosen_values(knobs or []))
+    settings = settings_of(names, quick=quick, chosen=parse_knobs(knobs or []))
     prepare(directory)
     command = {"renderers": names, "knobs": knobs or [], "within": within, "budget": budget}
     sweep = Sweep(settings, quick=quick, seed=seed, command=command)
     with Terminal() as terminal:
         sweep.run(terminal.working)
     samples = sweep.samples()
-    costs = judged(sweep.costs(), within=wanted, budget=limit)
+    results = judged(sweep.results(), within=wanted, budget=limit)
     if before is not None:
-        costs = replace(costs, comparison=comparison.compare(costs, samples, *before))
-    written = write_costs(directory, costs, samples)
-    say("\n".join([tell.summary(costs), "", *(f"wrote {path}" for path in written)]))
-    missed = within is not None and any(each["what"] == "step" and each["key"] is None for each in costs.answers)
-    worse = any(each["verdict"] == "worse" for each in costs.comparison)
-    raise typer.Exit(max([int(missed or worse or not costs.complete), *(each.exit_code for each in sweep.failures)]))
+        results = replace(results, comparison=compare_benches(results, samples, *before))
+    written = write_bench(directory, results, samples)
+    say("\n".join([describe(results), "", *(f"wrote {path}" for path in written)]))
+    missed = within is not None and any(each["what"] == "step" and each["key"] is None for each in results.answers)
+    worse = any(each["verdict"] == "worse" for each in results.comparison)
+    raise typer.Exit(max([int(missed or worse or not results.complete), *(each.exit_code for each in sweep.failures)]))

@@ -124,8 +124,8 @@ def _curve(model: str | None, runs: Sequence[Run]) -> Curve | None:
     """The model's outline: the given one, else the one that all recordings name."""
     import json
 
+    from hapticeval.commands.arguments import model_named
     from hapticeval.geometry.catalogue import make_model
-    from hapticeval.picturing import model_named
     from hapticeval.replay.subject import model_of
 
     if model is not None:

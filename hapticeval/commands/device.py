@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hapticeval.errors import InputError
+from hapticeval.commands.arguments import parse_point
 from hapticeval.output import say
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ SPREAD = {
     "acceleration": ("acceleration in every direction", "m/s²", 1.0),
     "manipulability": ("manipulability", "", 1.0),
 }
-"""How the criteria over the workspace are shown: name, unit, and units a SI unit."""
+"""How the criteria over the workspace are shown: name, unit, and how many of it make the SI unit."""
 
 
 def device(
@@ -55,7 +55,7 @@ def device(
     ] = None,
     directory: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where the picture goes.")] = Path(),
 ) -> None:
-    """Tell what the hand feels of a device, and draw where it reaches.
+    """Show what the hand feels of a device, and draw where it reaches.
 
     \b
     Examples:
@@ -63,51 +63,36 @@ def device(
       hapticeval device parallelogram-3dof --at 0.1,0.05,-0.05 -o pictures
       hapticeval device parallelogram-3dof:base_inertia=cos,b1=0.4
     """
+    import numpy as np
+
     from hapticeval.devices.catalogue import device_named
     from hapticeval.devices.criteria import MOTOR_TORQUE, criteria, over_workspace
-    from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
+    from hapticeval.devices.parallelogram import Parallelogram
     from hapticeval.devices.point_mass import PointMass
     from hapticeval.listing import columns
     from hapticeval.reports.device_figure import write_device
 
     robot = device_named(name)
     limit = MOTOR_TORQUE if torque is None and not isinstance(robot, PointMass) else torque
-    joints = robot.joints(_place(at, robot.dimension))
+    place = np.zeros(robot.dimension) if at is None else parse_point(at, robot.dimension, option="--at")
+    joints = robot.joints(place)
     found = criteria(robot, joints, torque_limit=limit)
     say(columns(_rows(robot, found, limit)))
-    if isinstance(robot, Parallelogram2 | Parallelogram3):
+    if isinstance(robot, Parallelogram):
         say(f"\n{_table(over_workspace(robot, torque_limit=limit))}\n")
         for path in write_device(directory, robot, joints, stem=f"device-{robot.name}"):
             say(f"wrote {path}")
 
 
-def _place(at: str | None, dimension: int) -> Array:
-    import numpy as np
-
-    if at is None:
-        return np.zeros(dimension)
-    try:
-        place = np.array([float(each) for each in at.split(",")])
-    except ValueError:
-        place = np.zeros(0)
-    if place.shape != (dimension,):
-        raise InputError(f"--at {at}", why=f"it is not {dimension} numbers", todo="write for instance --at 0.05,-0.02")
-    return place
-
-
 def _rows(robot: Device, at: Criteria, limit: float | None) -> Iterator[tuple[str, str]]:
-    """Name and text of each criterion at the pose."""
-    from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
-    from hapticeval.devices.workspace import nearest_limit, nearest_singularity, size
+    """Yield name and text of each criterion at the pose."""
+    from hapticeval.devices.criteria import SAMPLING_TIME
+    from hapticeval.devices.parallelogram import Parallelogram
+    from hapticeval.devices.workspace import nearest_limit, nearest_singularity
 
     yield "device", f"{robot.name}, {robot.dimension} degrees of freedom"
-    if isinstance(robot, Parallelogram3):
-        how = (
-            "they conserve energy without friction" if robot.dynamics == "lagrangian" else "(2.26): they create energy"
-        )
-        yield "dynamics", f"{robot.dynamics}, {how}; base inertia d₀ with {robot.base_inertia}² x₃"
-    elif isinstance(robot, Parallelogram2):
-        yield "dynamics", "of constant inertia: printed (2.35) and lagrangian are the same"
+    if isinstance(robot, Parallelogram):
+        yield "dynamics", robot.described_dynamics
     yield "hand", f"{_vector(1e3 * at.position)} mm"
     nearest = nearest_limit(robot, at.joints)
     if nearest is None:
@@ -116,20 +101,21 @@ def _rows(robot: Device, at: Criteria, limit: float | None) -> Iterator[tuple[st
         yield "joints", f"{_vector(at.joints)} rad"
         yield "nearest limit", nearest.text
         yield "singularities", f"none within {nearest_singularity(robot, at.joints):.4g} rad of the joints"
-        yield "workspace", f"{size(robot):.4g} {'m²' if robot.dimension == 2 else 'm³'}"
+    if isinstance(robot, Parallelogram):
+        yield "workspace", f"{robot.size():.4g} {'m²' if robot.dimension == 2 else 'm³'}"
     yield from _along("inertia", at.masses, "kg", at.directions)
     yield "anisotropy", f"{at.anisotropy:.4g}, the heaviest direction over the lightest"
     yield from _along("damping", at.resistances, "N s/m", at.resistance_directions)
     if at.resistances[-1] > 0.0:
         yield from _along("stiffest (2.40)", at.stiffest, "N/m", at.resistance_directions)
-    if at.resolution is not None and nearest is not None:
+    if nearest is not None:
         yield "resolution", f"{_vector(1e6 * at.resolution)} µm a coordinate"
     if at.force is not None and at.acceleration is not None and limit is not None:
         motors = f"motors of {limit:g} {'N' if nearest is None else 'N m'}"
         yield "peak force", f"{_peak(at.force, 'N')}, with {motors}"
         yield "peak acceleration", f"{_peak(at.acceleration, 'm/s²')}, from rest"
     yield "manipulability", f"{at.manipulability:.4g}, |det J|"
-    yield "sampling rate", f"{1.0 / at.sampling_time:g} Hz"
+    yield "sampling rate", f"{1.0 / SAMPLING_TIME:g} Hz"
 
 
 def _along(name: str, values: Array, unit: str, directions: Array) -> Iterator[tuple[str, str]]:
@@ -143,7 +129,7 @@ def _peak(peak: Peak, unit: str) -> str:
 
 
 def _pointed(direction: Array) -> Array:
-    """A direction of which the opposite is as good, with its largest part positive."""
+    """Return a direction or its opposite, whichever has its largest part positive."""
     return -direction if direction[abs(direction).argmax()] < 0.0 else direction
 
 
@@ -152,7 +138,7 @@ def _vector(values: Array) -> str:
 
 
 def _table(spread: dict[str, Spread]) -> str:
-    """Least, median and greatest of each criterion, in columns."""
+    """Format the least, median and greatest of each criterion in columns."""
     from hapticeval.devices.criteria import CLEARANCE
 
     lines = [f"{f'over the workspace, {CLEARANCE:g} rad clear of its edge':46}{'least':>9}{'median':>9}{'greatest':>9}"]

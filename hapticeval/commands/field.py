@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from hapticeval.commands.arguments import ModelName
+from hapticeval.commands.arguments import ModelName, model_named, model_title, parse_knobs, parse_point
+from hapticeval.errors import InputError
 from hapticeval.output import say
 
 
@@ -48,11 +49,20 @@ def field(
       hapticeval field minimum-distance@polygon cassinian --knob vertices=80 -o pictures
       hapticeval field mapping outline.wkt --within 2mm
     """
-    from hapticeval.bench.quantity import length
-    from hapticeval.picturing import pictured
+    from hapticeval.quantity import parse_length
     from hapticeval.reports.fields_figure import caption, write_field
+    from hapticeval.study.projection_field.study import study_field
 
-    distance = length(within, option="--within")
-    found, document = pictured(renderer, model, within=distance, origin=origin, arc=arc, knobs=knobs or [], cells=cells)
+    distance = parse_length(within, option="--within")
+    settings = {knob: values[0] for knob, values in parse_knobs(knobs or []).items()}
+    shape = model_named(model)
+    if origin is not None and arc is not None:
+        raise InputError("both --from and --s are given", why="both say where the tool was", todo="give one of them")
+    start = None if origin is None else parse_point(origin, 2, option="--from")
+    if arc is not None:
+        start = shape.curve.position(shape.curve.parameter(arc))
+    found, document = study_field(
+        renderer, shape, within=distance, name=model_title(model), origin=start, knobs=settings, cells=cells
+    )
     written = write_field(directory, found, document)
     say("\n".join([document["title"], caption(document), "", *(f"wrote {path}" for path in written)]))

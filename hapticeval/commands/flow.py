@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hapticeval.commands.arguments import ModelName
+from hapticeval.commands.arguments import ModelName, model_named, model_title
 from hapticeval.errors import RefusalError
 from hapticeval.output import say
 
@@ -32,11 +32,10 @@ def flow(
     """
     from hapticeval.geometry.flow import FlowSettings
     from hapticeval.geometry.flow import flow as shrink
-    from hapticeval.picturing import model_named
     from hapticeval.reports.flow_figure import write_flow
 
     shape = model_named(model)
-    title = f"{velocity} flow of {Path(model).stem if Path(model).is_file() else model}"
+    title = f"{velocity} flow of {model_title(model)}"
     try:
         made = shrink(shape, FlowSettings(velocity=velocity, cells=cells))
     except RefusalError as refusal:

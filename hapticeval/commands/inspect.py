@@ -143,8 +143,7 @@ def _stem(file: Path) -> str:
 
 def _device(recording: Recording) -> Any:
     """The robot that a recording names, or why there is none."""
-    from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
-    from hapticeval.devices.parallelogram_parameters import ParallelogramParameters
+    from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3, ParallelogramParameters
 
     kinds = {"parallelogram-2dof": Parallelogram2, "parallelogram-3dof": Parallelogram3}
     kind = kinds.get(str(recording.meta.get("device")))
@@ -156,8 +155,8 @@ def _device(recording: Recording) -> Any:
 
 
 def _model(recording: Recording, name: str | None) -> Any:
+    from hapticeval.commands.arguments import model_named
     from hapticeval.geometry.catalogue import make_model
-    from hapticeval.picturing import model_named
     from hapticeval.recordings.wall import LINE
 
     if name is not None:

@@ -25,10 +25,10 @@ def integrators(
       hapticeval integrators -o pictures
     """
     from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
-    from hapticeval.devices.precision import study
     from hapticeval.reports.precision_figure import write_precision
+    from hapticeval.study.integrators import study_integrators
 
-    document = study([Parallelogram2(), Parallelogram3()])
+    document = study_integrators([Parallelogram2(), Parallelogram3()])
     chosen = document["default"]
     for device in document["devices"]:
         methods = {method["name"]: method for method in device["methods"]}

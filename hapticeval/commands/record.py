@@ -87,7 +87,6 @@ def record(
       hapticeval record --device udp://192.168.0.10:5005 --wiring rig.toml -r constraint -o run.h5
       hapticeval record --device mycard:MyCard --wiring rig.toml --seconds 60 --who Ann -o run.h5
     """
-    from hapticeval.commands.stability import too_stiff
     from hapticeval.discovery import resolve
     from hapticeval.hardware.kinematics import CUTOFF
     from hapticeval.hardware.live import channels, run, signals, warm
@@ -95,6 +94,7 @@ def record(
     from hapticeval.playback import declared
     from hapticeval.recordings.recorder import Recorder
     from hapticeval.renderer import Renderer
+    from hapticeval.study.limits.warning import too_stiff
     from hapticeval.terminal import Terminal
 
     journal = output.with_suffix(".journal")
@@ -256,8 +256,8 @@ def _toml(value: str) -> str:
 
 def _scene(wiring: Wiring, file: Path | None, model: str, *, stiffness: float, damping: float, rate: float) -> Scene:
     """The scene, on a model that the robot can reach."""
+    from hapticeval.commands.arguments import model_named
     from hapticeval.devices.workspace import require
-    from hapticeval.picturing import model_named
     from hapticeval.scene import Scene
 
     touched = model_named(model)

@@ -109,7 +109,7 @@ def replay(
 
 
 def _model(name: str | None) -> Mapping[str, Any] | None:
-    from hapticeval.picturing import model_named
+    from hapticeval.commands.arguments import model_named
 
     if name is None:
         return None

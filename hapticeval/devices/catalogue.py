@@ -9,8 +9,13 @@ from types import MappingProxyType
 from typing import Any
 
 from hapticeval.devices.device import Device
-from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
-from hapticeval.devices.parallelogram_parameters import BaseInertia, Dynamics, ParallelogramParameters
+from hapticeval.devices.parallelogram import (
+    BaseInertia,
+    Dynamics,
+    Parallelogram2,
+    Parallelogram3,
+    ParallelogramParameters,
+)
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.validate import checked_number
@@ -19,7 +24,7 @@ TABLE_A1 = tuple(each.name for each in fields(ParallelogramParameters))
 
 
 def point_mass(mass: float, dimension: int = 2) -> PointMass:
-    """A mass (kg) in 2 or 3 dimensions. Raises `InputError` for a mass that is not finite and positive."""
+    """Make a mass (kg) in 2 or 3 dimensions. Raises `InputError` for a mass that is not finite and positive."""
     mass, n = checked_number("mass", mass), checked_number("dimension", dimension)
     if mass <= 0.0:
         raise InputError(f"mass = {mass!r} kg", why="it must be positive")
@@ -31,14 +36,14 @@ def point_mass(mass: float, dimension: int = 2) -> PointMass:
 def parallelogram_2dof(
     *, dynamics: str = Dynamics.LAGRANGIAN, base_inertia: str = BaseInertia.SIN, **constants: float
 ) -> Parallelogram2:
-    """The robot with its base locked; `constants` are those of Table A.1, see `ParallelogramParameters`."""
+    """Make the robot with its base locked; `constants` are those of Table A.1, see `ParallelogramParameters`."""
     return Parallelogram2(ParallelogramParameters(**constants), Dynamics(dynamics), BaseInertia(base_inertia))
 
 
 def parallelogram_3dof(
     *, dynamics: str = Dynamics.LAGRANGIAN, base_inertia: str = BaseInertia.SIN, **constants: float
 ) -> Parallelogram3:
-    """The robot with its base turning; `constants` are those of Table A.1, see `ParallelogramParameters`."""
+    """Make the robot with its base turning; `constants` are those of Table A.1, see `ParallelogramParameters`."""
     return Parallelogram3(ParallelogramParameters(**constants), Dynamics(dynamics), BaseInertia(base_inertia))
 
 
@@ -52,7 +57,7 @@ DEVICES: Mapping[str, Callable[..., Device]] = MappingProxyType(
 
 
 def make_device(kind: str, **parameters: Any) -> Device:
-    """A device by the name and parameters that a suite file gives.
+    """Make a device by the name and parameters that a suite file gives.
 
     `point-mass` has `mass` (kg) and `dimension`; `parallelogram-2dof` and `parallelogram-3dof` have the parameters of
     Table A.1, `dynamics` and `base_inertia`. Raises `UnknownNameError` for an unknown kind and `InputError` for
@@ -67,18 +72,14 @@ def make_device(kind: str, **parameters: Any) -> Device:
     for name, choices in (("dynamics", Dynamics), ("base_inertia", BaseInertia)):
         if name in parameters and parameters[name] not in list(choices):
             raise UnknownNameError(f"{name} of device '{kind}'", str(parameters[name]), choices)
-    for name in required_of(kind):
-        if name not in parameters:
-            raise InputError(
-                f"device '{kind}' lacks the parameter '{name}'", todo=f"give {name}, for instance {name} = 0.1"
-            )
+    _refuse_lacking(kind, parameters, lambda name: f"give {name}, for instance {name} = 0.1")
     return DEVICES[kind](**parameters)
 
 
 def device_named(text: str) -> Device:
-    """A device by `kind` or `kind:name=value,...`, as command lines give it; a value is a number or a word.
+    """Make a device by `kind` or `kind:name=value,...`, as command lines give it; a value is a number or a word.
 
-    Raises `InputError` for what is not so written, and as `make_device` does.
+    Raises `InputError` for what is not written so, and as `make_device` does.
     """
     kind, _, rest = text.partition(":")
     parameters: dict[str, float | str] = {}
@@ -92,26 +93,22 @@ def device_named(text: str) -> Device:
             parameters[name] = float(value)
         except ValueError:
             parameters[name] = value
-    for needed in required_of(kind) if kind in DEVICES else ():
-        if needed not in parameters:
-            raise InputError(
-                f"device '{kind}' lacks the parameter '{needed}'",
-                todo=f"write for instance {text.rstrip(':')}{',' if rest else ':'}{needed}=0.1",
-            )
+    if kind in DEVICES:
+        start = f"{text.rstrip(':')}{',' if rest else ':'}"
+        _refuse_lacking(kind, parameters, lambda name: f"write for instance {start}{name}=0.1")
     return make_device(kind, **parameters)
 
 
-def required_of(kind: str) -> tuple[str, ...]:
-    """The names of those parameters that a device of the catalogue cannot do without."""
-    return tuple(
-        name
-        for name, parameter in inspect.signature(DEVICES[kind]).parameters.items()
-        if parameter.default is inspect.Parameter.empty and parameter.kind is not inspect.Parameter.VAR_KEYWORD
-    )
+def _refuse_lacking(kind: str, given: Mapping[str, Any], todo: Callable[[str], str]) -> None:
+    """Raise `InputError` for the first parameter that a device of the catalogue lacks and cannot do without."""
+    for name, parameter in inspect.signature(DEVICES[kind]).parameters.items():
+        required = parameter.default is inspect.Parameter.empty and parameter.kind is not inspect.Parameter.VAR_KEYWORD
+        if required and name not in given:
+            raise InputError(f"device '{kind}' lacks the parameter '{name}'", todo=todo(name))
 
 
 def parameters_of(kind: str) -> tuple[str, ...]:
-    """The names that a device of the catalogue may be given."""
+    """Return the names of the parameters that a device of the catalogue may be given."""
     named: list[str] = []
     for name, parameter in inspect.signature(DEVICES[kind]).parameters.items():
         named += TABLE_A1 if parameter.kind is inspect.Parameter.VAR_KEYWORD else [name]

@@ -1,4 +1,4 @@
-"""What the hand feels of a device: the criteria of thesis Table 3.1 that its model can tell."""
+"""What the hand feels of a device: the criteria of thesis Table 3.1 that follow from its model."""
 
 from __future__ import annotations
 
@@ -10,11 +10,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.devices.device import Device
+from hapticeval.devices.device import Device, checked_joints
 from hapticeval.devices.imperfections import ENCODER_STEP
-from hapticeval.devices.workspace import checked_joints, lattice
+from hapticeval.devices.workspace import lattice
 from hapticeval.errors import InputError
 from hapticeval.types import Array
+
+SAMPLING_TIME = 1e-3
+"""Seconds of a tick."""
 
 CLEARANCE = 0.1
 """rad: how far from limits and singularities the poses are that stand for the workspace."""
@@ -50,9 +53,9 @@ class Criteria:
     """A device at one pose, at rest.
 
     `inertia` M̂ (kg) with its eigenvalues `masses` in ascending order and their `directions` (columns); `damping` B̂
-    (N s/m) with `resistances` and `resistance_directions` alike; `resolution` (m) the steps of the measured position a
-    coordinate; `manipulability` |det J|; `stiffest` (N/m) the K_max of (2.40) along each resistance direction, at
-    `sampling_time` (s); `force` and `acceleration` are None where no torque limit was given.
+    (N s/m) with `resistances` and `resistance_directions` alike; `resolution` (N,), m, what a count of every encoder
+    moves each coordinate by; `manipulability` |det J|; `stiffest` (N/m) the K_max of (2.40) along each resistance
+    direction, at `SAMPLING_TIME`; `force` and `acceleration` are None where no torque limit was given.
     """
 
     joints: Array
@@ -64,10 +67,9 @@ class Criteria:
     damping: Array
     resistances: Array
     resistance_directions: Array
-    resolution: Array | None
+    resolution: Array
     manipulability: float
     stiffest: Array
-    sampling_time: float
     force: Peak | None
     acceleration: Peak | None
 
@@ -77,21 +79,13 @@ class Criteria:
         return float(self.masses[-1] / self.masses[0])
 
 
-def criteria(
-    device: Device,
-    joints: ArrayLike,
-    *,
-    sampling_time: float = 1e-3,
-    encoder_step: float | None = ENCODER_STEP,
-    torque_limit: float | None = None,
-) -> Criteria:
-    """All criteria at a pose of the functional configuration space.
+def criteria(device: Device, joints: ArrayLike, *, torque_limit: float | None = None) -> Criteria:
+    """Compute all criteria at a pose of the functional configuration space.
 
-    `encoder_step` (rad; m for the point mass) is None for none; `torque_limit` (N m; N for the point mass) holds for
-    each motor. Raises `DomainError` for a pose outside, `InputError` for numbers that are no such quantities.
+    `torque_limit` (N m; N for the point mass) holds for each motor. Raises `DomainError` for a pose outside,
+    `InputError` for numbers that are no such quantities.
     """
     pose = checked_joints(device, joints)
-    _positive("sampling_time", sampling_time, "s")
     inertia = cartesian_inertia(device, pose)
     damping = cartesian_damping(device, pose)
     masses, directions = np.linalg.eigh(inertia)
@@ -106,63 +100,41 @@ def criteria(
         damping=damping,
         resistances=resistances,
         resistance_directions=resistance_directions,
-        resolution=None if encoder_step is None else position_resolution(device, pose, encoder_step),
+        resolution=position_resolution(device, pose),
         manipulability=abs(float(np.linalg.det(device.jacobian(pose)))),
-        stiffest=2.0 * resistances / sampling_time,
-        sampling_time=sampling_time,
+        stiffest=2.0 * resistances / SAMPLING_TIME,
         force=None if torque_limit is None else peak_force(device, pose, torque_limit),
         acceleration=None if torque_limit is None else peak_acceleration(device, pose, torque_limit),
     )
 
 
 def cartesian_inertia(device: Device, joints: ArrayLike) -> Array:
-    """M̂ = J⁻ᵀ M J⁻¹ of (2.9), (N, N), kg. Raises `DomainError` outside of the functional configuration space."""
+    """Return M̂ = J⁻ᵀ M J⁻¹ of (2.9), (N, N), kg. Raises `DomainError` outside of the functional configuration space."""
     pose = checked_joints(device, joints)
     inverse = np.linalg.inv(device.jacobian(pose))
     product: Array = inverse.T @ device.inertia(pose) @ inverse
     return 0.5 * (product + product.T)
 
 
-def cartesian_damping(device: Device, joints: ArrayLike, rates: ArrayLike | None = None) -> Array:
-    """B̂ = J⁻ᵀ (C + b) J⁻¹ - M̂ J̇ J⁻¹ of (2.9) with its lost dot restored, (N, N), N s/m.
+def cartesian_damping(device: Device, joints: ArrayLike) -> Array:
+    """Return B̂ = J⁻ᵀ b J⁻¹ of (2.9) at rest, (N, N), N s/m; b q̇ is the part of the bias that is linear in the rates.
 
-    At rest where no rates are given. C(q, q̇) is Christoffel's, and b q̇ the part of the bias that is linear in the
-    rates. Raises `DomainError` outside of the functional configuration space.
+    Raises `DomainError` outside of the functional configuration space.
     """
     pose = checked_joints(device, joints)
-    n = device.dimension
-    speeds = np.zeros(n) if rates is None else np.array(rates, dtype=np.float64)
     inverse = np.linalg.inv(device.jacobian(pose))
-    resisting = np.column_stack([_linear(device, pose, unit) for unit in np.eye(n)])
-    if not speeds.any():
-        return np.array(inverse.T @ resisting @ inverse)
-    at_speed = _quadratic(device, pose, speeds)
-    for j, unit in enumerate(np.eye(n)):
-        # the bilinear form of a quadratic one: what C(q, q̇) does to the j-th rate
-        both = _quadratic(device, pose, speeds + unit)
-        resisting[:, j] += 0.5 * (both - at_speed - _quadratic(device, pose, unit))
-    turning = cartesian_inertia(device, pose) @ device.jacobian_rate(pose, speeds)
-    return np.array((inverse.T @ resisting - turning) @ inverse)
+    units = np.eye(device.dimension)
+    resisting = np.column_stack([0.5 * (device.bias(pose, unit) - device.bias(pose, -unit)) for unit in units])
+    return np.array(inverse.T @ resisting @ inverse)
 
 
-def _linear(device: Device, joints: Array, rates: Array) -> Array:
-    return 0.5 * (device.bias(joints, rates) - device.bias(joints, -rates))
-
-
-def _quadratic(device: Device, joints: Array, rates: Array) -> Array:
-    still = device.bias(joints, np.zeros_like(rates))
-    return 0.5 * (device.bias(joints, rates) + device.bias(joints, -rates)) - still
-
-
-def position_resolution(device: Device, joints: ArrayLike, encoder_step: float = ENCODER_STEP) -> Array:
-    """|J| δq, (N,), m: how far a count of every encoder at once moves each measured coordinate at the most."""
-    pose = checked_joints(device, joints)
-    _positive("encoder_step", encoder_step, "rad")
-    return np.array(np.abs(device.jacobian(pose)).sum(axis=1) * encoder_step)
+def position_resolution(device: Device, joints: ArrayLike) -> Array:
+    """Return |J| δq, (N,), m: how far one count of all encoders at once moves each measured coordinate at most."""
+    return np.array(np.abs(device.jacobian(checked_joints(device, joints))).sum(axis=1) * ENCODER_STEP)
 
 
 def peak_force(device: Device, joints: ArrayLike, torque_limit: float) -> Peak:
-    """The forces F = J⁻ᵀ τ (2.6) that can be held with |τᵢ| ≤ `torque_limit` (N m; N for the point mass).
+    """Return the forces F = J⁻ᵀ τ (2.6) that can be held with |τᵢ| ≤ `torque_limit` (N m; N for the point mass).
 
     Raises `DomainError` outside of the functional configuration space.
     """
@@ -171,7 +143,7 @@ def peak_force(device: Device, joints: ArrayLike, torque_limit: float) -> Peak:
 
 
 def peak_acceleration(device: Device, joints: ArrayLike, torque_limit: float) -> Peak:
-    """The accelerations ÿ = J M⁻¹ τ from rest with |τᵢ| ≤ `torque_limit` (N m; N for the point mass), m/s².
+    """Return the accelerations ÿ = J M⁻¹ τ, m/s², from rest with |τᵢ| ≤ `torque_limit` (N m; N for the point mass).
 
     Raises `DomainError` outside of the functional configuration space.
     """
@@ -180,8 +152,9 @@ def peak_acceleration(device: Device, joints: ArrayLike, torque_limit: float) ->
 
 
 def _peak(torques_of: Array, limit: float) -> Peak:
-    """All a with |`torques_of` a| ≤ limit, row by row: the nearest facet, limit / ‖row‖ away, bounds them all."""
-    _positive("torque_limit", limit, "N m")
+    """Return the polytope of all a with |`torques_of` a| ≤ limit: the nearest facet is limit / ‖row‖ away."""
+    if not math.isfinite(limit) or limit <= 0.0:
+        raise InputError(f"torque_limit = {limit!r} N m", why="it must be finite and positive")
     lengths = np.linalg.norm(torques_of, axis=1)
     weakest = int(np.argmax(lengths))
     torques = np.array(list(itertools.product((-limit, limit), repeat=len(lengths))))
@@ -197,40 +170,27 @@ def _peak(torques_of: Array, limit: float) -> Peak:
     )
 
 
-def over_workspace(
-    device: Device,
-    *,
-    sampling_time: float = 1e-3,
-    encoder_step: float | None = ENCODER_STEP,
-    torque_limit: float | None = None,
-) -> dict[str, Spread]:
-    """How the criteria vary over a lattice of poses at least `CLEARANCE` rad inside the functional configuration space.
+def over_workspace(device: Device, *, torque_limit: float | None = None) -> dict[str, Spread]:
+    """Compute how criteria vary over a lattice of poses at least `CLEARANCE` rad inside the configuration space.
 
-    Keys, as far as they can be told: `lightest` and `heaviest` (kg, eigenvalues of M̂), `anisotropy`, `damping` (N s/m,
-    the least eigenvalue of B̂), `stiffest` (N/m, the least K_max), `resolution` (m, the coarsest coordinate), `force`
-    (N) and `acceleration` (m/s²) in every direction, `manipulability`. Nearer to a singularity M̂ grows without bound.
+    Keys: `lightest` and `heaviest` (kg, eigenvalues of M̂), `anisotropy`, `damping` (N s/m, the least eigenvalue of B̂),
+    `stiffest` (N/m, the least K_max), `resolution` (m, the coarsest coordinate), `manipulability`, and with a torque
+    limit `force` (N) and `acceleration` (m/s²) in every direction. Nearer to a singularity M̂ grows without bound.
     """
-    given = {"sampling_time": sampling_time, "encoder_step": encoder_step, "torque_limit": torque_limit}
     found: dict[str, list[float]] = {}
     for joints in lattice(device, clearance=CLEARANCE):
-        at = criteria(device, joints, **given)  # type: ignore[arg-type]
+        at = criteria(device, joints, torque_limit=torque_limit)
         values = {
             "lightest": at.masses[0],
             "heaviest": at.masses[-1],
             "anisotropy": at.anisotropy,
             "damping": at.resistances[0],
             "stiffest": at.stiffest[0],
+            "resolution": at.resolution.max(),
             "manipulability": at.manipulability,
         }
-        if at.resolution is not None:
-            values["resolution"] = at.resolution.max()
         if at.force is not None and at.acceleration is not None:
             values |= {"force": at.force.worst, "acceleration": at.acceleration.worst}
         for name, value in values.items():
             found.setdefault(name, []).append(float(value))
     return {name: Spread(min(each), float(np.median(each)), max(each)) for name, each in found.items()}
-
-
-def _positive(name: str, value: float, unit: str) -> None:
-    if not math.isfinite(value) or value <= 0.0:
-        raise InputError(f"{name} = {value!r} {unit}", why="it must be finite and positive")

@@ -1,10 +1,15 @@
-"""What a device is: joints that a controller drives, and an end-effector that the hand holds."""
+"""What a device is: joints that a controller drives, an end-effector that the hand holds, and where they may be."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hapticeval.errors import DomainError, InputError
 from hapticeval.types import Array
 
 
@@ -14,6 +19,39 @@ class CompiledDevice(NamedTuple):
     kinematics: Callable[..., Any]
     dynamics: Callable[..., Any]
     margin: Callable[..., Any]
+
+
+class Limit(NamedTuple):
+    """A limit of a device's functional configuration space, as seen from one pose.
+
+    `distance` (rad) to a joint limit or a singularity is positive inside, negative beyond. `what` names it; `text`
+    describes where the pose is with respect to it; `singular` marks a singularity.
+    """
+
+    what: str
+    distance: float
+    text: str
+    singular: bool = False
+
+    @classmethod
+    def between(cls, what: str, value: float, low: float, high: float, *, scale: float = 1.0) -> Limit:
+        """Make the limit of an angle between `low` and `high`; `scale` makes joint-space distance of its excess."""
+        slack, end = min((value - low, low), (high - value, high))
+        side = "within" if slack > 0.0 else "beyond" if slack < 0.0 else "from, that is on,"
+        text = f"{what} = {_angle(value)} is {_angle(abs(slack))} {side} its limit of {_angle(end)}"
+        return cls(what, slack * scale, text)
+
+    @classmethod
+    def singularity(cls, what: str, metres: float, distance: float) -> Limit:
+        """Make the limit of a singular set that the hand is `metres` and the joints `distance` (rad) away from."""
+        side = "short of" if metres > 0.0 else "past" if metres < 0.0 else "from, that is on,"
+        text = f"the hand is {abs(metres):.6g} m {side} {what} (a singularity; {_angle(abs(distance))} of the joints)"
+        return cls(what, distance, text, True)
+
+
+def _angle(value: float) -> str:
+    value = round(value, 12) + 0.0  # rounding errors of an inverse are no angle, and nor is minus zero
+    return f"{value:.6g} rad ({math.degrees(value):.4g} degrees)"
 
 
 @runtime_checkable
@@ -48,18 +86,49 @@ class Device(Protocol):
     def jacobian(self, joints: Array) -> Array:
         """J = dw/dq (2.4): (N, N)."""
 
-    def jacobian_rate(self, joints: Array, rates: Array) -> Array:
-        """J̇: (N, N)."""
-
     def inertia(self, joints: Array) -> Array:
         """M(q): (N, N)."""
 
     def bias(self, joints: Array, rates: Array) -> Array:
         """C(q, q̇) q̇ + b q̇ + g: (N,), so that M q̈ + bias = τ."""
 
-    def margin(self, joints: Array) -> float:
-        """How far inside the functional configuration space (Definition 2.4): positive inside, zero on its edge.
+    def limits(self, joints: Array) -> tuple[Limit, ...]:
+        """What bounds the functional configuration space (Definition 2.4), as seen from `joints`; empty if nothing."""
 
-        The smallest of the distances to the joint limits (rad) and to the nearest singularity, as the device says;
-        infinite for the point mass.
+    def margin(self, joints: Array) -> float:
+        """How far inside the functional configuration space: positive inside, zero on its edge.
+
+        The smallest distance of `limits` (rad); infinite for the point mass.
         """
+
+
+def checked_vector(device: Device, values: ArrayLike, what: str = "joints", *, finite: bool = True) -> Array:
+    """Return `values` as a new (N,) float64 array. Raises `InputError` where they are not N (finite) numbers."""
+    try:
+        vector = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what} = {values!r}", why="they must be numbers") from error
+    n = device.dimension
+    if vector.shape != (n,):
+        raise InputError(f"{what} of the shape {vector.shape}", why=f"{device.name} has {n}: ({n},)")
+    if finite and not np.isfinite(vector).all():
+        raise InputError(f"{what} = ({', '.join(f'{x:g}' for x in vector)})", why="they must be finite")
+    return vector
+
+
+def checked_joints(device: Device, joints: ArrayLike) -> Array:
+    """Return `joints` as (N,) float64 if they lie in the functional configuration space.
+
+    Raises `InputError` where they are not N finite numbers, and `DomainError` outside or on the edge, which is open
+    (Definition 2.4): it names the limit, and by how much it is passed, in rad and degrees.
+    """
+    vector = checked_vector(device, joints)
+    worst = min(device.limits(vector), key=lambda limit: limit.distance, default=None)
+    if worst is not None and worst.distance <= 0.0:
+        raise DomainError(
+            f"{device.name}: joints ({', '.join(f'{x:.6g}' for x in vector)}) rad are outside of the functional "
+            "configuration space",
+            why=worst.text,
+            todo="start elsewhere, or keep the hand further from there",
+        )
+    return vector

@@ -44,7 +44,7 @@ class InnerLoop(StrEnum):
         These are the numbers of a closed loop, from the same kernel.
         """
         from hapticeval.compiled import DYNAMICS, KINEMATICS, first_class
-        from hapticeval.devices import inner_loop_kernels as kernels
+        from hapticeval.devices import dynamics_kernels as kernels
 
         size = device.dimension
         parameters = device.parameters

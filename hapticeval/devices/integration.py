@@ -169,7 +169,7 @@ def default_method() -> Method:
 
 
 def control(method: Method, *, tolerance: float = TOLERANCE, substeps: int = 1) -> Array:
-    """What the kernels are told beside the table, (3,): tolerance or 0, exponent of the step size, equal steps."""
+    """Return the kernels' settings (3,) beside the table: tolerance or 0, exponent of the step size, equal steps."""
     if method.adaptive:
         return np.array([tolerance, -1.0 / (method.error_order + 1), 1.0])
     return np.array([0.0, 0.0, float(substeps)])

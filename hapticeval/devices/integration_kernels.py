@@ -1,6 +1,6 @@
 """The motion of a device from one sample to the next, by any method of `integration`, for compiled loops.
 
-Friction makes the right-hand side of `motion_kernels` jump where a joint stops. Each stop and each breaking loose that
+Friction makes the acceleration of `dynamics_kernels` jump where a joint stops. Each stop and each breaking loose that
 shows at the end of a step is located to the step's last bits, and the step ends there: between such events the motion
 is smooth, and the method keeps its order. A joint that stops and goes on within one step, of a tick at the most, is
 not seen to. That a joint at rest breaks loose is decided joint by joint, which is exact where M is diagonal, as it is
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from hapticeval.compiled import compiled
-from hapticeval.devices.motion_kernels import END, END_RATE, HOLD, MODE, STAGE, STAGE_RATE, accelerate
+from hapticeval.devices.dynamics_kernels import END, END_RATE, HOLD, MODE, STAGE, STAGE_RATE, accelerate
 from hapticeval.types import Array
 
 TOLERANCE, EXPONENT, SUBSTEPS = range(3)

@@ -6,24 +6,80 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
+from enum import StrEnum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.devices.limit import Limit
-from hapticeval.devices.parallelogram_parameters import BaseInertia, Dynamics, ParallelogramParameters
+from hapticeval.devices.device import CompiledDevice, Limit, checked_joints, checked_vector
 from hapticeval.errors import DomainError, InputError
+from hapticeval.geometry.validate import checked_number, checked_size
 from hapticeval.types import Array
 
-if TYPE_CHECKING:
-    from hapticeval.devices.device import CompiledDevice
+EDGES = ("elbow", "stop", "shoulder", "elbow", "stop")
+"""The limit that each edge of (2.38) is, from the corner with the least angles on, anticlockwise."""
+
+
+class Dynamics(StrEnum):
+    """Which velocity terms the base's changing inertia d₀(x₂, x₃) makes.
+
+    `lagrangian`: those of a rigid linkage, d₀ẍ₁ + ḋ₀ẋ₁ + b₁ẋ₁ = τ₁ and dᵢẍᵢ - ½ ∂ᵢd₀ ẋ₁² + bᵢẋᵢ = τᵢ, which conserve
+    energy where there is no damping. `printed`: none, as in (2.26), which creates energy.
+    """
+
+    LAGRANGIAN = "lagrangian"
+    PRINTED = "printed"
+
+
+class BaseInertia(StrEnum):
+    """How d₀ depends on x₃.
+
+    `sin`: d₁ + d₂ sin² x₂ + d₃ sin² x₃ as in (2.27), the form that Table A.1's d₁ to d₃ were identified with, and
+    therefore the default. `cos`: d₃ cos² x₃ instead, as the geometry of thin links has it; with the same d₁ that makes
+    2.3 % more at home, so identify d₁ anew.
+    """
+
+    SIN = "sin"
+    COS = "cos"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParallelogramParameters:
+    """Table A.1: link lengths `l1`, `l4` (m), joint dampings `b1` to `b3` (N m s/rad), inertias `d1` to `d3` (kg m²).
+
+    Raises `InputError` for a length or an inertia that is not positive, a damping that is negative, and for any of them
+    that is not a finite number.
+    """
+
+    l1: float = 0.300
+    l4: float = 0.346
+    b1: float = 0.461
+    b2: float = 0.105
+    b3: float = 0.0336
+    d1: float = 0.799
+    d2: float = 0.204
+    d3: float = 0.01825
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if each.name.startswith("l"):
+                value = checked_size(value, each.name)
+            else:
+                value = checked_number(each.name, value)
+                unit, zero_allowed = ("N m s/rad", True) if each.name.startswith("b") else ("kg m²", False)
+                if value < 0.0 or (value == 0.0 and not zero_allowed):
+                    raise InputError(
+                        f"{each.name} = {value!r} {unit}",
+                        why="a joint cannot drive itself" if zero_allowed else "an inertia must be positive",
+                    )
+            object.__setattr__(self, each.name, value)
 
 
 @dataclass(frozen=True)
-class _Parallelogram(ABC):
-    """What both have in common; see `Parallelogram2` and `Parallelogram3`."""
+class Parallelogram(ABC):
+    """The robot with its base locked or turning, see `Parallelogram2` and `Parallelogram3`."""
 
     constants: ParallelogramParameters = field(default_factory=ParallelogramParameters)
     dynamics: Dynamics = Dynamics.LAGRANGIAN
@@ -67,18 +123,12 @@ class _Parallelogram(ABC):
         """J (2.29), (2.37), (N, N), m/rad."""
         return self._kinematics(joints)[1]
 
-    def jacobian_rate(self, joints: ArrayLike, rates: ArrayLike) -> Array:
-        """J̇, (N, N), m/(rad s)."""
-        out = np.empty((self.dimension, self.dimension))
-        self._jacobian_rate_kernel(self._numbers, self._vector(joints), self._vector(rates, "rates"), out)
-        return out
-
     def inertia(self, joints: ArrayLike) -> Array:
         """M: diag(d₀, d₂, d₃), or diag(d₂, d₃) with the base locked, (N, N), kg m²."""
         return self._dynamics(joints, np.zeros(self.dimension))[0]
 
     def bias(self, joints: ArrayLike, rates: ArrayLike) -> Array:
-        """Velocity terms as `dynamics` says, and b q̇; the linkage is balanced against gravity, (N,), N m."""
+        """Velocity terms of `dynamics`, and b q̇; the linkage is balanced against gravity, (N,), N m."""
         return self._dynamics(joints, rates)[1]
 
     def margin(self, joints: ArrayLike) -> float:
@@ -87,38 +137,22 @@ class _Parallelogram(ABC):
         From inside, no move of the joints (Euclidean norm) shorter than this leaves the functional configuration
         space (2.33), (2.39).
         """
-        return float(self.kernels.margin(self._numbers, self._vector(joints)))
+        return float(self.kernels.margin(self._numbers, checked_vector(self, joints, finite=False)))
 
     @abstractmethod
     def limits(self, joints: ArrayLike) -> tuple[Limit, ...]:
         """What bounds the functional configuration space, joint limits and singularities, as seen from `joints`."""
 
-    def check(self, joints: ArrayLike) -> None:
-        """See that `joints` lie in the functional configuration space.
-
-        Raises `InputError` where they are not N finite numbers, and `DomainError` outside or on the edge, which is open
-        (Definition 2.4): it names the limit, and tells by how much it is passed, in rad and degrees.
-        """
-        vector = self._finite(joints, "joints")
-        worst = min(self.limits(vector), key=lambda limit: limit.distance)
-        if worst.distance <= 0.0:
-            raise DomainError(
-                f"{self.name}: joints ({', '.join(f'{x:.6g}' for x in vector)}) rad are outside of the functional "
-                "configuration space",
-                why=worst.text,
-                todo="start elsewhere, or keep the hand further from there",
-            )
-
     def joints(self, position: ArrayLike) -> Array:
         """Inverse kinematics in closed form: (N,), rad, the one pose inside the functional configuration space.
 
         Raises `InputError` where `position` is not N finite numbers, and `DomainError` for one that is out of reach or
-        only reached beyond a limit: it says which and by how much.
+        only reached beyond a limit, which it names with the excess.
         """
-        point = self._finite(position, "position")
+        point = checked_vector(self, position, "position")
         found = self._inverse(point)
         try:
-            self.check(found)
+            checked_joints(self, found)
         except DomainError as error:
             raise self._unreachable(point, error.why) from error
         return found
@@ -156,38 +190,55 @@ class _Parallelogram(ABC):
     def _kinematics(self, joints: ArrayLike) -> tuple[Array, Array]:
         n = self.dimension
         position, velocity, drift, jacobian = np.empty(n), np.empty(n), np.empty(n), np.empty((n, n))
-        self.kernels.kinematics(self._numbers, self._vector(joints), np.zeros(n), position, velocity, jacobian, drift)
+        self.kernels.kinematics(
+            self._numbers, checked_vector(self, joints, finite=False), np.zeros(n), position, velocity, jacobian, drift
+        )
         return position, jacobian
 
     def _dynamics(self, joints: ArrayLike, rates: ArrayLike) -> tuple[Array, Array]:
         inertia, bias = np.empty((self.dimension, self.dimension)), np.empty(self.dimension)
-        self.kernels.dynamics(self._numbers, self._vector(joints), self._vector(rates, "rates"), inertia, bias)
+        self.kernels.dynamics(
+            self._numbers,
+            checked_vector(self, joints, finite=False),
+            checked_vector(self, rates, "rates", finite=False),
+            inertia,
+            bias,
+        )
         return inertia, bias
+
+    def edges(self, n: int = 400) -> tuple[tuple[str, Array], ...]:
+        """Trace the five edges of what the linkage reaches, in its plane: each limit's name, and n / 5 points (m).
+
+        A limit's name is `shoulder`, `elbow` or `stop`. With the base turning, a part lies beyond its axis.
+        """
+        ends = corners()
+        flat = Parallelogram2(self.constants)
+        found = []
+        for name, here, there in zip(EDGES, ends, np.roll(ends, -1, axis=0), strict=True):
+            joints = np.linspace(here, there, max(2, n // len(ends)) + 1)
+            found.append((name, np.array([flat.position(pose) for pose in joints])))
+        return tuple(found)
+
+    def section(self, n: int = 400) -> Array:
+        """Trace the outline of the functional workspace in the linkage's plane, closed, about `n` points (k, 2), m.
+
+        The plane is (y₁, y₂) with the base locked. With the base turning it is (y₁, y₃) at x₁ = 0: the workspace is
+        what the section sweeps as the base turns within its limits.
+        """
+        return np.concatenate([points[:-1] for _, points in self.edges(n)])
+
+    @abstractmethod
+    def size(self, n: int = 20_000) -> float:
+        """Return the area (m²) or volume (m³) of the functional workspace, from an outline of about `n` points."""
 
     @property
     @abstractmethod
-    def _jacobian_rate_kernel(self) -> Any: ...
-
-    def _vector(self, values: ArrayLike, what: str = "joints") -> Array:
-        """`values` as the kernels take them: compiled code reads as many as the robot has joints."""
-        try:
-            vector = np.array(values, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{what} = {values!r}", why="they must be numbers") from error
-        if vector.shape != (self.dimension,):
-            raise InputError(
-                f"{what} of the shape {vector.shape}", why=f"{self.name} has {self.dimension}: ({self.dimension},)"
-            )
-        return vector
-
-    def _finite(self, values: ArrayLike, what: str) -> Array:
-        vector = self._vector(values, what)
-        if not np.isfinite(vector).all():
-            raise InputError(f"{what} = ({', '.join(f'{x:g}' for x in vector)})", why="they must be finite")
-        return vector
+    def described_dynamics(self) -> str:
+        """Which equations of motion it follows, in words."""
 
 
 def _linkage_limits(names: Sequence[str], shoulder: float, elbow: float) -> tuple[Limit, ...]:
+    """The limits of (2.38), and the singularity beyond the stop, where det J is zero."""
     from hapticeval.devices import parallelogram_kernels as kernels
 
     first, second = names
@@ -195,14 +246,20 @@ def _linkage_limits(names: Sequence[str], shoulder: float, elbow: float) -> tupl
         Limit.between(first, shoulder, -kernels.SHOULDER_LIMIT, kernels.SHOULDER_LIMIT),
         Limit.between(second, elbow, kernels.ELBOW_LOW, kernels.ELBOW_HIGH),
         Limit.between(f"{first} - {second}", shoulder - elbow, -kernels.STOP, kernels.STOP, scale=kernels.DIAGONAL),
+        Limit(
+            "the linkage stretched or folded",
+            (0.5 * math.pi - abs(shoulder - elbow)) * kernels.DIAGONAL,
+            f"|{first} - {second}| is {abs(shoulder - elbow):.6g} rad, and the linkage singular at 90 degrees",
+            True,
+        ),
     )
 
 
 @dataclass(frozen=True)
-class Parallelogram2(_Parallelogram):
+class Parallelogram2(Parallelogram):
     """The robot with its base locked (2.34) to (2.39): joints (x₁, x₂), hand (y₁, y₂) in the vertical plane.
 
-    It is described as the robot with three joints is, of which b₁, d₁, `base_inertia` and `dynamics` have no effect:
+    It has the constants of the robot with three joints, of which b₁, d₁, `base_inertia` and `dynamics` have no effect:
     M is constant, so that no velocity terms are missing from (2.35), and printed and Lagrangian dynamics are the same.
     It has no singularity within its limits.
     """
@@ -214,27 +271,30 @@ class Parallelogram2(_Parallelogram):
     def kernels(self) -> CompiledDevice:
         """For compiled loops; the methods call them too."""
         from hapticeval.devices import parallelogram_kernels as kernels
-        from hapticeval.devices.device import CompiledDevice
 
         return CompiledDevice(kernels.kinematics2, kernels.dynamics2, kernels.margin2)
 
-    @property
-    def _jacobian_rate_kernel(self) -> Any:
-        from hapticeval.devices.parallelogram_kernels import jacobian_rate2
-
-        return jacobian_rate2
-
     def limits(self, joints: ArrayLike) -> tuple[Limit, ...]:
-        """The joint limits of (2.38), the stop's open as Definition 2.4 wants."""
-        shoulder, elbow = self._vector(joints).tolist()
+        """The joint limits of (2.38), open as Definition 2.4 wants, and the singularity beyond the stop."""
+        shoulder, elbow = checked_vector(self, joints, finite=False).tolist()
         return _linkage_limits(("x1", "x2"), shoulder, elbow)
+
+    @property
+    def described_dynamics(self) -> str:
+        """Which equations of motion it follows, in words."""
+        return "of constant inertia: printed (2.35) and lagrangian are the same"
+
+    def size(self, n: int = 20_000) -> float:
+        """Return the area of the functional workspace, m²."""
+        x, y = self.section(n).T
+        return abs(float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())) / 2.0
 
     def _inverse(self, point: Array) -> Array:
         return np.array(self._linkage(point, point[0] + self.constants.l4, point[1] + self.constants.l1))
 
 
 @dataclass(frozen=True)
-class Parallelogram3(_Parallelogram):
+class Parallelogram3(Parallelogram):
     """The robot with its base turning (2.26) to (2.33): joints (x₁, x₂, x₃), hand (y₁, y₂, y₃), y₃ upwards.
 
     Its functional configuration space ends where the hand comes to the base's axis, r = ℓ₄ cos x₃ - ℓ₁ sin x₂ = 0. The
@@ -249,21 +309,14 @@ class Parallelogram3(_Parallelogram):
     def kernels(self) -> CompiledDevice:
         """For compiled loops; the methods call them too."""
         from hapticeval.devices import parallelogram_kernels as kernels
-        from hapticeval.devices.device import CompiledDevice
 
         return CompiledDevice(kernels.kinematics3, kernels.dynamics3, kernels.margin3)
 
-    @property
-    def _jacobian_rate_kernel(self) -> Any:
-        from hapticeval.devices.parallelogram_kernels import jacobian_rate3
-
-        return jacobian_rate3
-
     def limits(self, joints: ArrayLike) -> tuple[Limit, ...]:
-        """The joint limits of (2.30), open, and the singularity of (2.33)."""
+        """The joint limits of (2.30), open, the singularity of (2.33), and that beyond the stop."""
         from hapticeval.devices.parallelogram_kernels import BASE_LIMIT
 
-        base, shoulder, elbow = self._vector(joints).tolist()
+        base, shoulder, elbow = checked_vector(self, joints, finite=False).tolist()
         l1, l4 = self.constants.l1, self.constants.l4
         reach = l4 * math.cos(elbow) - l1 * math.sin(shoulder)
         return (
@@ -272,6 +325,27 @@ class Parallelogram3(_Parallelogram):
             Limit.singularity("the base's axis, l1 sin x2 = l4 cos x3", reach, reach / math.sqrt(l1 * l1 + l4 * l4)),
         )
 
+    @property
+    def described_dynamics(self) -> str:
+        """Which equations of motion it follows, in words."""
+        lagrangian = self.dynamics is Dynamics.LAGRANGIAN
+        how = "they conserve energy without friction" if lagrangian else "(2.26): they create energy"
+        return f"{self.dynamics}, {how}; base inertia d₀ with {self.base_inertia}² x₃"
+
+    def section(self, n: int = 400) -> Array:
+        """Trace the outline in the plane of the linkage, which ends at the base's axis."""
+        return _right_of(super().section(n), -self.constants.l4)
+
+    def size(self, n: int = 20_000) -> float:
+        """Return the volume of the functional workspace, m³, by Pappus: the base's angle times the first moment."""
+        from hapticeval.devices.parallelogram_kernels import BASE_LIMIT
+
+        x, up = self.section(n).T
+        x = x + self.constants.l4
+        across, above = np.roll(x, -1), np.roll(up, -1)
+        moment = float(((x + across) * (x * above - across * up)).sum()) / 6.0
+        return 2.0 * BASE_LIMIT * abs(moment)
+
     def _inverse(self, point: Array) -> Array:
         across = float(point[0] + self.constants.l4)
         reach = math.hypot(across, point[1])
@@ -279,3 +353,25 @@ class Parallelogram3(_Parallelogram):
             raise self._unreachable(point, "it lies on the base's axis, where x1 is not defined (a singularity)")
         linkage = self._linkage(point, reach, point[2] + self.constants.l1)
         return np.array([math.atan2(point[1], across), *linkage])
+
+
+def corners() -> Array:
+    """Return the corners of (2.38) in the plane of the linkage's joints, (5, 2), rad: the bound x₁ > -2.4 is never met.
+
+    In the order of `EDGES`.
+    """
+    from hapticeval.devices import parallelogram_kernels as kernels
+
+    low, high, stop, end = kernels.ELBOW_LOW, kernels.ELBOW_HIGH, kernels.STOP, kernels.SHOULDER_LIMIT
+    return np.array([(low - stop, low), (low + stop, low), (end, end - stop), (end, high), (high - stop, high)])
+
+
+def _right_of(outline: Array, axis: float) -> Array:
+    """Return the part of a closed outline with first coordinates above `axis`, closed along it: one piece."""
+    kept: list[Array] = []
+    for here, there in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        if here[0] > axis:
+            kept.append(here)
+        if (here[0] > axis) != (there[0] > axis):
+            kept.append(here + (axis - here[0]) / (there[0] - here[0]) * (there - here))
+    return np.array(kept)

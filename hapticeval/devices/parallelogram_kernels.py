@@ -141,34 +141,3 @@ def margin3(parameters: Array, joints: Array) -> float:
         reach / math.sqrt(l1 * l1 + l4 * l4),
     )
     return nearest
-
-
-@compiled
-def jacobian_rate2(parameters: Array, joints: Array, rates: Array, out: Array) -> None:
-    """J̇ of (2.37), (2, 2)."""
-    l1, l4 = parameters[L1], parameters[L4]
-    out[0, 0] = l1 * math.sin(joints[0]) * rates[0]
-    out[0, 1] = -l4 * math.cos(joints[1]) * rates[1]
-    out[1, 0] = -l1 * math.cos(joints[0]) * rates[0]
-    out[1, 1] = -l4 * math.sin(joints[1]) * rates[1]
-
-
-@compiled
-def jacobian_rate3(parameters: Array, joints: Array, rates: Array, out: Array) -> None:
-    """J̇ of (2.29), (3, 3)."""
-    l1, l4 = parameters[L1], parameters[L4]
-    sin1, cos1 = math.sin(joints[0]), math.cos(joints[0])
-    sin2, cos2 = l1 * math.sin(joints[1]), l1 * math.cos(joints[1])
-    sin3, cos3 = l4 * math.sin(joints[2]), l4 * math.cos(joints[2])
-    first, second, third = rates[0], rates[1], rates[2]
-    reach = cos3 - sin2
-    reach_rate = -sin3 * third - cos2 * second
-    out[0, 0] = -cos1 * first * reach - sin1 * reach_rate
-    out[0, 1] = sin1 * first * cos2 + cos1 * sin2 * second
-    out[0, 2] = sin1 * first * sin3 - cos1 * cos3 * third
-    out[1, 0] = -sin1 * first * reach + cos1 * reach_rate
-    out[1, 1] = -cos1 * first * cos2 + sin1 * sin2 * second
-    out[1, 2] = -cos1 * first * sin3 - sin1 * cos3 * third
-    out[2, 0] = 0.0
-    out[2, 1] = -cos2 * second
-    out[2, 2] = -sin3 * third

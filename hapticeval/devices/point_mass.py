@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hapticeval.devices.device import CompiledDevice, Limit
 from hapticeval.types import Array
-
-if TYPE_CHECKING:
-    from hapticeval.devices.device import CompiledDevice
 
 
 @dataclass(frozen=True)
@@ -32,7 +29,6 @@ class PointMass:
     def kernels(self) -> CompiledDevice:
         """For compiled loops."""
         from hapticeval.devices import point_mass_kernels as kernels
-        from hapticeval.devices.device import CompiledDevice
 
         return CompiledDevice(kernels.kinematics, kernels.dynamics, kernels.margin)
 
@@ -48,10 +44,6 @@ class PointMass:
         """The identity (2.25), (N, N)."""
         return np.eye(self.dimension)
 
-    def jacobian_rate(self, joints: Array, rates: Array) -> Array:  # noqa: ARG002 - the protocol's
-        """Zero, (N, N)."""
-        return np.zeros((self.dimension, self.dimension))
-
     def inertia(self, joints: Array) -> Array:  # noqa: ARG002 - the protocol's
         """m I, (N, N), kg."""
         return self.mass * np.eye(self.dimension)
@@ -60,8 +52,12 @@ class PointMass:
         """Zero (2.23), (N,), N."""
         return np.zeros(self.dimension)
 
+    def limits(self, joints: Array) -> tuple[Limit, ...]:  # noqa: ARG002 - the protocol's
+        """None: its functional workspace is all of space."""
+        return ()
+
     def margin(self, joints: Array) -> float:  # noqa: ARG002 - the protocol's
-        """Infinite: its functional workspace is all of space."""
+        """Infinite: it has no limits."""
         return math.inf
 
     def advance(

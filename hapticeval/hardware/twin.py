@@ -51,10 +51,10 @@ class _Plant:
         self, device: Device, imperfections: Imperfections, position: Array, hand: Hand | None, dt: float
     ) -> None:
         from hapticeval.compiled import DYNAMICS, KINEMATICS, first_class
-        from hapticeval.devices import motion_kernels as motion
+        from hapticeval.devices import dynamics_kernels as motion
+        from hapticeval.devices.imperfections import actuation
         from hapticeval.devices.integration import control, default_method
         from hapticeval.devices.integration_kernels import advance
-        from hapticeval.devices.sensing import actuation
 
         count = device.dimension
         method = default_method()

@@ -5,12 +5,11 @@ from typing import Any
 
 import pytest
 
-from hapticeval.devices.catalogue import DEVICES, device_named, make_device, parameters_of
+from hapticeval.devices.catalogue import device_named, make_device, parameters_of
 from hapticeval.devices.device import Device
-from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
-from hapticeval.devices.parallelogram_parameters import BaseInertia, Dynamics
+from hapticeval.devices.parallelogram import BaseInertia, Dynamics, Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.errors import InputError
 
 
 @pytest.mark.parametrize(
@@ -25,10 +24,6 @@ def test_every_device_is_one_and_knows_its_name(kind: str, parameters: dict[str,
     device = make_device(kind, **parameters)
     assert isinstance(device, Device)
     assert (device.name, device.dimension) == (kind, dimension)
-
-
-def test_the_catalogue_is_what_the_tests_cover() -> None:
-    assert set(DEVICES) == {"point-mass", "parallelogram-2dof", "parallelogram-3dof"}
 
 
 def test_table_a1_can_be_overridden_one_by_one() -> None:
@@ -48,7 +43,7 @@ def test_the_defaults_are_table_a1_with_lagrangian_dynamics() -> None:
     assert Parallelogram3().base_inertia is BaseInertia.SIN
 
 
-def test_a_point_mass_is_in_the_plane_unless_told() -> None:
+def test_a_point_mass_is_in_the_plane_by_default() -> None:
     assert make_device("point-mass", mass=2) == PointMass(2.0, 2)
 
 
@@ -60,7 +55,7 @@ def test_parameters_are_listed_by_name() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "parameters", "says"),
+    ("kind", "parameters", "message"),
     [
         ("paralelogram-3dof", {}, "did you mean parallelogram-3dof"),
         ("parallelogram-3dof", {"l2": 0.3}, "unknown parameter of device 'parallelogram-3dof' 'l2'"),
@@ -81,15 +76,10 @@ def test_parameters_are_listed_by_name() -> None:
         ("point-mass", {"mass": math.nan}, "it must be finite"),
     ],
 )
-def test_what_is_no_device_is_refused(kind: str, parameters: dict[str, Any], says: str) -> None:
+def test_what_is_no_device_is_refused(kind: str, parameters: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError) as caught:
         make_device(kind, **parameters)
-    assert says in str(caught.value)
-
-
-def test_unknown_names_are_that_kind_of_error() -> None:
-    with pytest.raises(UnknownNameError):
-        make_device("phantom")
+    assert message in str(caught.value)
 
 
 def test_a_device_can_be_named_in_one_string() -> None:
@@ -101,7 +91,7 @@ def test_a_device_can_be_named_in_one_string() -> None:
 
 
 @pytest.mark.parametrize("text", ["point-mass:mass", "point-mass:=1", "point-mass:mass=", "point-mass:mass=1,"])
-def test_a_string_that_names_no_device_says_where(text: str) -> None:
+def test_a_string_that_names_no_device_message_where(text: str) -> None:
     with pytest.raises(InputError, match="is not name=value"):
         device_named(text)
 

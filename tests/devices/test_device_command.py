@@ -12,13 +12,13 @@ from hapticeval.errors import HapticevalError
 from hapticeval.reports.device_figure import write_device
 
 
-def told(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+def output(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     assert main(["device", *arguments]) == 0
     return re.sub(r"\s+", " ", capsys.readouterr().out)
 
 
 def test_the_robot_in_the_plane(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = told(capsys, "parallelogram-2dof", "-o", str(tmp_path / "new"))
+    text = output(capsys, "parallelogram-2dof", "-o", str(tmp_path / "new"))
     for expected in (
         "printed (2.35) and lagrangian are the same",
         "inertia 0.1524 kg along (0, 1) 2.267 kg along (1, 0)",
@@ -40,7 +40,7 @@ def test_the_robot_in_the_plane(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 def test_the_robot_in_space_says_its_dynamics(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     name = "parallelogram-3dof:dynamics=printed,base_inertia=cos"
-    text = told(capsys, name, "--at", "0.05,0.1,-0.05", "--torque", "2", "-o", str(tmp_path))
+    text = output(capsys, name, "--at", "0.05,0.1,-0.05", "--torque", "2", "-o", str(tmp_path))
     assert "printed, (2.26): they create energy; base inertia d₀ with cos² x₃" in text
     assert "hand (50, 100, -50) mm" in text
     assert "with motors of 2 N m" in text
@@ -55,14 +55,14 @@ def test_the_same_device_gives_the_same_picture(tmp_path: Path) -> None:
     assert [path.read_bytes() for path in one] == [path.read_bytes() for path in two]
 
 
-def test_a_place_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(HapticevalError, match="cannot write into"):
         write_device(tmp_path / "file", Parallelogram2(), np.zeros(2), stem="one")
 
 
 def test_a_point_mass_has_no_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = told(capsys, "point-mass:mass=0.2,dimension=3", "-o", str(tmp_path))
+    text = output(capsys, "point-mass:mass=0.2,dimension=3", "-o", str(tmp_path))
     assert "workspace all of space" in text
     assert "0.2 kg along (1, 0, 0)" in text
     assert "wrote" not in text
@@ -71,22 +71,22 @@ def test_a_point_mass_has_no_picture(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "message"),
     [
         (("parallelogram",), "did you mean parallelogram-"),
         (("point-mass",), "lacks the parameter 'mass'\n  what to do: write for instance point-mass:mass=0.1\n"),
         (("point-mass:dimension=3",), "write for instance point-mass:dimension=3,mass=0.1\n"),
         (("parallelogram-2dof", "--at", "0.4,0"), "the links reach from"),
-        (("parallelogram-2dof", "--at", "0,0,0"), "it is not 2 numbers"),
-        (("parallelogram-2dof", "--at", "0;0"), "it is not 2 numbers"),
-        (("parallelogram-2dof", "--at", "nan,0"), "must be finite"),
+        (("parallelogram-2dof", "--at", "0,0,0"), "it is not 2 finite numbers"),
+        (("parallelogram-2dof", "--at", "0;0"), "it is not 2 finite numbers"),
+        (("parallelogram-2dof", "--at", "nan,0"), "it is not 2 finite numbers"),
         (("parallelogram-3dof", "--at", "-0.346,0,0"), "a singularity"),
         (("parallelogram-2dof", "--torque", "-1"), "torque_limit = -1"),
     ],
 )
-def test_what_cannot_be_told_ends_with_2(
-    arguments: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_what_cannot_be_computed_ends_with_2(
+    arguments: tuple[str, ...], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["device", *arguments, "-o", str(tmp_path)]) == 2
-    assert says in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

@@ -11,12 +11,19 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from hapticeval.compiled import DYNAMICS, KINEMATICS, first_class
+from hapticeval.devices.dynamics_kernels import ROWS, SQUARES
 from hapticeval.devices.integration import METHODS, control, default_method
 from hapticeval.devices.integration_kernels import advance
-from hapticeval.devices.motion_kernels import ROWS, SQUARES
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.devices.precision import TARGET, Errand, Runner, errand, errors, moved
+from hapticeval.study.integrators import (
+    TARGET,
+    IntegrationBenchmark,
+    Runner,
+    errors,
+    integration_benchmark,
+    moved,
+)
 
 DT = 1e-3
 ROBOTS = (Parallelogram2(), Parallelogram3())
@@ -26,7 +33,7 @@ ROBOTS = (Parallelogram2(), Parallelogram3())
 def test_a_method_has_its_order(name):
     """The error of equal steps falls as h^p; p is read off a range where rounding does not show."""
     method = METHODS[name]()
-    task = errand(Parallelogram3(), ticks=4, dt=20e-3)
+    task = integration_benchmark(Parallelogram3(), ticks=4, dt=20e-3)
     astray = []
     counts = (1, 2) if method.order == 8 else (4, 8)
     for substeps in counts:
@@ -48,7 +55,9 @@ def test_the_default_keeps_its_promise_between_samples(seed, robot):
     grip = np.array([10.0 ** rng.uniform(0, 3.3), 10.0 ** rng.uniform(-1, 1.3)])
     path = robot.position(joints) + 5e-3 * rng.standard_normal((2, size))
     start = np.concatenate([joints, rates])
-    task = Errand(robot, DT, torque[None], path, grip, np.vstack([start, moved(robot, start, torque, path, grip, DT)]))
+    task = IntegrationBenchmark(
+        robot, DT, torque[None], path, grip, np.vstack([start, moved(robot, start, torque, path, grip, DT)])
+    )
     method = default_method()
     states, _ = Runner(task, method, control(method))(afresh=True)
     assert errors(states, task.states)[0] < TARGET
@@ -56,7 +65,7 @@ def test_the_default_keeps_its_promise_between_samples(seed, robot):
 
 def test_the_default_keeps_its_promise_along_a_motion():
     for robot in ROBOTS:
-        task = errand(robot, ticks=60)
+        task = integration_benchmark(robot, ticks=60)
         method = default_method()
         states, _ = Runner(task, method, control(method))(afresh=True)
         assert errors(states, task.states).max() < TARGET

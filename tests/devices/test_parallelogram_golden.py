@@ -5,8 +5,13 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
-from hapticeval.devices.parallelogram_parameters import BaseInertia, Dynamics, ParallelogramParameters
+from hapticeval.devices.parallelogram import (
+    BaseInertia,
+    Dynamics,
+    Parallelogram2,
+    Parallelogram3,
+    ParallelogramParameters,
+)
 from hapticeval.types import Array
 
 FREE = ParallelogramParameters(b1=0.0, b2=0.0, b3=0.0)

@@ -10,11 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hapticeval.closed_loop import drive
-from hapticeval.devices.imperfections import ENCODER_STEP, ForceSensor, Imperfections
+from hapticeval.devices.imperfections import ENCODER_STEP, ForceSensor, Imperfections, actuation, blend
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.devices.sensing import actuation, blend
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import line
 from hapticeval.renderer import Response

@@ -6,23 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from hapticeval.devices.device import Device
-from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
-from hapticeval.devices.parallelogram_parameters import ParallelogramParameters
+from hapticeval.devices.device import Device, checked_joints
+from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3, ParallelogramParameters
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.devices.workspace import (
-    checked_joints,
-    dexterous,
-    holds,
-    inside,
-    lattice,
-    limits,
-    nearest_limit,
-    nearest_singularity,
-    require,
-    section,
-    size,
-)
+from hapticeval.devices.workspace import holds, lattice, nearest_limit, nearest_singularity, require
 from hapticeval.errors import DomainError, InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.model import Model
@@ -33,6 +20,10 @@ FLAT, DEEP, POINT = Parallelogram2(), Parallelogram3(), PointMass(0.1, 2)
 
 def sphere(radius: float) -> Model:
     return Model("sphere", {}, Surface("sphere", "sphere", (radius,)))
+
+
+def inside(device: Device, joints: list[tuple[float, ...]] | np.ndarray) -> np.ndarray:
+    return np.array([device.margin(np.array(pose)) > 0.0 for pose in joints])
 
 
 def test_the_functional_configuration_space_is_open() -> None:
@@ -53,25 +44,13 @@ def test_membership_is_that_of_the_definition() -> None:
     assert np.array_equal(inside(DEEP, joints), expected)
 
 
-def test_past_the_singularity_a_pose_is_dexterous_but_not_functional() -> None:
-    beyond = np.array([0.0, 1.2, 1.1])
-    assert dexterous(DEEP, beyond)
-    assert not inside(DEEP, [beyond])[0]
-    assert dexterous(DEEP, (0, 0, 0))
-    assert not dexterous(DEEP, (0, 0, 2.4))
-    assert dexterous(FLAT, (1.2, 1.1))
-    assert dexterous(POINT, (0, 0))
-    edge = math.acos(0.3 * math.sin(0.9) / 0.346)
-    assert not dexterous(DEEP, (0.3, 0.9, edge))
-
-
 def test_the_nearest_limit_and_singularity() -> None:
     limit = nearest_limit(FLAT, (2.3, 2.0))
     assert limit is not None
     assert (limit.what, limit.singular) == ("x1", False)
     assert limit.distance == pytest.approx(0.1)
     assert nearest_limit(POINT, (0, 0)) is None
-    assert limits(POINT, (0, 0)) == ()
+    assert POINT.limits((0, 0)) == ()
     assert nearest_singularity(POINT, (0, 0)) == math.inf
     assert nearest_singularity(FLAT, (0.2, 0.2)) == pytest.approx(math.pi / 2.0 / math.sqrt(2.0))
     assert nearest_singularity(FLAT, (1.0, -1.0)) == pytest.approx((2.0 - math.pi / 2.0) / math.sqrt(2.0))
@@ -79,7 +58,7 @@ def test_the_nearest_limit_and_singularity() -> None:
 
 
 @pytest.mark.parametrize("device", [FLAT, DEEP], ids=["2dof", "3dof"])
-def test_no_singularity_is_nearer_than_told(device: Device) -> None:
+def test_no_singularity_is_nearer_than_reported(device: Device) -> None:
     """The sign of det J stays as it is within that distance, also outside of the limits."""
     rng = np.random.default_rng(8)
     for joints in rng.uniform(-1.0, 1.0, (60, device.dimension)):
@@ -100,14 +79,13 @@ def test_the_size_of_the_workspace_is_the_integral_of_the_jacobian() -> None:
     cell = 3.3 / 1000 * (high - low) / 1000
     plane = 0.3 * 0.346 * np.cos(shoulder - elbow) * cell
     reach = 0.346 * np.cos(elbow) - 0.3 * np.sin(shoulder)
-    assert size(FLAT) == pytest.approx(plane.sum(), rel=1e-5)
-    assert size(DEEP) == pytest.approx(4.8 * (plane * np.maximum(reach, 0.0)).sum(), rel=1e-5)
-    assert size(POINT) == math.inf
+    assert FLAT.size() == pytest.approx(plane.sum(), rel=1e-5)
+    assert DEEP.size() == pytest.approx(4.8 * (plane * np.maximum(reach, 0.0)).sum(), rel=1e-5)
 
 
 def test_the_outline_is_the_edge() -> None:
     """Every point of it is just reached: a step in is inside, a step out is not."""
-    outline = section(FLAT, 200)
+    outline = FLAT.section(200)
     middle = FLAT.position((0.2, 0.4))
     for here, after in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         along = after - here
@@ -128,10 +106,10 @@ def _joints(point: np.ndarray) -> tuple[float, ...]:
 
 
 def test_with_the_base_turning_the_section_ends_at_its_axis() -> None:
-    outline = section(DEEP)
+    outline = DEEP.section()
     assert outline[:, 0].min() == pytest.approx(-0.346)
     assert np.sum(np.abs(outline[:, 0] + 0.346) < 1e-12) == 2
-    assert outline[:, 0].max() == pytest.approx(section(FLAT)[:, 0].max())
+    assert outline[:, 0].max() == pytest.approx(FLAT.section()[:, 0].max())
 
 
 def test_a_lattice_goes_through_home_and_stays_inside() -> None:
@@ -140,6 +118,15 @@ def test_a_lattice_goes_through_home_and_stays_inside() -> None:
         assert min(device.margin(pose) for pose in poses) > 0.2
         assert (poses == 0.0).all(axis=1).any()
     assert np.array_equal(lattice(POINT), [(0.0, 0.0)])
+
+
+def test_a_lattice_is_all_of_its_box_that_is_clear() -> None:
+    """Against every node of the box around (2.30)."""
+    for device, axes in ((FLAT, [(-2.2, 2.4), (-1.0, 2.2)]), (DEEP, [(-2.4, 2.4), (-2.2, 2.4), (-1.0, 2.2)])):
+        steps = [np.arange(round(low / 0.2), round(high / 0.2) + 1) for low, high in axes]
+        nodes = 0.2 * np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, device.dimension)
+        expected = [pose for pose in nodes if device.margin(pose) > 0.15]
+        assert np.array_equal(lattice(device, clearance=0.15), expected)
 
 
 @pytest.mark.parametrize("kind", ["circle", "cassinian", "star", "ellipse", "dumbbell", "line"])
@@ -162,7 +149,7 @@ def test_a_circle_too_large_is_refused_with_the_first_point_out_of_reach() -> No
 
 def test_the_largest_circle_about_home() -> None:
     """Bisection against the distance of the outline from home."""
-    exact = np.linalg.norm(section(FLAT, 40_000), axis=1).min()
+    exact = np.linalg.norm(FLAT.section(40_000), axis=1).min()
     low, high = 0.1, 0.3
     for _ in range(12):
         middle = 0.5 * (low + high)
@@ -206,8 +193,6 @@ def test_what_is_no_place_is_refused() -> None:
         holds(FLAT, [(0.0, 0.0, 0.0)])
     with pytest.raises(InputError, match="must be finite"):
         holds(FLAT, [(0.0, math.nan)])
-    with pytest.raises(InputError, match="has no outline"):
-        section(POINT)
 
 
 def test_joints_are_checked_for_any_device() -> None:

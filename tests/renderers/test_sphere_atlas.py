@@ -9,8 +9,7 @@ import sympy as sp
 
 from hapticeval.compiled import LAW, first_class
 from hapticeval.devices.inner_loop import InnerLoop
-from hapticeval.devices.parallelogram import Parallelogram3
-from hapticeval.devices.parallelogram_parameters import BaseInertia, Dynamics, ParallelogramParameters
+from hapticeval.devices.parallelogram import BaseInertia, Dynamics, Parallelogram3, ParallelogramParameters
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.catalogue import ellipsoid, sphere
 from hapticeval.renderers.sphere_atlas import accelerated, active, active_chart, charts, jacobian, turned

@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from hapticeval.closed_loop import drive
-from hapticeval.devices.imperfections import ENCODER_STEP, Imperfections
+from hapticeval.devices.imperfections import ENCODER_STEP, Imperfections, blend
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
-from hapticeval.devices.sensing import blend
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import circle, line, sphere
 from hapticeval.scene import Scene

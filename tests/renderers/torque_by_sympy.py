@@ -7,7 +7,7 @@ from functools import cache
 
 import sympy
 
-from hapticeval.devices.parallelogram_parameters import ParallelogramParameters
+from hapticeval.devices.parallelogram import ParallelogramParameters
 
 STATE = sympy.symbols("x1:5")
 GAIN_P, GAIN_D = 500.0, 44.7

@@ -1,8 +1,9 @@
 import pytest
 from reports_synthetic import HOSTILE, synthetic_results
 
+from hapticeval.quantity import quantity
 from hapticeval.reports import markdown, matrix, summary
-from hapticeval.reports.quantity import measured, quantity
+from hapticeval.reports.junit import measured
 from hapticeval.reports.table import renderers
 
 

@@ -1,0 +1,75 @@
+"""Numbers with units, as a user writes them (`0.1mm`, `10us`) and as they are shown (`0.12 mm`, `2.4 µs`)."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+
+from hapticeval.errors import InputError
+
+LENGTHS: Mapping[str, float] = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
+TIMES: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+NUMBER = re.compile(r"\s*([0-9.eE+-]+)\s*(.*?)\s*")
+
+
+def parse_length(text: str, *, option: str) -> float:
+    """Return the metres of `0.1mm`, `50 um` or `1e-4m`. Raises `InputError`, naming the option, for anything else."""
+    return _parsed(text, LENGTHS, option, "0.1mm")
+
+
+def parse_duration(text: str, *, option: str) -> float:
+    """Return the seconds of `10us`, `1 ms` or `500ns`. Raises `InputError`, naming the option, for anything else."""
+    return _parsed(text, TIMES, option, "10us")
+
+
+def _parsed(text: str, units: Mapping[str, float], option: str, example: str) -> float:
+    found = NUMBER.fullmatch(text)
+    try:
+        number = float(found[1]) if found else math.nan
+    except ValueError:
+        number = math.nan
+    unit = found[2] if found else ""
+    if math.isfinite(number) and number > 0.0 and unit in units:
+        return number * units[unit]
+    if not math.isfinite(number):
+        why = "it is not a number and a unit"
+    elif number <= 0.0:
+        why = "it must be positive"
+    else:
+        why = f"'{unit}' is no such unit" if unit else "it has no unit"
+    todo = f"write a number and one of {', '.join(units)}: {option} {example}"
+    raise InputError(f"{option} {text}", why=why, todo=todo)
+
+
+def quantity(value: float | None, unit: str) -> str:
+    """Format a value in SI units, lengths in mm, as in `0.83 mm`; "not finite" for null, as results write that."""
+    if value is None:
+        return "not finite"
+    if unit == "m":
+        value, unit = 1e3 * value, "mm"
+    return f"{value:.4g} {unit}".rstrip()
+
+
+def length(metres: float, *, micro: str = "µ") -> str:
+    """Format a length in the unit that suits its size, as in `0.12 mm`, `3.1 µm`, `0`."""
+    if metres == 0.0:
+        return "0"
+    unit, scale = next(
+        ((u, s) for u, s in (("mm", 1e3), (f"{micro}m", 1e6), ("nm", 1e9)) if metres * s >= 0.0995), ("pm", 1e12)
+    )
+    return f"{metres * scale:.2g} {unit}"
+
+
+def duration(seconds: float, *, micro: str = "µ") -> str:
+    """Format a time in the unit that suits its size, as in `2.4 µs`."""
+    unit, scale = next(
+        ((u, s) for u, s in (("s", 1.0), ("ms", 1e3), (f"{micro}s", 1e6)) if seconds * s >= 0.995), ("ns", 1e9)
+    )
+    return f"{seconds * scale:.3g} {unit}"
+
+
+def size(count: int) -> str:
+    """Format a number of bytes, as in `1.2 MB`."""
+    unit, scale = next(((u, s) for u, s in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)) if count >= s), ("B", 1.0))
+    return f"{count / scale:.3g} {unit}"

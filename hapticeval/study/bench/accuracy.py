@@ -1,0 +1,233 @@
+"""How far a renderer's answers are from a reference's: IHIP, direction of the force, and the force itself.
+
+All renderers are asked at the same hand positions, which follow from the geometry alone. The reference is the
+renderer's own projection on the exact curve, or else its finest setting, as far as that has converged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any, cast
+
+import numpy as np
+
+from hapticeval.errors import InputError
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.geometry.model import Model
+from hapticeval.knob import Knob, Settings, configured, knobs_of
+from hapticeval.playback import ask, play, start
+from hapticeval.renderer import Renderer, RendererFactory
+from hapticeval.scene import Scene
+from hapticeval.stimulus import Path
+from hapticeval.study.projection_field.singular import sampled, singular_geometry, singular_set
+from hapticeval.trajectories import build_path
+from hapticeval.types import Array
+
+POINTS = 1000
+SIZE = 0.2
+AWAY = 2e-3
+"""Distance (m) of the points from discontinuities."""
+
+CELLS = 100
+"""Lattice steps in which these are looked for."""
+
+SLIDE_SECONDS = 2.0
+
+MODELS: Mapping[str, Mapping[str, Any]] = {
+    "cassinian": {"kind": "scaled", "depth": 0.004, "from_angle": -45, "to_angle": 45},
+    "star": {"kind": "corner", "corner": 1, "depth": 0.004, "before": 0.030, "after": 0.030},
+}
+"""The models of a bench, and the path that the hand slides along: a lobe of the Cassinian, a notch of the star."""
+
+FORCE_DEPTH = 1e-6
+"""Depth (m) whose spring force is the least that has a direction."""
+
+MARGIN = 10.0
+"""Refinements of the reference must agree to the tenth of an error for it to be believed."""
+
+ROUNDING = 1e-12
+"""Errors below this share of a model's size are rounding."""
+
+METRICS: Mapping[str, str] = {"ihip": "m", "normal": "degrees", "force": "N"}
+STATISTICS = ("rms", "p99", "max")
+
+Errors = dict[str, dict[str, float]]
+"""By metric and statistic."""
+
+
+@dataclass(frozen=True, eq=False)
+class Workload:
+    """Hand positions on one model: `points` (n, 2), m, each a run of its own, and the path `slide`."""
+
+    name: str
+    scene: Scene
+    points: Array
+    slide: Path
+
+    @property
+    def dt(self) -> float:
+        """Sampling time (s)."""
+        return self.scene.sampling_time
+
+
+def workload(kind: str, *, seed: int) -> Workload:
+    """Make the workload of one of `MODELS`, see `interior_points`."""
+    scene = Scene(model=make_model(kind, size=SIZE))
+    path = build_path({**MODELS[kind], "duration": SLIDE_SECONDS}, scene.model.curve, FilePath())
+    return Workload(kind, scene, interior_points(scene.model, POINTS, seed=seed), path)
+
+
+def fresh_scene(kind: str, number: int) -> Scene:
+    """Make a scene whose model no renderer has prepared for, not even one that compares models by value.
+
+    Model number n is n parts in 1e12 larger than the others.
+    """
+    return Scene(model=make_model(kind, size=SIZE * (1.0 + 1e-12 * number)))
+
+
+def interior_points(model: Model, count: int, *, seed: int) -> Array:
+    """Draw `count` points inside a closed model, (count, 2), m, where a renderer's error means something.
+
+    No discontinuity of the exact nearest point is within 2 mm.
+    """
+    import shapely
+
+    curve = model.curve
+
+    def nearest(points: Array) -> Array:
+        return curve.position(curve.nearest(points))
+
+    jumps = singular_geometry(singular_set(nearest, sampled(nearest, curve, cells=CELLS)))
+    xmin, ymin, xmax, ymax = curve.bounds
+    random = np.random.default_rng(seed)
+    found = np.empty((0, 2))
+    while found.shape[0] < count:
+        drawn = random.uniform((xmin, ymin), (xmax, ymax), (2 * count, 2))
+        drawn = drawn[curve.contains(drawn)]
+        found = np.vstack([found, drawn[~shapely.dwithin(jumps, shapely.points(drawn), AWAY)]])
+    return np.ascontiguousarray(found[:count])
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """A renderer's IHIPs (n, 2), m, and forces (n, 2), N: for each point of a workload, then along its slide."""
+
+    ihip: Array
+    force: Array
+
+
+def answers(renderer: Renderer, work: Workload) -> Answers:
+    """Ask a renderer for all of a workload. Every point is a run of its own, for one with memory as for any.
+
+    Raises `RendererError` as `playback.play` does.
+    """
+    ihips, forces = np.empty_like(work.points), np.empty_like(work.points)
+    still = np.zeros(2)
+    for row, hip in enumerate(work.points):
+        start(renderer, hip)
+        ihips[row], forces[row] = ask(renderer, row, hip, still, work.dt)
+    slid = play(renderer, work.slide, work.dt)
+    return Answers(np.vstack([ihips, slid.ihip]), np.vstack([forces, slid.force]))
+
+
+def errors(found: Answers, reference: Answers, *, stiffness: float) -> Errors:
+    """Return the root mean square, 99 per cent quantile and maximum of each metric's error.
+
+    Where one tool is free its IHIP is at the hand, and counts there. Directions are compared where both forces exceed
+    that of a spring of `stiffness` (N/m) at a micrometre.
+    """
+    size, wanted = (np.linalg.norm(each.force, axis=1) for each in (found, reference))
+    pressed = np.minimum(size, wanted) > stiffness * FORCE_DEPTH
+    a, b = found.force[pressed], reference.force[pressed]
+    angle = np.degrees(np.abs(np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], np.sum(a * b, axis=1))))
+    return {
+        "ihip": _summary(np.linalg.norm(found.ihip - reference.ihip, axis=1)),
+        "normal": _summary(angle),
+        "force": _summary(np.linalg.norm(found.force - reference.force, axis=1)),
+    }
+
+
+def _summary(values: Array) -> dict[str, float]:
+    if values.size == 0:
+        return dict.fromkeys(STATISTICS, 0.0)
+    return {
+        "rms": float(np.sqrt(np.mean(values**2))),
+        "p99": float(np.quantile(values, 0.99)),
+        "max": float(np.max(values)),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The answers that errors count from; `disagreement` is how far the last refinement moved them, None if exact.
+
+    `what` names the renderer and its settings.
+    """
+
+    what: str
+    answers: Answers
+    disagreement: Errors | None
+
+    def claims(self, found: Errors) -> Errors:
+        """Return the errors that the reference can demonstrate: none smaller than ten times the disagreement."""
+        if self.disagreement is None:
+            return found
+        return {
+            metric: {each: max(value[each], MARGIN * self.disagreement[metric][each]) for each in STATISTICS}
+            for metric, value in found.items()
+        }
+
+    def proves(self, found: Errors) -> bool:
+        """Return whether the reference has converged to a tenth of the IHIP errors found."""
+        return self.disagreement is None or all(
+            found["ihip"][each] >= MARGIN * self.disagreement["ihip"][each] for each in STATISTICS
+        )
+
+
+def on_the_exact_curve(factory: RendererFactory) -> RendererFactory:
+    """Return the same renderer on the exact curve, where it has a choice of representations; else itself."""
+    variant = getattr(factory, "variant", None)
+    if not callable(variant) or "curve" not in getattr(factory, "representations", ()):
+        return factory
+    return cast("RendererFactory", variant(representation="curve"))
+
+
+def reference_of(name: str, factory: RendererFactory, work: Workload) -> Reference | None:
+    """Build the reference of a renderer on a workload; None for one that has neither an exact form nor a knob.
+
+    With knobs the finest setting is the reference, and the one before it shows how far that has converged.
+    """
+    exact = on_the_exact_curve(factory)
+    knobs = knobs_of(exact)
+    if not knobs:
+        known = getattr(exact, "representation", None) == "curve"
+        return Reference("the exact curve", _asked(exact, work), None) if known else None
+    before, last = refinements(knobs)
+    coarse, fine = (_asked(cast("Any", configured(exact, each, name=name)), work) for each in (before, last))
+    return Reference(
+        f"itself at {', '.join(f'{knob} {value:g}' for knob, value in last.items())}",
+        fine,
+        errors(coarse, fine, stiffness=work.scene.stiffness),
+    )
+
+
+def refinements(knobs: Mapping[str, Knob]) -> tuple[Settings, Settings]:
+    """Return the last but one and the last refinement of all knobs together.
+
+    Raises `InputError` for a knob with one value only: nothing shows then whether it has converged.
+    """
+    chosen = {name: knob.finest or knob.values for name, knob in knobs.items()}
+    for name, values in chosen.items():
+        if len(values) < 2:
+            raise InputError(
+                f"the knob '{name}' has one value only",
+                why="a reference without an exact form needs a second, coarser one to show that it has converged",
+                todo="give the knob at least two values",
+            )
+    return {name: values[-2] for name, values in chosen.items()}, {name: values[-1] for name, values in chosen.items()}
+
+
+def _asked(factory: Callable[..., object], work: Workload) -> Answers:
+    return answers(cast("Renderer", factory(work.scene)), work)

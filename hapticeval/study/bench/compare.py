@@ -1,0 +1,144 @@
+"""Compare two benches setting by setting: a rank test on blocks of the raw samples.
+
+Samples that follow one another are not independent: a slow stretch of the machine is slow for all of them. A round,
+in which every setting is measured once and in another order, is therefore one block, its median one observation. Mann
+and Whitney's test is then exact at any number of rounds, Hodges and Lehmann's estimate with its own interval says by
+how much, and Holm's correction holds the chance of even one false alarm among all settings to five per cent. What no
+number of rounds can see is what differs from process to process, such as where arrays lie in memory: a shift must also
+be larger than two benches of the same code were found to differ by.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hapticeval.study.bench.document import BenchResults, Samples
+from hapticeval.types import Array
+
+LEVEL = 0.05
+WORTH = {"step": 0.10, "batch": 0.25}
+"""A ratio of times closer to one than this is not called better or worse: the same code reached 0.03 and 0.22."""
+
+ERROR_WORTH = 1e-6
+"""Errors are not random: they have changed where they differ by more than this share."""
+
+
+@dataclass(frozen=True)
+class Shift:
+    """The ratio of times, now over before, with its 95 per cent interval, and the chance of one as far off by luck."""
+
+    ratio: float
+    low: float
+    high: float
+    p: float
+
+
+def shift(now: Array, before: Array) -> Shift:
+    """Estimate the shift between blocks (n,) and (m,) of positive numbers, on a logarithmic scale.
+
+    With very few blocks no interval of 95 per cent exists: it is then unbounded, and `p` cannot be small either.
+    """
+    from scipy.stats import mannwhitneyu
+
+    a, b = np.log(now), np.log(before)
+    p = float(mannwhitneyu(a, b, alternative="two-sided", method="auto").pvalue)
+    apart = np.sort(np.subtract.outer(a, b).ravel())
+    outside = _rank(a.size, b.size)
+    bounded = outside > 0
+    return Shift(
+        ratio=float(np.exp(np.median(apart))),
+        low=float(np.exp(apart[outside - 1])) if bounded else 0.0,
+        high=float(np.exp(apart[apart.size - outside])) if bounded else math.inf,
+        p=p,
+    )
+
+
+def _rank(n: int, m: int) -> int:
+    """Count the n m ordered differences that lie beyond each end of the 95 per cent interval.
+
+    The largest c with P(U <= c - 1) <= 0.025 under the hypothesis of no shift, from the exact distribution of U.
+    """
+    counts = np.zeros(n * m + 1)
+    counts[0] = 1.0
+    for k in range(1, n + 1):  # Gaussian binomial coefficients: multiply by 1 - q^(m + k), divide by 1 - q^k
+        counts[m + k :] -= counts[: -(m + k)].copy() if m + k <= n * m else 0.0
+        for j in range(k, n * m + 1):
+            counts[j] += counts[j - k]
+    below = np.cumsum(counts) / math.comb(n + m, n)
+    return int(np.searchsorted(below, LEVEL / 2.0, side="right"))
+
+
+def holm(ps: Sequence[float]) -> list[float]:
+    """Return Holm's adjusted p values: below `LEVEL` where the shift is significant among all that were tested."""
+    order = sorted(range(len(ps)), key=lambda index: ps[index])
+    adjusted = [1.0] * len(ps)
+    largest = 0.0
+    for rank, index in enumerate(order):
+        largest = max(largest, min(1.0, (len(ps) - rank) * ps[index]))
+        adjusted[index] = largest
+    return adjusted
+
+
+def verdict(found: Shift, adjusted: float, *, worth: float) -> str:
+    """Return `better`, `worse` or `not significant` for a shift of times; `worth` is the least share that counts."""
+    if adjusted >= LEVEL or abs(math.log(found.ratio)) <= math.log1p(worth):
+        return "not significant"
+    return "better" if found.ratio < 1.0 else "worse"
+
+
+def compare_benches(
+    now: BenchResults, samples: Samples, before: BenchResults, earlier: Samples
+) -> list[dict[str, Any]]:
+    """Compare two benches.
+
+    Returns one dict per setting and kind of time present in both, plus one per setting whose error has changed.
+    """
+    past = {(each["model"], each["label"]): each for each in before.settings if each["problem"] is None}
+    pairs = [
+        (each, past[each["model"], each["label"]])
+        for each in now.settings
+        if each["problem"] is None and (each["model"], each["label"]) in past
+    ]
+    found = []
+    for each, old in pairs:
+        for kind in ("step", "batch"):
+            blocks = [_blocks(some, one["key"], kind) for some, one in ((samples, each), (earlier, old))]
+            if blocks[0].size >= 2 and blocks[1].size >= 2:
+                found.append((each, kind, shift(blocks[0], blocks[1])))
+    adjusted = holm([some.p for _, _, some in found])
+    times = [
+        {
+            "model": each["model"],
+            "label": each["label"],
+            "what": kind,
+            "ratio": some.ratio,
+            "low": some.low,
+            "high": some.high if math.isfinite(some.high) else None,
+            "p": p,
+            "verdict": verdict(some, p, worth=WORTH[kind]),
+        }
+        for (each, kind, some), p in zip(found, adjusted, strict=True)
+    ]
+    return times + [changed for each, old in pairs for changed in _error_change(each, old)]
+
+
+def _blocks(samples: Samples, key: str, kind: str) -> Array:
+    """Return the median of each round."""
+    rounds = samples.get(f"{key}/{kind}")
+    return np.empty(0) if rounds is None else np.maximum(np.median(rounds, axis=1), 1.0)
+
+
+def _error_change(now: Any, before: Any) -> list[dict[str, Any]]:
+    if now["errors"] is None or before["errors"] is None:
+        return []
+    new, old = now["errors"]["ihip"]["p99"], before["errors"]["ihip"]["p99"]
+    same = {"model": now["model"], "label": now["label"], "what": "IHIP error", "low": None, "high": None, "p": None}
+    if abs(new - old) <= ERROR_WORTH * max(new, old) + 1e-12:
+        return []
+    ratio = new / old if old > 0.0 else None
+    return [{**same, "ratio": ratio, "verdict": "better" if new < old else "worse"}]

@@ -1,0 +1,180 @@
+"""What a setting costs: time per step, time to build, and memory, each measured alone."""
+
+from __future__ import annotations
+
+import gc
+import os
+import platform
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from types import FunctionType, MethodType, ModuleType
+from typing import Any
+
+import numpy as np
+
+from hapticeval.recordings.recording import backward_difference
+from hapticeval.renderer import Batch, Renderer, RendererFactory
+from hapticeval.scene import Scene
+from hapticeval.stimulus import Path
+from hapticeval.types import Array, IntArray
+from hapticeval.workers import cores
+
+WARM_UP = 200
+"""Steps before each round of timing, outside the clock."""
+
+LONG_BUILD = 0.3
+"""Seconds above which a build is timed once."""
+
+LONG_BATCH = 0.02
+"""Seconds that a round of batches may take."""
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Rows ready for a renderer, so that nothing but its own step is under the clock."""
+
+    hips: Array
+    rows: list[tuple[Array, Array]]
+    dt: float
+
+
+def track(path: Path, dt: float) -> Track:
+    """Sample the positions and velocities along a path."""
+    at, hips = path.sampled(dt)
+    return Track(hips, list(zip(hips, backward_difference(hips, at), strict=True)), dt)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Collect no garbage in the block: the collector's pauses are Python's, not the renderer's."""
+    enabled = gc.isenabled()
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def step_times(renderer: Renderer, along: Track, count: int, *, first: int) -> IntArray:
+    """Time each of `count` steps called from Python, from row `first` on, after a warm-up: (count,), ns.
+
+    The clock's own cost is in every sample: see `clock_cost`.
+    """
+    rows, dt, clock, step = along.rows, along.dt, time.perf_counter_ns, renderer.step
+    samples = np.empty(count, dtype=np.int64)
+    first = min(first, max(len(rows) - count - WARM_UP, 0))
+    renderer.reset(rows[first][0])
+    for k in range(WARM_UP):
+        hip, velocity = rows[(first + k) % len(rows)]
+        step(hip, velocity, dt)
+    with quiet():
+        for k in range(count):
+            hip, velocity = rows[(first + WARM_UP + k) % len(rows)]
+            begun = clock()
+            step(hip, velocity, dt)
+            samples[k] = clock() - begun
+    return samples
+
+
+def batch_times(renderer: Renderer, along: Track, count: int) -> IntArray | None:
+    """Time up to `count` whole runs, after one that does not count: (n,), ps per step; None without `run`."""
+    if not isinstance(renderer, Batch):
+        return None
+    clock, run, hips, dt = time.perf_counter_ns, renderer.run, along.hips, along.dt
+    begun = clock()
+    run(hips, dt)
+    took = (clock() - begun) * 1e-9
+    repeats = int(np.clip(LONG_BATCH / max(took, 1e-9), 3, count))
+    samples = np.empty(repeats, dtype=np.int64)
+    with quiet():
+        for k in range(repeats):
+            begun = clock()
+            run(hips, dt)
+            samples[k] = (clock() - begun) * 1000 // len(hips)
+    return samples
+
+
+def clock_cost() -> float:
+    """Measure the nanoseconds between two readings of the clock with nothing in between: the median of many."""
+    clock = time.perf_counter_ns
+    samples = np.empty(5000, dtype=np.int64)
+    for k in range(samples.size):
+        begun = clock()
+        samples[k] = clock() - begun
+    return float(np.median(samples))
+
+
+def timed_build(factory: RendererFactory, scenes: Iterator[Scene], repeats: int) -> tuple[Any, list[float]]:
+    """Build a renderer again and again, each time for a new scene; return the first, and the seconds of each build.
+
+    A build that takes long is not repeated.
+    """
+    taken: list[float] = []
+    made: Any = None
+    while len(taken) < repeats and (not taken or taken[0] < LONG_BUILD):
+        scene = next(scenes)
+        with quiet():
+            begun = time.perf_counter_ns()
+            built = factory(scene)
+            taken.append((time.perf_counter_ns() - begun) * 1e-9)
+        made = built if made is None else made
+    return made, taken
+
+
+def array_bytes(thing: object) -> int:
+    """Count the bytes of all arrays that can be reached from an object through attributes, containers and slots.
+
+    Memory that two arrays share counts once. Python's own objects and what compiled libraries hold do not count. A
+    memory-mapped file counts whole, as it would be if all of it were read.
+    """
+    seen: set[int] = set()
+    buffers: dict[int, int] = {}
+    stack = [thing]
+    while stack:
+        each = stack.pop()
+        if id(each) in seen:
+            continue
+        seen.add(id(each))
+        if isinstance(each, np.ndarray):
+            owner = each
+            while isinstance(owner.base, np.ndarray):
+                owner = owner.base
+            buffers[owner.__array_interface__["data"][0]] = owner.nbytes
+        elif isinstance(each, Mapping):
+            stack += each.values()
+        elif isinstance(each, list | tuple | set | frozenset):
+            stack += each
+        elif isinstance(each, FunctionType):
+            stack += [cell.cell_contents for cell in each.__closure__ or () if cell.cell_contents is not None]
+        elif isinstance(each, MethodType):
+            stack.append(each.__self__)
+        elif not isinstance(each, type | ModuleType) and not type(each).__module__.startswith("numba"):
+            stack += vars(each).values() if hasattr(each, "__dict__") else []
+            stack += [getattr(each, name) for name in _slots(each) if hasattr(each, name)]
+    return sum(buffers.values())
+
+
+def _slots(thing: object) -> list[str]:
+    named = [getattr(kind, "__slots__", ()) for kind in type(thing).__mro__]
+    return [name for each in named for name in ((each,) if isinstance(each, str) else each)]
+
+
+def machine() -> dict[str, Any]:
+    """Describe what times depend on beside the versions: processor, cores that may be used, clock, and other work."""
+    processor = platform.processor() or platform.machine()
+    cpuinfo = FilePath("/proc/cpuinfo")
+    if cpuinfo.exists():
+        named = [line.partition(":")[2].strip() for line in cpuinfo.read_text().splitlines() if "model name" in line]
+        processor = named[0] if named else processor
+    return {
+        "processor": processor,
+        "cores": cores(),
+        "load_average": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+        "clock_ns": clock_cost(),
+        "clock_resolution_ns": time.get_clock_info("perf_counter").resolution * 1e9,
+    }

@@ -1,0 +1,330 @@
+"""The bench itself: build every setting of every renderer, measure its accuracy, then time all of them in turns."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import count, product
+from typing import Any, cast
+
+import numpy as np
+
+from hapticeval.discovery import own_renderers, resolve
+from hapticeval.errors import HapticevalError, InputError, RendererError, UnknownNameError
+from hapticeval.judging import built
+from hapticeval.knob import Settings, configured, knobs_of
+from hapticeval.renderer import Renderer, RendererFactory
+from hapticeval.results import environment
+from hapticeval.study.bench.accuracy import (
+    MODELS,
+    ROUNDING,
+    Reference,
+    Workload,
+    answers,
+    errors,
+    fresh_scene,
+    on_the_exact_curve,
+    reference_of,
+    workload,
+)
+from hapticeval.study.bench.document import BenchResults, Samples
+from hapticeval.study.bench.measure import array_bytes, batch_times, machine, step_times, timed_build, track
+from hapticeval.types import IntArray
+
+TICK = 1e-3
+"""Seconds in which a haptic renderer must have answered."""
+
+Progress = Callable[[int, int, str], None]
+"""Called with how many of how many pieces of work are done, and which comes next."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """How much is measured: rounds of timing, steps and batches per round, and builds."""
+
+    rounds: int
+    steps: int
+    batches: int
+    builds: int
+
+
+QUICK = Effort(rounds=8, steps=250, batches=5, builds=2)
+FULL = Effort(rounds=20, steps=1000, batches=10, builds=5)
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """A renderer with its knobs at given values."""
+
+    renderer: str
+    values: Settings
+    factory: RendererFactory
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """For instance `constraint@polygon vertices 80`, `minimum-distance@lut cell 0.5mm`."""
+        return " ".join([self.renderer, *(_text(knob, value, self.units[knob]) for knob, value in self.values.items())])
+
+
+def _text(knob: str, value: float, unit: str) -> str:
+    return f"{knob} {1e3 * value:g}mm" if unit == "m" else f"{knob} {value:g}{unit}"
+
+
+def own_variants() -> list[str]:
+    """Name the renderers that come with hapticeval, each on every representation that it offers."""
+    names = []
+    for name in own_renderers():
+        offered = getattr(resolve(name), "representations", None)
+        names += [f"{name}@{each}" for each in offered] if offered else [name]
+    return names
+
+
+def settings_of(
+    renderers: Sequence[str], *, quick: bool, chosen: Mapping[str, Sequence[float]] | None = None
+) -> list[Setting]:
+    """List every setting of the renderers, in the order given, coarse before fine.
+
+    Each knob is swept alone, the others as the renderer itself has them. `chosen` names the knobs to sweep instead,
+    with their values, on the renderers that have them: then in every combination. Raises `UnknownNameError` for a
+    knob that none of them has, and as `resolve` does.
+    """
+    factories = {name: resolve(name) for name in dict.fromkeys(renderers)}
+    knobs = {name: knobs_of(factory) for name, factory in factories.items()}
+    asked = dict(chosen or {})
+    known = {knob for each in knobs.values() for knob in each}
+    for knob in asked:
+        if knob not in known:
+            raise UnknownNameError(f"knob of {', '.join(factories)}", knob, known)
+    found = []
+    for name, factory in factories.items():
+        wanted = {knob: values for knob, values in asked.items() if knob in knobs[name]}
+        if wanted:
+            every = [dict(zip(wanted, values, strict=True)) for values in product(*wanted.values())]
+        else:
+            every = [
+                {knob: value}
+                for knob, each in knobs[name].items()
+                for value in (each.quick if quick and each.quick else each.values)
+            ]
+        units = {knob: each.unit for knob, each in knobs[name].items()}
+        for setting in every or [{}]:
+            found.append(
+                Setting(name, setting, cast("RendererFactory", configured(factory, setting, name=name)), units)
+            )
+    return found
+
+
+@dataclass
+class _Entry:
+    """One setting on one model, and what has been measured of it so far."""
+
+    setting: Setting
+    work: Workload
+    key: str
+    renderer: Renderer | None = None
+    reference: Reference | None = None
+    errors: Any = None
+    memory: int | None = None
+    builds: list[float] = field(default_factory=list)
+    problem: str | None = "not reached"
+    failure: HapticevalError | None = None
+    steps: list[IntArray] = field(default_factory=list)
+    batches: list[IntArray] = field(default_factory=list)
+
+
+class Sweep:
+    """A bench of some settings. `run` may be stopped by Ctrl-C: what was measured is kept."""
+
+    def __init__(self, settings: Sequence[Setting], *, quick: bool, seed: int, command: Mapping[str, Any]) -> None:
+        self.quick = quick
+        self.seed = seed
+        self.command = command
+        self.effort = QUICK if quick else FULL
+        self.works = [workload(kind, seed=seed) for kind in MODELS]
+        pairs = [(work, setting) for work in self.works for setting in settings]
+        self.entries = [_Entry(setting, work, f"s{k:03d}") for k, (work, setting) in enumerate(pairs)]
+        self.references: dict[tuple[str, str], Reference | None] = {}
+        self.rounds = 0
+        self._fresh = count(1)
+        self.reason: str | None = None
+        self.wall = 0.0
+        self.machine = machine()
+
+    def run(self, progress: Progress) -> None:
+        """Measure. Nothing runs beside anything else."""
+        begun = time.perf_counter()
+        total = len(self.entries) + self.effort.rounds
+        try:
+            for done, entry in enumerate(self.entries):
+                progress(done, total, f"{entry.setting.label} on the {entry.work.name}: accuracy")
+                self._prepare(entry)
+            order = np.random.default_rng(self.seed)
+            for done in range(self.effort.rounds):
+                progress(len(self.entries) + done, total, f"timing, round {done + 1} of {self.effort.rounds}")
+                self._round(done, order)
+            progress(total, total, "")
+        except KeyboardInterrupt:
+            self.reason = "interrupted by the user"
+        self.wall = time.perf_counter() - begun
+
+    @property
+    def failures(self) -> list[HapticevalError]:
+        """The errors that stopped single settings."""
+        return [entry.failure for entry in self.entries if entry.failure is not None]
+
+    def _prepare(self, entry: _Entry) -> None:
+        try:
+            self._measure(entry)
+            entry.problem = None
+        except HapticevalError as error:
+            entry.failure = error
+            entry.problem = " ".join(part for part in (f"{error.what}.", error.why) if part)
+        except Exception as error:
+            entry.failure = RendererError(f"measuring it raised {type(error).__name__}: {error}", tick=0, hip=())
+            entry.problem = entry.failure.what
+
+    def _measure(self, entry: _Entry) -> None:
+        setting, work = entry.setting, entry.work
+        warm = built(setting.factory, work.scene)  # what is compiled on first use is compiled now
+        if not isinstance(warm, Renderer):
+            raise _NotBenched(
+                f"'{setting.renderer}' has no reset and step to be timed",
+                why="it answers a whole stimulus at once",
+            )
+        entry.reference = self._reference(setting, work)
+        found = answers(warm, work)
+        if entry.reference is not None:
+            entry.errors = errors(found, entry.reference.answers, stiffness=work.scene.stiffness)
+        scenes = (fresh_scene(work.name, next(self._fresh)) for _ in range(self.effort.builds))
+        entry.renderer, entry.builds = timed_build(setting.factory, scenes, self.effort.builds)
+        entry.memory = array_bytes(entry.renderer)
+
+    def _reference(self, setting: Setting, work: Workload) -> Reference | None:
+        key = (setting.renderer, work.name)
+        if key not in self.references:
+            base = on_the_exact_curve(setting.factory)
+            shared = [
+                (name, model)
+                for name, model in self.references
+                if model == work.name and _same(base, self._factory_of(name))
+            ]
+            self.references[key] = (
+                self.references[shared[0]] if shared else reference_of(setting.renderer, setting.factory, work)
+            )
+        return self.references[key]
+
+    def _factory_of(self, name: str) -> Any:
+        return on_the_exact_curve(next(each.setting.factory for each in self.entries if each.setting.renderer == name))
+
+    def _round(self, number: int, order: np.random.Generator) -> None:
+        """Time every setting once, in an order of its own. A round that is cut short is dropped whole."""
+        live = [entry for entry in self.entries if entry.renderer is not None]
+        took: dict[str, tuple[IntArray, IntArray | None]] = {}
+        tracks = {work.name: track(work.slide, work.dt) for work in self.works}
+        for k in order.permutation(len(live)):
+            entry = live[k]
+            along = tracks[entry.work.name]
+            assert entry.renderer is not None
+            first = number * self.effort.steps % len(along.rows)
+            steps = step_times(entry.renderer, along, self.effort.steps, first=first)
+            took[entry.key] = steps, batch_times(entry.renderer, along, self.effort.batches)
+        self.rounds += 1
+        for entry in live:
+            steps, batches = took[entry.key]
+            entry.steps.append(steps)
+            if batches is not None:
+                entry.batches.append(batches)
+
+    def samples(self) -> Samples:
+        """Return the raw samples of the rounds that were finished."""
+        found: dict[str, IntArray] = {}
+        for entry in self.entries:
+            for kind, rounds in (("step", entry.steps), ("batch", entry.batches)):
+                if rounds:
+                    shortest = min(each.size for each in rounds)
+                    found[f"{entry.key}/{kind}"] = np.stack([each[:shortest] for each in rounds])
+        return found
+
+    def results(self) -> BenchResults:
+        """Return what was measured as a document; `judge.judged` adds fronts, orders and answers."""
+        return BenchResults(
+            complete=self.reason is None,
+            reason=self.reason,
+            quick=self.quick,
+            seed=self.seed,
+            rounds=self.rounds,
+            environment=environment(),
+            machine=self.machine,
+            command=self.command,
+            references=[
+                {
+                    "renderer": name,
+                    "model": model,
+                    "what": None if reference is None else reference.what,
+                    "disagreement": None if reference is None else reference.disagreement,
+                }
+                for (name, model), reference in self.references.items()
+            ],
+            settings=[_document(entry) for entry in self.entries],
+            orders=[],
+            answers=[],
+            timing={"wall_seconds": self.wall},
+        )
+
+
+class _NotBenched(InputError):
+    """A renderer that cannot be stepped: left out, and no fault."""
+
+    exit_code = 0
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Return whether two factories are equal by value: they share one reference then."""
+    return bool(one is other or (type(one) is type(other) and one == other))
+
+
+def _document(entry: _Entry) -> dict[str, Any]:
+    found, reference = entry.errors, entry.reference
+    if found is not None:
+        scene = entry.work.scene
+        floors = {"ihip": scene.model.size, "normal": 180.0, "force": scene.model.size * scene.stiffness}
+        found = {
+            metric: {each: value if value > ROUNDING * floors[metric] else 0.0 for each, value in every.items()}
+            for metric, every in found.items()
+        }
+    return {
+        "renderer": entry.setting.renderer,
+        "model": entry.work.name,
+        "settings": dict(entry.setting.values),
+        "label": entry.setting.label,
+        "errors": found,
+        "claims": None if found is None or reference is None else reference.claims(found),
+        "proven": None if found is None or reference is None else reference.proves(found),
+        "step": _times(entry.steps, 1e-9),
+        "batch": _times(entry.batches, 1e-12),
+        "memory_bytes": entry.memory,
+        "build_seconds": entry.builds,
+        "key": entry.key,
+        "front": [],
+        "problem": entry.problem,
+    }
+
+
+def _times(rounds: Sequence[IntArray], second: float) -> dict[str, float] | None:
+    """Return statistics of a step's time, s, from samples in units of `second` seconds.
+
+    `tick_share` is the 99.9 per cent quantile as a share of the tick of 1 ms.
+    """
+    if not rounds:
+        return None
+    every = second * np.concatenate(rounds)
+    p999 = float(np.quantile(every, 0.999))
+    return {
+        "median": float(np.median(every)),
+        "p99": float(np.quantile(every, 0.99)),
+        "p999": p999,
+        "max": float(np.max(every)),
+        "tick_share": p999 / TICK,
+    }

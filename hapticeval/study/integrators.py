@@ -1,0 +1,163 @@
+"""What accurate motion between samples costs: every integration method's error against its time."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from hapticeval.devices.device import Device
+from hapticeval.devices.integration import DEFAULT, METHODS, TOLERANCE, Method, control
+from hapticeval.types import Array
+
+TARGET = 1e-9
+"""Relative error between samples that closed loops promise."""
+
+TICK = 1e-3
+"""Seconds of a tick."""
+
+SUBSTEPS = (1, 2, 4, 8, 16, 32, 64)
+TOLERANCES = tuple(10.0**-k for k in range(4, 14))
+
+
+@dataclass(frozen=True, eq=False)
+class IntegrationBenchmark:
+    """A motion to integrate: `torque` (n, N) held in each tick of `dt` s, and a hand with `grip` (2,) that draws to
+    `path` (n + 1, N), m. `states` (n + 1, 2 N) are the reference joints and rates at the ticks."""
+
+    device: Device
+    dt: float
+    torque: Array
+    path: Array
+    grip: Array
+    states: Array
+
+
+def integration_benchmark(device: Device, *, ticks: int = 300, dt: float = TICK) -> IntegrationBenchmark:
+    """Make the benchmark of a device: a hand draws a circle from home, against motors that jump at each tick.
+
+    The hand has 500 N/m and 5 N s/m, the circle 3 cm and 2 Hz. The states come from scipy's DOP853 at its
+    tightest, tick by tick, on the device's Python methods.
+    """
+    size = device.dimension
+    grip = np.array([500.0, 5.0])
+    angle = 2.0 * math.pi * 2.0 * dt * np.arange(ticks + 1)
+    path = np.zeros((ticks + 1, size))
+    path[:, 0], path[:, 1] = 0.03 * np.sin(angle), 0.03 * (1.0 - np.cos(angle))
+    torque = 0.2 * np.random.default_rng(0).standard_normal((ticks, size))
+    states = np.zeros((ticks + 1, 2 * size))
+    for k in range(ticks):
+        states[k + 1] = moved(device, states[k], torque[k], path[k : k + 2], grip, dt)
+    return IntegrationBenchmark(device, dt, torque, path, grip, states)
+
+
+def moved(device: Device, state: Array, torque: Array, path: Array, grip: Array, dt: float) -> Array:
+    """Return the state (2 N,) after a tick, by scipy's DOP853."""
+    from scipy.integrate import solve_ivp
+
+    slope = partial(_slope, device=device, torque=torque, path=path, grip=grip, dt=dt)
+    found = solve_ivp(slope, (0.0, dt), state, method="DOP853", rtol=3e-14, atol=1e-16)
+    return np.asarray(found.y[:, -1])
+
+
+def _slope(t: float, state: Array, *, device: Device, torque: Array, path: Array, grip: Array, dt: float) -> Array:
+    joints, rates = np.split(state, 2)
+    jacobian = device.jacobian(joints)
+    way = path[1] - path[0]
+    push = grip[0] * (path[0] + t / dt * way - device.position(joints)) + grip[1] * (way / dt - jacobian @ rates)
+    net = torque + jacobian.T @ push - device.bias(joints, rates)
+    return np.concatenate([rates, np.linalg.solve(device.inertia(joints), net)])
+
+
+class Runner:
+    """Integrates a benchmark by one method, with the kernel of the closed loop; `knobs` are from `control`."""
+
+    def __init__(self, benchmark: IntegrationBenchmark, method: Method, knobs: Array) -> None:
+        from hapticeval.compiled import DYNAMICS, KINEMATICS, first_class
+        from hapticeval.devices.dynamics_kernels import ROWS, SQUARES
+        from hapticeval.devices.integration_kernels import advance_many
+
+        size = benchmark.device.dimension
+        code = benchmark.device.kernels
+        self.benchmark = benchmark
+        self.whole: Callable[..., int] = advance_many
+        self.before: tuple[Any, ...] = (
+            first_class(code.kinematics, KINEMATICS), first_class(code.dynamics, DYNAMICS), benchmark.device.parameters,
+        )  # fmt: skip
+        self.after: tuple[Any, ...] = (
+            benchmark.dt, benchmark.torque, None, benchmark.path, benchmark.grip, None, method.table,
+            knobs, np.array([benchmark.dt]), np.zeros((ROWS, size)), np.empty((SQUARES, size, size)),
+            np.empty((method.b.size, size)),
+        )  # fmt: skip
+
+    def __call__(self, *, afresh: bool) -> tuple[Array, int]:
+        """Return states (n + 1, 2 N) and the number of steps; `afresh`: each tick starts from the reference state."""
+        states = self.benchmark.states.copy()
+        steps = self.whole(*self.before, states, afresh, *self.after)
+        return states, int(steps)
+
+
+def errors(states: Array, reference: Array) -> Array:
+    """Return the error after each tick (n,), relative to the largest joint and the largest rate of the tick."""
+    size = states.shape[1] // 2
+    astray = np.abs(states - reference)[1:]
+    parts = [
+        astray[:, part].max(axis=1) / np.abs(reference[1:, part]).max(axis=1)
+        for part in (slice(0, size), slice(size, None))
+    ]
+    return np.asarray(np.maximum(*parts))
+
+
+def study_integrators(devices: Sequence[Device], *, ticks: int = 300, rounds: int = 7) -> dict[str, Any]:
+    """Measure every method at every setting on every device, as JSON values.
+
+    The error after a tick is relative, the time is per simulated second.
+    """
+    return {
+        "target": TARGET,
+        "dt": TICK,
+        "default": {"method": DEFAULT, "tolerance": TOLERANCE},
+        "devices": [
+            {"device": device.name, "methods": _methods(integration_benchmark(device, ticks=ticks), rounds)}
+            for device in devices
+        ],
+    }
+
+
+def _methods(task: IntegrationBenchmark, rounds: int) -> list[dict[str, Any]]:
+    return [
+        {"name": name, "order": method.order, "adaptive": method.adaptive, "points": _points(task, method, rounds)}
+        for name, method in ((name, make()) for name, make in METHODS.items())
+    ]
+
+
+def _points(task: IntegrationBenchmark, method: Method, rounds: int) -> list[dict[str, Any]]:
+    points = []
+    ticks = task.torque.shape[0]
+    for value in TOLERANCES if method.adaptive else SUBSTEPS:
+        knob = "tolerance" if method.adaptive else "substeps"
+        knobs = control(method, tolerance=value) if method.adaptive else control(method, substeps=int(value))
+        run = Runner(task, method, knobs)
+        states, _ = run(afresh=True)
+        found = errors(states, task.states)
+        _, steps = run(afresh=False)
+        best = math.inf
+        for _ in range(rounds):
+            started = time.perf_counter()
+            run(afresh=False)
+            best = min(best, time.perf_counter() - started)
+        points.append(
+            {
+                knob: value,
+                "error": float(found.max()),
+                "median_error": float(np.median(found)),
+                "steps_per_tick": steps / ticks,
+                "seconds_per_second": best / (ticks * task.dt),
+            }
+        )
+    return points

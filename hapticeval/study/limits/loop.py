@@ -1,0 +1,190 @@
+"""The sampled closed loop around rest, made linear: renderer, inner loop, hold, delay and device.
+
+Beside it the bound of Colgate and Schenkel (2.40), for a device that moves in more than one direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticeval.devices.device import Device
+from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.renderer import Renderer
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+PROBE = 1e-6
+"""Metres by which the hand is moved to measure a renderer's gains: less than any encoder resolves."""
+
+FREQUENCIES = 400
+"""Frequencies, up to Nyquist's, at which the device's impedance is looked at."""
+
+ROUNDING = 1e-5
+"""A mode this close to 1 that makes no force is the tool's free motion along the surface, not an instability."""
+
+
+@dataclass(frozen=True)
+class Gains:
+    """What a renderer does around one place, F_k = -now y_k - before y_(k-1) - rate ẏ_k; each (N, N).
+
+    `now` and `before` in N/m, `rate` in N s/m.
+    """
+
+    now: Array
+    before: Array
+    rate: Array
+
+    @property
+    def parts(self) -> tuple[Array, Array, Array]:
+        """All three."""
+        return self.now, self.before, self.rate
+
+
+@dataclass(frozen=True)
+class Place:
+    """A point of the surface (N,), m, where the tool rests, and the outward unit normal there."""
+
+    point: Array
+    normal: Array
+
+
+def gains_of(renderer: Renderer, place: Place, dt: float) -> Gains:
+    """Measure a renderer's gains at `place`, by central differences of its own answers.
+
+    They are measured inside, so that a unilateral contact is not lost, and extrapolated to the surface: inside a force
+    stands, which turns as the hand moves along a curved one. The parabola through three depths removes it.
+    """
+    found = [_gains_inside(renderer, place, depth * PROBE, dt) for depth in (2.0, 4.0, 6.0)]
+    return Gains(*(3.0 * a - 3.0 * b + c for a, b, c in zip(*(each.parts for each in found), strict=True)))
+
+
+def _gains_inside(renderer: Renderer, place: Place, depth: float, dt: float) -> Gains:
+    rest = place.point - depth * place.normal
+    still = np.zeros_like(rest)
+
+    def force(before: Array, now: Array, velocity: Array) -> Array:
+        renderer.reset(before)
+        renderer.step(before, still, dt)
+        return np.asarray(renderer.step(now, velocity, dt)[1], dtype=np.float64)
+
+    return Gains(
+        now=-slope_of(lambda move: force(rest, rest + move, still), rest.size, PROBE),
+        before=-slope_of(lambda move: force(rest + move, rest, still), rest.size, PROBE),
+        rate=-slope_of(lambda move: force(rest, rest, move), rest.size, PROBE / dt),
+    )
+
+
+@dataclass(frozen=True)
+class Robot:
+    """The device around rest at one pose: Jacobian, inertia M and losses D of M q̈ + D q̇ = τ, each (N, N)."""
+
+    jacobian: Array
+    inertia: Array
+    losses: Array
+
+
+def robot_at(device: Device, point: Array) -> Robot:
+    """Describe the device with its hand at rest at `point` (N,), m. Raises `DomainError` outside its workspace."""
+    joints = device.joints(point)
+    losses = slope_of(lambda rates: device.bias(joints, rates), device.dimension)
+    return Robot(device.jacobian(joints), device.inertia(joints), losses)
+
+
+class SampledLoop:
+    """One tick of the loop around rest: linear in the state, the device discretised exactly for torques that are held.
+
+    The state is joint positions and velocities, the last positions and filtered velocities, and the torques that the
+    delay still holds back.
+    """
+
+    def __init__(self, scene: Scene, robot: Robot) -> None:
+        effects, dt = scene.imperfections, scene.sampling_time
+        self.scene = scene
+        self.robot = robot
+        whole, rest = divmod(effects.delay / dt, 1.0)
+        self.held = int(whole) + 1
+        self.early = _transition(robot, rest * dt)
+        self.late = _transition(robot, (1.0 - rest) * dt)
+        cutoff = effects.velocity_cutoff
+        self.kept = None if cutoff is None else float(np.exp(-2.0 * np.pi * cutoff * dt))
+
+    def matrix(self, gains: Gains) -> tuple[Array, Array]:
+        """Return the matrices from state to next state (n, n), and from state to force (N, n), N."""
+        scene, dt, held = self.scene, self.scene.sampling_time, self.held
+        jacobian, inertia, losses = self.robot.jacobian, self.robot.inertia, self.robot.losses
+        count = len(inertia)
+        state = np.eye((4 + held) * count)
+        q, rates, q_before, slow = (state[i * count : (i + 1) * count] for i in range(4))
+        torques = [state[(4 + i) * count : (5 + i) * count] for i in range(held)]
+        seen = rates
+        if self.kept is not None:
+            seen = slow = self.kept * slow + (1.0 - self.kept) * (q - q_before) / dt
+        force = -gains.now @ jacobian @ q - gains.before @ jacobian @ q_before - gains.rate @ jacobian @ seen
+        torque = jacobian.T @ force
+        if scene.inner_loop is InnerLoop.LINEARISED:
+            torque = inertia @ np.linalg.solve(jacobian, force / scene.mass)
+        if scene.inner_loop is not InnerLoop.STATIC:
+            torque = torque + losses @ seen
+        line = [torque, *torques]
+        moved = self.early[0] @ np.vstack([q, rates]) + self.early[1] @ line[held]
+        moved = self.late[0] @ moved + self.late[1] @ line[held - 1]
+        return np.vstack([moved, q, slow, *line[:held]]), force
+
+    def growth(self, gains: Gains) -> float:
+        """Return the growth per tick of the fastest mode, below 1 if stable; motion along the surface is left out."""
+        matrix, force = self.matrix(gains)
+        values, vectors = np.linalg.eig(matrix)
+        felt = np.linalg.norm(force @ vectors, axis=0)
+        free = (np.abs(values - 1.0) < ROUNDING) & (felt < ROUNDING * np.linalg.norm(force))
+        return float(np.max(np.abs(values[~free]), initial=0.0))
+
+
+def slope_of(answer: Callable[[Array], Array], count: int, step: float = 1e-6) -> Array:
+    """Return the Jacobian (N, count) of `answer` at zero, by central differences of `step`."""
+    return np.column_stack([(answer(step * axis) - answer(-step * axis)) / (2.0 * step) for axis in np.eye(count)])
+
+
+def _transition(robot: Robot, duration: float) -> tuple[Array, Array]:
+    """Return the matrices by which (q, q̇) moves over `duration`, and that a torque held meanwhile adds."""
+    from scipy.linalg import expm
+
+    count = len(robot.inertia)
+    flow = np.zeros((3 * count, 3 * count))
+    flow[:count, count : 2 * count] = np.eye(count)
+    flow[count : 2 * count, count : 2 * count] = -np.linalg.solve(robot.inertia, robot.losses)
+    flow[count : 2 * count, 2 * count :] = np.linalg.inv(robot.inertia)
+    moved = np.asarray(expm(flow * duration))
+    return moved[: 2 * count, : 2 * count], moved[: 2 * count, 2 * count :]
+
+
+def port_damping(robot: Robot, normal: Array, dt: float) -> float:
+    """Return b of (2.40), N s/m: the least real part of the device's impedance along `normal`, up to Nyquist.
+
+    The theorem behind (2.40) asks Re Z(jω) > T / (2 (1 - cos ωT)) Re[(1 - exp(-jωT)) H] at every ω, which for a
+    spring K and a damper B is Re Z > K T / 2 + |B| at the worst of them. Z is what is felt along the normal n while the
+    tool is free across it, 1 / Z = nᵀ (jω M̂ + B̂)⁻¹ n; where inertia and damping share their axes, Z is b + jω m.
+    """
+    if not robot.losses.any():
+        return 0.0
+    inverse = np.linalg.inv(robot.jacobian)
+    inertia, losses = (inverse.T @ part @ inverse for part in (robot.inertia, robot.losses))
+    frequencies = np.geomspace(1e-3, np.pi / dt, FREQUENCIES)
+    impedance = 1j * frequencies[:, None, None] * inertia + losses
+    admittance = np.linalg.solve(impedance, np.broadcast_to(normal[:, None], (FREQUENCIES, normal.size, 1)))[..., 0]
+    return float(np.min((1.0 / (admittance @ normal)).real))
+
+
+def passive_stiffness(scene: Scene, robot: Robot, normal: Array) -> float | None:
+    """Return the largest stiffness (N/m) that (2.40) allows, 2 (b - |B|) / (T + 2 d); zero where none is passive.
+
+    A delay of d s turns the spring's part of the theorem into K T / 2 (cos ωd - cos ω(T + d)) / (1 - cos ωT), which is
+    largest at ω = 0, K (T / 2 + d); the damper's stays within |B|. Without delay that is (2.40).
+    None for all but the static inner loop: one that compensates the device's damping leaves no b to count on.
+    """
+    if scene.inner_loop is not InnerLoop.STATIC:
+        return None
+    damping = port_damping(robot, normal, scene.sampling_time)
+    return max(0.0, 2.0 * (damping - scene.damping) / (scene.sampling_time + 2.0 * scene.imperfections.delay))

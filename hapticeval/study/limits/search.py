@@ -1,0 +1,176 @@
+"""The largest stiffness that stays stable, by bisection: on the loop's eigenvalues, and on the loop itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hapticeval.closed_loop import drive
+from hapticeval.errors import InputError, RefusalError, RunawayError
+from hapticeval.judging import built
+from hapticeval.renderer import Renderer, RendererFactory, SelfDriven
+from hapticeval.scene import Scene
+from hapticeval.stimulus import Experiment
+from hapticeval.study.limits.loop import Gains, Place, SampledLoop, gains_of
+
+SOFTEST, STIFFEST = 1.0, 1e7
+"""N/m between which limits are looked for."""
+
+STEPS = 40
+"""Halvings: until rounding of the limit's own digits."""
+
+PUSH = 1e-5
+"""Metres off the surface at which the loop is let go: small, so that the device stays at its pose."""
+
+RESTS = 1e-7
+"""Share of `PUSH` below which what is left of it is rounding: the loop has settled."""
+
+TICKS = 20_000
+"""Ticks of a run: a mode that grows by 1e-6 per tick grows by 2 per cent."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """A renderer's gains as a function of its stiffness, offset + K slope, as measured at `place`."""
+
+    offset: Gains
+    slope: Gains
+    place: Place
+
+    def at(self, stiffness: float) -> Gains:
+        """Return the gains at a stiffness, N/m."""
+        return Gains(
+            self.offset.now + stiffness * self.slope.now,
+            self.offset.before + stiffness * self.slope.before,
+            self.offset.rate + stiffness * self.slope.rate,
+        )
+
+    def facing(self, place: Place) -> Family:
+        """Return the same renderer's gains at another place, rotated with the normal."""
+        turn = _rotation(self.place.normal, place.normal)
+
+        def rotated(gains: Gains) -> Gains:
+            return Gains(*(turn @ part @ turn.T for part in (gains.now, gains.before, gains.rate)))
+
+        return Family(rotated(self.offset), rotated(self.slope), place)
+
+
+def family_of(factory: RendererFactory, scene: Scene, place: Place) -> Family:
+    """Measure the gains of what `factory` makes as a function of its stiffness.
+
+    Two stiffnesses far below the scene's give the line, a third one shows that it is one. Raises `InputError` for a
+    renderer whose gains do not grow in proportion, or that has no `step`.
+    """
+    found = []
+    for share in (1.0 / 64.0, 1.0 / 32.0, 1.0 / 16.0):
+        # Gains are the renderer's alone: they need no robot.
+        renderer = _two_sided(factory, replace(scene, device=None, stiffness=share * scene.stiffness))
+        if not isinstance(renderer, Renderer):
+            raise InputError(
+                "the renderer has physics of its own, and no gains to look for a limit of",
+                todo="choose one that answers tick by tick, such as minimum-distance",
+            )
+        found.append(gains_of(renderer, place, scene.sampling_time))
+    low, high = scene.stiffness / 64.0, scene.stiffness / 32.0
+    slope = Gains(*((b - a) / (high - low) for a, b in zip(found[0].parts, found[1].parts, strict=True)))
+    offset = Gains(*(a - low * b for a, b in zip(found[0].parts, slope.parts, strict=True)))
+    family = Family(offset, slope, place)
+    for predicted, measured in zip(family.at(2.0 * high).parts, found[2].parts, strict=True):
+        if np.max(np.abs(predicted - measured)) > 1e-3 * max(np.max(np.abs(measured)), scene.damping, 1e-9):
+            raise InputError(
+                "the renderer's force does not grow in proportion to the scene's stiffness",
+                why="a limit in terms of stiffness means nothing for it",
+                todo="choose a regulation scheme with a linear spring",
+            )
+    return family
+
+
+def _two_sided(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
+    """Make a renderer that holds from both sides, or from inside if it can do no more: its gains are the same."""
+    try:
+        return built(factory, replace(scene, bilateral=True))
+    except RefusalError:
+        return built(factory, replace(scene, bilateral=False))
+
+
+def eigenvalue_limit(loop: SampledLoop, family: Family, *, steps: int = STEPS) -> float:
+    """Find the stiffness (N/m) up to which all modes of the loop decay: 0 where none does, inf beyond `STIFFEST`."""
+    return largest(lambda stiffness: loop.growth(family.at(stiffness)) < 1.0, steps=steps)
+
+
+def simulated_limit(factory: RendererFactory, scene: Scene, place: Place) -> float:
+    """Find the same limit by running the sampled closed loop, let go `PUSH` off the surface, to see whether it settles.
+
+    Its encoders, torque limits and friction are left out: a limit cycle of a count is no instability, motors that
+    saturate bound one, and friction holds a loop at rest that would not stay there.
+
+    Raises `RefusalError` for a renderer that does not hold from both sides: let go at the surface, its tool leaves, and
+    shows nothing.
+    """
+    effects = replace(scene.imperfections, encoder_step=None, torque_limit=None, friction=None)
+    smooth = replace(scene, imperfections=effects)
+    return largest(lambda stiffness: _settles(factory, smooth, place, stiffness), steps=14)
+
+
+def largest(stable: Callable[[float], bool], *, steps: int = STEPS) -> float:
+    """Find the end of the first range of stable stiffnesses (N/m), on a grid of half-decades and by halving."""
+    grid = np.geomspace(SOFTEST, STIFFEST, 15)
+    verdicts = []
+    for value in grid:
+        verdicts.append(stable(float(value)))
+        if len(verdicts) > 1 and verdicts[-2] and not verdicts[-1]:
+            break
+    if not any(verdicts):
+        return 0.0
+    if verdicts[-1]:
+        return float("inf")
+    low, high = float(grid[len(verdicts) - 2]), float(grid[len(verdicts) - 1])
+    for _ in range(steps):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    return low
+
+
+def _settles(factory: RendererFactory, scene: Scene, place: Place, stiffness: float) -> bool:
+    """Return whether the distance from the surface is smaller at the end of a run than after its first tenth."""
+    held = replace(scene, stiffness=stiffness, bilateral=True)
+    try:
+        renderer = built(factory, held)
+    except RefusalError:
+        raise
+    except InputError:  # it refuses gains that it knows to be unstable
+        return False
+    dt = scene.sampling_time
+    still = np.zeros_like(place.point)
+    start = Experiment(TICKS * dt, place.point + PUSH * place.normal, still, np.zeros(1), still[None])
+    try:
+        run = drive(renderer, start, held, dt)
+    except RunawayError:
+        return False
+    if "ended" in run.meta:
+        return False
+    distance = scene.model.boundary.signed_distance(run.hip)
+    part = len(run) // 10
+    # Late against early, each over a tenth: an undamped loop keeps its size within the rounding of the two.
+    early, late = (float(np.std(distance[rows])) for rows in (slice(part, 2 * part), slice(-part, None)))
+    return late < max(early, RESTS * PUSH)
+
+
+def _rotation(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return the rotation, in the plane of two unit vectors, that takes one to the other."""
+    count = start.size
+    across = end - (end @ start) * start
+    size = float(np.linalg.norm(across))
+    if size < 1e-12:
+        if end @ start > 0.0:
+            return np.eye(count)
+        across = np.eye(count)[int(np.argmin(np.abs(start)))]
+        across = across - (across @ start) * start
+        size = float(np.linalg.norm(across))
+    across = across / size
+    basis = np.column_stack([start, across])
+    cos, sin = float(end @ start), float(end @ across)
+    turn = np.array([[cos, -sin], [sin, cos]])
+    return np.asarray(np.eye(count) - basis @ basis.T + basis @ turn @ basis.T)

@@ -1,0 +1,167 @@
+"""The document of a scene's limits: at one place, and mapped over damping, sampling time, delay and workspace."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hapticeval.devices.device import Device
+from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.errors import DomainError, InputError
+from hapticeval.renderer import RendererFactory
+from hapticeval.scene import Scene
+from hapticeval.study.limits.loop import Place, SampledLoop, passive_stiffness, port_damping, robot_at
+from hapticeval.study.limits.search import Family, eigenvalue_limit, family_of, simulated_limit
+from hapticeval.types import Array
+
+Progress = Callable[[int, int, str], None]
+
+COARSE = 12
+"""Halvings of a limit in a map: to a thousandth of the half-decade in which it lies."""
+
+TIMES = (0.25, 0.5, 1.0, 2.0)
+"""Sampling times of the Z-width plot, as shares of the scene's."""
+
+POSES, DIRECTIONS = 27, 12
+"""Poses along each side of the workspace map, and wall directions over half a turn at each."""
+
+
+def study_limits(factory: RendererFactory, scene: Scene, place: Place, progress: Progress) -> dict[str, Any]:
+    """Find a scene's limits as a document in SI units, with None for what is infinite or has no meaning.
+
+    Raises `DomainError` for a place outside the device's workspace, and `InputError` for a renderer that has no gains
+    and for a place in another dimension than the device's.
+    """
+    if scene.robot.dimension != place.point.size:
+        raise InputError(
+            f"the {scene.robot.name} moves in {scene.robot.dimension}D, and '{scene.model.name}' is in "
+            f"{place.point.size}D",
+            why="hand and model must live in the same space",
+            todo="choose another device",
+        )
+    stages = ("the loop at one place", "the sampled loop, run", "damping and sampling time", "delay", "workspace")
+    progress(0, len(stages), stages[0])
+    robot = robot_at(scene.robot, place.point)
+    family = family_of(factory, scene, place)
+    loop = SampledLoop(scene, robot)
+    document: dict[str, Any] = {
+        "device": scene.robot.name,
+        "inner_loop": scene.inner_loop.value,
+        "sampling_time": scene.sampling_time,
+        "stiffness": scene.stiffness,
+        "damping": scene.damping,
+        "point": place.point.tolist(),
+        "normal": place.normal.tolist(),
+        "port_damping": port_damping(robot, place.normal, scene.sampling_time),
+        "passive": passive_stiffness(scene, robot, place.normal),
+        "eigenvalues": finite(eigenvalue_limit(loop, family)),
+        "growth": loop.growth(family.at(scene.stiffness)),
+    }
+    progress(1, len(stages), stages[1])
+    document["simulated"] = finite(simulated_limit(factory, scene, place))
+    progress(2, len(stages), stages[2])
+    document["width"] = [_width(factory, scene, place, share * scene.sampling_time) for share in TIMES]
+    progress(3, len(stages), stages[3])
+    document["delay"] = _over_delay(scene, place, family)
+    progress(4, len(stages), stages[4])
+    document["workspace"] = _over_workspace(scene, family)
+    progress(5, len(stages), "")
+    return document
+
+
+def _width(factory: RendererFactory, scene: Scene, place: Place, dt: float) -> Mapping[str, Any]:
+    """Compute one curve of the Z-width plot, over dampings up to 2.5 m / T."""
+    robot = robot_at(scene.robot, place.point)
+    inverse = np.linalg.inv(robot.jacobian)
+    felt = 1.0 / float(place.normal @ np.linalg.inv(inverse.T @ robot.inertia @ inverse) @ place.normal)
+    mass = scene.mass if scene.inner_loop is InnerLoop.LINEARISED else felt
+    dampings = np.append(0.0, np.geomspace(1e-4, 2.5, 45) * mass / dt)
+    limits: list[float | None] = []
+    passive: list[float | None] = []
+    for damping in dampings:
+        each = replace(scene, damping=float(damping), sampling_time=dt)
+        try:
+            family = family_of(factory, each, place)
+        except InputError:  # a damping that the renderer itself knows to be unstable
+            limits.append(0.0)
+        else:
+            limits.append(finite(eigenvalue_limit(SampledLoop(each, robot), family, steps=COARSE)))
+        passive.append(passive_stiffness(each, robot, place.normal))
+    return {"sampling_time": dt, "damping": dampings.tolist(), "eigenvalues": limits, "passive": passive}
+
+
+def _over_delay(scene: Scene, place: Place, family: Family) -> Mapping[str, Any]:
+    robot = robot_at(scene.robot, place.point)
+    delays = np.linspace(0.0, 3.0 * scene.sampling_time, 25)
+    limits: list[float | None] = []
+    passive: list[float | None] = []
+    for delay in delays:
+        each = replace(scene, imperfections=replace(scene.imperfections, delay=float(delay)))
+        limits.append(finite(eigenvalue_limit(SampledLoop(each, robot), family, steps=COARSE)))
+        passive.append(passive_stiffness(each, robot, place.normal))
+    return {"delay": delays.tolist(), "eigenvalues": limits, "passive": passive}
+
+
+def _over_workspace(scene: Scene, family: Family) -> Mapping[str, Any] | None:
+    """Compute for each pose the limit at a wall in the worst direction; None for a device that is alike everywhere.
+
+    In 3D over the plane y_2 = 0, with walls whose normals lie in it.
+    """
+    device = scene.robot
+    window = _window(device)
+    if window is None:
+        return None
+    axes = (0, 1) if device.dimension == 2 else (0, 2)
+    grids = [np.linspace(window[0][axis], window[1][axis], POSES) for axis in axes]
+    angles = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
+    normals = np.zeros((DIRECTIONS, device.dimension))
+    normals[:, axes[0]], normals[:, axes[1]] = np.cos(angles), np.sin(angles)
+    shape = (POSES, POSES)
+    limits, passive = np.full(shape, np.nan), np.full(shape, np.nan)
+    for row, second in enumerate(grids[1]):
+        for column, first in enumerate(grids[0]):
+            point = np.zeros(device.dimension)
+            point[axes[0]], point[axes[1]] = first, second
+            try:
+                robot = robot_at(device, point)
+            except DomainError:
+                continue
+            loop = SampledLoop(scene, robot)
+            places = [family.facing(Place(point, normal)) for normal in normals]
+            limits[row, column] = min(eigenvalue_limit(loop, each, steps=COARSE) for each in places)
+            bounds = [passive_stiffness(scene, robot, normal) for normal in normals]
+            passive[row, column] = min((bound for bound in bounds if bound is not None), default=np.nan)
+    return {
+        "axes": [f"y{axis + 1}" for axis in axes],
+        "first": grids[0].tolist(),
+        "second": grids[1].tolist(),
+        "eigenvalues": [[finite(value) for value in row] for row in limits],
+        "passive": [[finite(value) for value in row] for row in passive],
+    }
+
+
+def _window(device: Device) -> tuple[Array, Array] | None:
+    """Find the box around what the device reaches by its own inverse kinematics; None without an edge."""
+    if not np.isfinite(device.margin(device.joints(np.zeros(device.dimension)))):
+        return None
+    reach = 2.0
+    lows, highs = np.zeros(device.dimension), np.zeros(device.dimension)
+    coarse = np.linspace(-reach, reach, 81)
+    mesh = np.stack(np.meshgrid(*([coarse] * 2), indexing="ij"), axis=-1).reshape(-1, 2)
+    for pair in mesh:
+        point = pair if device.dimension == 2 else np.array([pair[0], 0.0, pair[1]])
+        try:
+            device.joints(point)
+        except DomainError:
+            continue
+        lows, highs = np.minimum(lows, point), np.maximum(highs, point)
+    step = coarse[1] - coarse[0]
+    return lows - step, highs + step
+
+
+def finite(value: float) -> float | None:
+    """Return the value for JSON, None for a number that is not finite."""
+    return float(value) if np.isfinite(value) else None

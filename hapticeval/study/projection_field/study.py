@@ -1,0 +1,147 @@
+"""The projection of a renderer as a function of the HIP, and the document of its field."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, cast
+
+import numpy as np
+
+from hapticeval.discovery import resolve
+from hapticeval.errors import InputError
+from hapticeval.files import file_stem
+from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.model import Model
+from hapticeval.judging import built
+from hapticeval.knob import configured
+from hapticeval.playback import ask, play, start
+from hapticeval.renderer import Batch, Renderer, RendererFactory
+from hapticeval.scene import Scene
+from hapticeval.stimulus import Path
+from hapticeval.study.projection_field.field import Field, field_of, shallow_angles
+from hapticeval.study.projection_field.singular import extent
+from hapticeval.types import Array
+
+TRIES = 64
+INSIDE = 1e-6
+"""Depth of a hand that starts a contact, as a share of the model's size."""
+
+
+def study_field(
+    renderer: str,
+    model: Model,
+    *,
+    within: float,
+    name: str | None = None,
+    origin: Array | None = None,
+    knobs: Mapping[str, float] | None = None,
+    cells: int = 300,
+) -> tuple[Field, dict[str, Any]]:
+    """Find the projection field of a renderer, and its numbers as JSON values with a `title` and a file `stem`.
+
+    `within` (m) is the distance of the share near a discontinuity; for a renderer with memory `origin` (2,), m, is the
+    point that its tool was nearest to; `name` is the model's in title and stem, else its kind. Raises `InputError` and
+    `UnknownNameError` for what does not exist or does not fit, and `RendererError` where the renderer breaks.
+    """
+    settings = dict(knobs or {})
+    scene = Scene(model=model)
+    made = built(cast("RendererFactory", configured(resolve(renderer), settings, name=renderer)), scene)
+    if not isinstance(made, Renderer):
+        raise InputError(
+            f"'{renderer}' has no projection to draw", why="it answers a whole stimulus, not a HIP at a time"
+        )
+    surface = surface_of(made, model.curve)
+    at = None if origin is None else surface.position(surface.nearest(origin[np.newaxis]))[0]
+    project = projector(made, surface, dt=scene.sampling_time, origin=at)
+    found = field_of(project, surface, cells=cells, start=at)
+    # From one previous IHIP the far side is out of reach, and its angles are not those of the projection.
+    shallow = shallow_angles(project, surface) if at is None else ()
+    label = " ".join([renderer, *(f"{knob} {value:g}" for knob, value in settings.items())])
+    shown = name or model.name
+    title, tail = f"{label} on {shown}", ""
+    if at is not None:
+        title += f", previous IHIP at ({1e3 * at[0]:.3g}, {1e3 * at[1]:.3g}) mm"
+        tail = f"-from-{1e3 * at[0]:.4g}-{1e3 * at[1]:.4g}mm"
+    document = {
+        "title": title,
+        "stem": "field-" + file_stem(re.sub(r"[ :=,@]+", "-", f"{label} {shown}") + tail),
+        "renderer": renderer,
+        "settings": settings,
+        "model": {"kind": model.name, "parameters": dict(model.parameters)},
+        "memoryless": at is None,
+        "shallow_angle_deg": [asdict(angles) for angles in shallow],
+        **found.summary(within=within),
+    }
+    return found, document
+
+
+class Projector:
+    """HIPs (n, 2) to IHIPs (n, 2), m, each as if it were the next tick; in free space the IHIP is the HIP.
+
+    With `origin` (2,), m, every HIP is reached in one tick from a hand that rests there, just under the surface, so
+    that the tool is there too. Raises `RendererError` as `playback.play` does.
+    """
+
+    def __init__(self, renderer: Renderer, *, dt: float, origin: Array | None = None) -> None:
+        self._renderer = renderer
+        self._dt = dt
+        self._origin = origin
+
+    def __call__(self, hips: Array) -> Array:
+        """The IHIPs."""
+        if self._origin is None and isinstance(self._renderer, Batch) and len(hips) > 1:
+            time = self._dt * np.arange(len(hips), dtype=np.float64)
+            return play(self._renderer, Path(time, hips), self._dt).ihip
+        ihips = np.empty_like(hips)
+        still = np.zeros(hips.shape[1])
+        for row, hip in enumerate(hips):
+            start(self._renderer, hip if self._origin is None else self._origin)
+            ihips[row], _ = ask(self._renderer, row, hip, still, self._dt)
+        return ihips
+
+
+def surface_of(renderer: object, curve: Curve) -> Curve:
+    """Return the curve that a renderer really renders: its own where it has one, else the model's."""
+    surface = getattr(renderer, "surface", curve)
+    return surface if isinstance(surface, Curve) else curve
+
+
+def under(surface: Curve, at: Array) -> Array:
+    """Return the point (2,), m, just under the surface that is nearest to `at` (2,), m."""
+    u = surface.nearest(at[np.newaxis])
+    inward: Array = (surface.position(u) - INSIDE * extent(surface) * surface.normal(u))[0]
+    return inward
+
+
+def has_memory(renderer: Renderer, surface: Curve, *, dt: float) -> bool:
+    """Return whether the answer to a HIP depends on where the hand was before, tried from two places, seeded."""
+    xmin, ymin, xmax, ymax = surface.bounds
+    drawn = np.random.default_rng(0).uniform((xmin, ymin), (xmax, ymax), (8 * TRIES, 2))
+    hips = drawn[surface.contains(drawn)][:TRIES]
+    start_u, end_u = surface.u_range
+    places = [under(surface, surface.position(start_u + share * (end_u - start_u))) for share in (0.137, 0.629)]
+    one, other = (Projector(renderer, dt=dt, origin=place)(hips) for place in places)
+    return bool(np.max(np.abs(one - other), initial=0.0) > 1e-9 * (xmax - xmin))
+
+
+def projector(renderer: Renderer, surface: Curve, *, dt: float, origin: Array | None) -> Projector:
+    """Make the projection of a renderer, from `origin` (2,), m, if it has memory.
+
+    Raises `InputError` for a renderer with memory and no origin, and for an origin where there is no memory.
+    """
+    remembers = has_memory(renderer, surface, dt=dt)
+    if remembers and origin is None:
+        raise InputError(
+            "the renderer remembers where its tool was",
+            why="its projection field is another one for every previous IHIP (thesis 4.1.3)",
+            todo="say where the tool is with --from X,Y or --s ARC, in metres",
+        )
+    if origin is not None and not remembers:
+        raise InputError(
+            "the renderer has no memory",
+            why="its field is the same wherever the tool was",
+            todo="leave --from and --s out",
+        )
+    return Projector(renderer, dt=dt, origin=None if origin is None else under(surface, origin))

@@ -1,0 +1,316 @@
+"""The bench on renderers whose error is known: references, refusals, interrupts, and what is written."""
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from hapticeval.commands.arguments import parse_knobs
+from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.geometry.catalogue import cassinian, star
+from hapticeval.knob import Knob
+from hapticeval.renderer import Response
+from hapticeval.renderers import constraint, minimum_distance
+from hapticeval.scene import Scene
+from hapticeval.stimulus import Path
+from hapticeval.study.bench import sweep as sweeping
+from hapticeval.study.bench.accuracy import (
+    Answers,
+    answers,
+    errors,
+    fresh_scene,
+    interior_points,
+    reference_of,
+    refinements,
+    workload,
+)
+from hapticeval.study.bench.document import ENTRY, FILE, SAMPLES, read_bench, read_samples, write_bench
+from hapticeval.study.bench.judge import judged, unproven
+from hapticeval.study.bench.measure import array_bytes, batch_times, step_times, timed_build, track
+from hapticeval.study.bench.sweep import Effort, Setting, Sweep, settings_of
+from hapticeval.study.bench.text import describe
+
+TINY = Effort(rounds=3, steps=20, batches=3, builds=2)
+
+
+class Blurred:
+    """Minimum distance with an IHIP that is off by `blur`(n) metres along x."""
+
+    def __init__(self, blur, values=(1.0, 2.0, 4.0), n=1.0):
+        self.blur, self.n = blur, n
+        self.knobs = {"n": Knob(values=values, unit="", meaning="how fine")}
+
+    def with_knobs(self, **values):
+        return Blurred(self.blur, **values)
+
+    def __call__(self, scene):
+        return _Blurred(minimum_distance(scene), self.blur(self.n), scene.stiffness)
+
+
+class _Blurred:
+    def __init__(self, inner, off, stiffness):
+        self.inner, self.off, self.stiffness = inner, np.array([off, 0.0]), stiffness
+
+    def reset(self, hip):
+        self.inner.reset(hip)
+
+    def step(self, hip, velocity, dt):
+        ihip, force = self.inner.step(hip, velocity, dt)
+        return Response(ihip + self.off, force + self.stiffness * self.off)
+
+
+@cache
+def small(kind):
+    """A workload of few points and a short slide."""
+    full = workload(kind, seed=0)
+    time, points = full.slide.sampled(full.dt)
+    return replace(full, points=full.points[:60], slide=Path(0.1 * time[::10], points[::10]))
+
+
+@pytest.fixture
+def work():
+    return small("cassinian")
+
+
+@pytest.fixture
+def run(monkeypatch):
+    """Runs a bench of settings on small workloads, with little effort."""
+    monkeypatch.setattr(sweeping, "QUICK", TINY)
+    monkeypatch.setattr(sweeping, "workload", lambda kind, seed: small(kind))
+
+    def run(settings, progress=lambda *_: None):
+        bench = Sweep(settings, quick=True, seed=0, command={})
+        bench.run(progress)
+        return bench
+
+    return run
+
+
+def test_the_points_are_inside_and_away_from_discontinuities():
+    model = star()
+    points = interior_points(model, 200, seed=3)
+    np.testing.assert_array_equal(points, interior_points(model, 200, seed=3))
+    assert model.curve.contains(points).all()
+    angle = np.degrees(np.arctan2(points[:, 1], points[:, 0])) - 90.0
+    bisector = np.hypot(*points.T) * np.abs(np.sin(np.radians((angle + 36.0) % 72.0 - 36.0)))
+    assert bisector.min() > 1.99e-3
+
+
+def test_errors_of_a_known_offset(work):
+    exact = answers(minimum_distance(work.scene), work)
+    found = errors(Answers(exact.ihip + np.array([3e-4, 4e-4]), exact.force), exact, stiffness=1000.0)
+    assert found["ihip"] == pytest.approx({"rms": 5e-4, "p99": 5e-4, "max": 5e-4})
+    assert found["force"]["max"] == found["normal"]["max"] == 0.0
+    turned = exact.force @ np.array([[np.cos(0.1), np.sin(0.1)], [-np.sin(0.1), np.cos(0.1)]])
+    assert errors(Answers(exact.ihip, turned), exact, stiffness=1000.0)["normal"]["rms"] == pytest.approx(
+        np.degrees(0.1)
+    )
+
+
+def test_a_projection_is_measured_against_itself_on_the_exact_curve(work):
+    on_polygon = minimum_distance.variant(representation="polygon")
+    reference = reference_of("minimum-distance@polygon", on_polygon, work)
+    assert reference.what == "the exact curve"
+    assert reference.disagreement is None
+    coarse, fine = (
+        errors(answers(on_polygon.with_knobs(vertices=n)(work.scene), work), reference.answers, stiffness=1000.0)
+        for n in (40, 320)
+    )
+    assert coarse["ihip"]["rms"] > 4.0 * fine["ihip"]["rms"] > 0.0
+    assert reference.claims(fine) == fine
+    assert reference.proves(fine)
+
+
+def test_a_reference_that_has_converged_proves_the_errors_above_it(work):
+    reference = reference_of("blurred", Blurred(lambda n: 1e-3 * 100.0**-n), work)
+    assert "n 4" in reference.what
+    coarse = errors(answers(Blurred(lambda n: 1e-3 * 100.0**-n)(work.scene), work), reference.answers, stiffness=1.0)
+    assert coarse["ihip"]["max"] == pytest.approx(1e-5, rel=1e-3)
+    assert reference.proves(coarse)
+    assert reference.claims(coarse)["ihip"] == coarse["ihip"]
+
+
+def test_a_reference_that_has_not_converged_is_not_called_accurate(work):
+    factory = Blurred(lambda n: 1e-3 / n)
+    reference = reference_of("blurred", factory, work)
+    apart = 1e-3 / 2.0 - 1e-3 / 4.0
+    finest = errors(answers(factory.with_knobs(n=4.0)(work.scene), work), reference.answers, stiffness=1.0)
+    assert finest["ihip"]["max"] == 0.0
+    assert not reference.proves(finest)
+    assert reference.claims(finest)["ihip"]["p99"] == pytest.approx(10.0 * apart)
+
+
+def test_a_renderer_without_exact_form_or_knob_has_no_reference(work):
+    assert reference_of("mine", lambda scene: minimum_distance(scene), work) is None
+    with pytest.raises(InputError, match="one value only"):
+        refinements({"n": Knob(values=(1.0,), unit="", meaning="")})
+
+
+def test_the_bench_says_so_and_holds_back_its_answer(run):
+    slow = Blurred(lambda n: 1e-3 / n)
+    settings = [Setting("blurred", {"n": n}, slow.with_knobs(n=n), {"n": ""}) for n in (1.0, 2.0, 4.0)]
+    costs = judged(run(settings).results(), within=1e-4)
+    assert all(each["proven"] is False for each in costs.settings)
+    assert [each["label"] for each in costs.answers] == [None] * 4
+    (cassini, starred) = unproven(costs)
+    assert "has not converged" in cassini
+    assert "n 4" in cassini
+    assert "star" in starred
+    assert "~2.5 mm" in describe(costs)
+
+
+def test_settings_are_swept_a_knob_at_a_time_and_chosen_ones_in_every_combination():
+    names = [each.label for each in settings_of(["constraint@polygon", "minimum-distance"], quick=True)]
+    assert names == [*(f"constraint@polygon vertices {n}" for n in (40, 160, 640)), "minimum-distance"]
+    chosen = settings_of(["constraint@polygon"], quick=True, chosen=parse_knobs(["vertices=50,100"]))
+    assert [each.values for each in chosen] == [{"vertices": 50.0}, {"vertices": 100.0}]
+
+
+def test_a_knob_that_no_renderer_has_is_refused_with_the_closest():
+    with pytest.raises(UnknownNameError, match="unknown knob of constraint@polygon 'vertexes'") as caught:
+        settings_of(["constraint@polygon"], quick=True, chosen={"vertexes": (40.0,)})
+    assert "vertices" in caught.value.todo
+
+
+@pytest.mark.parametrize("text", ["vertices", "vertices=", "=40", "vertices=a", "vertices=40,", "vertices=-1", "n=inf"])
+def test_knob_options_that_say_nothing_are_refused(text):
+    with pytest.raises(InputError, match="--knob") as caught:
+        parse_knobs([text])
+    assert "vertices=40,80,160" in caught.value.todo
+
+
+def test_lengths_may_be_given_to_a_knob():
+    assert parse_knobs(["cell=1mm,0.5 mm"])["cell"] == pytest.approx((1e-3, 5e-4))
+
+
+def test_a_bench_from_end_to_end(run, tmp_path):
+    settings = settings_of(["minimum-distance@polygon", "ideal"], quick=True)
+    bench = run(settings)
+    costs = judged(bench.results())
+    cassini = [each for each in costs.settings if each["model"] == "cassinian" and not each["problem"]]
+    assert [each["settings"] for each in cassini] == [{"vertices": n} for n in (40, 160, 640)]
+    rms = [each["errors"]["ihip"]["rms"] for each in cassini]
+    assert rms[0] > 2.5 * rms[1] > 6.25 * rms[2]
+    (line,) = costs.orders
+    assert line["orders"]["ihip"] == pytest.approx(1.0, abs=0.15)
+    assert cassini[0]["memory_bytes"] < cassini[2]["memory_bytes"]
+    for each in cassini:
+        assert 0.0 < each["step"]["median"] <= each["step"]["p99"] <= each["step"]["p999"] <= each["step"]["max"]
+        assert each["step"]["tick_share"] == pytest.approx(1e3 * each["step"]["p999"])
+    assert all(
+        each["errors"]["ihip"]["max"] == 0.0
+        for each in costs.settings
+        if each["model"] == "star" and not each["problem"]
+    )
+    assert [each["label"] for each in costs.settings if each["problem"]] == ["ideal", "ideal"]
+    assert {each.exit_code for each in bench.failures} == {0}
+
+    samples = bench.samples()
+    assert samples["s000/step"].shape == (TINY.rounds, TINY.steps)
+    assert costs.settings[0]["step"]["max"] == pytest.approx(1e-9 * samples["s000/step"].max())
+    write_bench(tmp_path, costs, samples)
+    again = read_bench(tmp_path)
+    assert again.settings[0]["errors"] == costs.settings[0]["errors"]
+    for name, kept in read_samples(tmp_path).items():
+        np.testing.assert_array_equal(kept, samples[name])
+    assert "order of convergence, minimum-distance@polygon on the cassinian" in describe(again)
+
+
+def test_ctrl_c_keeps_what_was_measured(run):
+    def stop(done, total, what):
+        if "round 3" in what:
+            raise KeyboardInterrupt
+
+    costs = judged(run(settings_of(["minimum-distance"], quick=True), stop).results())
+    assert (costs.complete, costs.reason, costs.rounds) == (False, "interrupted by the user", 2)
+    assert costs.settings[0]["step"] is not None
+    assert "incomplete: interrupted" in describe(costs)
+
+
+def test_a_setting_that_breaks_leaves_the_others(run):
+    bench = run(settings_of(["minimum-distance@polygon"], quick=True, chosen={"vertices": (2.0, 40.0)}))
+    broken, whole = (each for each in bench.results().settings if each["model"] == "cassinian")
+    assert "polygon of 2 vertices" in broken["problem"]
+    assert broken["step"] is None
+    assert whole["problem"] is None
+    assert {each.exit_code for each in bench.failures} == {2}
+
+
+def test_timing_asks_for_as_many_steps_as_it_says(work):
+    class Counting:
+        calls = 0
+
+        def reset(self, hip):
+            pass
+
+        def step(self, hip, velocity, dt):
+            self.calls += 1
+            return hip, velocity
+
+    renderer = Counting()
+    samples = step_times(renderer, track(work.slide, work.dt), 30, first=1990)
+    assert samples.shape == (30,)
+    assert renderer.calls == 30 + 200
+    assert batch_times(renderer, track(work.slide, work.dt), 5) is None
+
+
+def test_a_build_is_timed_on_a_fresh_model_each_time():
+    seen = []
+    scenes = (fresh_scene("star", k) for k in range(3))
+    made, taken = timed_build(lambda scene: seen.append(scene.model) or len(seen), scenes, 3)
+    assert made == 1
+    assert len(taken) == len({model.parameters["size"] for model in seen}) == 3
+
+
+def test_memory_counts_every_buffer_once():
+    class Holder:
+        __slots__ = ("a", "more")
+
+    one = np.zeros(1000)
+    holder = Holder()
+    holder.a, holder.more = one, {"view": one[::2], "own": [np.zeros(10, dtype=np.float32)], "self": holder}
+    assert array_bytes(holder) == 8000 + 40
+    assert array_bytes(holder.__class__) == 0
+    table = np.zeros(50)
+    assert array_bytes(lambda: table) == 400
+
+
+def test_memory_of_a_polygon_grows_with_its_vertices():
+    scene = Scene(model=cassinian())
+    few, many = (array_bytes(constraint.with_knobs(vertices=n)(scene)) for n in (40, 400))
+    assert 8.0 < many / few < 12.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text[: len(text) // 2], "not JSON"),
+        (lambda text: json.dumps({**json.loads(text), "format_version": 2}), "format 2"),
+        (lambda text: json.dumps({**json.loads(text), "format_version": None}), "format None"),
+        (lambda text: json.dumps({k: v for k, v in json.loads(text).items() if k != "orders"}), "does not fit"),
+        (lambda text: json.dumps({**json.loads(text), "settings": [{}]}), "settings\\[0\\]"),
+        (lambda text: "[]", "no bench"),
+    ],
+)
+def test_a_damaged_bench_is_refused(run, tmp_path, change, message):
+    empty = run([])
+    entry = dict.fromkeys(ENTRY)
+    write_bench(tmp_path, replace(empty.results(), settings=[entry]), {"s000/step": np.zeros((2, 3), dtype=np.int64)})
+    assert read_bench(tmp_path).settings == [entry]
+    file = tmp_path / FILE
+    file.write_text(change(file.read_text()))
+    with pytest.raises(InputError, match=message):
+        read_bench(tmp_path)
+
+
+def test_missing_or_cut_samples_are_refused(tmp_path):
+    with pytest.raises(InputError, match="holds no bench"):
+        read_bench(tmp_path)
+    with pytest.raises(InputError, match=SAMPLES):
+        read_samples(tmp_path)
+    np.savez(tmp_path / SAMPLES, a=np.arange(1000))
+    (tmp_path / SAMPLES).write_bytes((tmp_path / SAMPLES).read_bytes()[:700])
+    with pytest.raises(InputError, match="damaged"):
+        read_samples(tmp_path)

@@ -1,0 +1,37 @@
+"""Lengths and times as a user writes them, and as they are shown."""
+
+import pytest
+
+from hapticeval.errors import InputError
+from hapticeval.quantity import duration, length, parse_duration, parse_length, size
+
+
+@pytest.mark.parametrize(("text", "value"), [("0.1mm", 1e-4), ("50 um", 5e-5), ("1e-4m", 1e-4), ("3µm", 3e-6)])
+def test_lengths(text, value):
+    assert parse_length(text, option="--within") == pytest.approx(value)
+
+
+@pytest.mark.parametrize(("text", "value"), [("10us", 1e-5), ("1 ms", 1e-3), ("500ns", 5e-7), ("2s", 2.0)])
+def test_durations(text, value):
+    assert parse_duration(text, option="--budget") == pytest.approx(value)
+
+
+@pytest.mark.parametrize("text", ["0.1", "mm", "", "0.1 inch", "-1mm", "0mm", "nanmm", "1e999mm", "1.2.3mm", "10us"])
+def test_what_is_no_length_is_refused_with_an_example(text):
+    with pytest.raises(InputError, match="--within") as caught:
+        parse_length(text, option="--within")
+    assert caught.value.why
+    assert "--within 0.1mm" in caught.value.todo
+
+
+def test_the_unit_suits_the_size():
+    assert [length(each) for each in (0.0, 1.2e-4, 3.1e-6, 9.9e-5, 2e-13)] == [
+        "0",
+        "0.12 mm",
+        "3.1 µm",
+        "99 µm",
+        "0.2 pm",
+    ]
+    assert [duration(each) for each in (2.0, 0.0024, 2.4e-6, 9e-8)] == ["2 s", "2.4 ms", "2.4 µs", "90 ns"]
+    assert length(3.1e-6, micro="u") == "3.1 um"
+    assert [size(each) for each in (12, 1_200, 1_234_567, 2_000_000_000)] == ["12 B", "1.2 kB", "1.23 MB", "2 GB"]
