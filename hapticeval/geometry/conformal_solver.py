@@ -128,7 +128,7 @@ def balanced(system: System, start: Array) -> Correspondence:
 
 
 def _moved(point: Array, move: complex) -> Array:
-    return point + np.array([move.real, move.imag])
+    return np.asarray(point + np.array([move.real, move.imag]))
 
 
 def _integrated(density: Array, z: Complex) -> tuple[Array, Array]:

@@ -196,7 +196,7 @@ def _ahead(vertices: Array, vertex: int, touch: float, x: float, y: float, x1: f
     length = math.hypot(dx, dy)
     px, py = vertices[vertex, 0] - x, vertices[vertex, 1] - y
     along = px * dx + py * dy
-    return touch * length < along < length * length and abs(px * dy - py * dx) <= touch * length
+    return bool(touch * length < along < length * length and abs(px * dy - py * dx) <= touch * length)
 
 
 @compiled
