@@ -1,4 +1,4 @@
-"""The README's words put to the test: its renderer, suite, commands and table of exit codes."""
+"""The README and the pages of `docs/` put to the test: renderer, suite, commands, tables and links."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ from hapticeval.discovery import resolve
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.results import read_results
 
-README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[1]
+PAGES = {page.stem: page.read_text(encoding="utf-8") for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]}
+README = PAGES["README"]
 
 
-def section(title: str) -> str:
-    """The text under a heading of the second level."""
-    return README.split(f"\n## {title}\n", 1)[1].split("\n## ", 1)[0]
+def section(title: str, page: str = "README") -> str:
+    """Return the text under a heading of the second level."""
+    return PAGES[page].split(f"\n## {title}\n", 1)[1].split("\n## ", 1)[0]
 
 
 def block(text: str, language: str, number: int = 0) -> str:
@@ -82,7 +84,7 @@ def test_the_renderer_works_in_space_too(judged: tuple[Path, int]) -> None:
 
 def test_the_results_are_read_as_told(judged: tuple[Path, int], capsys: pytest.CaptureFixture[str]) -> None:
     # The README leaves the closing of the file to the end of the program.
-    source = block(section("What is written"), "python").replace("json.load(open(", "json.load(opened(")
+    source = block(section("results.json", "results"), "python").replace("json.load(open(", "json.load(opened(")
     with (judged[0] / "results" / "results.json").open(encoding="utf-8") as file:
         exec(source, {"opened": lambda name, encoding: file})
     out = capsys.readouterr().out
@@ -92,23 +94,23 @@ def test_the_results_are_read_as_told(judged: tuple[Path, int], capsys: pytest.C
 
 def test_every_entry_of_the_results_is_told(judged: tuple[Path, int]) -> None:
     names = set(vars(read_results(judged[0] / "results"))) - {"format_version"}
-    assert names <= set(re.findall(r"`(\w+)`", section("What is written")))
+    assert names <= set(re.findall(r"`(\w+)`", PAGES["results"]))
 
 
 def test_every_file_that_is_told_is_written(judged: tuple[Path, int]) -> None:
-    told = re.findall(r"^    (results/\S+)", section("What is written"), re.MULTILINE)
+    told = re.findall(r"^    (results/\S+)", PAGES["results"], re.MULTILINE)
     assert len(told) >= 5
     assert [name for name in told if not (judged[0] / name).exists()] == []
 
 
 def test_the_suite_runs(judged: tuple[Path, int]) -> None:
-    (judged[0] / "mysuite.toml").write_text(block(section("Suites"), "toml"))
-    assert main([*command(block(section("Suites"), "sh")), "-o", "suite"]) == 0
+    (judged[0] / "mysuite.toml").write_text(block(PAGES["suites"], "toml"))
+    assert main([*command(block(PAGES["suites"], "sh")), "-o", "suite"]) == 0
     assert {run["case"] for run in read_results(judged[0] / "suite").runs} == {"along-the-circle", "press"}
 
 
 def test_the_names_that_it_gives_are_renderers() -> None:
-    names = re.findall(r"`([a-z-]+[+@][a-z+@-]+)`", section("Names of renderers"))
+    names = re.findall(r"`([a-z-]+[+@][a-z+@-]+)`", section("Names of renderers", "write-a-renderer"))
     assert len(names) >= 2
     assert all(callable(resolve(name)) for name in names)
 
@@ -122,8 +124,17 @@ def test_the_exit_codes_are_those_of_the_help() -> None:
     assert told == re.findall(r"^  (\d)  ", EXIT_CODES, re.MULTILINE)
 
 
-def test_the_files_that_it_links_exist() -> None:
-    root = Path(__file__).parents[1]
-    links = re.findall(r"\]\(([^)]+)\)", README) + re.findall(r"`(suites/[\w.]+)`", README)
-    assert links
-    assert [link for link in links if not (root / link).is_file()] == []
+def test_the_readme_is_short() -> None:
+    assert len(README.split()) <= 1000
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_files_that_it_links_exist(page: str) -> None:
+    folder = ROOT if page == "README" else ROOT / "docs"
+    links = re.findall(r"\]\(([^)]+)\)", PAGES[page]) + ["../" * (page != "README") + name for name in named(page)]
+    assert [link for link in links if not (folder / link).is_file()] == []
+
+
+def named(page: str) -> list[str]:
+    """Return the files of the repository that a page names."""
+    return re.findall(r"`((?:suites|examples|hapticeval)/[\w./]+\.\w+)`", PAGES[page])
