@@ -126,7 +126,7 @@ def _share(force: Array, error: Array, stiffness: float, spring: Spring) -> Arra
     push = -np.sum(force * error, axis=1)
     above, below = (push, np.sum(error**2, axis=1)) if spring is Spring.ERROR else (np.sum(force**2, axis=1), push)
     share = np.full(push.size, np.nan)
-    return np.divide(above, stiffness * below, out=share, where=below != 0.0)
+    return np.asarray(np.divide(above, stiffness * below, out=share, where=below != 0.0))
 
 
 def _bending(base: Recording, scene: Scene, velocity: Array, ticks: IntArray) -> Array:
