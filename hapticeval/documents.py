@@ -41,7 +41,7 @@ def _validate(document: Mapping[str, Any], file: str, schema: str) -> None:
         place = f" case '{name}'" + "".join(f".{part}" for part in path[2:])
     raise InputError(
         f"{file}:{place or ' the file'} does not fit: {error.message}",
-        todo=_meant(error) or "see 'Suites' and 'Robots' in the README",
+        todo=_meant(error) or "see docs/suites.md and docs/robots.md",
     )
 
 

@@ -112,7 +112,7 @@ def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
         raise RendererError(
             f"the factory made a {type(renderer).__name__}, which is no renderer",
             why="a renderer has reset(hip) and step(hip, velocity, dt) -> (ihip, force)",
-            todo="see 'Judge your own renderer' in the README",
+            todo="see docs/write-a-renderer.md",
         )
     if declared is None:
         check_support(scene, supported(renderer) or frozenset())
