@@ -177,7 +177,7 @@ def test_a_loop_far_from_the_origin_runs_as_one_at_it(effects):
 
 
 @pytest.mark.parametrize("origin", [0.0, 1e6])
-@pytest.mark.parametrize("size", [1e-3, 0.2])
+@pytest.mark.parametrize("size", [1e-2, 0.2])
 @pytest.mark.parametrize("effects", [{}, {"velocity_cutoff": 400.0}])
 def test_a_loop_runs_away_at_a_million_model_sizes_wherever_it_is(origin, size, effects):
     class Explosive:
