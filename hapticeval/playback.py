@@ -22,8 +22,8 @@ from hapticeval.types import Array
 NEAR = 1e-4
 """Distance from the surface, as a share of the model's size, from which a hand that rests is led in."""
 
-WAY = 1000
-"""Ticks that a hand is led in at the most."""
+WAY = 100
+"""Ticks that a hand is led in at the most, in longer steps than the path's where that needs more: none is judged."""
 
 REST = 10
 """Ticks that it then rests where the path begins: more than any granted lag."""
@@ -83,9 +83,10 @@ def lead(
 def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
     """HIPs (m, N) that lead a hand from free space to the first row of `hips` (n, N), where that is inside the model.
 
-    Straight in from the nearest point of the surface, the renderer's own where it has one, at the pace of the path, and
-    a rest at the end. A proxy that is reset inside of the solid would know no way out; so none is, and each starts with
-    its tool where the nearest projection puts it. None for a hand that starts outside, and on a bilateral constraint.
+    Straight in from the nearest point of the surface, the renderer's own where it has one, at the pace of the path or
+    faster, and a rest at the end. A proxy that is reset inside of the solid would know no way out; so none is, and each
+    starts with its tool where the nearest projection puts it. None for a hand that starts outside, and on a bilateral
+    constraint.
     """
     none = np.empty((0, hips.shape[1]))
     if scene is None or scene.bilateral:
