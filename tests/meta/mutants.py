@@ -165,7 +165,18 @@ MUTANTS: dict[str, tuple[str, Spoil]] = {
     "widens": ("centripetal-force", widens),
     "remembers": ("memoryless", remembers),
 }
-"""Mutant: the one check that it must fail, and its fault."""
+"""Mutant: the check that it must fail, and its fault."""
+
+BESIDES: dict[str, dict[str, str]] = {
+    "skews": {"passivity": "a force with a curl drives the hand round"},
+    "lingers": {"force-magnitude": "the last force, at a growing distance"},
+    "rounds": {"force-magnitude": "a rigid contact's force, at a depth"},
+    "remembers": {
+        "force-magnitude": "the IHIP is aside, and the force a rigid contact's",
+        "passivity": "the force turns with the IHIP",
+    },
+}
+"""Mutant: what it fails besides, and why."""
 
 
 def factory(name: str) -> Callable[[Scene], Mutant]:

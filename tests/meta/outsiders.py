@@ -184,11 +184,15 @@ CASES = {
 
 @dataclass(frozen=True)
 class Outsider:
-    """A renderer, the cases that it is judged in, and the checks that it fails, each with the cause."""
+    """A renderer, the checks that it fails, each with the cause, and the cases that it is judged in.
+
+    One that breaks the contract is not judged: every verdict is `breaks`, an error.
+    """
 
     make: Callable[[Scene], Any]
     fails: Mapping[str, str] = field(default_factory=dict)
     cases: tuple[str, ...] = ("slide",)
+    breaks: str = ""
 
 
 MEMORY = "the IHIP depends on more than the HIP"
@@ -238,7 +242,7 @@ BROKEN: Mapping[str, Outsider] = {
         overpowering.factory("swirls"),
         {"passivity": "a force across that drives the hand round", "contact-normal-force": "11 degrees aside"},
     ),
-    "runs-apart": Outsider(RunsApart),
+    "runs-apart": Outsider(RunsApart, breaks="run() and step() differ"),
 }
 """Every broken renderer that is written from the protocol: what stops it, and why."""
 
