@@ -50,11 +50,10 @@ MARGIN = 10.0
 ROUNDING = 1e-12
 """Errors below this share of a model's size are rounding."""
 
-METRICS: Mapping[str, str] = {"ihip": "m", "normal": "degrees", "force": "N"}
 STATISTICS = ("rms", "p99", "max")
 
 Errors = dict[str, dict[str, float]]
-"""By metric and statistic."""
+"""By metric (`ihip` m, `normal` degrees, `force` N) and statistic."""
 
 
 @dataclass(frozen=True, eq=False)

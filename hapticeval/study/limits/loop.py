@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +27,7 @@ ROUNDING = 1e-5
 """A mode this close to 1 that makes no force is the tool's free motion along the surface, not an instability."""
 
 
-@dataclass(frozen=True)
-class Gains:
+class Gains(NamedTuple):
     """What a renderer does around one place, F_k = -now y_k - before y_(k-1) - rate ẏ_k; each (N, N).
 
     `now` and `before` in N/m, `rate` in N s/m.
@@ -36,11 +36,6 @@ class Gains:
     now: Array
     before: Array
     rate: Array
-
-    @property
-    def parts(self) -> tuple[Array, Array, Array]:
-        """All three."""
-        return self.now, self.before, self.rate
 
 
 @dataclass(frozen=True)
@@ -57,8 +52,8 @@ def gains_of(renderer: Renderer, place: Place, dt: float) -> Gains:
     They are measured inside, so that a unilateral contact is not lost, and extrapolated to the surface: inside a force
     stands, which turns as the hand moves along a curved one. The parabola through three depths removes it.
     """
-    found = [_gains_inside(renderer, place, depth * PROBE, dt) for depth in (2.0, 4.0, 6.0)]
-    return Gains(*(3.0 * a - 3.0 * b + c for a, b, c in zip(*(each.parts for each in found), strict=True)))
+    a, b, c = (np.array(_gains_inside(renderer, place, depth * PROBE, dt)) for depth in (2.0, 4.0, 6.0))
+    return Gains(*(3.0 * a - 3.0 * b + c))
 
 
 def _gains_inside(renderer: Renderer, place: Place, depth: float, dt: float) -> Gains:

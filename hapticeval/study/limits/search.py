@@ -14,6 +14,7 @@ from hapticeval.renderer import Renderer, RendererFactory, SelfDriven
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Experiment
 from hapticeval.study.limits.loop import Gains, Place, SampledLoop, gains_of
+from hapticeval.types import Array
 
 SOFTEST, STIFFEST = 1.0, 1e7
 """N/m between which limits are looked for."""
@@ -33,28 +34,20 @@ TICKS = 20_000
 
 @dataclass(frozen=True)
 class Family:
-    """A renderer's gains as a function of its stiffness, offset + K slope, as measured at `place`."""
+    """A renderer's gains as a function of its stiffness K, offset + K slope, (3, N, N) each, as measured at `place`."""
 
-    offset: Gains
-    slope: Gains
+    offset: Array
+    slope: Array
     place: Place
 
     def at(self, stiffness: float) -> Gains:
         """Return the gains at a stiffness, N/m."""
-        return Gains(
-            self.offset.now + stiffness * self.slope.now,
-            self.offset.before + stiffness * self.slope.before,
-            self.offset.rate + stiffness * self.slope.rate,
-        )
+        return Gains(*(self.offset + stiffness * self.slope))
 
     def facing(self, place: Place) -> Family:
         """Return the same renderer's gains at another place, rotated with the normal."""
         turn = _rotation(self.place.normal, place.normal)
-
-        def rotated(gains: Gains) -> Gains:
-            return Gains(*(turn @ part @ turn.T for part in (gains.now, gains.before, gains.rate)))
-
-        return Family(rotated(self.offset), rotated(self.slope), place)
+        return Family(turn @ self.offset @ turn.T, turn @ self.slope @ turn.T, place)
 
 
 def family_of(factory: RendererFactory, scene: Scene, place: Place) -> Family:
@@ -72,12 +65,11 @@ def family_of(factory: RendererFactory, scene: Scene, place: Place) -> Family:
                 "the renderer has physics of its own, and no gains to look for a limit of",
                 todo="choose one that answers tick by tick, such as minimum-distance",
             )
-        found.append(gains_of(renderer, place, scene.sampling_time))
+        found.append(np.array(gains_of(renderer, place, scene.sampling_time)))
     low, high = scene.stiffness / 64.0, scene.stiffness / 32.0
-    slope = Gains(*((b - a) / (high - low) for a, b in zip(found[0].parts, found[1].parts, strict=True)))
-    offset = Gains(*(a - low * b for a, b in zip(found[0].parts, slope.parts, strict=True)))
-    family = Family(offset, slope, place)
-    for predicted, measured in zip(family.at(2.0 * high).parts, found[2].parts, strict=True):
+    slope = (found[1] - found[0]) / (high - low)
+    family = Family(found[0] - low * slope, slope, place)
+    for predicted, measured in zip(family.at(2.0 * high), found[2], strict=True):
         if np.max(np.abs(predicted - measured)) > 1e-3 * max(np.max(np.abs(measured)), scene.damping, 1e-9):
             raise InputError(
                 "the renderer's force does not grow in proportion to the scene's stiffness",
@@ -158,7 +150,7 @@ def _settles(factory: RendererFactory, scene: Scene, place: Place, stiffness: fl
     return late < max(early, RESTS * PUSH)
 
 
-def _rotation(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+def _rotation(start: Array, end: Array) -> Array:
     """Return the rotation, in the plane of two unit vectors, that takes one to the other."""
     count = start.size
     across = end - (end @ start) * start

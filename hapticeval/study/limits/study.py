@@ -79,30 +79,28 @@ def _width(factory: RendererFactory, scene: Scene, place: Place, dt: float) -> M
     felt = 1.0 / float(place.normal @ np.linalg.inv(inverse.T @ robot.inertia @ inverse) @ place.normal)
     mass = scene.mass if scene.inner_loop is InnerLoop.LINEARISED else felt
     dampings = np.append(0.0, np.geomspace(1e-4, 2.5, 45) * mass / dt)
-    limits: list[float | None] = []
-    passive: list[float | None] = []
+    curve: dict[str, list[float | None]] = {"eigenvalues": [], "passive": []}
     for damping in dampings:
         each = replace(scene, damping=float(damping), sampling_time=dt)
         try:
             family = family_of(factory, each, place)
         except InputError:  # a damping that the renderer itself knows to be unstable
-            limits.append(0.0)
+            curve["eigenvalues"].append(0.0)
         else:
-            limits.append(finite(eigenvalue_limit(SampledLoop(each, robot), family, steps=COARSE)))
-        passive.append(passive_stiffness(each, robot, place.normal))
-    return {"sampling_time": dt, "damping": dampings.tolist(), "eigenvalues": limits, "passive": passive}
+            curve["eigenvalues"].append(finite(eigenvalue_limit(SampledLoop(each, robot), family, steps=COARSE)))
+        curve["passive"].append(passive_stiffness(each, robot, place.normal))
+    return {"sampling_time": dt, "damping": dampings.tolist(), **curve}
 
 
 def _over_delay(scene: Scene, place: Place, family: Family) -> Mapping[str, Any]:
     robot = robot_at(scene.robot, place.point)
     delays = np.linspace(0.0, 3.0 * scene.sampling_time, 25)
-    limits: list[float | None] = []
-    passive: list[float | None] = []
-    for delay in delays:
-        each = replace(scene, imperfections=replace(scene.imperfections, delay=float(delay)))
-        limits.append(finite(eigenvalue_limit(SampledLoop(each, robot), family, steps=COARSE)))
-        passive.append(passive_stiffness(each, robot, place.normal))
-    return {"delay": delays.tolist(), "eigenvalues": limits, "passive": passive}
+    late = [replace(scene, imperfections=replace(scene.imperfections, delay=float(delay))) for delay in delays]
+    return {
+        "delay": delays.tolist(),
+        "eigenvalues": [finite(eigenvalue_limit(SampledLoop(each, robot), family, steps=COARSE)) for each in late],
+        "passive": [passive_stiffness(each, robot, place.normal) for each in late],
+    }
 
 
 def _over_workspace(scene: Scene, family: Family) -> Mapping[str, Any] | None:

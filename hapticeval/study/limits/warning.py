@@ -10,7 +10,7 @@ from hapticeval.errors import DomainError
 from hapticeval.geometry.curve import Curve
 from hapticeval.renderer import RendererFactory
 from hapticeval.scene import Scene
-from hapticeval.study.limits.loop import Gains, Place, SampledLoop, robot_at
+from hapticeval.study.limits.loop import Place, SampledLoop, robot_at
 from hapticeval.study.limits.search import Family, eigenvalue_limit, family_of
 
 PLACES = 12
@@ -65,8 +65,4 @@ def too_stiff(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
 def _across(family: Family) -> Family:
     """Return the gains along the normal alone."""
     across = np.outer(family.place.normal, family.place.normal)
-
-    def kept(gains: Gains) -> Gains:
-        return Gains(*(across @ part @ across for part in (gains.now, gains.before, gains.rate)))
-
-    return replace(family, offset=kept(family.offset), slope=kept(family.slope))
+    return replace(family, offset=across @ family.offset @ across, slope=across @ family.slope @ across)

@@ -16,6 +16,8 @@ from hapticeval.study.projection_field.singular import (
     Project,
     Singular,
     apart,
+    cell_sides,
+    edge_ends,
     extent,
     sampled,
     singular_geometry,
@@ -170,8 +172,7 @@ def _level_segments(lattice: Lattice, singular: Singular, way: Array) -> Array:
     nodes = lattice.nodes
     crossings = []
     for axis, jumps in ((1, singular.across), (0, singular.up)):
-        first = (slice(None), slice(None, -1)) if axis == 1 else (slice(None, -1), slice(None))
-        second = (slice(None), slice(1, None)) if axis == 1 else (slice(1, None), slice(None))
+        first, second = edge_ends(axis)
         a, b = way[first], way[second]
         with np.errstate(invalid="ignore"):
             met = ((a < 0.0) != (b < 0.0)) & (np.abs(a) < far) & (np.abs(b) < far) & ~jumps[first]
@@ -180,8 +181,7 @@ def _level_segments(lattice: Lattice, singular: Singular, way: Array) -> Array:
         view = place[first]
         view[met] = nodes[first][met] + share * (nodes[second][met] - nodes[first][met])
         crossings.append(place)
-    across, up = crossings
-    sides = np.stack([across[:-1, :-1], across[1:, :-1], up[:-1, :-1], up[:-1, 1:]], axis=2)
+    sides = cell_sides(*crossings)
     met = ~np.isnan(sides[..., 0])
     count: BoolArray = met.sum(axis=2) == 2
     pieces: Array = sides[count][met[count]].reshape(-1, 2, 2)

@@ -143,8 +143,7 @@ def singular_set(project: Project, lattice: Lattice) -> Singular:
 def _on_edges(project: Project, lattice: Lattice, axis: int) -> tuple[Array, Array]:
     """Return where each edge along an axis meets the set, (ny, nx, 2), m, NaN elsewhere; and the jumps there."""
     place = np.full((*lattice.held.shape, 2), np.nan)
-    first = (slice(None), slice(None, -1)) if axis == 1 else (slice(None, -1), slice(None))
-    second = (slice(None), slice(1, None)) if axis == 1 else (slice(1, None), slice(None))
+    first, second = edge_ends(axis)
     both = lattice.held[first] & lattice.held[second]
     leap = np.linalg.norm(lattice.ihip[second] - lattice.ihip[first], axis=-1)
     suspect = both & (leap > max(SHORT * lattice.size, STRETCH * lattice.h))
@@ -155,6 +154,22 @@ def _on_edges(project: Project, lattice: Lattice, axis: int) -> tuple[Array, Arr
     rows, columns = np.nonzero(suspect)
     place[rows[real], columns[real]] = found[real]
     return place, jump[real]
+
+
+def edge_ends(axis: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """Return the slices of node arrays (ny, nx) that select the first and the second node of edges along an axis."""
+    every, first, second = slice(None), slice(None, -1), slice(1, None)
+    return ((every, first), (every, second)) if axis == 1 else ((first, every), (second, every))
+
+
+def cell_sides(across: Array, up: Array) -> Array:
+    """Return what the four sides of each cell have, (ny - 1, nx - 1, 4, ...), from arrays of the edges at each node."""
+    return np.stack([across[:-1, :-1], across[1:, :-1], up[:-1, :-1], up[:-1, 1:]], axis=2)
+
+
+def _cell_corners(s: Array) -> list[Array]:
+    """Return what the four corners of each cell have, anticlockwise."""
+    return [s[:-1, :-1], s[:-1, 1:], s[1:, 1:], s[1:, :-1]]
 
 
 def jumps_between(project: Project, a: Array, b: Array, at_a: Array, at_b: Array) -> tuple[Array, Array]:
@@ -183,7 +198,7 @@ def jumps_between(project: Project, a: Array, b: Array, at_a: Array, at_b: Array
 
 def _segments(across: Array, up: Array) -> Array:
     """Return the pieces of line in each cell: between its two crossings, or from each of more to their middle."""
-    sides = np.stack([across[:-1, :-1], across[1:, :-1], up[:-1, :-1], up[:-1, 1:]], axis=2)
+    sides = cell_sides(across, up)
     met = ~np.isnan(sides[..., 0])
     count = met.sum(axis=2)
     two = count == 2
@@ -198,7 +213,7 @@ def _segments(across: Array, up: Array) -> Array:
 def _points(project: Project, lattice: Lattice, across: BoolArray, up: BoolArray) -> Array:
     """Find cells without a line around which the IHIP goes once round the surface; narrow each down to a point."""
     s, length = lattice.s, lattice.surface.length
-    corners = [s[:-1, :-1], s[:-1, 1:], s[1:, 1:], s[1:, :-1]]
+    corners = _cell_corners(s)
     whole = ~np.isnan(sum(corners)) & ~(across[:-1, :-1] | across[1:, :-1] | up[:-1, :-1] | up[:-1, 1:])
     turns = np.where(whole, _turns(corners, length), 0)
     found = [
@@ -220,7 +235,7 @@ def _narrowed(project: Project, lattice: Lattice, low: Array) -> Array:
     for _ in range(30):
         shares = np.array([[i, j] for j in range(3) for i in range(3)]) / 2.0
         s = arc_lengths(lattice.surface, project(low + size * shares)).reshape(3, 3)
-        corners = [s[:-1, :-1], s[:-1, 1:], s[1:, 1:], s[1:, :-1]]
+        corners = _cell_corners(s)
         rows, columns = np.nonzero(_turns(corners, lattice.surface.length))
         if rows.size == 0:
             break
