@@ -11,10 +11,9 @@ import numpy as np
 
 from hapticeval.errors import HapticevalError
 from hapticeval.files import file_stem, replacing
-from hapticeval.recordings.finding import Fault, Severity
-from hapticeval.recordings.integrity import Integrity, Soundness
-from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.rows import runs_of
+from hapticeval.recordings.integrity.issue import Fault, Severity
+from hapticeval.recordings.integrity.report import Integrity, Soundness
+from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.reports.figures import STYLE
 from hapticeval.types import Array, BoolArray
 
