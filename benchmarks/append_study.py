@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticeval.recordings.journal import recover
 from hapticeval.recordings.recorder import LossWarning, Recorder
-from hapticeval.recordings.recovery import recover
 
 PERIOD = 1_000_000
 CHANNELS = {"hip": 2, "ihip": 2, "force": 2, "velocity": 2, "joint_position": 2, "joint_torque": 2}

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from hapticeval.files import file_stem
-from hapticeval.recordings.finding import Fault, Severity
-from hapticeval.recordings.integrity import Integrity, Soundness
-from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.rows import runs_of
+from hapticeval.recordings.integrity.issue import Fault, Severity
+from hapticeval.recordings.integrity.report import Integrity, Soundness
+from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.reports.canvas import figure, save_figure
 from hapticeval.types import Array, BoolArray
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from hapticeval.errors import HapticevalError
 from hapticeval.files import plain, replacing, without_non_finite
-from hapticeval.recordings.alignment import COLUMNS, Aligned
-from hapticeval.recordings.spread import Band, Comparison
+from hapticeval.recordings.compare.align import COLUMNS, Aligned
+from hapticeval.recordings.compare.spread import Band, Comparison
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -564,9 +564,9 @@ MAPPING = FilePath(__file__).parents[1] / "examples" / "handwriting.toml"
 
 @pytest.mark.skipif(not STROKE.exists(), reason="needs shared/data/handwriting_svc beside the repository")
 def test_a_pen_stroke_goes_through_renderers_stretch_by_stretch(tmp_path):
-    from hapticeval.recordings.conversion import load_recording
+    from hapticeval.recordings.importing.convert import load
 
-    recording = load_recording(STROKE, mapping=MAPPING)
+    recording = load(STROKE, mapping=MAPPING)
     down = np.loadtxt(STROKE, skiprows=1)[:, 3] == 1
     strokes = int(np.sum(np.diff(np.concatenate([[0], down.astype(int)])) == 1))
     out = replayed(recording, tmp_path, STEPPED, model={"kind": "circle"}, scene=["stiffness=800"])

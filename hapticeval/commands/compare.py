@@ -15,7 +15,7 @@ from hapticeval.recordings.memory import LIMIT
 
 if TYPE_CHECKING:
     from hapticeval.geometry.curve import Curve
-    from hapticeval.recordings.alignment import Run
+    from hapticeval.recordings.compare.align import Run
 
 EXIT_CODES = """\b
 Exit codes:
@@ -71,11 +71,10 @@ def compare(
       hapticeval compare constraint-*.h5 mapping-*.h5 -o comparison
       hapticeval compare --by arc --model star constraint=a.h5 constraint=b.h5 mapping=c.h5 mapping=d.h5
     """
-    from hapticeval.recordings.abscissa import Abscissa
-    from hapticeval.recordings.alignment import align
+    from hapticeval.recordings.compare.align import Abscissa, align
+    from hapticeval.recordings.compare.spread import bands
+    from hapticeval.recordings.compare.spread import compare as compared
     from hapticeval.recordings.memory import limited
-    from hapticeval.recordings.spread import bands
-    from hapticeval.recordings.spread import compare as compared
     from hapticeval.reports.spread_figure import summary, write_spread
 
     with limited(memory_limit):
@@ -95,8 +94,8 @@ def compare(
 
 def _run(text: str, mapping: Path | None, format_: str | None) -> Run:
     from hapticeval.hardware.logs import load
-    from hapticeval.recordings.alignment import Run
-    from hapticeval.recordings.loading import is_ours
+    from hapticeval.recordings.compare.align import Run
+    from hapticeval.recordings.importing.convert import is_ours
 
     renderer, equals, name = text.partition("=")
     file = Path(name if equals else text)
@@ -126,7 +125,7 @@ def _curve(model: str | None, runs: Sequence[Run]) -> Curve | None:
 
     from hapticeval.commands.arguments import model_named
     from hapticeval.geometry.catalogue import make_model
-    from hapticeval.replay.subject import model_of
+    from hapticeval.recordings.provenance import model_of
 
     if model is not None:
         return model_named(model).curve

@@ -43,10 +43,10 @@ def convert(
       hapticeval convert cut.h5 --salvage -o whole.h5
     """
     from hapticeval.hardware.logs import load
-    from hapticeval.recordings.export import export, refuse_existing
-    from hapticeval.recordings.losses import incomplete
+    from hapticeval.recordings.importing.convert import export, refuse_existing
+    from hapticeval.recordings.integrity.report import converted
     from hapticeval.recordings.memory import limited
-    from hapticeval.recordings.tell import converted
+    from hapticeval.recordings.salvage import incomplete
 
     refuse_existing(output)
     with limited(memory_limit):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,7 +16,7 @@ from hapticeval.recordings.memory import LIMIT
 
 if TYPE_CHECKING:
     from hapticeval.recordings.formats import Table
-    from hapticeval.recordings.inverse import Check
+    from hapticeval.recordings.integrity.consistency import Check
     from hapticeval.recordings.recording import Recording
 
 EXIT_CODES = """\b
@@ -65,7 +64,7 @@ def inspect(
     """
     from hapticeval.hardware.logs import load
     from hapticeval.recordings.formats import read_table
-    from hapticeval.recordings.loading import is_ours
+    from hapticeval.recordings.importing.convert import is_ours
     from hapticeval.recordings.memory import limited
 
     with limited(memory_limit):
@@ -80,7 +79,7 @@ def _foreign(table: Table, file: Path, write_mapping: Path | None) -> int:
     """Show the columns, and a mapping to begin with."""
     from hapticeval.files import creating
     from hapticeval.recordings.formats import formats
-    from hapticeval.recordings.proposal import propose
+    from hapticeval.recordings.importing.propose import propose
 
     text = propose(table, file=file.name)
     parts = [f"{file}: {formats()[table.format].about if table.format in formats() else table.format}", text]
@@ -106,12 +105,12 @@ def _examined(
     others: dict[str, Recording],
     directory: Path,
 ) -> int:
-    from hapticeval.recordings.impact import impacts
-    from hapticeval.recordings.integrity import examine, sound_intervals
-    from hapticeval.recordings.tell import contacts, summary
+    from hapticeval.recordings.integrity.contacts import impacts
+    from hapticeval.recordings.integrity.report import contacts, examine, sound_intervals, summary
+    from hapticeval.recordings.provenance import spring_of
     from hapticeval.reports.integrity_figure import write_integrity
 
-    told, damped = _stiffness(recording)
+    told, damped = spring_of(recording)
     report = examine(
         recording,
         device=_device(recording),
@@ -157,6 +156,7 @@ def _device(recording: Recording) -> Any:
 def _model(recording: Recording, name: str | None) -> Any:
     from hapticeval.commands.arguments import model_named
     from hapticeval.geometry.catalogue import make_model
+    from hapticeval.recordings.provenance import model_of
     from hapticeval.recordings.wall import LINE
 
     if name is not None:
@@ -169,25 +169,13 @@ def _model(recording: Recording, name: str | None) -> Any:
                 todo="give the wall: --model line" if recording.dimension == 1 else "give another model with --model",
             )
         return made
-    scene = recording.meta.get("scene", {})
-    said = scene.get("model", recording.meta.get("model")) if isinstance(scene, Mapping) else None
-    return make_model(**said) if isinstance(said, Mapping) and "kind" in said else None
-
-
-def _stiffness(recording: Recording) -> tuple[float | None, str]:
-    """K_p of a recording that says it, where it says no damping; else, of one that says damping, why it tells none."""
-    why = ""
-    for table in (recording.meta.get("gains"), recording.meta.get("scene")):
-        if isinstance(table, Mapping) and "stiffness" in table:
-            if not table.get("damping"):
-                return float(table["stiffness"]), ""
-            why = f"the recording says a damping K_d of {table['damping']:.6g} N s/m"
-    return None, why
+    said = model_of(recording)
+    return None if said is None else make_model(**said)
 
 
 def _not_asked(recording: Recording, damped: str) -> list[Check]:
     """Checks that the recording's own words ask for, and cannot be given."""
-    from hapticeval.recordings.inverse import KINEMATICS, RELATIONS, SPRING, Check
+    from hapticeval.recordings.integrity.consistency import KINEMATICS, RELATIONS, SPRING, Check
 
     found = [Check(SPRING, RELATIONS[SPRING], why=damped)] if damped else []
     name = recording.meta.get("device")

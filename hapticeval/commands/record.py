@@ -176,7 +176,7 @@ def _steps(live: LiveRun, rate: float) -> str:
 
 def _finish(journal: Path, output: Path, summary: Summary) -> None:
     """Make a recording of the journal, which goes when that is done; one without a row goes at once."""
-    from hapticeval.recordings.recovery import finish
+    from hapticeval.recordings.journal import finish
 
     if not summary.rows:
         journal.unlink()

@@ -12,8 +12,8 @@ from hapticeval.devices.catalogue import DEVICES
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.hardware.kinematics import Kinematics, Rates
 from hapticeval.hardware.wiring import Wiring
-from hapticeval.recordings import loading
 from hapticeval.recordings.channels import CHANNELS
+from hapticeval.recordings.importing import convert
 from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array, BoolArray
 
@@ -26,8 +26,8 @@ OUTSIDE = "outside of the robot's workspace"
 def load(
     path: Path | str, *, mapping: Path | str | None = None, format: str | None = None, salvaging: bool = False
 ) -> Recording:
-    """`loading.load`, with what follows from a robot's encoders and motors: see `at_the_hand`."""
-    return at_the_hand(loading.load(path, mapping=mapping, format=format, salvaging=salvaging))
+    """`convert.load`, with what follows from a robot's encoders and motors: see `at_the_hand`."""
+    return at_the_hand(convert.load(path, mapping=mapping, format=format, salvaging=salvaging))
 
 
 def at_the_hand(recording: Recording) -> Recording:

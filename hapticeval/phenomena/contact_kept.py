@@ -19,8 +19,8 @@ from hapticeval.phenomena.sampling import (
     trailing,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
-from hapticeval.recordings.grain import grain
-from hapticeval.recordings.metadata import SIMULATED
+from hapticeval.recordings.channels import SIMULATED
+from hapticeval.recordings.quantization import grain
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray

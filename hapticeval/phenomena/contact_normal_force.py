@@ -12,8 +12,8 @@ from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.normal_cone import off_normals
 from hapticeval.phenomena.sampling import LAG_TICKS, hip_step, loaded, place, resolution, standoff
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
-from hapticeval.recordings.grain import grain
-from hapticeval.recordings.metadata import SIMULATED
+from hapticeval.recordings.channels import SIMULATED
+from hapticeval.recordings.quantization import grain
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray

@@ -11,7 +11,7 @@ from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.refinement import SETTLES
 from hapticeval.phenomena.sampling import TELLS, place, touching
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
-from hapticeval.recordings.port_energy import balance
+from hapticeval.recordings.integrity.force_sign import balance
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -281,7 +281,7 @@ def _evidence(base: Recording, gain: Gain) -> dict[str, object]:
 
 
 def _judge_fixed(base: Recording) -> Finding:
-    """The weaker test, of a recording that cannot be refined: see `recordings.port_energy`."""
+    """The weaker test, of a recording that cannot be refined: see `recordings.integrity.force_sign`."""
     note = "judged on one sampling only, which is the weaker test"
     found = balance(base.hip, base.force, base.time)
     if not found:

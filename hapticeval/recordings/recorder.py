@@ -1,17 +1,33 @@
-"""The live recorder: rows of a running loop into a journal, without the loop ever waiting for a disk."""
+"""The live recorder: rows of a running loop into a journal, without the loop ever waiting for a disk.
+
+The loop puts rows into a ring in shared memory, and a process beside it takes them out and writes them.
+
+The ring is memory that the loop fills with rows and the writer in another process empties; neither ever waits. One
+process puts rows in and owns `HEAD`, the other takes them out and owns `TAIL`: counters that only grow. A full
+ring takes no more rows and counts them. All of it is allocated, and every page touched, before the loop starts.
+
+The writer takes rows out of the ring and adds them to the journal as blocks. It looks ten times a second, and outlives
+the loop: when that ends without a word, what is in the ring is still written. A disk that is full leaves the rows in
+the ring, to be tried again.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import errno
 import json
+import mmap
 import os
+import select
+import signal
 import subprocess
 import sys
+import tempfile
 import time
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from pathlib import Path
 from time import monotonic_ns
 from types import TracebackType
@@ -21,11 +37,186 @@ import numpy as np
 from numpy import ndarray
 
 from hapticeval.errors import HapticevalError, InputError
-from hapticeval.recordings.channels import Signal
-from hapticeval.recordings.journal import HEADERS, Layout, opening
-from hapticeval.recordings.metadata import check_metadata
-from hapticeval.recordings.ring import EVENT, EVENTS, Ring, State
-from hapticeval.recordings.writer import Writer
+from hapticeval.recordings.channels import Signal, check_metadata
+from hapticeval.recordings.journal import HEADERS, UNCLOSED, Kind, Layout, block_head, opening
+
+EVENTS = 256
+EVENT = np.dtype([("nanoseconds", "<i8"), ("kind", "S32"), ("text", "S216")])
+
+
+class State(IntEnum):
+    """The counters at the front of the memory, an int64 each."""
+
+    HEAD = 0
+    TAIL = 1
+    OVERRUN = 2
+    MISSED = 3
+    EVENT_HEAD = 4
+    EVENT_TAIL = 5
+    EVENT_OVERRUN = 6
+    CLOSED = 7
+    READY = 8
+    BYTES = 9
+    BLOCKS = 10
+    ERROR = 11
+
+
+STATE_BYTES = 256
+
+
+class Ring:
+    """`capacity` rows of `size` bytes each, with their counters, and as many events as `EVENTS`.
+
+    Made anew without `descriptor`, and joined with the one of a ring that another process made.
+    """
+
+    def __init__(self, size: int, capacity: int, descriptor: int | None = None) -> None:
+        self.size, self.capacity = size, capacity
+        self.events_at = STATE_BYTES
+        self.rows_at = self.events_at + EVENTS * EVENT.itemsize
+        length = self.rows_at + capacity * size
+        self.descriptor = _shared(length) if descriptor is None else descriptor
+        self._map = mmap.mmap(self.descriptor, length)
+        self.memory = memoryview(self._map)
+        if descriptor is None:
+            self.memory[:] = bytes(length)
+        self.state: Any = self.memory[:STATE_BYTES].cast("q")
+        self.events = np.frombuffer(self.memory, dtype=EVENT, count=EVENTS, offset=self.events_at)
+
+    @property
+    def sequence(self) -> int:
+        """The number of the next cycle: rows put in, rows that found the ring full, and cycles told missed."""
+        return int(self.state[State.HEAD] + self.state[State.OVERRUN] + self.state[State.MISSED])
+
+    def bytes_of(self, first: int, count: int) -> memoryview:
+        """The bytes of `count` rows from counter `first` on, which must not reach over the end of the ring."""
+        begin = self.rows_at + first % self.capacity * self.size
+        return self.memory[begin : begin + count * self.size]
+
+
+def _shared(length: int) -> int:
+    """Memory that another process can be handed as a file descriptor: on no disk, where the system can do that."""
+    try:
+        if hasattr(os, "memfd_create"):
+            descriptor = os.memfd_create("hapticeval-ring")
+        else:
+            with tempfile.TemporaryFile() as file:
+                descriptor = os.dup(file.fileno())
+        os.ftruncate(descriptor, length)
+    except OSError as error:
+        raise HapticevalError(f"no memory of {length} bytes can be shared", why=str(error)) from error
+    return descriptor
+
+
+LOOK = 0.1
+"""Seconds between two looks: blocks of about 100 rows at 1 kHz."""
+
+SYNC = 1.0
+"""Seconds between two requests that the disk really has it: what a loss of power costs."""
+
+SETTLE = 0.01
+"""Seconds after which what one process put into memory is there for the other."""
+
+ROWS_A_BLOCK = 256
+
+
+class Writer:
+    """Empties `ring` into the journal that is open as `descriptor`, from byte `State.BYTES` on."""
+
+    def __init__(self, ring: Ring, descriptor: int) -> None:
+        self.ring, self.state, self.descriptor = ring, ring.state, descriptor
+        self.told = (0, 0)
+        self.synced = time.monotonic()
+
+    def run(self, parent: int) -> None:
+        """Write until the loop closes the recorder or is gone."""
+        self.state[State.READY] = 1
+        seen = 0
+        while True:
+            gone = bool(select.select([sys.stdin], [], [], LOOK)[0]) or os.getppid() != parent
+            if gone:
+                break
+            # Only rows that were there at the last look: their bytes have long arrived in this process too.
+            self.drain(seen)
+            seen = self.state[State.HEAD]
+        time.sleep(SETTLE)
+        self.finish("closed" if self.state[State.CLOSED] else UNCLOSED)
+
+    def finish(self, how: str) -> None:
+        """Write what is left, and the end."""
+        self.drain(self.state[State.HEAD])
+        self._tell_overrun()
+        end = {
+            "how": how,
+            "next": self.ring.sequence,
+            "unwritten": self.state[State.HEAD] - self.state[State.TAIL],
+            "overrun": self.state[State.OVERRUN],
+            "events_lost": self.state[State.EVENT_OVERRUN],
+        }
+        self._put(Kind.END, 0, json.dumps(end).encode())
+        self._sync(0.0)
+
+    def drain(self, until: int) -> None:
+        """Write the rows before counter `until`, as far as the disk takes them, the events, and what was lost."""
+        while (tail := self.state[State.TAIL]) < until:
+            count = min(until - tail, ROWS_A_BLOCK, self.ring.capacity - tail % self.ring.capacity)
+            if not self._put(Kind.ROWS, count, self.ring.bytes_of(tail, count)):
+                return
+            self.state[State.TAIL] = tail + count
+        while (at := self.state[State.EVENT_TAIL]) < self.state[State.EVENT_HEAD]:
+            event = self.ring.events[at % EVENTS]
+            text = [int(event["nanoseconds"]), event["kind"].decode(), event["text"].decode()]
+            if not self._put(Kind.EVENT, 0, json.dumps(text).encode()):
+                return
+            self.state[State.EVENT_TAIL] = at + 1
+        self._tell_overrun()
+        self._sync(SYNC)
+
+    def _tell_overrun(self) -> None:
+        lost = (self.state[State.OVERRUN], self.state[State.EVENT_OVERRUN])
+        for count, before, what in zip(lost, self.told, ("rows", "events"), strict=True):
+            if count > before:
+                error = self.state[State.ERROR]
+                why = f"the journal could not be written: {os.strerror(error)}" if error else "the writer was too late"
+                text = [time.monotonic_ns(), "overrun", f"{count - before} {what} were lost: {why}"]
+                if not self._put(Kind.EVENT, 0, json.dumps(text).encode()):
+                    return
+        self.told = lost
+
+    def _put(self, kind: Kind, rows: int, payload: memoryview | bytes) -> bool:
+        """Add a block; where that fails, the journal ends with the last whole one as before."""
+        end = self.state[State.BYTES]
+        parts = [memoryview(block_head(kind, self.state[State.BLOCKS], rows, payload)), memoryview(payload)]
+        try:
+            at = end
+            for part in parts:
+                while part:
+                    done = os.pwrite(self.descriptor, part, at)
+                    part, at = part[done:], at + done
+        except OSError as error:
+            self.state[State.ERROR] = error.errno or -1
+            with contextlib.suppress(OSError):
+                os.ftruncate(self.descriptor, end)
+            return False
+        self.state[State.BYTES] = at
+        self.state[State.BLOCKS] += 1
+        return True
+
+    def _sync(self, after: float) -> None:
+        if time.monotonic() - self.synced >= after:
+            try:
+                os.fsync(self.descriptor)
+            except OSError as error:
+                self.state[State.ERROR] = error.errno or -1
+            self.synced = time.monotonic()
+
+
+def write_rows() -> None:
+    """Started by the recorder: the ring's and the journal's descriptors, bytes a row, rows, and the loop's process."""
+    ring, journal, size, capacity, parent = (int(argument) for argument in sys.argv[1:6])
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    Writer(Ring(size, capacity, ring), journal).run(parent)
+
 
 ROWS = 16_384
 """Rows that the ring holds: 16 s at 1 kHz, for a disk that is busy or full for a while."""
@@ -34,7 +225,7 @@ START = 60.0
 STOP = 60.0
 """Seconds within which the writer must have started, and ended."""
 
-LOOK = 256
+LOOK_ROWS = 256
 """Rows between two looks at whether the writer still lives: a quarter of a second at 1 kHz, for 2 us."""
 
 OVERRUN, HEAD, TAIL = int(State.OVERRUN), int(State.HEAD), int(State.TAIL)
@@ -85,8 +276,8 @@ class Recorder:
     declares those that are not in `CHANNELS`; `meta` is the recording's. A process beside the loop does the writing.
 
     `append` never waits: a row that finds the memory full is counted, and its place shows in the sequence numbers.
-    Where the writer dies, the next `LOOK` rows bring a `LossWarning`, and `failed` has the reason: rows then stay in
-    memory as long as there is room, and `close` writes them.
+    Where the writer dies, the next `LOOK_ROWS` rows bring a `LossWarning`, and `failed` has the reason: rows then stay
+    in memory as long as there is room, and `close` writes them.
     Raises `InputError` where the journal is there already and for channels nobody declared, `HapticevalError` where
     the file or the writer cannot be made. Needs a POSIX system.
     """
@@ -135,7 +326,8 @@ class Recorder:
         ring = self._ring
         arguments = (ring.descriptor, self._journal, ring.size, ring.capacity, os.getpid())
         # The interpreter looks for modules where this one does, and not in the folder that it happens to run in.
-        start = f"import sys; sys.path[:] = {json.dumps(sys.path)}; import hapticeval.recordings.writer as w; w.main()"
+        start = f"import sys; sys.path[:] = {json.dumps(sys.path)}; "
+        start += "from hapticeval.recordings.recorder import write_rows; write_rows()"
         process = subprocess.Popen(
             [sys.executable, "-c", start, *(str(each) for each in arguments)],
             stdin=subprocess.PIPE,
@@ -189,7 +381,7 @@ class Recorder:
         self._sequence += 1
         self._head = head + 1
         self._state[HEAD] = head + 1
-        if head % LOOK == 0 and not self.failed:
+        if head % LOOK_ROWS == 0 and not self.failed:
             self._look()
 
     def _look(self) -> None:

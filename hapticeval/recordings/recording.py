@@ -1,21 +1,181 @@
-"""The channels of one run against time: the one type that checks read."""
+"""The channels of one run against time: the one type that checks read, with its clock and its events."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hapticeval.errors import InputError
-from hapticeval.recordings.channels import CHANNELS, REQUIRED, Signal, declared
-from hapticeval.recordings.clock import Clock
-from hapticeval.recordings.events import Event, among, checked
-from hapticeval.recordings.metadata import check_metadata
-from hapticeval.recordings.rows import backward_difference, check_finite, check_increasing, locked, runs_of
+from hapticeval.recordings.channels import CHANNELS, REQUIRED, Signal, check_metadata, declared
 from hapticeval.types import Array, BoolArray, IntArray
+
+
+def locked(values: Any, dtype: Any) -> Any:
+    """`values` as a read-only array: a copy, unless they are one already that nobody holds a way to write to."""
+    if isinstance(values, np.ndarray) and values.dtype == dtype and not values.flags.writeable:
+        base = values.base
+        if base is None or (isinstance(base, np.ndarray) and not base.flags.writeable):
+            return values
+    array = np.array(values, dtype=dtype)
+    array.flags.writeable = False
+    return array
+
+
+def runs_of(mask: BoolArray) -> list[tuple[int, int]]:
+    """The rows [first, end) over which `mask` (n,) holds, each as long as it goes."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def backward_difference(values: Array, time: Array) -> Array:
+    """The causal derivative: (x[k] - x[k-1]) / (t[k] - t[k-1]), and zero at the first sample."""
+    out = np.zeros_like(values)
+    out[1:] = np.diff(values, axis=0) / np.diff(time)[:, None]
+    return out
+
+
+def check_finite(name: str, values: Array, valid: BoolArray | None = None) -> None:
+    """Raise `InputError` with the first row of `values` (of those that are `valid`) that is not finite."""
+    bad = ~np.isfinite(values)
+    if bad.any():
+        rows = bad.any(axis=-1) if values.ndim > 1 else np.atleast_1d(bad)
+        if valid is not None:
+            rows &= valid
+            if not rows.any():
+                return
+        row = int(np.argmax(rows))
+        raise InputError(
+            f"{name} is not finite at row {row}: {np.array2string(np.atleast_1d(values[row]))}",
+            why="a missing or infinite number cannot be judged and must not spread",
+            todo="mend or cut that row",
+        )
+
+
+def check_increasing(name: str, values: Any, valid: BoolArray | None = None, *, unit: str = "s") -> None:
+    """Raise `InputError` with the first row (of those that are `valid`) at which `values` does not increase."""
+    kept = values if valid is None else values[valid]
+    rises = kept[1:] > kept[:-1]
+    if not rises.all():
+        at = int(np.argmin(rises)) + 1
+        row = at if valid is None else int(np.flatnonzero(valid)[at])
+        before, after = (f"{x:.9g}" if isinstance(x, float) else f"{x}" for x in kept[at - 1 : at + 1].tolist())
+        raise InputError(
+            f"{name} does not increase at row {row}: {before} {unit}".rstrip() + f", then {after} {unit}".rstrip(),
+            why="samples must be in the order in which they happened, each at a time of its own",
+            todo="sort the rows, or drop the repeated ones",
+        )
+
+
+class Event(NamedTuple):
+    """Something that happened at `time` (s, on the recording's time base): a kind in one word, and a text."""
+
+    time: float
+    kind: str
+    text: str = ""
+
+
+def among(events: Iterable[Event], since: float, until: float) -> tuple[Event, ...]:
+    """The events from `since` on and before `until`, s."""
+    return tuple(event for event in events if since <= event.time < until)
+
+
+def checked(given: Any) -> Event:
+    """An event, or what is like one. Raises `InputError` unless it has a finite time, a kind and a text."""
+    event = Event(*given)
+    when = isinstance(event.time, int | float | np.floating | np.integer) and np.isfinite(event.time)
+    texts = isinstance(event.kind, str) and isinstance(event.text, str) and "\0" not in event.kind + event.text
+    if not (when and texts and event.kind):
+        raise InputError(f"an event {tuple(event)}", why="it is a finite time (s), a kind and a text")
+    return Event(float(event.time), event.kind, event.text)
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """Stamps of a monotonic clock, int64 nanoseconds, a row a sample; read-only.
+
+    `start` is the stamp at which a recording's `time` is zero: the first row's, unless given. `anchor` is a stamp
+    and the wall clock at the same instant, both ns, the latter since 1970 UTC; None where it is not known.
+    `sequence` (n,) numbers the cycles of the loop, so that one left out is seen; None where nobody counted.
+
+    Raises `InputError` for stamps that are not whole numbers, and for shapes that do not fit. Whether they
+    increase is the recording's to say, which knows the rows that are not valid.
+    """
+
+    nanoseconds: IntArray
+    start: int | None = None
+    anchor: tuple[int, int] | None = None
+    sequence: IntArray | None = None
+
+    def __post_init__(self) -> None:
+        nanoseconds = _whole("the stamps of a clock", self.nanoseconds)
+        if nanoseconds.ndim != 1 or nanoseconds.size == 0:
+            raise InputError(
+                f"a clock needs stamps of shape (n,), got {nanoseconds.shape}", todo="give one stamp a row"
+            )
+        start = int(nanoseconds[0]) if self.start is None else int(self.start)
+        object.__setattr__(self, "nanoseconds", nanoseconds)
+        object.__setattr__(self, "start", start)
+        if self.anchor is not None:
+            stamp, wall = self.anchor
+            object.__setattr__(self, "anchor", (int(stamp), int(wall)))
+        if self.sequence is not None:
+            sequence = _whole("sequence numbers", self.sequence)
+            if sequence.shape != nanoseconds.shape:
+                raise InputError(
+                    f"there are {sequence.size} sequence numbers for {nanoseconds.size} stamps",
+                    todo="give one a row, or none at all",
+                )
+            object.__setattr__(self, "sequence", sequence)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Clock, (self.nanoseconds, self.start, self.anchor, self.sequence)
+
+    @property
+    def zero(self) -> int:
+        """`start`, which is there once the clock is made."""
+        assert self.start is not None
+        return self.start
+
+    @cached_property
+    def seconds(self) -> Array:
+        """Time since `start`, s: (n,), each the double nearest to the stamp; read-only."""
+        out = np.empty(self.nanoseconds.shape)
+        np.subtract(self.nanoseconds, self.zero, out=out, dtype=np.int64, casting="unsafe")
+        out /= 1e9
+        out.flags.writeable = False
+        return out
+
+    @property
+    def missed(self) -> int | None:
+        """Cycles between the first row and the last that have no row; None where nobody counted."""
+        if self.sequence is None:
+            return None
+        return int(self.sequence.max() - self.sequence.min()) + 1 - int(self.sequence.size)
+
+    def part(self, rows: slice) -> Clock:
+        """The same clock on some of the rows, its zero where it was."""
+        sequence = None if self.sequence is None else self.sequence[rows]
+        return Clock(self.nanoseconds[rows], self.start, self.anchor, sequence)
+
+
+def _whole(name: str, values: Any) -> IntArray:
+    array = np.asarray(values)
+    if array.dtype.kind not in "iu":
+        raise InputError(
+            f"{name} are of type {array.dtype}",
+            why="a float cannot hold nanoseconds since the computer started",
+            todo="give whole numbers; from seconds: np.rint(1e9 * seconds).astype(np.int64)",
+        )
+    if array.dtype == np.uint64 and array.size and int(array.max()) > np.iinfo(np.int64).max:
+        raise InputError(f"{name} do not fit 64 bits with a sign", todo="count from a later zero")
+    out: IntArray = locked(array, np.int64)
+    return out
+
 
 __all__ = [
     "CHANNELS",
@@ -280,6 +440,30 @@ class Recording:
     def standoff(self) -> float:
         """How far the renderer declares that its surface may lie off the model, m."""
         return float(self.meta.get("standoff", 0.0))
+
+
+class Column(NamedTuple):
+    """One column of a recording: the channel it is of, its unit, and its numbers (n,)."""
+
+    channel: str
+    unit: str
+    values: Array
+
+
+AXES = "xyz"
+
+
+def columns_of(recording: Recording) -> dict[str, Column]:
+    """Every column by name: `hip.x`, `joint_torque.0`, `grip`."""
+    found = {}
+    for name, values in recording.channels.items():
+        signal = recording.signals[name]
+        for k in range(values.shape[1] if values.ndim > 1 else 0):
+            part = AXES[k] if signal.frame == "world" else f"{k}"
+            found[f"{name}.{part}"] = Column(name, signal.unit, values[:, k])
+        if values.ndim == 1:
+            found[name] = Column(name, signal.unit, values)
+    return found
 
 
 def _rebuilt(

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.rows import runs_of
+from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.types import Array, BoolArray
 
 LAG = 3

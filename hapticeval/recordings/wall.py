@@ -1,9 +1,9 @@
 """Recordings in one dimension against a wall, as recordings in the plane against the model `line`.
 
 A device with one degree of freedom presses along a line. In the plane that line is the y axis and the wall the half
-plane y < 0, with its outward normal along +y: a place x becomes (0, s (x - x0)) and a force f becomes (0, s f), with x0
-the wall's place and s = 1 or -1 its outward direction on the recorded axis. Both stand in `meta["wall"]`; without it
-the wall is at 0 and free space on the positive side.
+plane y < 0, with its outward normal along +y: a place x becomes (0, s (x - x0)) and a force f becomes (0, s f), with
+x0 the wall's place and s = 1 or -1 its outward direction on the recorded axis. Both stand in `meta["wall"]`; without
+it the wall is at 0 and free space on the positive side.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from hapticeval.errors import InputError
 from hapticeval.judging import Judged, Recorded, built, judge_recorded
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.verdict import Level, Outcome
-from hapticeval.recordings.difference import Difference, difference
+from hapticeval.recordings.compare.difference import Difference, difference
 from hapticeval.recordings.recording import REQUIRED, Recording
 from hapticeval.recordings.stretches import Stretch, told
 from hapticeval.replay import OPEN_LOOP, RECORDED

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hapticeval.geometry.model import Model
-from hapticeval.recordings.finding import Severity
-from hapticeval.recordings.metadata import SIMULATED
+from hapticeval.recordings.channels import SIMULATED
+from hapticeval.recordings.integrity.issue import Severity
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import Stretch, stretches
 
 if TYPE_CHECKING:
-    from hapticeval.recordings.integrity import Integrity
+    from hapticeval.recordings.integrity.report import Integrity
 
 SEEN = ("hip", "measured_hip")
 """Channels that a renderer is given: only their faults break the hand's path."""
@@ -42,7 +42,7 @@ def usable(recording: Recording, *, model: Model | None = None, stiffness: float
     if recording.meta.get("source") in SIMULATED:
         found = stretches(recording)
         return Usable(found, found, ())
-    from hapticeval.recordings.integrity import LEFT_OUT, examine, sound_intervals
+    from hapticeval.recordings.integrity.report import LEFT_OUT, examine, sound_intervals
 
     report = examine(recording, model=model, stiffness=stiffness)
     soundness = sound_intervals(recording, report)

@@ -10,6 +10,7 @@ from typing import Any
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.files import file_stem
 from hapticeval.phenomena.registry import CHECKS, HELD
+from hapticeval.recordings.provenance import model_of, scene_of
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.wall import LINE, before_the_wall
 from hapticeval.scene import Scene
@@ -55,7 +56,7 @@ def subject(
     `line`, see `before_the_wall`.
     """
     template = None if suite_case is None else _case(suite_case)
-    said = _said(recording)
+    said = {key: each for key, each in scene_of(recording).items() if key in ENTRIES}
     if template is not None:
         said = dict(template.scene)
     chosen = {**said, **dict(_entry(each) for each in scene)}
@@ -152,21 +153,3 @@ def _entry(text: str) -> tuple[str, Any]:
             todo=f"write --scene {key}={1.0 if default is MISSING else default:g} in SI units",
         ) from None
     return key, number
-
-
-def model_of(recording: Recording) -> dict[str, Any] | None:
-    """The model that a recording says was touched, as a suite has it: in its scene, or beside it."""
-    for place in (recording.meta.get("scene"), recording.meta):
-        model = place.get("model") if isinstance(place, Mapping) else None
-        if isinstance(model, Mapping) and "kind" in model:
-            return dict(model)
-    return None
-
-
-def _said(recording: Recording) -> dict[str, Any]:
-    """The scene as the recording says it, with the gains that it names beside, less what says nothing."""
-    said: dict[str, Any] = {}
-    for table in (recording.meta.get("gains"), recording.meta.get("scene")):
-        if isinstance(table, Mapping):
-            said |= {str(key): each for key, each in table.items() if each is not None}
-    return {key: each for key, each in said.items() if key in ENTRIES}

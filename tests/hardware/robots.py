@@ -13,8 +13,8 @@ from hapticeval.hardware.demonstration import DELAY, FRICTION
 from hapticeval.hardware.live import channels, run, signals
 from hapticeval.hardware.twin import Twin
 from hapticeval.hardware.wiring import Wiring
+from hapticeval.recordings.journal import recover
 from hapticeval.recordings.recorder import Recorder
-from hapticeval.recordings.recovery import recover
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Hand, Path
 

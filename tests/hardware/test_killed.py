@@ -14,7 +14,7 @@ from robots import recorded, twin_of, wired
 from hapticeval.cli import main
 from hapticeval.errors import InputError
 from hapticeval.recordings.hdf5 import read_recording, write_recording
-from hapticeval.recordings.recovery import recover
+from hapticeval.recordings.journal import recover
 from hapticeval.replay.as_recorded import as_recorded
 from hapticeval.replay.job import prepared, replay_plan
 from hapticeval.replay.subject import subject

@@ -15,8 +15,8 @@ from hapticeval.errors import DomainError, HapticevalError, RendererError
 from hapticeval.hardware import guard
 from hapticeval.hardware.device import HardwareDevice, Reading
 from hapticeval.hardware.live import channels, run, signals
+from hapticeval.recordings.journal import recover
 from hapticeval.recordings.recorder import Recorder
-from hapticeval.recordings.recovery import recover
 
 AT = 40
 

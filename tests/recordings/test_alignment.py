@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.recordings.abscissa import Abscissa
-from hapticeval.recordings.alignment import Run, align
-from hapticeval.recordings.permutation import LEVEL, needed
+from hapticeval.recordings.compare.align import Abscissa, Run, align
+from hapticeval.recordings.compare.permutation import LEVEL, needed
 from hapticeval.recordings.recording import Recording
 
 CIRCLE = make_model("circle").curve

@@ -20,11 +20,11 @@ from scipy.io import savemat
 
 from hapticeval.cli import main
 from hapticeval.errors import HapticevalError
-from hapticeval.recordings.conversion import convert
 from hapticeval.recordings.formats import read_table
 from hapticeval.recordings.hdf5 import write_recording
+from hapticeval.recordings.importing.convert import convert
+from hapticeval.recordings.importing.mapping import parse_mapping
 from hapticeval.recordings.journal import Kind, Layout, block_head, opening
-from hapticeval.recordings.mapping import parse_mapping
 from hapticeval.recordings.recording import Clock, Recording
 
 KEPT = Path(".hypothesis/kept").absolute()

@@ -11,14 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
-from hapticeval.recordings.conversion import convert, is_recording, load_recording
-from hapticeval.recordings.export import export
 from hapticeval.recordings.formats import Table, read_table
 from hapticeval.recordings.hdf5 import read_recording
-from hapticeval.recordings.mapping import parse_mapping, read_mapping
-from hapticeval.recordings.proposal import propose
+from hapticeval.recordings.importing.convert import convert, export, is_recording, load
+from hapticeval.recordings.importing.mapping import parse_mapping, read_mapping
+from hapticeval.recordings.importing.propose import propose
+from hapticeval.recordings.importing.units import UNITS, parse_quantity, parse_unit
 from hapticeval.recordings.recording import Recording, Signal
-from hapticeval.recordings.units import UNITS, parse_quantity, parse_unit
 
 ROWS = 40
 
@@ -217,7 +216,7 @@ def test_our_own_format_keeps_everything(tmp_path):
     path = export(tmp_path / "run.h5", recording())
     assert dict(read_recording(path).meta) == dict(recording().meta)
     assert is_recording(path)
-    assert dict(load_recording(path).meta)["device"] == "Größe"
+    assert dict(load(path).meta)["device"] == "Größe"
 
 
 @pytest.mark.parametrize("suffix", [".h5", ".csv", ".npz", ".mat"])
@@ -241,7 +240,7 @@ def test_what_cannot_be_exported_says_so(tmp_path):
 def test_a_foreign_file_needs_a_mapping(tmp_path):
     (tmp_path / "a.csv").write_text("t,x\n0,1\n1,2\n")
     with pytest.raises(InputError, match="is no recording of hapticeval's") as caught:
-        load_recording(tmp_path / "a.csv")
+        load(tmp_path / "a.csv")
     assert "--write-mapping" in caught.value.todo
 
 
@@ -288,7 +287,7 @@ def test_a_mapping_for_another_format_is_told_before_any_byte_is_read_by_it(tmp_
         'format = "csv"\n[time]\nrate = 1000\n[channels.hip]\ncolumns = ["x"]\nunit = "m"\nsign = 1\n'
     )
     with pytest.raises(InputError, match=r"is in the format 'npz' .* is for 'csv'"):
-        load_recording(tmp_path / "a.npz", mapping=tmp_path / "m.toml")
+        load(tmp_path / "a.npz", mapping=tmp_path / "m.toml")
 
 
 def test_a_proposal_takes_units_from_headers_and_labels(tmp_path):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hapticeval.recordings.integrity import examine
+from hapticeval.recordings.integrity.report import examine
 from hapticeval.recordings.recording import Clock, Recording
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hapticeval.recordings.derivative import derivative_fit
-from hapticeval.recordings.integrity import examine
+from hapticeval.recordings.integrity.relations import derivative_fit
+from hapticeval.recordings.integrity.report import examine
 from hapticeval.recordings.recording import Recording
 
 DT = 1e-3

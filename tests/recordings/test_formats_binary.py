@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 
 from hapticeval.errors import HapticevalError, InputError
-from hapticeval.recordings.conversion import convert
 from hapticeval.recordings.formats import Table, read_table
-from hapticeval.recordings.mapping import parse_mapping
-from hapticeval.recordings.proposal import propose
+from hapticeval.recordings.importing.convert import convert
+from hapticeval.recordings.importing.mapping import parse_mapping
+from hapticeval.recordings.importing.propose import propose
 
 T = np.arange(12) * 0.5e-3
 POSITIONS = np.column_stack([np.arange(12.0), -np.arange(12.0)])

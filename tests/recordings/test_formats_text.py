@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hapticeval.errors import InputError, UnknownNameError
-from hapticeval.recordings.conversion import load_recording
 from hapticeval.recordings.formats import Table, importer, read_table
 from hapticeval.recordings.formats import registry as registry_module
 from hapticeval.recordings.formats.text import is_whole
+from hapticeval.recordings.importing.convert import load
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False, width=64)
 
@@ -94,7 +94,7 @@ def test_rows_and_columns_that_are_swapped(tmp_path, named):
 @pytest.mark.parametrize("text", ["\n\n\n", "  ", "\r\n \r\n", "# only a remark\n", "1", "POSITION", "t,x\n", "\0\0\0"])
 def test_a_file_without_a_row_says_so(tmp_path, format, text):
     with pytest.raises(InputError):
-        load_recording(written(tmp_path, "a.csv", text), mapping=written(tmp_path, "m.toml", PLAIN), format=format)
+        load(written(tmp_path, "a.csv", text), mapping=written(tmp_path, "m.toml", PLAIN), format=format)
 
 
 PLAIN = """

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hapticeval.recordings.grain import grain
-from hapticeval.recordings.inverse import spring
+from hapticeval.recordings.integrity.consistency import spring
+from hapticeval.recordings.quantization import grain
 from hapticeval.recordings.recording import Recording
 
 RNG = np.random.default_rng(2)

@@ -18,9 +18,9 @@ from scipy.io import savemat
 
 from hapticeval.cli import main
 from hapticeval.errors import InputError
-from hapticeval.recordings.conversion import load_recording
 from hapticeval.recordings.formats import read_table
 from hapticeval.recordings.hdf5 import read_recording, write_recording
+from hapticeval.recordings.importing.convert import load
 from hapticeval.recordings.memory import limited
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.salvage import salvage
@@ -50,7 +50,7 @@ def test_a_mapping_names_no_code(tmp_path, monkeypatch, code):
     (tmp_path / "here.py").write_text("open('ran', 'w')\ndef read(path): ...\n")
     (tmp_path / "m.toml").write_text(MAPPING.format(format=code))
     with pytest.raises(InputError, match="names code") as caught:
-        load_recording("log.csv", mapping="m.toml")
+        load("log.csv", mapping="m.toml")
     assert f"--format {code}" in caught.value.todo
     assert not (tmp_path / "ran").exists()
 

@@ -12,12 +12,11 @@ from hypothesis import strategies as st
 from hapticeval.devices.imperfections import ENCODER_STEP
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.recordings.clock import Clock
-from hapticeval.recordings.finding import Severity
-from hapticeval.recordings.integrity import examine, sound_intervals
-from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.relations import matched
-from hapticeval.recordings.signal_faults import quantum
+from hapticeval.recordings.integrity.issue import Severity
+from hapticeval.recordings.integrity.relations import matched
+from hapticeval.recordings.integrity.report import examine, sound_intervals
+from hapticeval.recordings.quantization import quantum
+from hapticeval.recordings.recording import Clock, Recording
 from hapticeval.recordings.stretches import stretches
 
 ROWS = 600

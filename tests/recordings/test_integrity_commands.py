@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 
 from hapticeval.cli import main
 from hapticeval.errors import InputError
-from hapticeval.recordings.clock import Clock
 from hapticeval.recordings.hdf5 import write_recording
-from hapticeval.recordings.impact import Impacts, impacts
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.integrity.contacts import Impacts, impacts
+from hapticeval.recordings.recording import Clock, Recording
 
 DT = 5e-4
 
@@ -166,7 +165,7 @@ def test_what_the_recording_declares_and_cannot_be_checked_is_told(here, capsys)
     )
     main(["inspect", "run.h5"])
     shown = capsys.readouterr().out
-    assert "not checked: spring: the recording says a damping K_d of 2 N s/m" in shown
+    assert "not checked: spring: the recording has a damping K_d of 2 N s/m" in shown
     assert "not checked: forward kinematics: the device 'rig 7' is none whose kinematics are known" in shown
 
 

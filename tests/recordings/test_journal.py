@@ -9,9 +9,8 @@ import pytest
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.hdf5 import read_recording, write_recording
-from hapticeval.recordings.journal import BLOCK, HEADERS, MAGIC, Kind, Layout, block_head, opening
+from hapticeval.recordings.journal import BLOCK, HEADERS, MAGIC, Kind, Layout, block_head, finish, opening, recover
 from hapticeval.recordings.recording import Signal
-from hapticeval.recordings.recovery import finish, recover
 
 LAYOUT = Layout(
     {"hip": 2, "joint_position": 3, "grip": 0},

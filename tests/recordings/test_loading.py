@@ -10,10 +10,10 @@ import pytest
 from hapticeval.cli import main
 from hapticeval.recordings import hdf5
 from hapticeval.recordings.hdf5 import read_recording, write_recording
+from hapticeval.recordings.importing.convert import is_ours, load
 from hapticeval.recordings.journal import MAGIC, Kind, Layout, block_head, opening
-from hapticeval.recordings.loading import is_ours, load
-from hapticeval.recordings.losses import LOST, told_losses
 from hapticeval.recordings.recording import Clock, Recording
+from hapticeval.recordings.salvage import LOST, told_losses
 
 ROWS = 400
 META = {"renderer": "minimum-distance", "scene": {"stiffness": 1000.0, "model": {"kind": "circle", "size": 0.2}}}

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from hapticeval.errors import HapticevalError, InputError
+from hapticeval.recordings.journal import recover
 from hapticeval.recordings.recorder import LossWarning, Recorder
 from hapticeval.recordings.recording import Signal
-from hapticeval.recordings.recovery import recover
 
 CHANNELS = {"hip": 2, "force": 2}
 GRIP = {"grip": Signal("N", "grip force", "device")}

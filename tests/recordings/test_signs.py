@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 
 from hapticeval.cli import main
 from hapticeval.recordings.hdf5 import write_recording
-from hapticeval.recordings.integrity import examine
-from hapticeval.recordings.port_energy import balance
+from hapticeval.recordings.integrity.force_sign import balance, force_signs
+from hapticeval.recordings.integrity.report import examine
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.signs import force_signs
 from hapticeval.recordings.stretches import LAG
 
 DT = 1e-3

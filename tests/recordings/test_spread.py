@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 from scipy.special import comb
 
 from hapticeval.errors import InputError
-from hapticeval.recordings.abscissa import Abscissa
-from hapticeval.recordings.alignment import Run, align
-from hapticeval.recordings.permutation import DEALS, Distances, least_p, needed, permuted
+from hapticeval.recordings.compare.align import Abscissa, Run, align
+from hapticeval.recordings.compare.permutation import DEALS, Distances, least_p, needed, permuted
+from hapticeval.recordings.compare.spread import bands, compare
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.spread import bands, compare
 
 ANGLE = np.linspace(0.1, 2.0, 500)
 UNITS = tuple((side, k) for side in (0, 1) for k in range(4))

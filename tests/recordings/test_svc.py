@@ -9,8 +9,8 @@ import pytest
 
 from hapticeval.cli import main
 from hapticeval.errors import InputError
-from hapticeval.recordings.conversion import load_recording
-from hapticeval.recordings.integrity import examine, sound_intervals
+from hapticeval.recordings.importing.convert import load
+from hapticeval.recordings.integrity.report import examine, sound_intervals
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data" / "handwriting_svc"
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="needs shared/data/han
 
 
 def test_a_stroke_is_a_path_with_gaps_where_the_pen_is_up():
-    made = load_recording(DATA / "signal.svc", mapping=MAPPING)
+    made = load(DATA / "signal.svc", mapping=MAPPING)
     raw = np.loadtxt(DATA / "signal.svc", skiprows=1)
     assert np.array_equal(made.valid, raw[:, 3] == 1)
     assert np.allclose(made.hip, raw[:, :2] * 1e-3, atol=1e-12)
@@ -31,7 +31,7 @@ def test_a_stroke_is_a_path_with_gaps_where_the_pen_is_up():
 
 
 def test_its_report_has_notes_only():
-    made = load_recording(DATA / "signal.svc", mapping=MAPPING)
+    made = load(DATA / "signal.svc", mapping=MAPPING)
     report = examine(made)
     assert not report.suspicious
     assert {fault.kind for fault in report.faults} == {"gap"}

@@ -12,11 +12,11 @@ import pytest
 
 from hapticeval.cli import main
 from hapticeval.errors import InputError
-from hapticeval.recordings.conversion import load_recording
 from hapticeval.recordings.formats import read_table
 from hapticeval.recordings.hdf5 import read_recording
-from hapticeval.recordings.impact import impacts
-from hapticeval.recordings.integrity import examine, sound_intervals
+from hapticeval.recordings.importing.convert import load
+from hapticeval.recordings.integrity.contacts import impacts
+from hapticeval.recordings.integrity.report import examine, sound_intervals
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data" / "tue_1dof_teleop"
@@ -31,7 +31,7 @@ pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="needs shared/data/tue
 
 @lru_cache
 def run(name):
-    return load_recording(DATA / f"{name}.mat", mapping=MAPPING_M2 if name == FOAM else MAPPING)
+    return load(DATA / f"{name}.mat", mapping=MAPPING_M2 if name == FOAM else MAPPING)
 
 
 def test_objects_that_only_matlab_reads_are_named_and_the_scopes_are_read():
@@ -93,7 +93,7 @@ def test_the_signs_of_the_mappings_are_those_of_physics():
 @pytest.mark.parametrize("name", [RIGID, FOAM, FREE])
 def test_the_mapping_of_the_other_file_is_suspected(name):
     """Of the two mappings one has the hand's force with the other sign: each is wrong for the other's files."""
-    made = load_recording(DATA / f"{name}.mat", mapping=MAPPING if name == FOAM else MAPPING_M2)
+    made = load(DATA / f"{name}.mat", mapping=MAPPING if name == FOAM else MAPPING_M2)
     report = examine(made)
     (fault,) = [each for each in report.faults if each.kind == "force sign"]
     assert (fault.channel, fault.severity) == ("force", "suspicious")

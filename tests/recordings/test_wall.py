@@ -11,7 +11,7 @@ from hapticeval.cli import main
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.hdf5 import write_recording
-from hapticeval.recordings.integrity import examine
+from hapticeval.recordings.integrity.report import examine
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.wall import before_the_wall
 from hapticeval.results import read_results

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 from hapticeval.cli import main
-from hapticeval.recordings.abscissa import Abscissa
-from hapticeval.recordings.alignment import Run, align
+from hapticeval.recordings.compare.align import Abscissa, Run, align
+from hapticeval.recordings.compare.permutation import LEVEL, least_p, needed
+from hapticeval.recordings.compare.spread import bands, compare
 from hapticeval.recordings.hdf5 import write_recording
-from hapticeval.recordings.permutation import LEVEL, least_p, needed
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.spread import bands, compare
 from hapticeval.reports.spread_figure import summary, table, write_spread
 
 ANGLE = np.linspace(0.2, 2.2, 400)

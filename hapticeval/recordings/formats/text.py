@@ -19,10 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hapticeval.errors import InputError
-from hapticeval.recordings.formats.magic import is_text
-from hapticeval.recordings.formats.registry import importer
+from hapticeval.recordings.formats.registry import importer, is_text
 from hapticeval.recordings.formats.table import Table, lies, lying
-from hapticeval.recordings.units import UNITS
+from hapticeval.recordings.importing.units import UNITS
 
 CLOCKS = ("t", "time", "zeit", "timestamp", "stamp", "seconds")
 """How a column that is a clock is called, in small letters and without its unit."""

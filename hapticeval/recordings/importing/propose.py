@@ -12,8 +12,8 @@ import numpy as np
 from hapticeval.errors import HapticevalError
 from hapticeval.recordings.channels import CHANNELS
 from hapticeval.recordings.formats import Table
-from hapticeval.recordings.mapping import UNKNOWN
-from hapticeval.recordings.units import parse_unit
+from hapticeval.recordings.importing.mapping import UNKNOWN
+from hapticeval.recordings.importing.units import parse_unit
 
 CLOCK = re.compile(r"(t|time|zeit|timestamp|stamp|sec|seconds|clock|received|tick|tout)", re.IGNORECASE)
 PART = re.compile(r"(?P<stem>.*?)[._ \[]?(?P<part>[xyz]|\d+)\]?$", re.IGNORECASE)

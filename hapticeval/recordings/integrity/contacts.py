@@ -8,8 +8,8 @@ contact
     restitution  - (speed after) / (speed before)             by the slope of x over `SPEED_WINDOW`; none where a
                                                               contact lasts longer than `HAND`
 
-A contact begins with a tool that moves into the wall: a force that rises while the tool leaves is told apart, because a
-wall cannot make it.
+A contact begins with a tool that moves into the wall: a force that rises while the tool leaves is told apart, because
+a wall cannot make it.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticeval.errors import InputError
-from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.rows import runs_of
-from hapticeval.recordings.signal_faults import quantum
+from hapticeval.recordings.provenance import declared_floor
+from hapticeval.recordings.quantization import quantum
+from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.types import Array
 
 SPEED_WINDOW = 3e-3
@@ -101,12 +101,6 @@ class Impacts:
 def wall_channel(recording: Recording) -> str:
     """The force that a wall gives: that on a teleoperated tool, where it is there, else that on the hand."""
     return "wall_force" if "wall_force" in recording.channels else "force"
-
-
-def declared_floor(recording: Recording) -> float | None:
-    """The force that the sensor may read in free motion, N; None where it is not declared."""
-    declared = recording.meta.get("force_floor")
-    return float(declared) if isinstance(declared, int | float) else None
 
 
 def impacts(recording: Recording, *, floor: float | None = None) -> Impacts:

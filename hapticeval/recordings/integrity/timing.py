@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticeval.recordings.finding import Fault, Severity
+from hapticeval.recordings.integrity.issue import Fault, Severity
 from hapticeval.recordings.stretches import GAP_STEPS
 from hapticeval.types import Array, BoolArray, IntArray
 

@@ -8,9 +8,9 @@ A number is known to the largest of these:
     the unit in the last place, where every number has so few digits: a text's
 
 Positions are numbers of the size of the workspace, also where their difference is small. So a depth |IHIP - HIP| is as
-fine as these, and a force K (IHIP - HIP) is no finer than K times that, whatever the spacing at its own size. A joint's
-encoder reaches the HIP by the lever arm |dHIP| / |dq| that the run itself shows. With r_F and r_x (N and m, of one
-coordinate) and N dimensions:
+fine as these, and a force K (IHIP - HIP) is no finer than K times that, whatever the spacing at its own size. A
+joint's encoder reaches the HIP by the lever arm |dHIP| / |dq| that the run itself shows. With r_F and r_x (N and m, of
+one coordinate) and N dimensions:
 
     magnitude   sqrt(N) r_F                    direction   sqrt(N) r_F / |F|, and the spacing at a turn
     depth       2 sqrt(N) r_x                  leaning     that, and what r_x turns the normal by: sqrt(N) kappa r_x
@@ -24,10 +24,94 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.recordings.grain import grain, single
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.signal_faults import quantum
 from hapticeval.types import Array
+
+FINEST = 1e-7
+"""A quantum below this share of the range cannot be told from the rounding of the file."""
+
+WHOLE = 0.02
+"""How far from whole numbers the values may lie, in quanta."""
+
+MANY = 500
+"""Steps that a common divisor is taken of."""
+
+SAMPLE = 400
+"""So many numbers are looked at, evenly spread over the column."""
+
+FEWEST = 50
+"""Of so few different numbers nothing is said: they may be round by themselves."""
+
+DIGITS = range(3, 15)
+"""Significant digits that a text may keep; a double has 15 to 17."""
+
+
+def quantum(values: Array) -> float | None:
+    """The step of the lattice that all values lie on: an encoder's, or a logger's; None where they lie on none."""
+    distinct = np.unique(values[np.isfinite(values)])
+    if distinct.size < 4:
+        return None
+    span = float(distinct[-1] - distinct[0])
+    steps = np.diff(distinct)
+    steps = steps[steps > FINEST * span]
+    if steps.size == 0:
+        return None
+    step = _common(steps, FINEST * span)
+    for _ in range(3):  # the mean over many steps is finer than the smallest alone
+        counts = np.round((distinct - distinct[0]) / step)
+        if counts[-1] > 1.0 / FINEST:
+            return None
+        step = float(np.dot(counts, distinct - distinct[0]) / np.dot(counts, counts))
+    off = np.abs((distinct - distinct[0]) / step - counts)
+    return step if off.max() < WHOLE and counts[-1] > distinct.size / 50 else None
+
+
+def _common(steps: Array, floor: float) -> float:
+    """The largest length that all steps are multiples of, by Euclid's rule; about `floor` where there is none.
+
+    From the smallest up: a remainder has the rounding of its divisor as many times as that was taken off.
+    """
+    steps = np.sort(steps)
+    common = float(steps[0])
+    for other in steps[:MANY]:
+        a, b = max(common, float(other)), min(common, float(other))
+        while b > floor:
+            a, b = b, abs(a - b * round(a / b))
+        common = a
+    return common
+
+
+def grain(values: Array) -> float:
+    """The step between neighbouring numbers that a column (n,) can tell, at its largest; 0 for double precision."""
+    return max(quantum(values) or 0.0, single(values), _decimal(values))
+
+
+def single(values: Array) -> float:
+    """The spacing of single precision at the largest number, where every number is one; otherwise 0."""
+    sample, largest = _sample(values)
+    with np.errstate(over="ignore"):
+        alike = sample.size > 0 and np.array_equal(sample.astype(np.float32), sample)
+    return float(np.spacing(np.float32(largest))) if alike else 0.0
+
+
+def _decimal(values: Array) -> float:
+    """The unit in the last place of the largest number, where all have so few digits; otherwise 0."""
+    sample, largest = _sample(values)
+    for digits in DIGITS if sample.size else ():
+        rounded = np.array([float(f"{number:.{digits - 1}e}") for number in sample])
+        if np.all(np.abs(rounded - sample) <= 2.0 * np.spacing(np.abs(sample))):  # a change of unit rounds again
+            return float(10.0 ** (math.floor(math.log10(largest)) - digits + 1))
+    return 0.0
+
+
+def _sample(values: Array) -> tuple[Array, float]:
+    """Different numbers of a column that are not zero, none where there are too few, and the largest of all."""
+    kept = values[np.isfinite(values) & (values != 0.0)]
+    if kept.size == 0:
+        return kept, 0.0
+    sample = np.unique(kept[np.linspace(0, kept.size - 1, SAMPLE).astype(int)])
+    return sample if sample.size >= FEWEST else sample[:0], float(np.max(np.abs(kept)))
+
 
 STEPS = 16.0
 """Spacings of the number that a projection, a spring, a norm and an interpolation may cost together."""
@@ -60,9 +144,9 @@ def resolution(recording: Recording) -> Resolution:
     """What the numbers of a recording with HIP and force resolve."""
     keep = recording.measured
     places = [recording.channels[name][keep] for name in ("hip", "ihip") if name in recording.channels]
-    position = max([_grain(values) for values in places] + [_encoder(recording, places[0], keep)])
+    position = max([_own(values) for values in places] + [_encoder(recording, places[0], keep)])
     force = recording.force[keep]
-    own = _grain(force)
+    own = _own(force)
     if len(places) == 2:
         depth = np.linalg.norm(places[1] - places[0], axis=1)
         pressed = (depth > position) & np.any(force != 0.0, axis=1)
@@ -71,7 +155,7 @@ def resolution(recording: Recording) -> Resolution:
     return Resolution(position, own, force.shape[1])
 
 
-def _grain(values: Array) -> float:
+def _own(values: Array) -> float:
     """The resolution of a channel (n, N) by its own numbers."""
     size = float(np.max(np.abs(values), initial=0.0))
     if size == 0.0:

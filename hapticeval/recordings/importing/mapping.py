@@ -42,9 +42,9 @@
     [meta]
     device = "rig 7"
 
-A channel's value is sign * column * unit * scale / divide + offset, and its dimension has to come out as the channel's.
-Channels that hapticeval does not know say what they are: `becomes` (an SI unit), `meaning`, `frame`. Of a log with a
-`[device]`, HIP, velocity and force follow from its joints and motors, where no column is mapped to them.
+A channel's value is sign * column * unit * scale / divide + offset, and its dimension has to come out as the
+channel's. Channels that hapticeval does not know say what they are: `becomes` (an SI unit), `meaning`, `frame`. Of a
+log with a `[device]`, HIP, velocity and force follow from its joints and motors, where no column is mapped to them.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ from typing import Any
 
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.channels import CHANNELS, Signal
-from hapticeval.recordings.units import Unit, parse_quantity, parse_unit
+from hapticeval.recordings.importing.units import Unit, parse_quantity, parse_unit
 
 UNKNOWN = "?"
 
@@ -149,7 +149,7 @@ def _validate(document: Mapping[str, Any], name: str) -> None:
     import jsonschema
 
     schema = json.loads(
-        resources.files("hapticeval.recordings").joinpath("mapping.schema.json").read_text(encoding="utf-8")
+        resources.files("hapticeval.recordings.importing").joinpath("mapping.schema.json").read_text(encoding="utf-8")
     )
     errors = list(jsonschema.Draft202012Validator(schema).iter_errors(document))
     # a misspelt key is both unknown and missing: the unknown one is what was written

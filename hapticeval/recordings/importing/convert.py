@@ -1,33 +1,53 @@
-"""From a foreign table and its mapping to a recording: every number in SI, every row where it was."""
+"""Files of any kind as recordings, every number in SI and every row where it was; and recordings as other files."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hapticeval.errors import InputError
-from hapticeval.recordings.clock import Clock
+from hapticeval.errors import HapticevalError, InputError, UnknownNameError
+from hapticeval.files import creating, plain
 from hapticeval.recordings.formats import Table, formats, read_table
 from hapticeval.recordings.formats.registry import first_bytes
-from hapticeval.recordings.hdf5 import DAMAGE, FORMAT, SIGNATURE, read_recording
-from hapticeval.recordings.mapping import FileMapping, Source, TimeBase, read_mapping
-from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.hdf5 import DAMAGE, FORMAT, SIGNATURE, DamagedError, read_recording, write_recording
+from hapticeval.recordings.importing.mapping import FileMapping, Source, TimeBase, read_mapping
+from hapticeval.recordings.journal import MAGIC, MARK, recover
+from hapticeval.recordings.recording import Clock, Recording, columns_of
+from hapticeval.recordings.salvage import salvage
 from hapticeval.types import Array, BoolArray, IntArray
 
 
-def load_recording(path: Path | str, *, mapping: Path | str | None = None, format: str | None = None) -> Recording:
-    """A recording of ours as it is, or any other file through a mapping.
+def load(
+    path: Path | str, *, mapping: Path | str | None = None, format: str | None = None, salvaging: bool = False
+) -> Recording:
+    """Read the recording in a file of any kind: ours, the journal of a recorder, or a foreign one through its mapping.
 
-    Raises `InputError` for a foreign file without a mapping, and as `read_table`, `read_mapping` and `convert` do.
+    A journal gives what is whole of it. So does one of our files that is cut short or damaged where `salvaging` is
+    asked for; otherwise it is an error. Either way the recording's events of kind `lost` report what is missing. Raises
+    `InputError` for a foreign file without a mapping and one of ours with it, and as `recover`, `read_recording`,
+    `salvage`, `read_table`, `read_mapping` and `convert` do.
     """
     path = Path(path)
-    if is_recording(path):
-        if mapping is not None:
-            raise InputError(f"{path} is a recording already", why="it needs no mapping", todo="leave --mapping out")
+    if not is_ours(path):
+        return _foreign(path, mapping, format)
+    if mapping is not None:
+        raise InputError(f"{path} is a recording already", why="it needs no mapping", todo="leave --mapping out")
+    if is_journal(path):
+        return recover(path).recording
+    try:
         return read_recording(path)
+    except DamagedError:
+        if not salvaging:
+            raise
+        return salvage(path).recording
+
+
+def _foreign(path: Path, mapping: Path | str | None, format: str | None) -> Recording:
     if mapping is None:
         raise InputError(
             f"{path} is no recording of hapticeval's",
@@ -52,6 +72,23 @@ def _check_format(path: Path, wanted: str, mapping: str) -> None:
             why="its columns have other names there",
             todo=f"propose a mapping of its own: hapticeval inspect {path.name} --write-mapping mapping.toml",
         )
+
+
+def is_ours(path: Path | str) -> bool:
+    """Whether a file is a recording or a journal that hapticeval wrote, and so says itself what is in it.
+
+    Raises `InputError` where it is missing or empty.
+    """
+    return is_journal(Path(path)) or is_recording(Path(path))
+
+
+def is_journal(path: Path) -> bool:
+    """Whether a file begins as journals do, or its first block does: one wrong byte hides no journal.
+
+    Raises `InputError` where it is missing or empty.
+    """
+    head = first_bytes(path)
+    return head.startswith(MAGIC) or head[len(MAGIC) :].startswith(MARK)
 
 
 def is_recording(path: Path) -> bool:
@@ -217,3 +254,105 @@ def _lengths(table: Table, column: str, clock: str) -> str:
     each = (f"'{name}' has {table.rows(name)} rows" for name in (column, clock))
     topics = (f"of the topic '{table.topics[name]}'" if name in table.topics else "" for name in (column, clock))
     return ", ".join(f"{rows} {topic}".strip() for rows, topic in zip(each, topics, strict=True))
+
+
+LONGEST_NAME = 31
+"""Names in MATLAB 5 files end here."""
+
+
+def export(path: Path | str, recording: Recording) -> Path:
+    """Write a recording as the ending of `path` says; each column states its unit.
+
+    Only .h5 keeps everything; the others keep the stamps, the channels, which rows are valid, and the meta as JSON
+    where they have a place for it. Raises `InputError` where the file is there already, `UnknownNameError` for another
+    ending, and `HapticevalError` where it cannot be written.
+    """
+    path = Path(path)
+    write = WRITERS.get(path.suffix.lower())
+    if write is None:
+        raise UnknownNameError("file ending", path.suffix, WRITERS)
+    refuse_existing(path)
+    if write is write_recording:
+        write(path, recording)  # which itself gives the file whole or not at all
+        return path
+    try:
+        with creating(path) as temporary:
+            write(temporary, recording)
+    except OSError as error:
+        raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
+    return path
+
+
+def refuse_existing(path: Path) -> None:
+    """Raise `InputError` where something stands at `path`: a recording is never written over."""
+    if path.exists() or path.is_symlink():
+        raise InputError(
+            f"{path} is there already",
+            why="nothing is written over a recording",
+            todo="choose another name, or move it",
+        )
+
+
+def _exported(recording: Recording) -> dict[str, tuple[Array, str]]:
+    """Every column by name, with its unit: `hip.x`, `joint_torque.0`, `grip`."""
+    found: dict[str, tuple[Array, str]] = {"time": (recording.time, "s")}
+    found |= {name: (each.values, each.unit) for name, each in columns_of(recording).items()}
+    if recording.valid is not None:
+        found["valid"] = (recording.valid.astype(np.float64), "1")
+    return found
+
+
+def _meta(recording: Recording) -> str:
+    return json.dumps(plain(recording.meta, "meta"), sort_keys=True)
+
+
+def _csv(path: Path, recording: Recording) -> None:
+    columns = _exported(recording)
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.write(",".join(f"{name} [{unit}]" for name, (_, unit) in columns.items()) + "\n")
+        for row in zip(*(values.tolist() for values, _ in columns.values()), strict=True):
+            file.write(",".join(map(repr, row)) + "\n")
+
+
+def _npz(path: Path, recording: Recording) -> None:
+    arrays: dict[str, Any] = {"hapticeval": np.array(_meta(recording))}
+    for name, (values, unit) in _exported(recording).items():
+        arrays[name] = values
+        arrays[f"unit:{name}"] = np.array(unit)
+    with path.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+
+
+def _mat(path: Path, recording: Recording) -> None:
+    """A structure `recording` with `time`, a field a channel, `units` of the same fields, and `meta` as JSON."""
+    from scipy.io import savemat
+
+    for name in recording.channels:
+        if len(name) > LONGEST_NAME or not name.replace("_", "").isalnum():
+            raise InputError(
+                f"the channel '{name}' cannot be a field of a MATLAB structure",
+                why=f"fields have letters, digits and '_', {LONGEST_NAME} at the most",
+                todo="write .h5, .npz or .csv",
+            )
+    fields: dict[str, Any] = {"time": recording.time[:, None], **recording.channels}
+    if recording.valid is not None:
+        fields["valid"] = recording.valid.astype(np.uint8)[:, None]
+    units = {"time": "s", **{name: recording.signals[name].unit for name in recording.channels}}
+    with path.open("wb") as file:
+        stream: Any = file
+        savemat(
+            stream,
+            {"recording": fields, "units": units, "hapticeval": _meta(recording)},
+            do_compression=True,
+            oned_as="column",
+        )
+
+
+WRITERS: Mapping[str, Callable[[Path, Recording], None]] = {
+    ".h5": write_recording,
+    ".hdf5": write_recording,
+    ".mat": _mat,
+    ".csv": _csv,
+    ".npz": _npz,
+}
+"""How each ending is written."""

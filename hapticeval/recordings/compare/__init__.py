@@ -1,0 +1,1 @@
+"""Runs held against each other: aligned by place, tested, and sample by sample."""

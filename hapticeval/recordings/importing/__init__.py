@@ -1,0 +1,1 @@
+"""Foreign files as recordings: mappings, units, conversion and proposals."""
