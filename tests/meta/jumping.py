@@ -52,6 +52,7 @@ class Moved:
         self.inner = (Nearest if inner is None else inner)(scene)
         self.rule = rule
         self.memory: Rule | None = None
+        self.last: float | None = None
 
     def reset(self, hip: np.ndarray) -> None:
         self.inner.reset(hip)
@@ -64,10 +65,13 @@ class Moved:
             self.memory = None
             return Response(ihip, force)
         if self.memory is None:
-            self.memory = self.rule()
+            self.memory, self.last = self.rule(), None
         curve = self.scene.model.curve
-        u = curve.nearest(ihip[np.newaxis])
-        s = self.memory(float(curve.arc_length(u)[0]), self.tick, dt)
+        along = float(curve.arc_length(curve.nearest(ihip[np.newaxis]))[0])
+        if curve.closed and self.last is not None:
+            along += curve.length * round((self.last - along) / curve.length)
+        self.last = along
+        s = self.memory(along, self.tick, dt)
         if s is None:
             return Response(hip.copy(), np.zeros_like(hip))
         ihip = np.asarray(curve.position(curve.parameter(np.array([s]))))[0]
