@@ -16,8 +16,8 @@ from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
-LOOKS = 5
-"""How often a place is looked at, closer each time: down to 1/4096 of what single precision resolves."""
+BELOW = 2
+"""How often a place is looked at beyond what single precision resolves, in 64 sub-steps each time."""
 FEW, MANY = 4, 64
 """Sub-steps of a step: in the first two looks, for much may be steep but smooth; in the others, at the most."""
 ROWS = 1024
@@ -154,7 +154,10 @@ def _left(
         scales = (*before, _scale(recording, scene, steps, worst, before))
         factor = _factor(depth, scales[-1].hip_step, rounding)
         seen: Seen | None
-        if depth == LOOKS or scales[-1].hip_step / factor < COARSE * rounding:
+        if (
+            sum(scale.hip_step < rounding for scale in scales) == BELOW
+            or scales[-1].hip_step / factor < COARSE * rounding
+        ):
             seen = _judge(scales, tick_of(worst), bound, rounding)
         else:
             begin = max(first - 1 - LAG_TICKS, 0)
@@ -265,7 +268,7 @@ def _judge(scales: tuple[Scale, ...], tick: int, bound: float, rounding: float) 
     below = [scale for scale in scales[finest + 1 :] if scale.follows]
     if slope < STEEPEST and below and _exponent(below[-2] if len(below) > 1 else seen, below[-1]) > SMOOTH:
         return Seen(Left.STAYS, tick, seen.jump, slope, scales)
-    if len(below) == 2:
+    if len(below) == BELOW:
         limit = aitken(seen.spread, below[0].spread, below[1].spread)
         if limit > max(bound, 0.5 * below[1].spread):
             return Seen(Left.STAYS, tick, limit, slope, scales)
