@@ -14,7 +14,7 @@ from hapticeval.geometry.surface import Surface
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
-from hapticeval.playback import origin, play
+from hapticeval.playback import Closeup, compare_batch, origin, play
 from hapticeval.recordings.recording import MissingChannelError, Recording
 from hapticeval.renderer import Renderer, RendererFactory, SelfDriven, check_support, supported
 from hapticeval.scene import Scene
@@ -55,7 +55,7 @@ class _Bench:
 
     def record(self, stimulus: Stimulus, dt: float) -> Recording:
         if isinstance(stimulus, Path):
-            recording = play(self.renderer, stimulus, dt, scene=self.scene)
+            recording = play(self.renderer, stimulus, dt, self.scene)
         else:
             recording = drive(self.renderer, stimulus, self.scene, dt)
         self.simulated += len(recording) * dt
@@ -82,7 +82,23 @@ class _Bench:
                 again=again,
             ).remembered()
         sampled = Path(*stimulus.sampled(dt))
-        return Runs(base, refine=refine, reverse=lambda: self.record(sampled.reversed(), dt), again=again).remembered()
+        return Runs(
+            base,
+            refine=refine,
+            reverse=lambda: self.record(sampled.reversed(), dt),
+            again=again,
+            look=self.closeup(base),
+        ).remembered()
+
+    def closeup(self, base: Recording) -> Closeup | None:
+        """A look at any place of a path; None for a renderer that answers a stimulus whole.
+
+        What looks are made of is `step`, and what was played may be of `run`: they have to agree.
+        """
+        if isinstance(self.renderer, SelfDriven):
+            return None
+        compare_batch(self.renderer, base, stiffness=self.scene.stiffness, damping=self.scene.damping)
+        return Closeup.of(self.renderer, base, self.scene)
 
 
 def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:

@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 import traceback
 from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass
 from pathlib import PurePath
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.errors import HapticevalError, RendererError
+from hapticeval.errors import DomainError, HapticevalError, RendererError
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.surface import Surface
-from hapticeval.recordings.recording import REQUIRED, Recording, backward_difference
+from hapticeval.recordings.recording import REQUIRED, SINGLE, Recording, backward_difference
 from hapticeval.renderer import Batch, Declaration, Feeling, Renderer, SelfDriven, Spring
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Path, Stimulus
@@ -283,3 +285,250 @@ def ask(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -
             why="a number that is not finite would reach the motors",
         )
     return ihip, force
+
+
+COMPARED = (4, 64)
+"""Stretches of a path, and ticks each, on which a renderer's two ways of answering are compared."""
+
+
+def compare_batch(renderer: Renderer, recording: Recording, *, stiffness: float, damping: float) -> None:
+    """Hold a renderer's `run` to its `step`, on stretches of the path that `recording` was played along.
+
+    The stretches begin at samples in contact, from the first to the last, each with a reset. Both ways may differ by
+    the rounding of coordinates in single precision, and forces by what the gains, `stiffness` (N/m) and `damping`
+    (N s/m), make of that; and by as much as a HIP moved by that rounding changes the answer of `step`, which is all
+    there is to say beside a jump. Does nothing for a renderer without `run`. Raises `RendererError`, naming tick, HIP
+    and difference, where they differ by more.
+    """
+    contact = np.flatnonzero(recording.contact)
+    if not isinstance(renderer, Batch) or contact.size == 0:
+        return
+    dt = float(recording.meta["dt"])
+    rounding = 4.0 * SINGLE * float(np.max(np.abs(recording.hip)))
+    allowed = np.array([rounding, (stiffness + 2.0 * damping / dt) * rounding])
+    allowed[1] += 4.0 * SINGLE * float(np.max(np.abs(recording.force)))
+    count, length = COMPARED
+    for first in sorted({int(contact[k]) for k in np.linspace(0, contact.size - 1, count + 1).astype(int)[:-1]}):
+        hips = recording.hip[first : first + length]
+        velocity = backward_difference(hips, recording.time[first : first + length])
+        try:
+            batch = np.stack(_all_at_once(renderer, hips, velocity, dt, first, 0), axis=1)
+        except DomainError:
+            continue  # it may be led here, and not start here
+        single = np.stack(_step_by_step(renderer, hips, velocity, dt, first, 0), axis=1)
+        apart = np.linalg.norm(batch - single, axis=2)
+        wrong = np.flatnonzero(np.any(apart > allowed, axis=1))
+        if wrong.size == 0:
+            continue
+        row = int(wrong[0])
+        if np.any(apart[row] > allowed + _shaken(renderer, hips[: row + 1], velocity, dt, rounding, single[row])):
+            ihip, force = apart[row]
+            ways = [
+                f"{way}() answers {each[row, 0]} m, {each[row, 1]} N"
+                for way, each in zip(("run", "step"), (batch, single), strict=True)
+            ]
+            raise RendererError(
+                f"the renderer's run() and step() differ by {1e3 * ihip:.3g} mm in the IHIP and {force:.3g} N",
+                tick=first + row,
+                hip=hips[row],
+                why=f"{', '.join(ways)}, both from a reset at tick {first} on; "
+                f"rounding allows for {1e3 * allowed[0]:.2g} mm and {allowed[1]:.2g} N",
+                todo="make run() equal to reset() and a step() a row",
+            )
+
+
+def _shaken(renderer: Renderer, hips: Array, velocity: Array, dt: float, by: float, answer: Array) -> Array:
+    """How far the last answer of `step` moves, (IHIP, force), when the last of `hips` is moved by `by` either way."""
+    moved = np.zeros(2)
+    for shift in by * np.vstack([np.eye(hips.shape[1]), -np.eye(hips.shape[1])]):
+        shaken = hips.copy()
+        shaken[-1] += shift
+        other = np.stack(_step_by_step(renderer, shaken, velocity, dt, 0, 0), axis=1)[-1]
+        moved = np.maximum(moved, np.linalg.norm(other - answer, axis=1))
+    return moved
+
+
+class _Rows(NamedTuple):
+    """What a renderer is asked, tick by tick: HIP (n, N), m; velocity (n, N), m/s; dt (n,), s."""
+
+    hip: Array
+    velocity: Array
+    dt: Array
+
+    def part(self, begin: int, end: int) -> _Rows:
+        return _Rows(*(column[begin:end] for column in self))
+
+    def followed_by(self, other: _Rows) -> _Rows:
+        return _Rows(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
+
+    @classmethod
+    def resting(cls, hip: Array, dt: float, count: int) -> _Rows:
+        return cls(np.tile(hip, (count, 1)), np.zeros((count, hip.size)), np.full(count, dt))
+
+
+PATIENCE = 32
+"""Ticks after which a renderer that still moves under a hand at rest is not waited for."""
+
+
+class Closeup:
+    """A path that a renderer was led along, any part of which it can be led along again in finer steps.
+
+    The renderer gets to that part as it did before, tick by tick, and the part alone is refined: from a copy of the
+    renderer where it can be copied, else by leading it there anew from its reset. `recording` holds what it answered.
+    """
+
+    def __init__(self, recording: Recording, rows: _Rows, before: _Rows, subject: _Subject) -> None:
+        self.recording = recording
+        self._rows = rows
+        self._before = before
+        self._subject = subject
+        self._kept: dict[int, Renderer] = {}
+
+    @classmethod
+    def of(cls, renderer: Renderer, recording: Recording, scene: Scene) -> Closeup:
+        """Of the `recording` that `play` made of `renderer` in `scene`, which its copies have in common with it."""
+        dt = float(recording.meta["dt"])
+        rows = _Rows(recording.hip, recording.channel("velocity"), np.full(len(recording), dt))
+        way = way_in(renderer, recording.hip, scene)
+        before = _Rows(way, np.diff(way, axis=0, prepend=way[:1]) / dt, np.full(len(way), dt))
+        shared = (scene, scene.model, scene.model.boundary)
+        return cls(recording, rows, before, _Subject(renderer, dt, shared, len(way)))
+
+    def closer(self, first: int, last: int, factor: int, *, lag: int) -> Closeup:
+        """The way from row `first` to row `last` > `first`, each step in `factor` equal ones.
+
+        The hand first rests at row `first`, at the path's own rate, until `lag` + 1 answers are the same: what a
+        lagging proxy has to catch up with there belongs to the way before. Row 0 is the last of that rest, and row
+        k `factor` is where row `first` + k was. Then the hand rests for `lag` fine ticks. Raises `RendererError` as
+        `play` does.
+        """
+        renderer = self._standing(first)
+        tick = self._tick(first)
+        rest, answer = self._rest(renderer, first, lag)
+        kept = self._subject.copy(renderer)
+        share = np.tile(np.arange(1.0, factor + 1.0) / factor, last - first)[:, np.newaxis]
+        start_, end = (np.repeat(self._rows.hip[k : k + last - first], factor, axis=0) for k in (first, first + 1))
+        dt = np.repeat(self._rows.dt[first + 1 : last + 1] / factor, factor)
+        hip = np.where(share == 1.0, end, start_ + share * (end - start_))
+        way = _Rows(hip, (end - start_) / (factor * dt)[:, np.newaxis], dt)
+        way = way.followed_by(_Rows.resting(hip[-1], float(dt[-1]), lag))
+        ihips, forces = _led_on(renderer, way, tick)
+        time = self.recording.time[first] + np.concatenate([[0.0], np.cumsum(way.dt)])
+        rows = rest.part(-1, rest.dt.size).followed_by(way)
+        channels = {
+            "hip": rows.hip,
+            "ihip": np.vstack([answer[0], ihips]),
+            "force": np.vstack([answer[1], forces]),
+            "velocity": rows.velocity,
+        }
+        recording = Recording(time, channels, {**self.recording.meta, "dt": float(dt[-1])})
+        before = self._before.followed_by(self._rows.part(0, first + 1)).followed_by(rest.part(0, -1))
+        closer = Closeup(recording, rows, before, self._subject)
+        if kept is not None:
+            closer._kept[0] = kept
+        return closer
+
+    def _tick(self, row: int) -> int:
+        """As errors count it, from where the path begins."""
+        return self._before.dt.size - self._subject.ahead + row
+
+    def _rest(self, renderer: Renderer, row: int, lag: int) -> tuple[_Rows, tuple[Array, Array]]:
+        """The ticks of a rest at `row`, and the last answer."""
+        rows = _Rows.resting(self._rows.hip[row], self._subject.dt, PATIENCE)
+        answers: list[tuple[Array, Array]] = []
+        for _ in range(PATIENCE):
+            answers.append(ask(renderer, self._tick(row), rows.hip[0], rows.velocity[0], self._subject.dt))
+            same = [np.array_equal(ihip, answers[-1][0]) for ihip, _ in answers[-lag - 1 :]]
+            if len(same) > lag and all(same):
+                break
+        return rows.part(0, len(answers)), answers[-1]
+
+    def _standing(self, row: int) -> Renderer:
+        """The renderer as it was after `row`, to be led on from there."""
+        kept = self._keep(row) if self._subject.copies else None
+        copy = None if kept is None else self._subject.copy(kept)
+        if copy is not None:
+            return copy
+        renderer = self._subject.renderer
+        way = self._before.followed_by(self._rows.part(0, row + 1))
+        start(renderer, way.hip[0])
+        _led_on(renderer, way, -self._subject.ahead)
+        return renderer
+
+    def _keep(self, row: int) -> Renderer | None:
+        """A copy of the renderer as it was after `row`, which is not to be led on itself; None where there is none."""
+        if row in self._kept:
+            return self._kept[row]
+        subject = self._subject
+        nearest = max((kept for kept in self._kept if kept < row), default=-1)
+        if nearest >= 0:
+            renderer = subject.copy(self._kept[nearest])
+        else:
+            start(subject.renderer, self._before.followed_by(self._rows).hip[0])
+            _led_on(subject.renderer, self._before, -subject.ahead)
+            renderer = subject.renderer
+        if renderer is None:
+            return None
+        _led_on(renderer, self._rows.part(nearest + 1, row + 1), self._tick(nearest + 1))
+        kept = subject.copy(renderer) if nearest < 0 else renderer
+        if kept is not None and subject.proves(kept, self._rows.part(row + 1, row + 1 + PROOF)):
+            self._kept[row] = kept
+            if len(self._kept) > KEPT:
+                del self._kept[next(iter(self._kept))]
+            return kept
+        return None
+
+
+KEPT = 8
+"""Copies of a renderer that are kept of one path, for it may be large."""
+PROOF = 8
+"""Ticks over which two copies of a renderer have to answer alike, one after the other."""
+
+
+@dataclass
+class _Subject:
+    """The renderer that is looked at, and whether copies of it can stand for it."""
+
+    renderer: Renderer
+    dt: float
+    shared: tuple[object, ...]
+    ahead: int
+    copies: bool = True
+    proved: bool = False
+
+    def copy(self, renderer: Renderer) -> Renderer | None:
+        """A copy that has the shared objects in common with `renderer`; None where it cannot be copied."""
+        if not self.copies:
+            return None
+        try:
+            return deepcopy(renderer, {id(each): each for each in self.shared})
+        except Exception:  # a foreign object may refuse in any way; it is then led to the place anew
+            self.copies = False
+            return None
+
+    def proves(self, kept: Renderer, rows: _Rows) -> bool:
+        """Whether copies are independent: of a handle to a state elsewhere a copy is the same state once more.
+
+        Two copies are led along the same rows one after the other, and must give the same answers to the bit.
+        """
+        if not self.proved:
+            answers = []
+            for _ in range(2):
+                copy = self.copy(kept)
+                if copy is None:
+                    return False
+                answers.append(_led_on(copy, rows, 0))
+            self.copies = self.proved = all(map(np.array_equal, *answers))
+        return self.copies
+
+
+def _led_on(renderer: Renderer, rows: _Rows, first: int) -> tuple[Array, Array]:
+    """The answers, (n, N) each, of a renderer that is led on without a reset. Errors count ticks from `first` on."""
+    answers = [
+        ask(renderer, max(first + row, 0), hip, velocity, dt)
+        for row, (hip, velocity, dt) in enumerate(zip(rows.hip, rows.velocity, rows.dt.tolist(), strict=True))
+    ]
+    if not answers:
+        return np.empty_like(rows.hip), np.empty_like(rows.hip)
+    ihips, forces = zip(*answers, strict=True)
+    return np.array(ihips), np.array(forces)

@@ -121,7 +121,7 @@ def test_a_failure_is_exit_code_1_with_metric_and_bound(here: Path, capsys: pyte
     assert run("-r", "local_mine:Jumps", "-k", "flat/continuous-contact") == 1
     out = capsys.readouterr().out
     assert "fail: local_mine:Jumps on slides/flat/continuous-contact" in out
-    assert "IHIP jump that refinement leaves = 0.02 m, bound 7.5e-05 m" in out
+    assert "IHIP jump that refinement leaves = 0.02 m, bound 0.00015 m" in out
 
 
 def test_a_pass_where_a_failure_is_published_differs(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hapticeval.errors import RendererError
-from hapticeval.playback import play
+from hapticeval.playback import Closeup, compare_batch, play
 from hapticeval.renderer import Response
 from hapticeval.stimulus import Path
 
@@ -119,3 +119,93 @@ def test_a_batch_with_a_nan_is_named_with_its_tick():
     with pytest.raises(RendererError, match="forces not finite") as caught:
         play(Breaks(), PATH, 0.01)
     assert caught.value.tick == 7
+
+
+class Behind(Echo):
+    """Answers the HIP of two ticks ago."""
+
+    def reset(self, hip):
+        self.last = [hip, hip]
+
+    def step(self, hip, velocity, dt):
+        self.velocities.append(velocity)
+        self.last = [*self.last[-2:], hip]
+        return Response(self.last[0], np.zeros(2))
+
+
+class Fixed(Behind):
+    def __deepcopy__(self, memo):
+        raise TypeError("not to be copied")
+
+
+@pytest.mark.parametrize("kind", [Behind, Fixed])
+def test_a_closer_look_takes_finer_steps_from_where_the_proxy_has_caught_up(kind):
+    renderer = kind()
+    look = Closeup.of(renderer, play(renderer, PATH, 0.01))
+    fine = look.closer(50, 52, 4, lag=3)
+    finest = fine.closer(3, 5, 64, lag=3)
+    for found, first, last, count in ((fine, 0.05, 0.052, 8), (finest, 0.05075, 0.05125, 128)):
+        recording = found.recording
+        assert len(recording) == 1 + count + 3
+        np.testing.assert_allclose(recording.hip[: count + 1, 0], np.linspace(first, last, count + 1), atol=1e-15)
+        np.testing.assert_array_equal(recording.hip[count:], np.tile(recording.hip[count], (4, 1)))
+        np.testing.assert_array_equal(recording.ihip[:3, 0], recording.hip[[0, 0, 0], 0])  # it rested there
+        np.testing.assert_array_equal(recording.ihip[2:], recording.hip[:-2])
+        np.testing.assert_allclose(recording.velocity[1 : count + 1, 0], 0.1)
+        np.testing.assert_allclose(np.diff(recording.time), 0.02 / 8 if found is fine else 0.01 / 256)
+    assert fine.recording.time[8] == pytest.approx(0.52)
+
+
+def test_a_closer_look_does_not_lead_what_can_be_copied_there_again():
+    renderer = Behind()
+    look = Closeup.of(renderer, play(renderer, PATH, 0.01))
+    look.closer(90, 92, 4, lag=3)
+    count = len(renderer.velocities)
+    look.closer(90, 92, 64, lag=3).closer(3, 5, 64, lag=3)
+    assert len(renderer.velocities) == count
+
+
+UP = np.array([0.0, 0.01])
+
+
+class Off(Batched):
+    """A run that is off its steps, by so much."""
+
+    def __init__(self, by, from_x=0.0):
+        super().__init__()
+        self.by, self.from_x = by, from_x
+
+    def step(self, hip, velocity, dt):
+        return Response(hip + UP, np.array([0.0, 10.0]))
+
+    def run(self, hips, dt):
+        on = (hips[:, :1] > self.from_x) * [0.0, self.by]
+        return hips + UP + on, np.tile([0.0, 10.0], (len(hips), 1))
+
+
+def test_a_run_that_is_off_its_steps_is_named_with_tick_hip_and_difference():
+    renderer = Off(1e-4, 0.0305)
+    with pytest.raises(RendererError, match=r"differ by 0\.1 mm") as caught:
+        compare_batch(renderer, play(renderer, PATH, 0.01), stiffness=1000.0, damping=0.0)
+    assert caught.value.tick == 31
+    assert caught.value.hip == pytest.approx((0.031, 0.0))
+    assert "step()" in caught.value.why
+
+
+@pytest.mark.parametrize("by", [0.0, 1e-9])
+def test_a_run_may_round_as_single_precision_does(by):
+    renderer = Off(by)
+    compare_batch(renderer, play(renderer, PATH, 0.01), stiffness=1000.0, damping=1.0)
+
+
+def test_run_and_step_may_round_to_either_side_of_a_jump():
+    class Astride(Off):
+        def step(self, hip, velocity, dt):
+            return Response(hip + (2.0 if hip[0] > 0.05 - 1e-12 else 1.0) * UP, np.array([0.0, 10.0]))
+
+        def run(self, hips, dt):
+            on = (hips[:, :1] > 0.05 + 1e-12) * [0.0, 0.01]
+            return hips + UP + on, np.tile([0.0, 10.0], (len(hips), 1))
+
+    renderer = Astride(0.0)
+    compare_batch(renderer, play(renderer, PATH, 0.01), stiffness=1000.0, damping=0.0)

@@ -5,11 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from typing import Protocol
 
 from hapticeval.errors import InputError
 from hapticeval.phenomena.verdict import Finding, Level
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
+
+
+class Closer(Protocol):
+    """A recording of which any part can be looked at in finer steps: see `hapticeval.playback.Closeup`."""
+
+    recording: Recording
+
+    def closer(self, first: int, last: int, factor: int, *, lag: int) -> Closer:
+        """From row `first` to row `last`, each step in `factor`; the hand rests before, and for `lag` ticks after."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,8 +28,8 @@ class Runs:
 
     `refine(k)` runs the same stimulus at k times the sampling rate; `reverse()` leads the hand backwards along
     the same points; `at_speed(f)` starts the experiment f times as fast; `again()` runs it once more through the same
-    renderer, which is reset in between. Each is None where it cannot be had:
-    a recorded hardware run has no siblings. `law` names the closed form (`hapticeval.closed_forms`) that the case
+    renderer, which is reset in between; `look` is `base` with a way to refine a part of it. Each is None where it cannot
+    be had: a recorded hardware run has no siblings. `law` names the closed form (`hapticeval.closed_forms`) that the case
     gives for this renderer, if it does. Raises `InputError` for a recording with rows that are not valid.
     """
 
@@ -29,6 +39,7 @@ class Runs:
     at_speed: Callable[[float], Recording] | None = None
     law: str | None = None
     again: Callable[[], Recording] | None = None
+    look: Closer | None = None
 
     def __post_init__(self) -> None:
         if self.base.valid is not None:
@@ -47,6 +58,7 @@ class Runs:
             None if self.at_speed is None else cache(self.at_speed),
             self.law,
             None if self.again is None else cache(self.again),
+            self.look,
         )
 
 

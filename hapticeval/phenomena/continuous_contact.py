@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.check import Check, Closer, Runs
+from hapticeval.phenomena.jumps import Left, aitken, contact_steps, jump_at_rate, largest_jump, lets_go, look_closer
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     NO_IHIP,
@@ -23,7 +26,13 @@ from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 
+LEAVES = "IHIP jump that refinement leaves"
+HALF_RATE = 0.5 * LAG_TICKS
+"""HIP steps of the recording that three ticks at twice its rate are: where a path is looked at, the largest step."""
+CONFIRMS = (2, 4)
+"""Sampling rates, times the recorded one, at which the way by a jump that stays has to have it too."""
 REFINEMENTS = (1, 2, 4, 8, 16, 32)
+"""Of a run that has no places to look at."""
 MINI = 1.5
 """A jump up to this many edges or cells of the renderer's representation is a mini pop-through: between neighbours."""
 STILL = 1e-3
@@ -31,17 +40,6 @@ STILL = 1e-3
 TENTH = math.log2(1.1)
 STAYS, SHRINKS = 0.15, 0.25
 """Slopes of log2(jump) against log2(step): a jump has 0, a Hoelder map of order a has a, a Lipschitz map 1."""
-
-
-def largest_jump(recording: Recording, scene: Scene) -> tuple[float, int]:
-    """The largest IHIP step between two samples in contact, m, and the tick at its end (0 if there is none)."""
-    contact = touching(recording, scene)
-    both = contact[1:] & contact[:-1]
-    if not both.any():
-        return 0.0, 0
-    steps = np.where(both, np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1), 0.0)
-    tick = int(np.argmax(steps)) + 1
-    return float(steps[tick - 1]), tick
 
 
 def amplification(recording: Recording, scene: Scene) -> float:
@@ -55,62 +53,172 @@ def amplification(recording: Recording, scene: Scene) -> float:
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
-    """Refine the HIP trajectory until the largest jump is within the bound, or is seen to stay."""
+    """Refine the HIP trajectory where the IHIP moves far, until each step is within the bound or is seen to stay.
+
+    A place of a path is looked at by itself; of what cannot be led there again the whole run is refined.
+    """
     base = runs.base
     jump, tick = largest_jump(base, scene)
     if tick == 0:
         return Finding(Outcome.INCONCLUSIVE, "the tool is never in contact for two samples in a row")
     if lacks_ihip(base, scene):
         return Finding(Outcome.INCONCLUSIVE, NO_IHIP, evidence=place(base, tick))
-    step = hip_step(base, scene)
+    finding = _judge_path(runs, scene, jump, tick)
     stray = _off_the_surface(base, scene)
-    if stray is not None:
+    if stray is None:
+        return finding
+    if finding.outcome is not Outcome.FAIL:
         return stray
-    off = standoff(base, scene)
-    bound = LAG_TICKS * step + off
-    evidence: dict[str, object] = {
+    assert stray.metric is not None
+    evidence = {**finding.evidence, "off_surface_m": stray.metric.value}
+    return replace(finding, message=f"{finding.message}; besides, {stray.message}", evidence=evidence)
+
+
+def _judge_path(runs: Runs, scene: Scene, jump: float, tick: int) -> Finding:
+    """Judge whether the path of the IHIP is continuous, whatever surface it lies on."""
+    base = runs.base
+    if runs.refine is None:
+        bound = LAG_TICKS * hip_step(base, scene) + standoff(base, scene)
+        metric = Metric("largest IHIP jump", jump, "m")
+        return _judge_fixed(base, scene, tick, metric, bound, _evidence(base, scene, tick))
+    if runs.look is not None:
+        return judge_closely(runs, runs.look, runs.refine, scene)
+    return judge_refined(runs, runs.refine, scene)
+
+
+def _evidence(base: Recording, scene: Scene, tick: int) -> dict[str, object]:
+    """Where and when the IHIP moved far, and how far."""
+    jump = float(np.linalg.norm(base.ihip[tick] - base.ihip[tick - 1]))
+    return {
         **place(base, tick),
         "ihip_before": [float(x) for x in base.ihip[tick - 1]],
         "jump_m": jump,
-        "hip_step_m": step,
+        "hip_step_m": hip_step(base, scene),
         "amplification": amplification(base, scene),
         "jump_in_hip_steps": jump / float(max(hip_steps(base)[tick - 1], 1e-12)),
     }
-    if runs.refine is None:
-        return _judge_fixed(base, scene, tick, Metric("largest IHIP jump", jump, "m"), bound, evidence)
+
+
+def _severity(base: Recording, jump: float) -> str:
+    return "mini" if jump <= MINI * base.resolution else "major"
+
+
+def judge_refined(runs: Runs, refine: Callable[[int], Recording], scene: Scene, tick: int | None = None) -> Finding:
+    """Refine the whole run until the largest jump is within the bound, or is seen to stay; `tick` is where to look."""
+    base = runs.base
+    jump, largest = largest_jump(base, scene)
+    tick = largest if tick is None else tick
+    off = standoff(base, scene)
+    evidence = _evidence(base, scene, tick)
     jumps = [jump]
     for factor in REFINEMENTS[1:]:
-        fine = runs.refine(factor)
+        fine = refine(factor)
         jumps.append(largest_jump(fine, scene)[0])
+        fault = _fault_of_sibling(base, fine, factor, tick, scene)
+        if fault is not None:
+            evidence |= {"jumps_m": jumps, "refinements": list(REFINEMENTS[: len(jumps)])}
+            return replace(fault, evidence=evidence)
         # Lag shrinks with the step and a jump does not, so the finest run sets the bound.
         bound = LAG_TICKS * hip_step(fine, scene) + off
         slope = _slope(jumps)
         # h, h/2 and h/4 are always run; finer ones only while it is neither small nor seen to stay.
         if factor >= 4 and (jumps[-1] <= bound or slope < STAYS):
             break
-    slope = _slope(jumps)
     evidence |= {"jumps_m": jumps, "refinements": list(REFINEMENTS[: len(jumps)]), "slope": slope}
     left = jumps[-1] if slope < STAYS or jumps[-1] <= bound else _limit(jumps)
-    metric = Metric("IHIP jump that refinement leaves", left, "m")
+    metric = Metric(LEAVES, left, "m")
     where = f"{1e3 * left:.3g} mm at t = {base.time[tick]:.4g} s"
     if left > bound:
-        outcome = Outcome.FAIL if slope < STAYS or slope > SHRINKS else Outcome.INCONCLUSIVE
-        mini = left <= MINI * base.resolution
-        evidence["severity"] = "mini" if mini else "major"
-        message = (
-            f"{'mini ' if mini else ''}pop-through: the IHIP jumps {where}, "
-            f"and the jump stays when the HIP moves in finer steps"
-        )
-        if outcome is Outcome.INCONCLUSIVE:
-            message = f"steep: the IHIP moves {where} in one step, and refinement does not settle it"
-        return Finding(outcome, message, metric, bound, evidence)
+        evidence["severity"] = _severity(base, left)
+        if slope < STAYS or slope > SHRINKS:
+            return Finding(Outcome.FAIL, _pops(base, left, where), metric, bound, evidence)
+        message = f"steep: the IHIP moves {where} in one step, and refinement does not settle it"
+        return Finding(Outcome.INCONCLUSIVE, message, metric, bound, evidence)
     if slope < STAYS and left > bound - off:
         message = f"a jump of {where} stays, within the declared standoff of {1e3 * off:.3g} mm"
     elif jumps[-1] > bound:
         message = f"continuous but steep: refinement takes the largest IHIP step down to {1e3 * jumps[-1]:.3g} mm"
     else:
-        message = f"continuous: the largest IHIP step is {jump / step if step else 0.0:.3g} times the largest HIP step"
+        message = _continuous(base, scene, jump)
     return Finding(Outcome.PASS, message, metric, bound, evidence)
+
+
+def _pops(base: Recording, jump: float, where: str) -> str:
+    mini = "mini " if _severity(base, jump) == "mini" else ""
+    return f"{mini}pop-through: the IHIP jumps {where}, and the jump stays when the HIP moves in finer steps"
+
+
+def _continuous(base: Recording, scene: Scene, jump: float) -> str:
+    step = hip_step(base, scene)
+    return f"continuous: the largest IHIP step is {jump / step if step else 0.0:.3g} times the largest HIP step"
+
+
+def _fault_of_sibling(base: Recording, fine: Recording, factor: int, tick: int, scene: Scene) -> Finding | None:
+    """A failure where a finer run cannot speak for the step to `tick`: it has let go there, or it has no such step.
+
+    A step is at most as long as the sum of the finer ones that it is made of, so the largest of k is a k-th of it at
+    the least. A run in which the hand takes another way, as in closed loop, may lack the step without a fault.
+    """
+    allowed = LAG_TICKS * hip_step(base, scene) + standoff(base, scene)
+    rows = slice(factor * max(tick - 1 - LAG_TICKS, 0), factor * tick + 1)
+    if rows.stop > len(fine):
+        return None
+    apart = np.linalg.norm(fine.hip[factor * (tick - 1) : rows.stop : factor] - base.hip[tick - 1 : tick + 1], axis=1)
+    if apart.max() > allowed:
+        return None
+    jump = float(np.linalg.norm(base.ihip[tick] - base.ihip[tick - 1]))
+    metric = Metric("IHIP jump that only this sampling rate has", jump, "m")
+    where = f"{1e3 * jump:.3g} mm at t = {base.time[tick]:.4g} s"
+    if jump > allowed and lets_go(fine, rows, allowed, scene):
+        message = f"depends on the sampling rate: the IHIP jumps {where}; at {factor} times the rate it lets go there"
+        return Finding(Outcome.FAIL, message, metric, allowed)
+    if factor * largest_jump(fine, scene)[0] < jump - allowed:
+        message = f"depends on the sampling rate: the IHIP jumps {where}; at {factor} times the rate it does not"
+        return Finding(Outcome.FAIL, message, metric, allowed)
+    return None
+
+
+def judge_closely(runs: Runs, look: Closer, refine: Callable[[int], Recording], scene: Scene) -> Finding:
+    """Look at each place where the IHIP moves far in finer steps, and at the whole run only where a jump stays."""
+    base = runs.base
+    off = standoff(base, scene)
+    bound = HALF_RATE * hip_step(base, scene) + off
+    seen = look_closer(look, scene, bound=bound, standoff=off)
+    steps = contact_steps(base, scene)
+    jump, tick = largest_jump(base, scene)
+    if seen is None:
+        metric = Metric(LEAVES, float(steps[steps <= bound].max()), "m")
+        evidence = _evidence(base, scene, tick)
+        if jump > bound:
+            message = f"continuous but steep: the IHIP moves {1e3 * jump:.3g} mm in one step, and finer steps shrink it"
+        elif jump > bound - off:
+            message = f"a step of {1e3 * jump:.3g} mm is within the declared standoff of {1e3 * off:.3g} mm"
+        else:
+            message = _continuous(base, scene, jump)
+        return Finding(Outcome.PASS, message, metric, bound, evidence)
+    if seen.kind is Left.UNRESOLVED:
+        return judge_refined(runs, refine, scene, seen.tick)
+    finer = [2 ** round(scale.halvings) for scale in seen.scales]
+    evidence = _evidence(base, scene, seen.tick) | {
+        "jumps_m": [scale.jump for scale in seen.scales],
+        "refinements": finer,
+        "slope": seen.slope,
+    }
+    metric = Metric(LEAVES, seen.left, "m")
+    where = f"{1e3 * seen.left:.3g} mm at t = {base.time[seen.tick]:.4g} s"
+    if seen.kind is Left.STEEP:
+        message = (
+            f"steep: the IHIP moves {where} in a HIP step {finer[-1]} times finer than the path's; its steps shrink "
+            f"with the exponent {seen.slope:.2g} of the HIP's, and 1/6 is the least that counts as continuous"
+        )
+        return Finding(Outcome.INCONCLUSIVE, message, metric, bound, evidence)
+    confirming = [jump_at_rate(factor, look, scene, seen.tick) for factor in CONFIRMS]
+    evidence["jumps_at_2_and_4_times_the_rate_m"] = confirming
+    if min(confirming) < 0.5 * seen.left:
+        message = f"depends on the sampling rate: the IHIP jumps {where}, and not at 2 and 4 times the rate"
+        return Finding(Outcome.FAIL, message, metric, bound, evidence)
+    evidence["severity"] = _severity(base, seen.left)
+    return Finding(Outcome.FAIL, _pops(base, seen.left, where), metric, bound, evidence)
 
 
 def _off_the_surface(base: Recording, scene: Scene) -> Finding | None:
@@ -137,19 +245,16 @@ def _slope(jumps: list[float]) -> float:
 
 
 def _limit(jumps: list[float]) -> float:
-    """What is left at infinite refinement if jump = limit + c r^k (Aitken on the last three), within [0, finest].
+    """What is left at infinite refinement, within [0, finest]: nothing, where jump = c r^k fits all to a tenth.
 
-    Where the last three do not fall ever more slowly, the phase of sampling beside a steep place has moved them: then a
-    law jump = c r^k that fits all refinements to a tenth leaves nothing.
+    Else jump = limit + c r^k through the last three (Aitken). The power law comes first, for where the samples fall
+    beside a steep place shifts single jumps, and of three of them Aitken's limit makes a jump.
     """
-    coarse, middle, fine = jumps[-3:]
-    curvature = coarse + fine - 2.0 * middle
-    if curvature > 0.0:
-        return min(max((coarse * fine - middle * middle) / curvature, 0.0), fine)
     halvings = np.arange(len(jumps))
     logs = np.log2(jumps)
-    spread = float(np.std(logs - np.polyval(np.polyfit(halvings, logs, 1), halvings)))
-    return 0.0 if spread < TENTH else fine
+    if float(np.std(logs - np.polyval(np.polyfit(halvings, logs, 1), halvings))) < TENTH:
+        return 0.0
+    return aitken(*jumps[-3:])
 
 
 COARSENINGS = (1, 2, 4)
@@ -210,21 +315,33 @@ CHECK = Check(
     formula="J(h) = max |IHIP(t + h) - IHIP(t)| in contact; J at h, h/2, h/4, ... tends to 0",
     citation="thesis 3.2, Figure 3.2; pop-through: 4.1.2, 4.1.3, 6.1.3",
     channels=("hip", "ihip", "force where it was recorded"),
-    siblings="the same trajectory at 2, 4 and, while undecided, 8, 16 and 32 times the sampling rate",
+    siblings=(
+        "of a path, each place where the IHIP moves far, in up to 64 sub-steps of a sub-step, and the way by a "
+        "jump at 2 and 4 times the sampling rate; else the whole run at 2, 4 and, while undecided, 8, 16 and 32 "
+        "times the rate"
+    ),
     metric="IHIP jump that refinement leaves",
     unit="m",
     bound=(
-        "3 HIP steps of the finest run + standoff. Three ticks of lag are allowed to a proxy, and shrink with the "
-        "step; a surface known to within a standoff places the IHIP no better than that (the declared standoff "
-        "counts as far as the IHIPs really lie off the model, and up to a fiftieth of its size; an IHIP in contact "
-        "that lies farther off fails at once, for a smooth path through the solid is none along its surface). A "
-        "jump up to 1.5 of the renderer's declared edges or cells is reported as mini pop-through (4.1.2): from one"
-        " facet to the next; a longer one as major. Where the largest jump stays above that, its slope under "
-        "refinement decides: log2 J falls by 0 a halving for a jump, by 1 for a Lipschitz map and by 1/3 for the "
-        "steepest continuous map met (a conformal map at a 60-degree tip); below 0.15 it is a jump, above 0.25 the "
-        "jump's limit is extrapolated (Aitken). A recording that cannot be refined is judged on its own sampling, the "
-        "weaker test: with the bound widened by what projecting on a convex surface stretches, a longer step is a jump "
-        "where leaving samples out around it leaves it as it is, and otherwise undecided."
+        "1.5 HIP steps + standoff: as far as a proxy that is three ticks late may move at twice the rate. Each "
+        "longer IHIP step is looked at in finer HIP steps, from where the hand has rested until the proxy has "
+        "caught up; a surface known to within a standoff places the IHIP no better than that (the declared "
+        "standoff counts as far as the IHIPs really lie off the model, and up to a fiftieth of its size; an IHIP "
+        "in contact that lies farther off fails too, for a smooth path through the solid is none along its "
+        "surface). Finer steps count only where they lead, in contact, by where the longer ones went: a jump that"
+        " finer sampling does not have, or that it lets go at, depends on the sampling rate, and fails, for the "
+        "hand feels the rate that the scene runs at. Where steps stay above the bound, the exponent decides by "
+        "which they shrink with the HIP's: 0 for a jump, 1 for a Lipschitz map, alpha / 180 degrees for a "
+        "conformal map at a tip of alpha (1/3 at 60 degrees). From 1/6 on it is continuous; below, steep, which "
+        "decides nothing. What shrinks by less, and becomes smooth only below what coordinates in single "
+        "precision resolve, is a jump. A jump has to show at 2 and 4 times the rate too. One of up to 1.5 of the "
+        "renderer's declared edges or cells is reported as mini pop-through (4.1.2): from one facet to the next; "
+        "a longer one as major. A run that has no places to look at (in closed loop, or of a renderer that "
+        "answers a stimulus whole) is refined as a whole, with a bound of 3 HIP steps of the finest run + "
+        "standoff, the slope of log2 J under refinement below 0.15 for a jump, and above it the limit of J, if "
+        "its fall is no power law (Aitken). A recording that cannot be refined is judged on its own sampling, the"
+        " weaker test: with the bound widened by what projecting on a convex surface stretches, a longer step is "
+        "a jump where leaving samples out around it leaves it as it is, and otherwise undecided."
     ),
     judge=judge,
 )

@@ -108,7 +108,35 @@ def test_a_jump_within_the_declared_standoff_passes_and_is_reported():
     assert "standoff" in finding.message
     silent = judge(Runs(record(1, {}), refine=lambda k: record(k, {})), SCENE)
     assert silent.outcome is Outcome.FAIL
+    assert "pop-through: the IHIP jumps 1" in silent.message
     assert "off the surface" in silent.message
+
+
+def test_a_jump_that_finer_runs_of_the_whole_lack_depends_on_the_rate():
+    def pops(factor):
+        fine = runs(lambda x: x).refine(factor)
+        aside = (fine.hip[:, 0] > 0.02) * 0.01 if factor == 1 else np.zeros(len(fine))
+        ihip = fine.ihip + np.column_stack([aside, np.zeros_like(aside)])
+        return Recording(fine.time, {**fine.channels, "ihip": ihip, "force": 1e3 * (ihip - fine.hip)})
+
+    finding = judge(Runs(pops(1), refine=pops), SCENE)
+    assert finding.outcome is Outcome.FAIL
+    assert "depends on the sampling rate" in finding.message
+    assert finding.metric.value == pytest.approx(0.01, abs=1e-4)
+
+
+def test_a_finer_run_that_lets_go_is_no_sign_that_a_jump_vanished():
+    jumps = runs(lambda x: x + 0.01 * (x > 0.02))
+
+    def lets_go(factor):
+        fine = jumps.refine(factor)
+        held = (fine.hip[:, 0] <= 0.01)[:, np.newaxis]
+        ihip = np.where(held, fine.ihip, fine.hip)
+        return Recording(fine.time, {**fine.channels, "ihip": ihip, "force": 1e3 * (ihip - fine.hip)})
+
+    finding = judge(Runs(jumps.base, refine=lets_go), SCENE)
+    assert finding.outcome is Outcome.FAIL
+    assert "depends on the sampling rate" in finding.message
 
 
 def test_a_smooth_path_through_the_solid_is_no_contact():

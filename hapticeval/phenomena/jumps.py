@@ -1,0 +1,284 @@
+"""Jumps of the IHIP: where a recording has any, and which of them stay when their place is looked at in finer steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import partial
+
+import numpy as np
+
+from hapticeval.phenomena.check import Closer
+from hapticeval.phenomena.sampling import LAG_TICKS, touching
+from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+BELOW = 2
+"""How often a place is looked at beyond what single precision resolves, in 64 sub-steps each time."""
+FEW, MANY = 4, 64
+"""Sub-steps of a step: in the first two looks, for much may be steep but smooth; in the others, at the most."""
+ROWS = 1024
+"""Fine steps of one look: what is suspect over a longer stretch is looked at in parts, the worst first."""
+AROUND = LAG_TICKS + 1
+"""Ticks on either side of a step in which a proxy that moves in every third tick has moved as well."""
+FLAT = 0.9
+"""A spread of which finer steps than single precision resolves leave this share or more is a jump's."""
+STEEPEST = 0.15
+"""Exponent from which on a map counts as continuous: 1/6, less a tenth for where the samples fall."""
+SMOOTH = 0.5
+"""Exponent above which the ways of a map look smooth at last: a Lipschitz map has 1, and no tip more than 1/2."""
+
+
+COARSE = 2.0**-26
+"""Share of the rounding in single precision below which double precision is too coarse for HIP steps."""
+
+
+class Left(StrEnum):
+    """What finer steps leave of a jump."""
+
+    STAYS = "stays"
+    STEEP = "steep"
+    UNRESOLVED = "unresolved"
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A place at one sampling: `halvings` of the recorded step; the longest IHIP step there, m; and its `spread`, m.
+
+    The spread is the largest distance between IHIPs around that step: it depends less on where the samples fall.
+    `hip_step`, m, is the longest of the HIP there. `follows` where the IHIP moves with each step of the hand, and not
+    with the rounding of its coordinates only.
+    """
+
+    halvings: float
+    jump: float
+    spread: float
+    hip_step: float
+    follows: bool
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A place where finer steps do not take the IHIP's steps below the bound: what they leave, m, of which `kind`.
+
+    `slope` is the exponent: log2 of the spread a halving of the HIP step. `tick` is the recording's.
+    """
+
+    kind: Left
+    tick: int
+    left: float
+    slope: float
+    scales: tuple[Scale, ...]
+
+
+def contact_steps(recording: Recording, scene: Scene) -> Array:
+    """How far the IHIP moves to each sample from the one before, m, where both are in contact, and else 0: (n,)."""
+    contact = touching(recording, scene)
+    steps = np.zeros(len(recording))
+    steps[1:] = np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1)
+    steps[1:][~(contact[1:] & contact[:-1])] = 0.0
+    return steps
+
+
+def largest_jump(recording: Recording, scene: Scene) -> tuple[float, int]:
+    """The largest IHIP step between two samples in contact, m, and the tick at its end (0 if there is none)."""
+    contact = touching(recording, scene)
+    if not (contact[1:] & contact[:-1]).any():
+        return 0.0, 0
+    steps = contact_steps(recording, scene)
+    tick = int(np.argmax(steps[1:])) + 1
+    return float(steps[tick]), tick
+
+
+def lets_go(recording: Recording, rows: slice, depth: float, scene: Scene) -> bool:
+    """Whether contact is lost among some rows, after it was had there, while the HIP is more than `depth` m inside."""
+    contact = touching(recording, scene)[rows]
+    lost = np.flatnonzero(np.logical_or.accumulate(contact) & ~contact)
+    if lost.size == 0:
+        return False
+    return bool(np.any(scene.model.boundary.signed_distance(recording.hip[rows][lost]) < -depth))
+
+
+def aitken(coarse: float, middle: float, fine: float) -> float:
+    """The limit of a sequence that approaches it as c r^k, within [0, fine]; `fine` where it does not approach any."""
+    curvature = coarse + fine - 2.0 * middle
+    if curvature <= 0.0:
+        return fine
+    return min(max((coarse * fine - middle * middle) / curvature, 0.0), fine)
+
+
+BEFORE, AFTER = 512, 64
+"""Ticks before and after a jump that are led along once more at a finer rate: half a second in which to get there."""
+
+
+def jump_at_rate(factor: int, look: Closer, scene: Scene, tick: int) -> float:
+    """The largest IHIP step, m, of the way by `tick` when all of it is sampled `factor` times as fast."""
+    first, last = max(tick - BEFORE, 0), min(tick + AFTER, len(look.recording) - 1)
+    return largest_jump(look.closer(first, last, factor, lag=LAG_TICKS).recording, scene)[0]
+
+
+def look_closer(look: Closer, scene: Scene, *, bound: float, standoff: float) -> Seen | None:
+    """The first place, largest steps first, that finer steps leave above `bound` (m); None where there is none.
+
+    A place that is steep is the answer only where no other stays or is unresolved.
+    """
+    seen = _left(look, scene, bound, standoff, (), lambda row: row)
+    if seen is None:
+        return None
+    # A proxy that lags moves later than the hand that made it.
+    steps = contact_steps(look.recording, scene)[seen.tick : seen.tick + LAG_TICKS + 1]
+    return replace(seen, tick=seen.tick + int(np.argmax(steps)))
+
+
+def _left(
+    look: Closer,
+    scene: Scene,
+    bound: float,
+    standoff: float,
+    before: tuple[Scale, ...],
+    tick_of: Callable[[int], int],
+) -> Seen | None:
+    """What finer steps leave of the steps of `look` above the bound; `tick_of` gives the base's tick of a row."""
+    recording = look.recording
+    depth = len(before)
+    steps = contact_steps(recording, scene)
+    rounding = 4.0 * SINGLE * float(np.max(np.abs(recording.hip)))  # what coordinates in single precision resolve
+    steep = None
+    # A jump may be rounded over less than that: beyond it, a place is judged by all of its scales.
+    beyond = depth > 0 and before[-1].hip_step < 2.0 * rounding
+    for first, last in _parts(steps, bound, ROWS // (FEW if depth < 2 else MANY)):
+        worst = first + int(np.argmax(steps[first : last + 1]))
+        scales = (*before, _scale(recording, scene, steps, worst, before))
+        factor = _factor(depth, scales[-1].hip_step, rounding)
+        seen: Seen | None
+        if (
+            sum(scale.hip_step < rounding for scale in scales) == BELOW
+            or scales[-1].hip_step / factor < COARSE * rounding
+        ):
+            seen = _judge(scales, tick_of(worst), bound, rounding)
+        else:
+            begin = max(first - 1 - LAG_TICKS, 0)
+            closer = look.closer(begin, last, factor, lag=LAG_TICKS)
+            if _comes_along(recording, closer.recording, scene, steps, (first, last, begin), bound, standoff):
+                seen = _left(closer, scene, bound, standoff, scales, partial(_parent_tick, tick_of, begin, factor))
+            else:
+                seen = Seen(Left.UNRESOLVED, tick_of(worst), scales[-1].jump, math.nan, scales)
+        if beyond or (seen is not None and seen.kind is not Left.STEEP):
+            return seen  # what is steep about a place has no scales of its own beyond
+        steep = steep or seen
+    if beyond:
+        worst = int(np.argmax(steps))
+        scales = (*before, _scale(recording, scene, steps, worst, before))
+        return _judge(scales, tick_of(worst), bound, rounding)
+    return steep
+
+
+def _parent_tick(tick_of: Callable[[int], int], begin: int, factor: int, row: int) -> int:
+    return tick_of(begin + -(-row // factor))
+
+
+def _factor(depth: int, hip_step: float, rounding: float) -> int:
+    """Sub-steps of a step in the next look; no look passes by the finest steps that single precision resolves."""
+    if depth < 2:
+        return FEW
+    room = hip_step / rounding
+    return MANY if room < 2.0 or room > MANY else 2 ** int(math.log2(room))
+
+
+def _parts(steps: Array, bound: float, longest: int) -> Iterator[tuple[int, int]]:
+    """Rows, first and last, of stretches whose steps are above the bound: the largest step's first.
+
+    Steps a few ticks apart are one stretch, for a proxy may move in every third tick only.
+    """
+    high = np.flatnonzero(steps > bound)
+    gaps = np.flatnonzero(np.diff(high) > 2 * LAG_TICKS) + 1
+    pending = [(int(rows[0]), int(rows[-1])) for rows in np.split(high, gaps) if rows.size]
+    while pending:
+        pending.sort(key=lambda part: float(steps[part[0] : part[1] + 1].max()))
+        first, last = pending.pop()
+        worst = first + int(np.argmax(steps[first : last + 1]))
+        begin = max(first, min(worst - longest // 2, last + 1 - longest))
+        end = min(last, begin + longest - 1)
+        yield begin, end
+        for rest in ((first, begin - 1), (end + 1, last)):
+            if rest[0] <= rest[1] and steps[rest[0] : rest[1] + 1].max() > bound:
+                pending.append(rest)
+
+
+def _scale(recording: Recording, scene: Scene, steps: Array, row: int, before: tuple[Scale, ...]) -> Scale:
+    near = slice(max(row - AROUND, 0), row + AROUND)
+    points = recording.ihip[near][touching(recording, scene)[near]]
+    spread = float(np.max(np.linalg.norm(points[:, np.newaxis] - points[np.newaxis], axis=2)))
+    hip_step = float(np.max(np.linalg.norm(np.diff(recording.hip[near], axis=0), axis=1)))
+    wide = slice(max(row - 8 * AROUND, 0), row + 8 * AROUND)
+    led = np.any(np.diff(recording.hip[wide], axis=0) != 0.0, axis=1)
+    moved = np.any(np.diff(recording.ihip[wide], axis=0) != 0.0, axis=1)
+    halvings = math.log2(before[0].hip_step / hip_step) if before else 0.0
+    return Scale(halvings, float(steps[row]), spread, hip_step, bool(np.mean(moved[led]) > 0.5))
+
+
+def _comes_along(
+    coarse: Recording,
+    fine: Recording,
+    scene: Scene,
+    steps: Array,
+    part: tuple[int, int, int],
+    bound: float,
+    standoff: float,
+) -> bool:
+    """Whether the finer steps lead, in contact, by where the coarse ones went: only then do they stand for them.
+
+    By both ends of each step above the bound, up to the lag that is granted and to their own length.
+    """
+    first, last, begin = part
+    factor = (len(fine) - 1 - LAG_TICKS) // (last - begin)
+    hip_step = float(np.max(np.linalg.norm(np.diff(coarse.hip[begin : last + 1], axis=0), axis=1)))
+    allowed = LAG_TICKS * hip_step + standoff
+    if touching(coarse, scene)[begin : last + 1].all() and lets_go(fine, slice(None), allowed, scene):
+        return False
+    contact = touching(fine, scene)
+    lengths = contact_steps(fine, scene)
+    for row in (first + np.flatnonzero(steps[first : last + 1] > bound)).tolist():
+        near = slice((max(row - 1 - LAG_TICKS, begin) - begin) * factor, (row - begin) * factor + LAG_TICKS + 1)
+        points = fine.ihip[near][contact[near]]
+        for end in coarse.ihip[row - 1 : row + 1]:
+            off = np.linalg.norm(points - end, axis=1).min(initial=math.inf)
+            if off > allowed + lengths[near].max():
+                return False
+    return True
+
+
+def _judge(scales: tuple[Scale, ...], tick: int, bound: float, rounding: float) -> Seen | None:
+    """A jump, a steep map, or None for a continuous one, by how the spread falls from scale to scale.
+
+    A Hoelder map of exponent a has a spread c h^a at any scale, down to what single precision resolves and below. A
+    jump keeps its spread below, or tends to a limit above the bound: spread = limit + c r^k (Aitken). Or it is rounded:
+    it shrinks less than any continuous map of those, and only below becomes smooth, too late for coordinates to tell.
+    A scale below at which the IHIP does not follow the hand shows the steps of rounding, which every map has.
+    """
+    last = scales[-1]
+    finest = max((k for k, scale in enumerate(scales) if scale.hip_step >= rounding), default=0)
+    seen = scales[finest]
+    slope = _exponent(scales[0], seen)
+    if last is not seen and last.spread >= FLAT * seen.spread:
+        return Seen(Left.STAYS, tick, last.jump, slope, scales)
+    below = [scale for scale in scales[finest + 1 :] if scale.follows]
+    if slope < STEEPEST and below and _exponent(below[-2] if len(below) > 1 else seen, below[-1]) > SMOOTH:
+        return Seen(Left.STAYS, tick, seen.jump, slope, scales)
+    if len(below) == BELOW:
+        limit = aitken(seen.spread, below[0].spread, below[1].spread)
+        if limit > max(bound, 0.5 * below[1].spread):
+            return Seen(Left.STAYS, tick, limit, slope, scales)
+    if slope >= STEEPEST:
+        return None
+    return Seen(Left.STEEP, tick, last.jump, slope, scales)
+
+
+def _exponent(coarse: Scale, fine: Scale) -> float:
+    """How the spread falls with the HIP step; infinite where nothing is left of it, and 0 for one scale alone."""
+    if fine.spread == 0.0:
+        return math.inf
+    return math.log2(coarse.spread / fine.spread) / (fine.halvings - coarse.halvings) if fine is not coarse else 0.0

@@ -1,0 +1,280 @@
+"""Renderers whose contact point jumps, or seems to: another renderer's, moved along the surface by a rule.
+
+A rule takes the arc length of the contact point that the other renderer gives, and gives the one to answer. It has a
+memory, which starts anew with each contact.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from hapticeval.renderer import Renderer, Response
+from hapticeval.scene import Scene
+
+BASE_RATE = 0.9e-3
+"""Sampling times above this (s) are those of 1 kHz."""
+
+
+class Rule(Protocol):
+    def __call__(self, s: float, tick: int, dt: float) -> float | None:
+        """The arc length to answer, m, in the given tick of the run; None lets go of the surface."""
+
+
+class Nearest:
+    """The renderer of the README."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.boundary, self.stiffness = scene.model.boundary, scene.stiffness
+
+    def reset(self, hip: np.ndarray) -> None:
+        pass
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        at = self.boundary.frame([hip])
+        ihip = at.foot[0] if at.distance[0] < 0 else hip
+        return Response(ihip, self.stiffness * (ihip - hip))
+
+
+class Moved:
+    """The contact point of `inner`, moved along the surface by a rule."""
+
+    def __init__(
+        self, scene: Scene, rule: Callable[[], Rule], inner: Callable[[Scene], Renderer] | None = None
+    ) -> None:
+        self.scene = scene
+        self.inner = (Nearest if inner is None else inner)(scene)
+        self.rule = rule
+        self.memory: Rule | None = None
+        self.last: float | None = None
+
+    def reset(self, hip: np.ndarray) -> None:
+        self.inner.reset(hip)
+        self.memory, self.tick = None, 0
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        ihip, force = self.inner.step(hip, velocity, dt)
+        self.tick += 1
+        if np.array_equal(ihip, hip):
+            self.memory = None
+            return Response(ihip, force)
+        if self.memory is None:
+            self.memory, self.last = self.rule(), None
+        curve = self.scene.model.curve
+        along = float(curve.arc_length(curve.nearest(ihip[np.newaxis]))[0])
+        if curve.closed and self.last is not None:
+            along += curve.length * round((self.last - along) / curve.length)
+        self.last = along
+        s = self.memory(along, self.tick, dt)
+        if s is None:
+            return Response(hip.copy(), np.zeros_like(hip))
+        ihip = np.asarray(curve.position(curve.parameter(np.array([s]))))[0]
+        return Response(ihip, self.scene.stiffness * (ihip - hip))
+
+
+class RatePop:
+    """At 1 kHz, and there alone, the contact point goes 10 mm aside and back, every 200 ticks."""
+
+    def __call__(self, s: float, tick: int, dt: float) -> float | None:
+        return s + (0.01 if dt > BASE_RATE and tick // 200 % 2 else 0.0)
+
+
+class FinePop(RatePop):
+    """As `RatePop`; sampled any faster, it lets go 0.1 s after the contact began."""
+
+    def __init__(self) -> None:
+        self.time = 0.0
+
+    def __call__(self, s: float, tick: int, dt: float) -> float | None:
+        self.time += dt
+        return None if dt < BASE_RATE and self.time > 0.1 else super().__call__(s, tick, dt)
+
+
+class Switches:
+    """Beyond `at` (m, from where the contact began, either way) the contact point stands `by` metres further on.
+
+    It comes back only when the hand is back by as much.
+    """
+
+    def __init__(self, by: float, at: float) -> None:
+        self.by, self.at = by, at
+        self.begun: float | None = None
+        self.on = False
+
+    def __call__(self, s: float, tick: int, dt: float) -> float | None:
+        if self.begun is None:
+            self.begun = s
+        way = abs(s - self.begun)
+        self.on = way > self.at or (self.on and way > self.at - self.by)
+        return s + math.copysign(self.by, s - self.begun) if self.on else s
+
+
+class Sticks:
+    """The contact point stays until it is 0.5 mm behind, and then comes all at once."""
+
+    def __init__(self, slack: float = 0.5e-3) -> None:
+        self.slack = slack
+        self.s: float | None = None
+
+    def __call__(self, s: float, tick: int, dt: float) -> float | None:
+        if self.s is None or abs(s - self.s) > self.slack:
+            self.s = s
+        return self.s
+
+
+class Late:
+    """The contact point of some ticks ago, of what another rule answers."""
+
+    def __init__(self, ticks: int, of: Rule | None = None) -> None:
+        self.of = of
+        self.last: deque[float | None] = deque(maxlen=ticks + 1)
+
+    def __call__(self, s: float, tick: int, dt: float) -> float | None:
+        self.last.append(s if self.of is None else self.of(s, tick, dt))
+        return self.last[0]
+
+
+class Thirds:
+    """The contact point moves in every third tick."""
+
+    def __init__(self, of: Rule | None = None) -> None:
+        self.of = of
+        self.s: float | None = None
+
+    def __call__(self, s: float, tick: int, dt: float) -> float | None:
+        moved = s if self.of is None else self.of(s, tick, dt)
+        if self.s is None or tick % 3 == 0:
+            self.s = moved
+        return self.s
+
+
+class Eases:
+    """The contact point goes half of what is left of its way in each tick."""
+
+    def __init__(self) -> None:
+        self.s: float | None = None
+
+    def __call__(self, s: float, tick: int, dt: float) -> float | None:
+        self.s = s if self.s is None else self.s + 0.5 * (s - self.s)
+        return self.s
+
+
+class Relaxes:
+    """As `Eases`, with a time constant of 1.5 ms at any rate."""
+
+    def __init__(self) -> None:
+        self.s: float | None = None
+
+    def __call__(self, s: float, tick: int, dt: float) -> float | None:
+        self.s = s if self.s is None else s + (self.s - s) * math.exp(-dt / 1.5e-3)
+        return self.s
+
+
+class Plays:
+    """Backlash of 0.2 mm either way: where the contact point is depends on the way taken, without a jump."""
+
+    def __init__(self) -> None:
+        self.s: float | None = None
+
+    def __call__(self, s: float, tick: int, dt: float) -> float | None:
+        self.s = s if self.s is None else min(max(self.s, s - 0.2e-3), s + 0.2e-3)
+        return self.s
+
+
+class Bends:
+    """A Hoelder map: at a distance d from where it began and `at` metres on it is as steep as d^exponent."""
+
+    def __init__(self, exponent: float, at: float = 0.02, length: float = 0.1) -> None:
+        self.exponent, self.at, self.length = exponent, at, length
+        self.begun: float | None = None
+
+    def __call__(self, s: float, tick: int, dt: float) -> float | None:
+        if self.begun is None:
+            self.begun = s
+        d = (s - self.begun - self.at) / self.length
+        return self.begun + self.at + self.length * math.copysign(abs(d) ** self.exponent, d)
+
+
+class Single(Moved):
+    """All in single precision, HIP and answer."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        ihip, force = super().step(hip.astype(np.float32).astype(np.float64), velocity, dt)
+        return Response(ihip.astype(np.float32), force.astype(np.float32))
+
+
+class Uncopied(Moved):
+    """A renderer that cannot be copied, as one behind a pipe."""
+
+    def __deepcopy__(self, memo: object) -> Uncopied:
+        raise TypeError("this renderer cannot be copied")
+
+
+class Handle:
+    """A renderer whose state lives elsewhere, as in a library: a copy is the same state once more."""
+
+    STATES: ClassVar[dict[int, Moved]] = {}
+    NUMBERS: ClassVar[Iterator[int]] = itertools.count()
+
+    def __init__(self, scene: Scene, rule: Callable[[], Rule], inner: Callable[[Scene], Renderer] | None = None):
+        self.number = next(self.NUMBERS)
+        self.STATES[self.number] = Moved(scene, rule, inner)
+
+    def reset(self, hip: np.ndarray) -> None:
+        self.STATES[self.number].reset(hip)
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        return self.STATES[self.number].step(hip, velocity, dt)
+
+
+class OffStep(Nearest):
+    """A `run` whose contact points lie 0.1 mm deeper than those of its own `step`."""
+
+    off = 1e-4
+
+    def run(self, hips: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+        answers: Iterable[Response] = [self.step(hip, np.zeros_like(hip), dt) for hip in hips]
+        ihips, forces = map(np.array, zip(*answers, strict=True))
+        inside = np.any(ihips != hips, axis=1)
+        normals = self.boundary.frame(ihips).normal
+        return ihips - self.off * inside[:, np.newaxis] * normals, forces
+
+
+class InStep(OffStep):
+    """A `run` that is its own `step`."""
+
+    off = 0.0
+
+
+BROKEN: dict[str, Callable[[], Rule]] = {
+    "rate-pop": RatePop,
+    "fine-pop": FinePop,
+    "switches": partial(Switches, 0.5e-3, 0.02),
+    "switches-late": lambda: Late(2, Switches(0.5e-3, 0.02)),
+    "switches-in-thirds": lambda: Thirds(Switches(0.5e-3, 0.02)),
+    "sticks": Sticks,
+}
+"""What `continuous-contact` has to fail."""
+
+HONEST: dict[str, Callable[[], Rule]] = {
+    "late-by-1": partial(Late, 1),
+    "late-by-3": partial(Late, 3),
+    "thirds": Thirds,
+    "eases": Eases,
+    "relaxes": Relaxes,
+    "plays": Plays,
+}
+"""What `continuous-contact` must not fail where the contact point of `inner` is continuous."""
+
+
+def factory(
+    name: str, kind: type = Moved, inner: Callable[[Scene], Renderer] | None = None
+) -> Callable[[Scene], Renderer]:
+    """A renderer factory for one of these rules."""
+    return lambda scene: kind(scene, (BROKEN | HONEST)[name], inner)

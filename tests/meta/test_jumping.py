@@ -1,0 +1,177 @@
+"""Continuous contact on renderers that are led: what jumps is found, whatever its memory, and what does not is not."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path as FilePath
+
+import jumping
+import numpy as np
+import pytest
+from jumping import BROKEN, HONEST, Bends, Handle, InStep, Late, Moved, Nearest, OffStep, Single, Switches, Uncopied
+
+from hapticeval.geometry.catalogue import circle, star
+from hapticeval.judging import judge as judge_case
+from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.continuous_contact import judge
+from hapticeval.phenomena.verdict import Finding, Outcome
+from hapticeval.playback import Closeup, play
+from hapticeval.renderers import conformal
+from hapticeval.scene import Scene
+from hapticeval.stimulus import Path
+from hapticeval.suite.reading import load_suite
+from hapticeval.trajectories import build_path
+
+DT = 1e-3
+ROUND = Scene(model=circle())
+ANGLES = np.radians(np.linspace(60.0, 77.0, 2000))
+ARC = Path(np.linspace(0.0, 0.42, ANGLES.size), 0.0995 * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)]))
+"""Half a millimetre under a circle, 30 mm far, at 70 mm/s."""
+STAR = Scene(model=star())
+
+
+def found(renderer, scene: Scene, path: Path) -> Finding:
+    base = play(renderer, path, DT)
+    look = Closeup.of(renderer, base, shared=(scene, scene.model, scene.model.boundary))
+    return judge(Runs(base, refine=lambda k: play(renderer, path, DT / k), look=look), scene)
+
+
+def past_a_corner(seed: int, scene: Scene = STAR) -> Path:
+    """Straight through a tip from wall to wall, or along a wall and on past the tip, somewhere inside."""
+    rng = np.random.default_rng(seed)
+    corners = [corner for corner in scene.model.curve.corners if corner.convex]
+    corner = corners[rng.integers(len(corners))]
+    if rng.random() < 0.3:
+        spec = {
+            "kind": "corner",
+            "corner": scene.model.curve.corners.index(corner),
+            "depth": rng.uniform(0.002, 0.015),
+            "before": rng.uniform(0.02, 0.03),
+            "after": 0.012,
+            "duration": rng.uniform(0.3, 1.5),
+        }
+        return build_path(spec, scene.model.boundary, FilePath())
+    walls = corner.position + np.outer(rng.uniform(0.008, 0.035, 2), [1.0, 1.0]) * [
+        -corner.tangent_pre,
+        corner.tangent_post,
+    ]
+    shares = np.sort(rng.uniform([0.05, 0.75], [0.25, 0.95]))
+    ends = walls[0] + shares[:, np.newaxis] * (walls[1] - walls[0])
+    if rng.random() < 0.5:
+        ends = ends[::-1]
+    length = float(np.linalg.norm(ends[1] - ends[0]))
+    return Path(np.array([0.0, length / rng.uniform(0.02, 0.2)]), ends)
+
+
+FEW = range(4)
+MANY = [pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 200)]
+
+
+@pytest.mark.parametrize("seed", [*FEW, *MANY])
+def test_a_conformal_map_is_continuous_past_any_corner(seed):
+    """Hoelder of order 1/3 at each tip of 60 degrees, whose bisector the hand crosses."""
+    assert found(conformal(STAR), STAR, past_a_corner(seed)).outcome is Outcome.PASS
+
+
+@pytest.mark.parametrize("seed", [*FEW, *MANY])
+def test_no_jump_of_half_a_millimetre_is_missed_beside_a_corner(seed):
+    rng = np.random.default_rng(1000 + seed)
+    size = rng.uniform(0.5e-3, 3e-3)
+    path = past_a_corner(seed)
+    answered = play(conformal(STAR), path, DT)
+    touched = np.flatnonzero(answered.contact)
+    curve = STAR.model.curve
+    s = np.unwrap(curve.arc_length(curve.nearest(answered.ihip[touched])), period=curve.length)
+    way = np.abs(s - s[0])
+    rule = partial(Switches, size, float(rng.uniform(0.1, 0.9) * way.max()))
+    jumper = Moved(STAR, rng.choice([rule, lambda: Late(2, rule())]), conformal)
+    finding = found(jumper, STAR, path)
+    assert finding.outcome is Outcome.FAIL, finding.message
+    assert finding.metric.value >= 0.4e-3
+
+
+@pytest.mark.parametrize("rule", HONEST)
+def test_a_memory_is_no_jump(rule):
+    assert found(jumping.factory(rule)(ROUND), ROUND, ARC).outcome is Outcome.PASS
+    for seed in (1, 2):
+        finding = found(jumping.factory(rule, inner=conformal)(STAR), STAR, past_a_corner(seed))
+        assert finding.outcome is Outcome.PASS, finding.message
+
+
+@pytest.mark.parametrize(
+    ("kind", "rule"),
+    [*((Moved, rule) for rule in BROKEN), (Single, "switches"), (Uncopied, "sticks"), (Handle, "switches-late")],
+)
+def test_a_jump_is_found_whatever_holds_its_memory(kind, rule):
+    finding = found(jumping.factory(rule, kind)(ROUND), ROUND, ARC)
+    assert finding.outcome is Outcome.FAIL
+    assert ("depends on the sampling rate" in finding.message) == ("pop" in rule)
+    assert finding.metric.value == pytest.approx(0.01 if "pop" in rule else 0.5e-3, abs=1.2e-4)
+
+
+@pytest.mark.parametrize(
+    ("kind", "exponent"),
+    [(Moved, 1 / 2), (Single, 1 / 6), (Single, 1 / 3), (Uncopied, 1 / 3), (Handle, 1 / 3)],
+)
+def test_a_hoelder_map_from_one_sixth_on_is_continuous(kind, exponent):
+    finding = found(kind(ROUND, partial(Bends, exponent)), ROUND, ARC)
+    assert finding.outcome is Outcome.PASS, finding.message
+
+
+@pytest.mark.parametrize("exponent", [0.05, 0.13])
+def test_below_it_is_steep_and_not_broken(exponent):
+    finding = found(Moved(ROUND, partial(Bends, exponent)), ROUND, ARC)
+    assert finding.outcome is Outcome.INCONCLUSIVE
+    assert finding.message.startswith("steep")
+    assert finding.evidence["slope"] == pytest.approx(exponent, abs=0.02)
+
+
+def test_a_jump_in_the_middle_of_a_steep_place_is_found():
+    """Exponent 1/2, and half a millimetre more on the far side."""
+
+    class Both(Bends):
+        def __call__(self, s, tick, dt):
+            moved = super().__call__(s, tick, dt)
+            return moved + 0.5e-3 * (s > self.begun + self.at)
+
+    finding = found(Moved(ROUND, partial(Both, 0.5)), ROUND, ARC)
+    assert finding.outcome is Outcome.FAIL
+    assert finding.metric.value == pytest.approx(0.5e-3, rel=0.1)
+
+
+class Counted(Nearest):
+    def __init__(self, scene):
+        super().__init__(scene)
+        self.count = [0]
+
+    def __deepcopy__(self, memo):
+        copy = Counted.__new__(Counted)
+        copy.__dict__ = self.__dict__  # the count is one for all copies
+        return copy
+
+    def step(self, hip, velocity, dt):
+        self.count[0] += 1
+        return super().step(hip, velocity, dt)
+
+
+@pytest.mark.parametrize(("depth", "share"), [(0.0008, 1.0), (0.025, 4.0), (0.035, 3.0)])
+def test_a_place_costs_a_small_multiple_of_the_path(depth, share):
+    """Without steep places, with nothing else, and with a jump: on the thesis's path at several depths, in 2 s."""
+    case = next(case for case in load_suite("thesis").cases if case.name == "cassinian-shallow-slide")
+    scene = case.build_scene()
+    spec = {**case.trajectory, "depth": depth, "duration": 2.0}
+    renderer = Counted(scene)
+    finding = found(renderer, scene, build_path(spec, scene.model.boundary, FilePath()))
+    assert finding.outcome is (Outcome.FAIL if depth > 0.03 else Outcome.PASS)
+    assert renderer.count[0] <= share * 2001 + (0 if share == 1.0 else 4000)
+
+
+def test_a_run_that_is_not_its_steps_breaks_the_contract():
+    case = next(case for case in load_suite("thesis").cases if case.name == "star-concave-corner")
+    judged = judge_case(OffStep, "off-step", "thesis", case)
+    assert {verdict.outcome for verdict in judged.verdicts} == {Outcome.ERROR}
+    assert judged.error.exit_code == 3
+    assert judged.error.tick == 0
+    assert judged.error.hip is not None
+    assert "run() and step() differ by 0.1 mm in the IHIP" in judged.error.what
+    assert judge_case(InStep, "in-step", "thesis", case).error is None
