@@ -20,7 +20,7 @@ from hapticeval.recordings.provenance import declared_floor
 from hapticeval.recordings.quantization import quantum
 from hapticeval.recordings.recording import Column, Recording, columns_of, runs_of
 from hapticeval.recordings.stretches import GAP_STEPS
-from hapticeval.types import Array, BoolArray
+from hapticeval.types import Array, BoolArray, IntArray
 
 STUCK_ROWS = 10
 """So many equal values in a row may be a frozen sensor, where the value jumps when it wakes."""
@@ -450,7 +450,7 @@ def repeated_rows(recording: Recording) -> list[Fault]:
     ]
 
 
-def _passed(steps: Array, rows: Array, least: float) -> BoolArray:
+def _passed(steps: Array, rows: IntArray, least: float) -> BoolArray:
     """Whether a column moves on, before and after each of `rows`, in the same direction and by more than `least`."""
     offsets = np.arange(1, AROUND + 1)
     before, after = steps[rows[:, None] - offsets], steps[rows[:, None] + offsets]
