@@ -169,7 +169,9 @@ def _gain(sampled: Sequence[Sampled], way: Way, rounding: Array, *, anywhere: bo
     error = over(finest.error) + over(rounding)
     settled = last <= np.maximum(SETTLES * first, error)
     law = np.where(settled, quarter + after, quarter)
-    correction = np.where(settled, np.maximum(last, 0.5 * np.abs(after - before + after)), np.maximum(first, last))
+    # A gain that shrinks, and not yet in the ratio of any order, may shrink to nothing: finer runs show it.
+    shrinking = np.where(after < 0.0, np.inf, np.maximum(first, last))
+    correction = np.where(settled, np.maximum(last, 0.5 * np.abs(after - before + after)), shrinking)
     unknown = error + correction
     row = int(np.argmax(law - unknown))
     if law[row] <= unknown[row]:
@@ -319,19 +321,20 @@ CHECK = Check(
         "the trapezoid W, extrapolated linearly from h/2 and h/4. It alone is judged. Left open are the last "
         "correction of that extrapolation (as in `refinement`), the trapezoid's own error, (1/2) sum of |(F[i-1] "
         "- 2 F[i] + F[i+1]) . dx| of the finest run, which has the whole of every jump in it, and single "
-        "precision of coordinates and forces. More than a tenth of what crossed, and a thousandth of force times "
-        "way, decides nothing where the hand seems to have got something. A recording that cannot be refined is "
-        "judged by the trapezoid at the best of 0 to 3 ticks of lag, between rests and from free space on, with a "
-        "tenth of what crossed left open: the weaker test. Level info where the scene calls for what is active by "
-        "nature: delayed motors, or a damper on a filtered velocity.\n"
-        "Conservative: the nearest point with pp, transversal or the square root's spring, F = -grad U with U = K "
-        "d^2/2, which is continuous across the medial axis. Dissipative: the constraint, whose tool moves only to "
-        "where it is nearer to the hand, so that W <= S(start) - S(end) + (K/2) sum of |dx|^2 tick by tick; pp-v, "
-        "which takes K_d |v|^2, and pp-pd, which takes K_d (n.v)^2. Active: the maps, for p(x) is no gradient and "
-        "the curl of F makes W = integral of curl F over the loop's area, with pp and with transversal; pp-d "
-        "under a convex surface, where the foot runs ahead of the hand and K_d v_t^2 |n| kappa / (1 - |n| kappa) "
-        "is given to it; pp-pd-c and set stabilisation off the surface, whose curvature force does m kappa v_t^2 "
-        "of work a metre of depth, which grows with the square of the speed."
+        "precision of coordinates and forces. A gain that shrinks by less than a quarter with a halving of the tick, "
+        "as a late proxy's does while a turn of the way lasts few ticks, is left open whole. More than a tenth of "
+        "what crossed, and a thousandth of force times way, decides nothing where the hand seems to have got "
+        "something. A recording that cannot be refined is judged by the trapezoid at the best of 0 to 3 ticks of lag,"
+        " between rests and from free space on, with a tenth of what crossed left open: the weaker test. Level info "
+        "where the scene calls for what is active by nature: delayed motors, or a damper on a filtered "
+        "velocity.\nConservative: the nearest point with pp, transversal or the square root's spring, F = -grad U "
+        "with U = K d^2/2, which is continuous across the medial axis. Dissipative: the constraint, whose tool moves "
+        "only to where it is nearer to the hand, so that W <= S(start) - S(end) + (K/2) sum of |dx|^2 tick by tick; "
+        "pp-v, which takes K_d |v|^2, and pp-pd, which takes K_d (n.v)^2. Active: the maps, for p(x) is no gradient "
+        "and the curl of F makes W = integral of curl F over the loop's area, with pp and with transversal; pp-d "
+        "under a convex surface, where the foot runs ahead of the hand and K_d v_t^2 |n| kappa / (1 - |n| kappa) is "
+        "given to it; pp-pd-c and set stabilisation off the surface, whose curvature force does m kappa v_t^2 of work"
+        " a metre of depth, which grows with the square of the speed."
     ),
     judge=judge,
 )

@@ -15,6 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 sys.path.insert(0, str(FilePath(__file__).parents[1] / "meta"))
+import outsiders
+from honest import factory as late_by_name
 from overpowering import HONEST, OVERPOWERING, factory, honest
 
 from hapticeval.devices.imperfections import Imperfections
@@ -213,6 +215,15 @@ def test_without_a_closed_way_nothing_is_known():
     found = judged_field(lambda p: -K * (p + 1.0), inside)
     assert found.outcome is Outcome.INCONCLUSIVE
     assert "what is stored is not known" in found.message
+
+
+@pytest.mark.parametrize("duration", [0.8, 0.4, 0.3, 0.2, 0.12])
+@pytest.mark.parametrize("late", ["late-2", "late-3"])
+def test_a_late_spring_is_not_blamed_where_the_hand_turns_within_its_lag(late, duration):
+    slide = outsiders.CASES["slide"]
+    fast = replace(slide, checks=("passivity",), trajectory={**slide.trajectory, "duration": duration})
+    (verdict,) = judge(late_by_name(late, outsiders.Spring), late, "mine", fast).verdicts
+    assert verdict.outcome in (Outcome.PASS, Outcome.INCONCLUSIVE), verdict.finding.message
 
 
 def test_late_motors_give_energy_whatever_the_renderer():
