@@ -55,7 +55,7 @@ class _Bench:
 
     def record(self, stimulus: Stimulus, dt: float) -> Recording:
         if isinstance(stimulus, Path):
-            recording = play(self.renderer, stimulus, dt, self.scene)
+            recording = play(self.renderer, stimulus, dt, scene=self.scene)
         else:
             recording = drive(self.renderer, stimulus, self.scene, dt)
         self.simulated += len(recording) * dt

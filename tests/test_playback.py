@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from hapticeval.errors import RendererError
+from hapticeval.geometry.catalogue import line
 from hapticeval.playback import Closeup, compare_batch, play
 from hapticeval.renderer import Response
+from hapticeval.scene import Scene
 from hapticeval.stimulus import Path
 
 PATH = Path(np.array([0.0, 1.0]), np.array([[0.0, 0.0], [0.1, 0.0]]))
@@ -141,7 +143,7 @@ class Fixed(Behind):
 @pytest.mark.parametrize("kind", [Behind, Fixed])
 def test_a_closer_look_takes_finer_steps_from_where_the_proxy_has_caught_up(kind):
     renderer = kind()
-    look = Closeup.of(renderer, play(renderer, PATH, 0.01))
+    look = Closeup.of(renderer, play(renderer, PATH, 0.01), Scene(model=line()))
     fine = look.closer(50, 52, 4, lag=3)
     finest = fine.closer(3, 5, 64, lag=3)
     for found, first, last, count in ((fine, 0.05, 0.052, 8), (finest, 0.05075, 0.05125, 128)):
@@ -158,7 +160,7 @@ def test_a_closer_look_takes_finer_steps_from_where_the_proxy_has_caught_up(kind
 
 def test_a_closer_look_does_not_lead_what_can_be_copied_there_again():
     renderer = Behind()
-    look = Closeup.of(renderer, play(renderer, PATH, 0.01))
+    look = Closeup.of(renderer, play(renderer, PATH, 0.01), Scene(model=line()))
     look.closer(90, 92, 4, lag=3)
     count = len(renderer.velocities)
     look.closer(90, 92, 64, lag=3).closer(3, 5, 64, lag=3)

@@ -28,9 +28,9 @@ class Runs:
 
     `refine(k)` runs the same stimulus at k times the sampling rate; `reverse()` leads the hand backwards along
     the same points; `at_speed(f)` starts the experiment f times as fast; `again()` runs it once more through the same
-    renderer, which is reset in between; `look` is `base` with a way to refine a part of it. Each is None where it cannot
-    be had: a recorded hardware run has no siblings. `law` names the closed form (`hapticeval.closed_forms`) that the case
-    gives for this renderer, if it does. Raises `InputError` for a recording with rows that are not valid.
+    renderer, which is reset in between; `look` is `base` with a way to refine a part of it. Each is None where it
+    cannot be had: a recorded hardware run has no siblings. `law` names the closed form (`hapticeval.closed_forms`)
+    that the case gives for this renderer, if it does. Raises `InputError` for a recording with rows that are not valid.
     """
 
     base: Recording
