@@ -97,22 +97,21 @@ class FinePop(RatePop):
 
 
 class Switches:
-    """Beyond `at` (m, from where the contact began, either way) the contact point stands `by` metres further on.
+    """Beyond `at` m from `begun`, or where the contact began, either way the contact point stands `by` m further on.
 
-    It comes back only when the hand is back by as much.
+    It comes back only when the hand is back by as much. `length` is that of a closed curve, m.
     """
 
-    def __init__(self, by: float, at: float) -> None:
-        self.by, self.at = by, at
-        self.begun: float | None = None
+    def __init__(self, by: float, at: float, begun: float | None = None, length: float = math.inf) -> None:
+        self.by, self.at, self.begun, self.length = by, at, begun, length
         self.on = False
 
     def __call__(self, s: float, tick: int, dt: float) -> float | None:
         if self.begun is None:
             self.begun = s
-        way = abs(s - self.begun)
-        self.on = way > self.at or (self.on and way > self.at - self.by)
-        return s + math.copysign(self.by, s - self.begun) if self.on else s
+        way = math.remainder(s - self.begun, self.length)
+        self.on = abs(way) > self.at or (self.on and abs(way) > self.at - self.by)
+        return s + math.copysign(self.by, way) if self.on else s
 
 
 class Sticks:

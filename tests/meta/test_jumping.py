@@ -83,7 +83,7 @@ def test_no_jump_of_half_a_millimetre_is_missed_beside_a_corner(seed):
     curve = STAR.model.curve
     s = np.unwrap(curve.arc_length(curve.nearest(answered.ihip[touched])), period=curve.length)
     way = np.abs(s - s[0])
-    rule = partial(Switches, size, float(rng.uniform(0.1, 0.9) * way.max()))
+    rule = partial(Switches, size, float(rng.uniform(0.1, 0.9) * way.max()), float(s[0]), curve.length)
     jumper = Moved(STAR, rng.choice([rule, lambda: Late(2, rule())]), conformal)
     finding = found(jumper, STAR, path)
     assert finding.outcome is Outcome.FAIL, finding.message
