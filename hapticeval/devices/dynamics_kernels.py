@@ -1,4 +1,4 @@
-"""The dynamics of a device for compiled loops: what the motors are told, and how it accelerates.
+"""The dynamics of a device for compiled loops: which torques its motors give, and how it accelerates.
 
 Inner loops make torques of the renderer's force by (2.8), (2.11), (6.7) with (6.14), (8.6). Between samples the device
 follows M q̈ + bias = u + Jᵀ F_o - Coulomb friction. Within a tick of `dt` seconds the motors' torque u is held, and the

@@ -20,7 +20,7 @@ from hapticeval.devices.dynamics_kernels import END, END_RATE, HOLD, MODE, STAGE
 from hapticeval.types import Array
 
 TOLERANCE, EXPONENT, SUBSTEPS = range(3)
-"""What a method is told, `control` (3,): the error that a step may have (0: take equal steps), the exponent with which
+"""Settings of a method, `control` (3,): the error that a step may have (0: take equal steps), the exponent with which
 steps follow it, and how many equal steps a tick has."""
 
 FLOOR = 1e-3

@@ -41,16 +41,16 @@ def test_a_study_is_drawn_with_its_numbers_beside_it(document, tmp_path):
     assert again.read_text() == text
 
 
-def test_a_folder_that_cannot_be_is_told(document, tmp_path):
+def test_a_folder_that_cannot_be_is_an_error(document, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(HapticevalError, match="cannot write into"):
         write_precision(tmp_path / "file", document)
 
 
-def test_the_command_says_where_the_default_stands(monkeypatch, tmp_path, capsys):
+def test_the_command_shows_where_the_default_stands(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(integrators, "study_integrators", partial(integrators.study_integrators, ticks=5, rounds=1))
     assert main(["integrators", "-o", str(tmp_path)]) == 0
-    told = capsys.readouterr().out
-    assert "parallelogram-2dof: closed loops use cash-karp" in told
-    assert "parallelogram-3dof: closed loops use cash-karp" in told
-    assert told.count("wrote ") == 3
+    shown = capsys.readouterr().out
+    assert "parallelogram-2dof: closed loops use cash-karp" in shown
+    assert "parallelogram-3dof: closed loops use cash-karp" in shown
+    assert shown.count("wrote ") == 3

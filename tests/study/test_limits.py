@@ -219,18 +219,23 @@ def test_no_bound_counts_on_damping_that_is_compensated(loop):
     assert passive_stiffness(compensating, robot_at(compensating.robot, WALL.point), WALL.normal) is None
 
 
-def test_a_scene_without_the_bound_is_told_and_drawn(tmp_path, capsys, monkeypatch):
+@pytest.fixture
+def coarse(monkeypatch):
+    """Few poses and dampings."""
     monkeypatch.setattr("hapticeval.study.limits.study.POSES", 5)
-    monkeypatch.setattr("hapticeval.study.limits.search.TICKS", 2000)
+    monkeypatch.setattr("hapticeval.study.limits.study.DAMPINGS", 8)
+
+
+@pytest.mark.usefixtures("coarse")
+def test_a_scene_without_the_bound_is_described_and_drawn(tmp_path, capsys):
     assert main(["limits", "dynamics-circle/circle-robot", "-o", str(tmp_path)]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert "none: a linearised inner loop compensates" in shown
     assert "(2.40) says nothing about it; without a hand the loop settles" in shown
 
 
-def test_the_command_tells_draws_and_ends_with_one_for_an_unstable_scene(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("hapticeval.study.limits.study.POSES", 5)
-    monkeypatch.setattr("hapticeval.study.limits.search.TICKS", 4000)
+@pytest.mark.usefixtures("coarse")
+def test_the_command_describes_draws_and_ends_with_one_for_an_unstable_scene(tmp_path, capsys):
     code = main(["limits", "thesis/plane-press", "--device", "parallelogram-2dof", "-o", str(tmp_path)])
     shown = " ".join(capsys.readouterr().out.split())
     assert code == 1
@@ -241,6 +246,7 @@ def test_the_command_tells_draws_and_ends_with_one_for_an_unstable_scene(tmp_pat
     assert {file.suffix for file in tmp_path.iterdir()} == {".svg", ".png", ".json"}
 
 
+@pytest.mark.usefixtures("coarse")
 def test_a_device_without_losses_has_a_limit_of_zero_with_its_reason(tmp_path, capsys):
     """The loop runs away long before its run is over: that is the answer, and no error."""
     code = main(["limits", "thesis/plane-press", "--device", "point-mass:mass=0.1", "-o", str(tmp_path)])
@@ -274,7 +280,7 @@ def test_a_renderer_that_breaks_is_no_unstable_loop():
         (["thesis/plane-press", "--device", "point-mass:mass"], "not name=value"),
     ],
 )
-def test_what_cannot_be_studied_is_told_at_once(arguments, words, tmp_path, capsys):
+def test_what_cannot_be_studied_is_refused_at_once(arguments, words, tmp_path, capsys):
     assert main(["limits", *arguments, "-o", str(tmp_path)]) == 2
     assert words in capsys.readouterr().err
 

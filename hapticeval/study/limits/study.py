@@ -22,6 +22,9 @@ Progress = Callable[[int, int, str], None]
 COARSE = 12
 """Halvings of a limit in a map: to a thousandth of the half-decade in which it lies."""
 
+DAMPINGS = 45
+"""Dampings of each curve of the Z-width plot, beside zero."""
+
 TIMES = (0.25, 0.5, 1.0, 2.0)
 """Sampling times of the Z-width plot, as shares of the scene's."""
 
@@ -78,7 +81,7 @@ def _width(factory: RendererFactory, scene: Scene, place: Place, dt: float) -> M
     inverse = np.linalg.inv(robot.jacobian)
     felt = 1.0 / float(place.normal @ np.linalg.inv(inverse.T @ robot.inertia @ inverse) @ place.normal)
     mass = scene.mass if scene.inner_loop is InnerLoop.LINEARISED else felt
-    dampings = np.append(0.0, np.geomspace(1e-4, 2.5, 45) * mass / dt)
+    dampings = np.append(0.0, np.geomspace(1e-4, 2.5, DAMPINGS) * mass / dt)
     curve: dict[str, list[float | None]] = {"eigenvalues": [], "passive": []}
     for damping in dampings:
         each = replace(scene, damping=float(damping), sampling_time=dt)
