@@ -55,7 +55,7 @@ def whole_lines(path: Path) -> tuple[list[str], str]:
     Raises `InputError` where not one line is whole.
     """
     text = decoded(path.read_bytes())
-    lines = [line.removesuffix("\r") for line in re.split(r"\r\n|\n|\r", text)]
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     last = lines.pop()  # what follows the last line end: nothing, where that is the end of the file
     if last and is_whole(last, lines[1:]):
         lines, last = [*lines, last], ""
