@@ -125,8 +125,11 @@ class Resolution(NamedTuple):
     dimension: int
 
     def of(self, column: str, size: Array, curvature: Array | float = 0.0) -> Array:
-        """That of a column of `alignment.COLUMNS`, (m,), where the force has a `size` (m,), N, and the surface a
-        `curvature` (m,), 1/m; infinite where there is no force, whose direction nothing tells."""
+        """Return the resolution of `column`, one of `compare.align.COLUMNS`, at each place, (m,).
+
+        `size` (m,) is the force there, N, and `curvature` that of the surface, 1/m. Infinite where there is no force,
+        whose direction nothing tells.
+        """
         root = math.sqrt(self.dimension)
         turn = STEPS * float(np.spacing(2.0 * math.pi))
         with np.errstate(divide="ignore"):

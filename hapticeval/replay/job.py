@@ -26,8 +26,8 @@ from hapticeval.runner.work import Done, kept, seed_all
 from hapticeval.scene import Scene
 from hapticeval.suite.suite import Suite
 
-LOOP_NEEDED = ("impulsive-collision", "centripetal-force")
-"""Checks of how hand and force act on each other, which no given path can settle: on a replay they stop no gate."""
+LOOP_NEEDED = ("impulsive-collision", "centripetal-force", "passivity")
+"""Checks of how hand and force act on each other, which a given path may not settle: on a replay they stop no gate."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,12 @@ class Replay:
             if part.ended:
                 return Runs(part.recording)
             # The samples backwards are as much the recorded path as forwards; finer samples would be invented.
-            return Runs(part.recording, reverse=cache(lambda: backwards(renderer, path, part.stretch, scene)))
+            alone = replace(path, stretches=(part.stretch,))
+            return Runs(
+                part.recording,
+                reverse=cache(lambda: backwards(renderer, path, part.stretch, scene)),
+                again=cache(lambda: rerendered(renderer, alone, scene)[0].recording),
+            )
 
         recordings = [part.recording for part in parts]
         whole = joined(recordings)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -55,7 +56,7 @@ def whole_lines(path: Path) -> tuple[list[str], str]:
     Raises `InputError` where not one line is whole.
     """
     text = decoded(path.read_bytes())
-    lines = [line.removesuffix("\r") for line in re.split(r"\r\n|\n|\r", text)]
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     last = lines.pop()  # what follows the last line end: nothing, where that is the end of the file
     if last and is_whole(last, lines[1:]):
         lines, last = [*lines, last], ""
@@ -189,13 +190,13 @@ def read_delimited(path: Path) -> Table:
             said = f": {cell!r}" if isinstance(cell, str) else ", which is empty or NaN"
             lacking.setdefault((empty.size, int(empty[0]), said), []).append(name)
         columns[name] = values
-    warnings = [_lacking(alike, *event) for event, alike in lacking.items()]
-    cells = tuple(warnings)
+    found = [_lacking(alike, *event) for event, alike in lacking.items()]
+    cells = tuple(found)
     if cut.strip():
         clock = next((name for name in columns if UNIT.sub(r"\1", name).strip().lower() in CLOCKS), None)
         step = None if clock is None else step_of(columns[clock])
-        warnings.append(cut_row(len(frame), step, units.get(clock or "", "in the unit of its clock")))
-    return Table(columns, units=units, warnings=tuple(warnings), remarks=tuple(remarks), cells=cells)
+        found.append(cut_row(len(frame), step, units.get(clock or "", "in the unit of its clock")))
+    return Table(columns, units=units, warnings=tuple(found), remarks=tuple(remarks), cells=cells)
 
 
 def _frame(path: Path, lines: list[str], first: int, names: list[str], dialect: _Dialect) -> Any:
@@ -203,22 +204,24 @@ def _frame(path: Path, lines: list[str], first: int, names: list[str], dialect: 
     import pandas as pd
 
     try:
-        return pd.read_csv(
-            io.StringIO("\n".join(lines)),
-            sep=r"\s+" if dialect.separator == " " else dialect.separator,
-            header=None,
-            skiprows=first,
-            names=names,
-            index_col=False,
-            comment="#",
-            decimal="," if dialect.comma else ".",
-            skipinitialspace=True,
-            skip_blank_lines=True,
-            low_memory=False,
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # of cells that would be dropped
+            return pd.read_csv(
+                io.StringIO("\n".join(lines)),
+                sep=r"\s+" if dialect.separator == " " else dialect.separator,
+                header=None,
+                skiprows=first,
+                names=names,
+                index_col=False,
+                comment="#",
+                decimal="," if dialect.comma else ".",
+                skipinitialspace=True,
+                skip_blank_lines=True,
+                low_memory=False,
+            )
     except pd.errors.EmptyDataError:
         return pd.DataFrame({name: [] for name in names})
-    except pd.errors.ParserError as error:
+    except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
         raise InputError(
             f"{path} has a row with more cells than the others", why=str(error), todo="mend or cut that row"
         ) from error
@@ -390,15 +393,15 @@ def read_svc(path: Path) -> Table:
     promised = int(lines[0])
     table = _rows(path, lines, SVC, above=1, why=f"a row has {len(SVC)} numbers: {', '.join(SVC)}")
     step, unit = step_of(table[:, SVC.index("time")]), "in the unit of its clock"
-    warnings = [cut_row(len(table), step, unit)] if cut.strip() else []
+    found = [cut_row(len(table), step, unit)] if cut.strip() else []
     if len(table) != promised:
         lost = f"{missing(promised - len(table), step, unit)} missing" if promised > len(table) else "it has more"
-        warnings.append(f"the first line promises {promised} rows, {len(table)} are whole: {lost}")
+        found.append(f"the first line promises {promised} rows, {len(table)} are whole: {lost}")
     return Table(
         {name: table[:, k] for k, name in enumerate(SVC)},
         notes=SVC_NOTES,
         attributes={"promised_rows": promised},
-        warnings=tuple(warnings),
+        warnings=tuple(found),
     )
 
 
@@ -434,15 +437,15 @@ def read_hdurecord(path: Path) -> Table:
         texts.append(found.groups()[-1])
     table = np.array(rows).reshape(-1, len(HDU))
     columns = {name: table[:, k] for k, name in enumerate(HDU)}
-    appended, warnings = _appended(texts)
+    appended, left_out = _appended(texts)
     columns |= {f"text[{k}]": appended[:, k] for k in range(appended.shape[1])}
     if cut.strip():
-        warnings.append(cut_row(len(rows), None))
+        left_out.append(cut_row(len(rows), None))
     return Table(
         columns,
         units={f"{name}.{axis}": unit for name, unit in HDU_GROUPS for axis in "xyz"},
         notes={"tick": "ticks of the scheduler: 1000 a second unless the application set another rate"},
-        warnings=tuple(warnings),
+        warnings=tuple(left_out),
     )
 
 

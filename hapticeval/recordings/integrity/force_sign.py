@@ -9,7 +9,7 @@ Nothing here changes a sign, and nothing but physics is taken for granted: that 
     in all of it. A sum within a twentieth of either extreme, -|F| |IHIP - HIP| or the other, tells. (The tool of a
     teleoperator that lags or leads is no such IHIP, and its sum is in between, unless its energy has told already. A
     surface that holds from both sides may pull, too: a scene that is `bilateral` is left out.)
-3.  Of the wall of `impact`, whose sensor may read as much in free motion as to hide its energy: a force can rise only
+3.  Of the wall of `contacts`, whose sensor may read as much in free motion as to hide its energy: a force can rise only
     while the tool moves in. Were the sign left to chance, each rise would come in either way with the same
     probability; where as few of them come on the way in as has a probability below `LEVEL`, the sign is suspected.
     Rises at which the tool moves by no more than its quantum do not count.
@@ -387,7 +387,7 @@ def _pointing(recording: Recording, told: Sign) -> tuple[Sign, Fault | None]:
 
 
 def _approach(recording: Recording, told: Sign) -> tuple[Sign, Fault | None]:
-    """Rule 3, of the force that `impact` takes for the wall's."""
+    """Rule 3, of the force that `contacts` takes for the wall's."""
     if told.channel != wall_channel(recording):
         return told, None
     try:
@@ -417,5 +417,5 @@ def _chance(few: int, count: int) -> float:
 
 
 def _floor(recording: Recording, channel: str) -> float:
-    """What the sensor may read in free motion: declared of the force that `impact` takes for the wall's."""
+    """What the sensor may read in free motion: declared of the force that `contacts` takes for the wall's."""
     return declared_floor(recording) or 0.0 if channel == wall_channel(recording) else 0.0

@@ -255,7 +255,7 @@ def of_another_run(recording: Recording, other: Recording, name: str) -> list[Fa
 
 
 def velocities(recording: Recording) -> list[Fault]:
-    """Velocities against the derivative of their position: ratio, correlation and lag, see `derivative`."""
+    """Velocities against the derivative of their position: ratio, correlation and lag, see `derivative_fit`."""
     pairs = (("hip", "velocity"), ("joint_position", "joint_velocity"), ("ihip", "tool_velocity"))
     faults = []
     for place, speed in pairs:
