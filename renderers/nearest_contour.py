@@ -68,7 +68,8 @@ def _contour_of(model: Model, shape: tuple[int, int]) -> tuple[Contour, Curve, f
             raise RefusalError(
                 f"model '{model.name}' loses a part on a level set of {shape[0]} by {shape[1]} nodes: the contour is "
                 f"up to {standoff * 1e3:.3g} mm off the surface, with cells of {level_set.cell * 1e3:.3g} mm",
-                why="a tip, slit or neck that is narrower than a cell has no node inside, or none that is joined to the rest",
+                why="a tip, slit or neck that is narrower than a cell has no node inside, or none that is joined to "
+                "the rest",
                 todo=REFINE,
             )
         kept[shape] = contour, curve, standoff
