@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace as with_
-from typing import Any, Protocol
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -13,24 +13,10 @@ from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
 from hapticeval.renderers.lut_build import curve_of, tabulate
 from hapticeval.renderers.lut_kernels import ASK, TOUCHES
-from hapticeval.renderers.lut_table import CELL
+from hapticeval.renderers.lut_table import CELL, Table
 from hapticeval.renderers.projection import Projected, Projection
 from hapticeval.scene import Scene
-from hapticeval.types import Array, BoolArray, ByteArray
-
-
-class Lookup(Protocol):
-    """A table of a plane projection, dense or hierarchical."""
-
-    @property
-    def standoff(self) -> float:
-        """The largest distance (m) off the surface of an interpolated IHIP."""
-
-    def look(self, x: float, y: float, *, ask: bool) -> tuple[int, float, float, float, float]:
-        """One HIP (m): (status, IHIP x, y, normal x, y)."""
-
-    def look_many(self, hips: Array, *, ask: bool) -> tuple[Array, Array, ByteArray]:
-        """`look` for each row of hips (n, 2): IHIPs, normals, status."""
+from hapticeval.types import Array, BoolArray
 
 
 class LutProjection:
@@ -44,7 +30,7 @@ class LutProjection:
     the normal when shallow. The `transversal` scheme (5.21) pushes along the interpolated normal, which is not.
     """
 
-    def __init__(self, table: Lookup, surface: Curve, *, resolution: float, exact: Projection | None = None) -> None:
+    def __init__(self, table: Table, surface: Curve, *, resolution: float, exact: Projection | None = None) -> None:
         self.table = table
         self.surface = surface
         self.resolution = resolution
@@ -92,4 +78,4 @@ def tabulated(
     return LutProjection(kept[key], curve_of(exact), resolution=max(cell, exact.resolution), exact=exact)
 
 
-_KEPT: WeakKeyDictionary[Model, dict[object, Lookup]] = WeakKeyDictionary()
+_KEPT: WeakKeyDictionary[Model, dict[object, Table]] = WeakKeyDictionary()

@@ -141,7 +141,7 @@ def empty(grid: Grid, *, everywhere: bool = False) -> Table:
         raise InputError(
             f"a look-up table of {grid.node_bytes + grid.cell_bytes:.3g} bytes",
             why=f"cells of {grid.cell:g} m make {grid.cell_bytes:.3g} of them; at most 2 GiB are held in memory",
-            todo="choose a larger cell, a hierarchical table, or a file that is mapped",
+            todo="choose a larger cell, or a file that is mapped",
         )
     shape = grid.cells[::-1]
     nodes = np.zeros((*(count + 1 for count in shape), 2 * grid.dimension))
