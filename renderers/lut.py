@@ -22,21 +22,19 @@ from hapticeval.types import Array, BoolArray
 class LutProjection:
     """Interpolates in a table; where the table does not interpolate, the `exact` projection answers.
 
-    Without `exact`, as for a table that was loaded from a file, the nearest node answers there. `surface` is the curve
-    that was tabulated, `resolution` (m) what is blurred: the side of a cell. `standoff` (m) is the table's, or the
-    exact projection's where that is larger. Without memory.
+    `surface` is the curve that was tabulated, `resolution` (m) what is blurred: the side of a cell. `standoff` (m) is
+    the table's, or the exact projection's where that is larger. Without memory.
 
     An IHIP that is off by e turns the position error (4.5) by e / d at depth d, so that a spring along it, `pp`, is off
     the normal when shallow. The `transversal` scheme (5.21) pushes along the interpolated normal, which is not.
     """
 
-    def __init__(self, table: Table, surface: Curve, *, resolution: float, exact: Projection | None = None) -> None:
+    def __init__(self, table: Table, surface: Curve, *, resolution: float, exact: Projection) -> None:
         self.table = table
         self.surface = surface
         self.resolution = resolution
-        self.standoff = max(table.standoff, 0.0 if exact is None else exact.standoff)
+        self.standoff = max(table.standoff, exact.standoff)
         self._exact = exact
-        self._ask = exact is not None
 
     def reset(self, hip: Array) -> None:
         """Nothing is remembered."""
@@ -44,17 +42,17 @@ class LutProjection:
     def project(self, hip: Array) -> Projected:
         """One tick."""
         x, y = hip.tolist()
-        status, px, py, nx, ny = self.table.look(x, y, ask=self._ask)
-        if status == ASK and self._exact is not None:
+        status, px, py, nx, ny = self.table.look(x, y, ask=True)
+        if status == ASK:
             return self._exact.project(hip)
         return Projected((px, py), (nx, ny), status == TOUCHES)
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
         """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""
-        ihips, normals, status = self.table.look_many(hips, ask=self._ask)
+        ihips, normals, status = self.table.look_many(hips, ask=True)
         contact = status == TOUCHES
         asked = np.flatnonzero(status == ASK)
-        if asked.size and self._exact is not None:
+        if asked.size:
             ihips[asked], normals[asked], contact[asked] = self._exact.trace(np.ascontiguousarray(hips[asked]))
         return ihips, normals, contact
 
