@@ -18,7 +18,6 @@ from hapticeval.renderers.family import by_minimum_distance
 from hapticeval.renderers.lut_build import tabulate
 from hapticeval.renderers.lut_kernels import TOUCHES, look_up
 from hapticeval.renderers.lut_table import Table
-from hapticeval.renderers.lut_tree import Tree, grow
 from hapticeval.scene import Scene
 
 COUNT = 1_000_000
@@ -37,11 +36,6 @@ def projection():
 @cache
 def table() -> Table:
     return tabulate(projection())
-
-
-@cache
-def tree() -> Tree:
-    return grow(projection(), error=5e-5, smallest=0.5e-3)
 
 
 @cache
@@ -111,15 +105,6 @@ def test_table(benchmark, where):
     benchmark.group = BATCH
     benchmark.pedantic(table().look_many, (points(where),), {"ask": True}, rounds=20, warmup_rounds=2)
     keep(benchmark, f"table {where}", COUNT)
-
-
-@pytest.mark.parametrize("where", WHERE)
-def test_tree(benchmark, where):
-    benchmark.group = BATCH
-    benchmark.pedantic(tree().look_many, (points(where),), {"ask": True}, rounds=10, warmup_rounds=2)
-    keep(benchmark, f"tree {where}", COUNT)
-    grid = table().grid
-    benchmark.extra_info["share of the dense table's memory"] = tree().nbytes / (grid.node_bytes + grid.cell_bytes)
 
 
 @pytest.mark.parametrize("where", WHERE)

@@ -40,7 +40,8 @@ class Contour(NamedTuple):
 
 
 def contour_of(level_set: LevelSet) -> tuple[Contour, Polygon]:
-    """The contour, and the polygon of its cut arcs. Raises `InputError` as `LevelSet.contour` does."""
+    """The contour without islands, and the polygon of its cut arcs. Raises `InputError` as `LevelSet.contour` does."""
+    level_set = level_set.without_islands()
     ends = for_kernels(level_set.contour().vertices)
     x, y = level_set.x, level_set.y
     origin = np.array([x[0], y[0]])

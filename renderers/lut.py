@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace as with_
-from typing import Any, Protocol
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -13,44 +13,28 @@ from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
 from hapticeval.renderers.lut_build import curve_of, tabulate
 from hapticeval.renderers.lut_kernels import ASK, TOUCHES
-from hapticeval.renderers.lut_table import CELL
+from hapticeval.renderers.lut_table import CELL, Table
 from hapticeval.renderers.projection import Projected, Projection
 from hapticeval.scene import Scene
-from hapticeval.types import Array, BoolArray, ByteArray
-
-
-class Lookup(Protocol):
-    """A table of a plane projection, dense or hierarchical."""
-
-    @property
-    def standoff(self) -> float:
-        """The largest distance (m) off the surface of an interpolated IHIP."""
-
-    def look(self, x: float, y: float, *, ask: bool) -> tuple[int, float, float, float, float]:
-        """One HIP (m): (status, IHIP x, y, normal x, y)."""
-
-    def look_many(self, hips: Array, *, ask: bool) -> tuple[Array, Array, ByteArray]:
-        """`look` for each row of hips (n, 2): IHIPs, normals, status."""
+from hapticeval.types import Array, BoolArray
 
 
 class LutProjection:
     """Interpolates in a table; where the table does not interpolate, the `exact` projection answers.
 
-    Without `exact`, as for a table that was loaded from a file, the nearest node answers there. `surface` is the curve
-    that was tabulated, `resolution` (m) what is blurred: the side of a cell. `standoff` (m) is the table's, or the
-    exact projection's where that is larger. Without memory.
+    `surface` is the curve that was tabulated, `resolution` (m) what is blurred: the side of a cell. `standoff` (m) is
+    the table's, or the exact projection's where that is larger. Without memory.
 
     An IHIP that is off by e turns the position error (4.5) by e / d at depth d, so that a spring along it, `pp`, is off
     the normal when shallow. The `transversal` scheme (5.21) pushes along the interpolated normal, which is not.
     """
 
-    def __init__(self, table: Lookup, surface: Curve, *, resolution: float, exact: Projection | None = None) -> None:
+    def __init__(self, table: Table, surface: Curve, *, resolution: float, exact: Projection) -> None:
         self.table = table
         self.surface = surface
         self.resolution = resolution
-        self.standoff = max(table.standoff, 0.0 if exact is None else exact.standoff)
+        self.standoff = max(table.standoff, exact.standoff)
         self._exact = exact
-        self._ask = exact is not None
 
     def reset(self, hip: Array) -> None:
         """Nothing is remembered."""
@@ -58,17 +42,17 @@ class LutProjection:
     def project(self, hip: Array) -> Projected:
         """One tick."""
         x, y = hip.tolist()
-        status, px, py, nx, ny = self.table.look(x, y, ask=self._ask)
-        if status == ASK and self._exact is not None:
+        status, px, py, nx, ny = self.table.look(x, y, ask=True)
+        if status == ASK:
             return self._exact.project(hip)
         return Projected((px, py), (nx, ny), status == TOUCHES)
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
         """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""
-        ihips, normals, status = self.table.look_many(hips, ask=self._ask)
+        ihips, normals, status = self.table.look_many(hips, ask=True)
         contact = status == TOUCHES
         asked = np.flatnonzero(status == ASK)
-        if asked.size and self._exact is not None:
+        if asked.size:
             ihips[asked], normals[asked], contact[asked] = self._exact.trace(np.ascontiguousarray(hips[asked]))
         return ihips, normals, contact
 
@@ -92,4 +76,4 @@ def tabulated(
     return LutProjection(kept[key], curve_of(exact), resolution=max(cell, exact.resolution), exact=exact)
 
 
-_KEPT: WeakKeyDictionary[Model, dict[object, Lookup]] = WeakKeyDictionary()
+_KEPT: WeakKeyDictionary[Model, dict[object, Table]] = WeakKeyDictionary()

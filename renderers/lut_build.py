@@ -24,7 +24,7 @@ interpolated too, as long as they stay within the other rules.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -103,21 +103,15 @@ def tabulate(projection: Projection, *, cell: float = CELL, everywhere: bool = F
     return replace(table, standoff=fill(table, source_of(projection)))
 
 
-def fill(
-    table: Table, source: Source, *, first: Sequence[int] | None = None, last: Sequence[int] | None = None
-) -> float:
-    """Fill the box of cells from `first` up to `last`, along x, y, (z), or the whole of a table; in slabs.
-
-    Returns the largest distance (m) off the surface of what is interpolated in it.
-    """
-    low = tuple(first or (0,) * table.grid.dimension)[::-1]
-    high = tuple(last or table.grid.cells)[::-1]
-    across = int(np.prod([b - a + 1 for a, b in zip(low[1:], high[1:], strict=True)]))
+def fill(table: Table, source: Source) -> float:
+    """Fill a table, in slabs. Returns the largest distance (m) off the surface of what is interpolated in it."""
+    high = table.grid.cells[::-1]
+    across = int(np.prod([count + 1 for count in high[1:]]))
     thickness = max(1, SLAB // across)
     standoff = 0.0
-    for start in range(low[0], high[0], thickness):
-        box = ((start, *low[1:]), (min(start + thickness, high[0]), *high[1:]))
-        standoff = max(standoff, _fill_box(table, source, *box))
+    for start in range(0, high[0], thickness):
+        low = (start, *(0 for _ in high[1:]))
+        standoff = max(standoff, _fill_box(table, source, low, (min(start + thickness, high[0]), *high[1:])))
     return standoff
 
 

@@ -17,7 +17,7 @@ CELL = 0.5e-3
 """Side of a cell (m) in the thesis's experiments (6.2)."""
 
 IN_MEMORY = 2 << 30
-"""Bytes above which a table is made in a file only."""
+"""The most bytes that a table may take."""
 
 
 @dataclass(frozen=True)
@@ -60,18 +60,13 @@ def grid_over(lower: Sequence[float], upper: Sequence[float], cell: float = CELL
     return Grid(tuple(float(low) - cell for low in lower), float(cell), counts)
 
 
-def memory(extents: Sequence[float], cell: float = CELL) -> float:
-    """Bytes of a table by (6.2), M = 16 N prod(D_i / Delta_i), for a model of size D_i (m), without the end nodes."""
-    return 16.0 * len(extents) * math.prod(extent / cell for extent in extents)
-
-
 @dataclass(frozen=True, eq=False)
 class Table:
     """IHIPs and normals at the nodes of `grid`, and a byte a cell, as `lut_kernels` describes them.
 
-    `nodes` (..., ny, nx, 2N) and `cells` (..., ny - 1, nx - 1) may be memory maps: a look-up reads what it touches.
-    With `everywhere` every HIP is in contact (bilateral). `standoff` (m) is the largest distance off the surface that
-    was measured of an interpolated IHIP. Raises `InputError` for arrays that do not fit the grid.
+    `nodes` are (..., ny, nx, 2N) and `cells` (..., ny - 1, nx - 1). With `everywhere` every HIP is in contact
+    (bilateral). `standoff` (m) is the largest distance off the surface that was measured of an interpolated IHIP.
+    Raises `InputError` for arrays that do not fit the grid.
     """
 
     grid: Grid
@@ -135,13 +130,13 @@ class Table:
 def empty(grid: Grid, *, everywhere: bool = False) -> Table:
     """A table that is free space throughout, to be filled.
 
-    Raises `InputError` for a grid that needs more than 2 GiB: make such a table in a file, by `lut_file.create`.
+    Raises `InputError` for a grid that needs more than 2 GiB.
     """
     if grid.node_bytes + grid.cell_bytes > IN_MEMORY:
         raise InputError(
             f"a look-up table of {grid.node_bytes + grid.cell_bytes:.3g} bytes",
             why=f"cells of {grid.cell:g} m make {grid.cell_bytes:.3g} of them; at most 2 GiB are held in memory",
-            todo="choose a larger cell, a hierarchical table, or a file that is mapped",
+            todo="choose a larger cell",
         )
     shape = grid.cells[::-1]
     nodes = np.zeros((*(count + 1 for count in shape), 2 * grid.dimension))

@@ -27,8 +27,9 @@ REFINE = "refine the grid, or use minimum-distance on the curve or the polygon"
 class LevelSetProjection:
     """The nearest point of the zero contour of the bilinear interpolant; in contact while that is negative.
 
-    `surface` is the contour cut into straight edges, eight a cell. With `bilateral` the hand is projected from outside
-    too.
+    Islands of the contour, which tips and slits narrower than a cell may leave, are not part of it: how far its surface
+    is off the model decides whether that is refused. `surface` is the contour cut into straight edges, eight per cell.
+    With `bilateral` the hand is projected from outside too.
     """
 
     def __init__(self, model: Model, shape: tuple[int, int], *, bilateral: bool) -> None:
@@ -67,7 +68,8 @@ def _contour_of(model: Model, shape: tuple[int, int]) -> tuple[Contour, Curve, f
             raise RefusalError(
                 f"model '{model.name}' loses a part on a level set of {shape[0]} by {shape[1]} nodes: the contour is "
                 f"up to {standoff * 1e3:.3g} mm off the surface, with cells of {level_set.cell * 1e3:.3g} mm",
-                why="a tip, slit or neck that is narrower than a cell has no node inside, and leaves no contour",
+                why="a tip, slit or neck that is narrower than a cell has no node inside, or none that is joined to "
+                "the rest",
                 todo=REFINE,
             )
         kept[shape] = contour, curve, standoff

@@ -29,9 +29,6 @@ VELOCITIES = MappingProxyType(
 MARGIN = 4
 """Cells between the model and the edge of the grid."""
 
-REACH = 0.1
-"""How far the exterior flow goes, as a share of the model's size."""
-
 SHARE_OF_BOUND = 0.9
 """Time step as a share of the stability bound, (5.12) corrected."""
 
@@ -127,19 +124,17 @@ class Flow:
     areas: Array
     held: Array
     cell: float
-    exterior: bool
 
 
-def flow(model: Model, settings: FlowSettings, *, exterior: bool = False) -> Flow:
-    """The flow of a model inwards, or with `exterior` outwards until it nears a tenth of the model's size.
+def flow(model: Model, settings: FlowSettings) -> Flow:
+    """Return the flow of a model inwards.
 
-    The exterior flow carries -gamma, whose average curvature is taken by its size (it is negative). Raises
-    `InputError` for an unbounded model, `FlowSplitError` where the front falls apart, and `FlowCollapseError` where it
-    shrinks to a segment.
+    Raises `InputError` for an unbounded model, `FlowSplitError` where the front falls apart, and `FlowCollapseError`
+    where it shrinks to a segment.
     """
     if not model.curve.closed:
         raise InputError(f"model '{model.name}' is unbounded", why="its surface does not shrink to a point")
-    front = Front(model, settings, exterior=exterior)
+    front = Front(model, settings)
     records = list(_levels(front, settings))
     times, lengths, areas, held, points = zip(*records, strict=True)
     return Flow(
@@ -150,26 +145,23 @@ def flow(model: Model, settings: FlowSettings, *, exterior: bool = False) -> Flo
         np.array(areas),
         np.array(held),
         front.h,
-        exterior,
     )
 
 
 class Front:
     """A level set on its way, with the particles on it: the state of a flow."""
 
-    def __init__(self, model: Model, settings: FlowSettings, *, exterior: bool = False) -> None:
+    def __init__(self, model: Model, settings: FlowSettings) -> None:
         xmin, ymin, xmax, ymax = model.curve.bounds
         self.model = model
-        self.exterior = exterior
         self.h = h = model.size / (settings.cells - 2 * MARGIN)
-        extra = MARGIN + math.ceil((REACH if exterior else 0.0) * model.size / h)
-        nx, ny = (2 * extra + 1 + math.ceil(side / h) for side in (xmax - xmin, ymax - ymin))
+        nx, ny = (2 * MARGIN + 1 + math.ceil(side / h) for side in (xmax - xmin, ymax - ymin))
         self.x0, self.y0 = 0.5 * (xmin + xmax - (nx - 1) * h), 0.5 * (ymin + ymax - (ny - 1) * h)
         x, y = self.x0 + h * np.arange(nx), self.y0 + h * np.arange(ny)
         nodes = np.column_stack([array.ravel() for array in np.meshgrid(x, y)])
         distance = model.curve.signed_distance(nodes).reshape(ny, nx)
-        hollow = any(corner.convex == exterior for corner in model.curve.corners)
-        self.values = np.ascontiguousarray(-distance if exterior else distance) + (NOTCH * h if hollow else 0.0)
+        hollow = any(not corner.convex for corner in model.curve.corners)
+        self.values = np.ascontiguousarray(distance) + (NOTCH * h if hollow else 0.0)
         self._spare = self.values.copy()
         self.kind = VELOCITIES[settings.velocity]
         self.gap = settings.gap
@@ -183,7 +175,7 @@ class Front:
 
     @property
     def scale(self) -> float:
-        """K_cap, or the average curvature 2 pi / L by (5.15); its size for the exterior."""
+        """K_cap, or the average curvature 2 pi / L by (5.15)."""
         return self._cap if self.kind == kernels.CAP else 2.0 * math.pi / self.length
 
     def update(self) -> None:
@@ -207,9 +199,7 @@ class Front:
             self.held = held
 
     def _measure(self) -> None:
-        self.length, area = kernels.front(self.values, self.h)
-        ny, nx = self.values.shape
-        self.area = (nx - 1) * (ny - 1) * self.h**2 - area if self.exterior else area
+        self.length, self.area = kernels.front(self.values, self.h)
 
     @property
     def roundness(self) -> float:
@@ -237,13 +227,6 @@ class Front:
         x, y = 0.5 * (second[k] + first[np.asarray(matches)[k]])
         return count, (float(x), float(y))
 
-    @property
-    def near_edge(self) -> bool:
-        """Whether a point is within the margin of the grid's edge."""
-        low = np.array([self.x0, self.y0]) + MARGIN * self.h
-        high = np.array([self.x0, self.y0]) + (np.array(self.values.shape[::-1]) - 1 - MARGIN) * self.h
-        return bool(np.any(self.points < low) or np.any(self.points > high))
-
 
 def starts(model: Model, lines: int) -> Array:
     """Where lines start: parameters at every corner, and at equal arc lengths between."""
@@ -261,14 +244,13 @@ def _levels(front: Front, settings: FlowSettings) -> Iterator[tuple[float, float
     whole = front.area
     yield front.time, front.length, front.area, 0, front.points.copy()
     roundest, level = front.roundness, 1
-    sign = 1.0 if front.exterior else -1.0
     held = 0
-    while not _ended(front):
+    while front.length >= 2.0 * math.pi * LAST_RADIUS * front.h:
         front.update()
         held = max(held, front.held)
         roundest = max(roundest, front.roundness)
-        lost = not front.exterior and front.roundness < ROUNDNESS_LOST * roundest
-        done = sign * (math.sqrt(max(front.area, 0.0) / whole) - 1.0) >= level / settings.level_count
+        lost = front.roundness < ROUNDNESS_LOST * roundest
+        done = 1.0 - math.sqrt(max(front.area, 0.0) / whole) >= level / settings.level_count
         if done or lost:
             _check_parts(front)
         if lost:
@@ -276,23 +258,14 @@ def _levels(front: Front, settings: FlowSettings) -> Iterator[tuple[float, float
         if done:
             yield front.time, front.length, front.area, held, front.points.copy()
             level, held = level + 1, 0
-    if not front.exterior:
-        _check_parts(front)
-        if front.aspect > LAST_ASPECT:
-            raise _collapse(front)
-        if math.sqrt(front.area / whole) < 1.0 - (level - 0.5) / settings.level_count:
-            yield front.time, front.length, front.area, held, front.points.copy()
-
-
-def _ended(front: Front) -> bool:
-    if front.exterior:
-        return front.near_edge
-    return front.length < 2.0 * math.pi * LAST_RADIUS * front.h
+    _check_parts(front)
+    if front.aspect > LAST_ASPECT:
+        raise _collapse(front)
+    if math.sqrt(front.area / whole) < 1.0 - (level - 0.5) / settings.level_count:
+        yield front.time, front.length, front.area, held, front.points.copy()
 
 
 def _check_parts(front: Front) -> None:
-    if front.exterior:
-        return
     count, place = front.parts()
     if count > 1:
         raise FlowSplitError(

@@ -27,12 +27,11 @@ class Chart(NamedTuple):
     """A grid for the compiled lookup.
 
     `points` and `disk` (m, n, 2): where level and line cross in the model (m) and on the disk, from the outermost level
-    inwards; level `surface` is the model's own, and has radius 1. `angles` (n + 1,) of the lines, from 0, and `us`
+    inwards; the first is the model's own, and has radius 1. `angles` (n + 1,) of the lines, from 0, and `us`
     (n + 1,) the curve's parameters there, both one turn longer at the end; the curve's own range is from `start` to
     `end`. `heads` (buckets + 1,) and `cells` list the
     cells of each bucket, numbered k * n + i; buckets are `across` by `up` squares of side `side` (m) from (`x0`,
-    `y0`). `inner` (n,) are the directions (rad, increasing) of the last level's points from the `centre`, and `outer`
-    of the first level's, empty where points beyond it are in no cell.
+    `y0`). `inner` (n,) are the directions (rad, increasing) of the last level's points from the `centre`.
     """
 
     points: Array
@@ -48,8 +47,6 @@ class Chart(NamedTuple):
     up: int
     centre: tuple[float, float]
     inner: Array
-    outer: Array
-    surface: int
     start: float
     end: float
 
@@ -121,8 +118,8 @@ def in_cell(points: Array, disk: Array, cell: int, x: float, y: float) -> tuple[
 def to_disk(chart: Chart, x: float, y: float) -> tuple[int, float, float]:
     """The level just outside a point, and the point on the disk by (5.20).
 
-    Within the last level, and beyond the first where `outer` is given, the point on the disk is that of this level in
-    the direction from the centre. (OFF, 0, 0) for a point that is in no cell.
+    Within the last level the point on the disk is that of this level in the direction from the centre. (OFF, 0, 0) for
+    a point that is in no cell.
     """
     n, m = chart.points.shape[1], chart.points.shape[0]
     i, j = math.floor((x - chart.x0) / chart.side), math.floor((y - chart.y0) / chart.side)
@@ -139,12 +136,9 @@ def to_disk(chart: Chart, x: float, y: float) -> tuple[int, float, float]:
         if best_cell >= 0:
             return best_cell // n, best_x, best_y
     line, share, within = towards(chart.points[m - 1], chart.inner, chart.centre, x, y)
-    level = m - 1
     if not within:
-        if chart.outer.shape[0] == 0:
-            return OFF, 0.0, 0.0
-        line, share, _ = towards(chart.points[0], chart.outer, chart.centre, x, y)
-        level = 0
+        return OFF, 0.0, 0.0
+    level = m - 1
     v, w = chart.disk[level, line], chart.disk[level, line + 1 if line + 1 < n else 0]
     return level, v[0] + share * (w[0] - v[0]), v[1] + share * (w[1] - v[1])
 

@@ -32,15 +32,12 @@ KEPT = 16
 class FlowMap:
     """A one-to-one map of a model to the unit disk; its surface goes to the unit circle, its singular point to 0.
 
-    `inside` is the flow that it was built of, and `outside` the exterior one or None. Every point inside the curve is
-    mapped; one in the sliver between the curve and the chords of the grid's first level goes where its nearest surface
-    point does. Points outside are mapped where there is an exterior flow: by its cells, and beyond them by their
-    direction from the centre.
+    `flow` is what it was built of. Every point inside the curve is mapped; one in the sliver between the curve and the
+    chords of the grid's first level goes where its nearest surface point does.
     """
 
     curve: Curve
-    inside: Flow
-    outside: Flow | None
+    flow: Flow
     chart: Chart
 
     @property
@@ -88,19 +85,18 @@ class FlowMap:
             x, y = points[np.argmax(far)]
             raise InputError(
                 f"row {rows[np.argmax(far)]}: the point ({x:g}, {y:g}) m lies off the map",
-                why="the flow covers the inside of the model" if self.outside is None else "it is in none of its cells",
+                why="the flow covers the inside of the model",
             )
         us = self.chart.us
         return np.interp(np.where(u < us[0], u + us[-1] - us[0], u), us, self.chart.angles)
 
 
-def flow_map(model: Model, settings: FlowSettings | None = None, *, exterior: bool = False) -> FlowMap:
+def flow_map(model: Model, settings: FlowSettings | None = None) -> FlowMap:
     """The map of a model, built once for each of its boundary and settings and then kept (the last 16).
 
-    With `exterior` the surroundings are mapped too, as far as a tenth of the model's size by cells. Raises the errors
-    of `flow`, and `FoldedGridError` where cells are turned over.
+    Raises the errors of `flow`, and `FoldedGridError` where cells are turned over.
     """
-    return _built(_Key(model.curve.pieces.tobytes(), settings or FlowSettings(), exterior, model))
+    return _built(_Key(model.curve.pieces.tobytes(), settings or FlowSettings(), model))
 
 
 @dataclass(frozen=True)
@@ -109,39 +105,29 @@ class _Key:
 
     boundary: bytes
     settings: FlowSettings
-    exterior: bool
     model: Model = field(compare=False)
 
 
 @lru_cache(maxsize=KEPT)
 def _built(key: _Key) -> FlowMap:
-    inside = flow(key.model, key.settings)
-    outside = flow(key.model, key.settings, exterior=True) if key.exterior else None
-    return FlowMap(key.model.curve, inside, outside, chart_of(key.model, inside, outside))
+    made = flow(key.model, key.settings)
+    return FlowMap(key.model.curve, made, chart_of(key.model, made))
 
 
-def chart_of(model: Model, inside: Flow, outside: Flow | None = None) -> Chart:
-    """The checked grid of a model's flows for the compiled lookup. Raises `FoldedGridError`."""
+def chart_of(model: Model, made: Flow) -> Chart:
+    """The checked grid of a model's flow for the compiled lookup. Raises `FoldedGridError`."""
     curve = model.curve
-    points, radii, times = inside.points, np.sqrt(inside.areas / inside.areas[0]), inside.times
-    surface = 0
-    if outside is not None:
-        surface = outside.times.size - 1
-        points = np.concatenate([outside.points[:0:-1], points])
-        radii = np.concatenate([np.sqrt(outside.areas / outside.areas[0])[:0:-1], radii])
-        times = np.concatenate([outside.times[:0:-1], times])
-    points = np.ascontiguousarray(points)
+    points, radii, times = np.ascontiguousarray(made.points), np.sqrt(made.areas / made.areas[0]), made.times
     start, end = curve.u_range
-    us = np.append(inside.u, inside.u[0] + end - start)
+    us = np.append(made.u, made.u[0] + end - start)
     lengths = curve.arc_length(us)
     angles = 2.0 * math.pi * (lengths - lengths[0]) / curve.length
     disk = radii[:, np.newaxis, np.newaxis] * np.stack([np.cos(angles[:-1]), np.sin(angles[:-1])], axis=1)
     _check_cells(model, points, times)
     centre = points[-1].mean(axis=0)
     inner = _directions(model, points[-1], centre, times[-1])
-    outer = np.empty(0) if outside is None else _directions(model, points[0], centre, times[0])
     (x0, y0), (x1, y1) = points.min(axis=(0, 1)), points.max(axis=(0, 1))
-    side = inside.cell
+    side = made.cell
     across, up = math.floor((x1 - x0) / side) + 1, math.floor((y1 - y0) / side) + 1
     heads, cells = locator.fill_buckets(points, x0, y0, side, across, up)
     return Chart(
@@ -158,8 +144,6 @@ def chart_of(model: Model, inside: Flow, outside: Flow | None = None) -> Chart:
         up,
         (float(centre[0]), float(centre[1])),
         inner,
-        outer,
-        surface,
         start,
         end,
     )

@@ -81,6 +81,26 @@ class LevelSet:
         along_y = (1.0 - a) * (v[j + 1, i] - v[j, i]) + a * (v[j + 1, i + 1] - v[j, i + 1])
         return np.column_stack([along_x / dx, along_y / dy])
 
+    def without_islands(self) -> LevelSet:
+        """Return the same with an inside of one piece, the largest, and no holes: self if it is so already.
+
+        A tip or slit that is narrower than the diagonal of a cell may have nodes in it that no sides of cells join to
+        the rest, by how the model lies on the grid. The sign of such nodes is changed, their distance kept. Nodes that
+        are joined across a cell only count as apart: a contour through the middle of such a cell may touch itself.
+        """
+        from scipy import ndimage
+
+        inside = self.values <= 0.0
+        parts, count = ndimage.label(inside)
+        if count == 0:
+            return self
+        largest = 1 + int(np.argmax(np.bincount(parts.ravel())[1:]))
+        whole = ndimage.binary_fill_holes(parts == largest)
+        if np.array_equal(whole, inside):
+            return self
+        distance = np.maximum(np.abs(self.values), 1e-9 * self.cell)
+        return LevelSet(self.x, self.y, np.where(whole == inside, self.values, np.where(whole, -distance, distance)))
+
     def contour(self) -> Polygon:
         """The zero set as a polygon.
 

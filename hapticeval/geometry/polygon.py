@@ -66,15 +66,6 @@ class Polygon:
         """Whether each of points (n, 2) lies inside; points on the outline do not."""
         return np.asarray(self.signed_distance(points) < 0.0)
 
-    def first_crossing(self, start: ArrayLike, end: ArrayLike) -> tuple[int, float, float] | None:
-        """Where the segment from `start` (2,), outside or on the outline, to `end` (2,) first goes inside.
-
-        (edge, t along the edge, fraction of the segment), or None if it never does.
-        """
-        (x0, y0), (x1, y1) = checked_points([start, end], "start and end")
-        edge, along, fraction = polygon_kernels.first_crossing_kernel(self._rows, self.tree, x0, y0, x1, y1)
-        return (edge, along, fraction) if edge >= 0 else None
-
     def as_curve(self) -> Curve:
         """The outline as a curve of LINE pieces, a piece an edge."""
         from hapticeval.geometry.curve import Curve

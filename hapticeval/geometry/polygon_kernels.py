@@ -152,13 +152,6 @@ def side_kernel(vertices: Array, edge: int, along: float, x: float, y: float) ->
 
 
 @compiled
-def contains_kernel(vertices: Array, tree: Array, x: float, y: float) -> bool:
-    """Whether a point lies inside; points on the outline do not."""
-    edge, along, distance2 = nearest_kernel(vertices, tree, x, y)
-    return distance2 > 0.0 and side_kernel(vertices, edge, along, x, y) < 0.0
-
-
-@compiled
 def _vertex_at(vertices: Array, k: int, reach: float, x: float, y: float) -> int:
     """The end of edge k that a point on it coincides with, or -1."""
     following = k + 1 if k + 1 < vertices.shape[0] else 0

@@ -54,13 +54,6 @@ def test_curvature_flow_loses_area_at_two_pi():
     assert rates[0] == pytest.approx(-2.0 * math.pi, rel=0.02)
 
 
-def test_the_exterior_of_a_circle_grows_at_the_speed_of_minus_one():
-    done = flow(circle(), SMALL, exterior=True)
-    radii = np.hypot(*np.moveaxis(done.points, -1, 0))
-    assert radii[-1].mean() > 0.11
-    assert np.max(np.abs(radii - (0.1 + 0.14758362 * done.times)[:, np.newaxis])) < 0.3 * done.cell
-
-
 def roughness(share_of_bound: float, *, printed: bool) -> float:
     """How far the front of a circle of radius 20, with cells of 1, strays from its radius under curvature flow."""
     n, radius = 61, 20.0

@@ -14,10 +14,10 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, line, star
 from hapticeval.renderers import conformal, constraint, minimum_distance
 from hapticeval.renderers.family import by_conformal, by_mapping, by_minimum_distance
-from hapticeval.renderers.lut import LutProjection, tabulated
+from hapticeval.renderers.lut import tabulated
 from hapticeval.renderers.lut_build import MARGIN, OFF, fill, tabulate
 from hapticeval.renderers.lut_kernels import ASK, EDGE, HELD, MARKED, OUT, TOUCHES
-from hapticeval.renderers.lut_table import Grid, Table, empty, grid_over, memory
+from hapticeval.renderers.lut_table import Grid, Table, empty, grid_over
 from hapticeval.scene import Scene
 
 MODELS = {"cassinian": cassinian(), "star": star(), "dumbbell": dumbbell()}
@@ -54,8 +54,6 @@ def test_a_table_without_the_exact_projection_stays_on_the_surface_too(projectio
     ihips, _, contact = made.table.answers(scattered())
     off = np.abs(MODELS[model].curve.signed_distance(ihips[contact]))
     assert np.max(off) <= made.standoff
-    alone = LutProjection(made.table, made.surface, resolution=COARSE)
-    np.testing.assert_array_equal(alone.trace(scattered())[0], ihips)
 
 
 @settings(max_examples=25, deadline=None)
@@ -193,24 +191,23 @@ def test_in_space_between_eight_nodes():
     assert table.cells[tuple(count // 2 for count in table.cells.shape)] & MARKED
 
 
-def test_a_slab_at_a_time_or_box_by_box_gives_the_same_table():
+def test_slabs_of_any_thickness_give_the_same_table(monkeypatch):
     source = sphere(0.1)
-    whole, boxes = (empty(grid_over((-0.1,) * 3, (0.1,) * 3, 2e-2)) for _ in range(2))
+    whole, slabs = (empty(grid_over((-0.1,) * 3, (0.1,) * 3, 2e-2)) for _ in range(2))
     fill(whole, source)
-    for first, last in (((0, 0, 0), (12, 12, 5)), ((0, 0, 5), (7, 12, 12)), ((7, 0, 5), (12, 12, 12))):
-        fill(boxes, source, first=first, last=last)
-    np.testing.assert_array_equal(whole.cells, boxes.cells)
-    np.testing.assert_array_equal(whole.nodes, boxes.nodes)
+    monkeypatch.setattr("hapticeval.renderers.lut_build.SLAB", 500)
+    fill(slabs, source)
+    np.testing.assert_array_equal(whole.cells, slabs.cells)
+    np.testing.assert_array_equal(whole.nodes, slabs.nodes)
 
 
 def test_memory_is_that_of_6_2():
-    assert memory((0.2, 0.2), 0.5e-3) == pytest.approx(5.12e6)
-    assert memory((0.2, 0.2, 0.2), 0.5e-3) == pytest.approx(3.072e9)
+    """M = 16 N prod(D_i / Delta_i) bytes: 5.12 MB in the plane and 3.07 GB in space, and here the end nodes."""
     assert Grid((0.0, 0.0), 0.5e-3, (400, 400)).node_bytes == 5_145_632
     assert Grid((0.0, 0.0, 0.0), 0.5e-3, (400, 400, 400)).node_bytes == 3_095_097_648
     table = table_of("minimum-distance", "cassinian").table
     assert table.nbytes == table.grid.node_bytes + table.grid.cell_bytes
-    assert table.nbytes == pytest.approx(memory((0.2, 0.2), COARSE), rel=0.1)
+    assert table.nbytes == pytest.approx(32 * (0.2 / COARSE) ** 2, rel=0.1)
     assert grid_over((-0.1, -0.1), (0.1, 0.1)).cells == (402, 402)
 
 
@@ -277,7 +274,7 @@ def test_a_cell_that_is_no_size_is_refused(cell):
 def test_a_table_that_would_not_fit_in_memory_is_refused():
     with pytest.raises(InputError, match="2 GiB") as caught:
         tabulate(exact_of("minimum-distance", "star", bilateral=True), cell=1e-6)
-    assert "file" in caught.value.todo
+    assert "larger cell" in caught.value.todo
 
 
 def test_arrays_and_points_that_do_not_fit_are_refused():
