@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from hapticeval.errors import InputError
+from hapticeval.errors import InputError, described
 from hapticeval.files import replacing
 from hapticeval.renderers.lut_table import Grid, Table
 
@@ -94,7 +94,7 @@ def load(path: Path) -> Table:
             and grid.cell > 0.0
         )
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise _unfit(path, f"its header does not describe a table: {type(error).__name__}: {error}") from error
+        raise _unfit(path, f"its header does not describe a table: {described(error)}") from error
     if not sound:
         raise _unfit(path, f"its header describes no grid: {grid}")
     if standoff is None:
