@@ -51,7 +51,7 @@ def drive(renderer: Renderer | SelfDriven, experiment: Experiment, scene: Scene,
     the device's, and `RendererError`, naming tick and HIP, when the renderer breaks or when it drives the device out of
     the number range.
     """
-    if isinstance(renderer, SelfDriven):
+    if not isinstance(renderer, Renderer):
         return answered(renderer, experiment, dt)
     device = scene.robot
     if experiment.dimension != device.dimension:

@@ -18,7 +18,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.errors import InputError, UnknownNameError, described
 
 if TYPE_CHECKING:
     from hapticeval.renderer import RendererFactory
@@ -172,7 +172,7 @@ def _public(module: Any) -> list[str]:
 
 def _cause(error: BaseException) -> str:
     """The cause's own text, and the line of the user's file at which it was raised."""
-    text = f"{type(error).__name__}: {error}"
+    text = described(error)
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "importlib" not in frame.filename]
     if isinstance(error, SyntaxError) or len(frames) < 2:
         return text

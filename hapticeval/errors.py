@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+import traceback
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import PurePath
 
 
 class HapticevalError(Exception):
@@ -98,3 +101,39 @@ class RendererError(HapticevalError):
 
 class RunawayError(RendererError):
     """A simulated loop ran away: the renderer's force feeds energy into the device without end."""
+
+
+@contextmanager
+def renderer_errors(
+    call: str, *, tick: int | None = None, hip: Iterable[float] | None = None, why: str = "", todo: str = ""
+) -> Iterator[None]:
+    """Turn whatever a renderer's `call` ("step()") raises into a `RendererError`: foreign code may raise anything.
+
+    `why` is the place in its code where none is given. Errors that are meant for the user pass unchanged, and so does
+    Ctrl-C.
+    """
+    try:
+        yield
+    except HapticevalError:
+        raise
+    except (Exception, SystemExit) as error:
+        what = f"the renderer's {call} raised {described(error)}"
+        raise RendererError(what, tick=tick, hip=hip, why=why or origin(error), todo=todo) from error
+
+
+def described(error: BaseException) -> str:
+    """Return the type and the text of an exception of foreign code, whose text may not be readable or printable."""
+    try:
+        text = str(error).encode("utf-8", "backslashreplace").decode()
+    except (Exception, SystemExit) as unreadable:
+        text = f"(its text cannot be read: {type(unreadable).__name__})"
+    return f"{type(error).__name__}: {text}"
+
+
+def origin(error: BaseException) -> str:
+    """Where in foreign code an exception came from: the innermost frame, for the `why` of an error."""
+    frames = traceback.extract_tb(error.__traceback__)
+    if not frames:
+        return ""
+    last = frames[-1]
+    return f"in {PurePath(last.filename).name}, line {last.lineno}, in {last.name}: {last.line}"

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from hapticeval.closed_loop import drive
-from hapticeval.errors import HapticevalError, RefusalError, RendererError
+from hapticeval.errors import HapticevalError, RefusalError, RendererError, described, renderer_errors
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.surface import Surface
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
-from hapticeval.playback import Closeup, compare_batch, origin, play
+from hapticeval.playback import Closeup, compare_batch, play
 from hapticeval.recordings.recording import MissingChannelError, Recording
 from hapticeval.renderer import Renderer, RendererFactory, SelfDriven, check_support, supported
 from hapticeval.scene import Scene
@@ -95,7 +95,7 @@ class _Bench:
 
         What looks are made of is `step`, and what was played may be of `run`: they have to agree.
         """
-        if isinstance(self.renderer, SelfDriven):
+        if not isinstance(self.renderer, Renderer):
             return None
         compare_batch(self.renderer, base, stiffness=self.scene.stiffness, damping=self.scene.damping)
         return Closeup.of(self.renderer, base, self.scene)
@@ -110,14 +110,8 @@ def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
     declared = supported(factory)
     if declared is not None:
         check_support(scene, declared)
-    try:
+    with renderer_errors("factory"):
         renderer = factory(scene)
-    except HapticevalError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise RendererError(
-            f"the renderer's factory raised {type(error).__name__}: {error}", why=origin(error)
-        ) from error
     surface = getattr(renderer, "surface", None)
     if surface is not None and not isinstance(surface, Curve | Surface):
         raise RendererError(
@@ -257,7 +251,7 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
     except HapticevalError:
         raise
     except Exception as fault:  # the boundary behind which one faulty check must not take the run along
-        finding = Finding(Outcome.ERROR, f"the check itself failed: {type(fault).__name__}: {fault}")
+        finding = Finding(Outcome.ERROR, f"the check itself failed: {described(fault)}")
     if ended is None or finding.outcome in (Outcome.FAIL, Outcome.NOT_APPLICABLE):
         return finding
     message = f"the run ended at t = {ended['time']:.4g} s: {ended['what']}"

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-import traceback
 from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass
-from pathlib import PurePath
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.errors import DomainError, HapticevalError, RendererError
+from hapticeval.errors import DomainError, HapticevalError, RendererError, renderer_errors
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.surface import Surface
 from hapticeval.recordings.recording import REQUIRED, SINGLE, Recording, backward_difference
@@ -37,7 +35,7 @@ def play(renderer: Renderer | SelfDriven, path: Path, dt: float, *, scene: Scene
     Raises `RendererError`, naming tick and HIP, when the renderer raises, answers in a wrong shape or with a
     number that is not finite.
     """
-    if isinstance(renderer, SelfDriven):
+    if not isinstance(renderer, Renderer):
         return answered(renderer, path, dt)
     time, hips = path.sampled(dt)
     velocity = backward_difference(hips, time)
@@ -111,14 +109,8 @@ def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
 
 def answered(renderer: SelfDriven, stimulus: Stimulus, dt: float) -> Recording:
     """`renderer.answer(...)`, refused unless it is a recording, with what it raises told as a `RendererError`."""
-    try:
+    with renderer_errors("answer()"):
         recording = renderer.answer(stimulus, dt)
-    except HapticevalError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise RendererError(
-            f"the renderer's answer() raised {type(error).__name__}: {error}", why=origin(error)
-        ) from error
     if not isinstance(recording, Recording):
         raise RendererError(
             f"the renderer's answer() gave a {type(recording).__name__}", todo="return a hapticeval.Recording"
@@ -166,26 +158,23 @@ def _promised(renderer: object) -> dict[str, Any]:
 
 
 def _all_at_once(
-    renderer: Batch, hips: Array, velocity: Array, dt: float, first: int, ahead: int
+    renderer: Renderer, hips: Array, velocity: Array, dt: float, first: int, ahead: int
 ) -> tuple[Array, Array]:
-    try:
-        ihips, forces = (np.asarray(part, dtype=np.float64) for part in renderer.run(hips.copy(), dt))
-    except HapticevalError:
-        raise
-    except (Exception, SystemExit) as error:
-        if not isinstance(renderer, Renderer):
-            raise RendererError(
-                f"the renderer's run() raised {type(error).__name__}: {error}", tick=first, hip=hips[0]
-            ) from error
-        # A batch does not say where it broke; single steps do.
-        _step_by_step(renderer, hips, velocity, dt, first, ahead)
-        raise RendererError(
-            f"the renderer's run() raised {type(error).__name__}: {error}",
-            tick=first,
-            hip=hips[0],
-            why="its step() takes the same path without an error",
-            todo="make run() equal to reset() and a step() a row",
-        ) from error
+    with renderer_errors(
+        "run()",
+        tick=first,
+        hip=hips[0],
+        why="its step() takes the same path without an error",
+        todo="make run() equal to reset() and a step() a row",
+    ):
+        try:
+            ihips, forces = (np.asarray(part, dtype=np.float64) for part in renderer.run(hips.copy(), dt))
+        except HapticevalError:
+            raise
+        except (Exception, SystemExit):
+            # A batch does not say where it broke; single steps do.
+            _step_by_step(renderer, hips, velocity, dt, first, ahead)
+            raise
     answers = []
     for name, array in (("IHIPs", ihips), ("forces", forces)):
         if array.shape != hips.shape:
@@ -225,35 +214,14 @@ def _step_by_step(
 
 
 def _feel(renderer: Renderer, tick: int, hip: Array, push: Array) -> None:
-    try:
+    with renderer_errors("feel()", tick=tick, hip=hip):
         renderer.feel(push.copy())  # type: ignore[attr-defined]
-    except HapticevalError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise RendererError(
-            f"the renderer's feel() raised {type(error).__name__}: {error}", tick=tick, hip=hip, why=origin(error)
-        ) from error
-
-
-def origin(error: BaseException) -> str:
-    """Where in the renderer's code an exception came from: the innermost frame, for the `why` of an error."""
-    frames = traceback.extract_tb(error.__traceback__)
-    if not frames:
-        return ""
-    last = frames[-1]
-    return f"in {PurePath(last.filename).name}, line {last.lineno}, in {last.name}: {last.line}"
 
 
 def start(renderer: Renderer, hip: Array) -> None:
     """`renderer.reset(hip)`, with what it raises told as a `RendererError`."""
-    try:
+    with renderer_errors("reset()", tick=0, hip=hip):
         renderer.reset(hip.copy())
-    except HapticevalError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise RendererError(
-            f"the renderer's reset() raised {type(error).__name__}: {error}", tick=0, hip=hip, why=origin(error)
-        ) from error
 
 
 def ask(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
@@ -261,15 +229,9 @@ def ask(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -
 
     The renderer gets copies: what it does to its arguments must not reach the recording.
     """
-    try:
+    with renderer_errors("step()", tick=tick, hip=hip):
         answer, push = renderer.step(hip.copy(), velocity.copy(), dt)  # an (ihip, force) pair of any kind
         ihip, force = np.asarray(answer, dtype=np.float64), np.asarray(push, dtype=np.float64)
-    except HapticevalError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise RendererError(
-            f"the renderer's step() raised {type(error).__name__}: {error}", tick=tick, hip=hip, why=origin(error)
-        ) from error
     if ihip.shape != hip.shape or force.shape != hip.shape:
         raise RendererError(
             f"the renderer answered an IHIP of shape {ihip.shape} and a force of shape {force.shape}",

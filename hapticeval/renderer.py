@@ -90,7 +90,8 @@ class Batch(Protocol):
 class SelfDriven(Protocol):
     """A renderer with tool physics of its own, which answers a stimulus whole instead of tick by tick.
 
-    The ideal rigid contact is one: a rigid tool's position follows from forces, not from a sampled HIP.
+    The ideal rigid contact is one: a rigid tool's position follows from forces, not from a sampled HIP. A `Renderer`
+    that has an `answer` too is asked tick by tick.
     """
 
     def answer(self, stimulus: Stimulus, dt: float) -> Recording:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hapticeval.errors import RendererError
+from hapticeval.closed_loop import drive
+from hapticeval.errors import RendererError, described
 from hapticeval.geometry.catalogue import line
-from hapticeval.playback import Closeup, compare_batch, play
+from hapticeval.judging import built
+from hapticeval.playback import Closeup, compare_batch, lead, play
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Path
+from hapticeval.stimulus import Experiment, Path
 
 PATH = Path(np.array([0.0, 1.0]), np.array([[0.0, 0.0], [0.1, 0.0]]))
 
@@ -109,6 +111,63 @@ def test_a_batch_that_breaks_where_its_steps_do_not_says_so():
     with pytest.raises(RendererError, match="batch only") as caught:
         play(Breaks(), PATH, 0.01)
     assert "step()" in caught.value.why
+
+
+class Unreadable(Exception):
+    """As of a C++ library, whose text is bytes in another encoding."""
+
+    def __str__(self):
+        return b"\xb5m".decode()
+
+
+def raises(*_):
+    raise Unreadable
+
+
+UNREADABLE = r"raised Unreadable: \(its text cannot be read: UnicodeDecodeError\)"
+
+
+@pytest.mark.parametrize("method", ["reset", "step", "run", "feel"])
+def test_an_exception_whose_text_cannot_be_read_is_one_as_any(method):
+    renderer = Echo()
+    setattr(renderer, method, raises)
+    scene = Scene(model=line())
+    pushes = np.zeros((2, 2)) if method == "feel" else None
+    with pytest.raises(RendererError, match=rf"the renderer's {method}\(\) {UNREADABLE}") as caught:
+        lead(renderer, np.zeros((2, 2)), np.zeros((2, 2)), 1e-3, scene=scene, pushes=pushes)
+    assert caught.value.tick == 0
+    assert isinstance(caught.value.__cause__, Unreadable)
+
+
+def test_so_is_one_of_a_factory_and_of_a_stimulus_answered_whole():
+    with pytest.raises(RendererError, match=f"the renderer's factory {UNREADABLE}") as caught:
+        built(raises, Scene(model=line()))
+    assert "in raises" in caught.value.why
+
+    class Whole:
+        answer = raises
+
+    with pytest.raises(RendererError, match=rf"answer\(\) {UNREADABLE}"):
+        play(Whole(), PATH, 0.01)
+
+
+def test_a_text_that_no_file_can_take_is_escaped():
+    assert described(ValueError("\udcb5m")) == r"ValueError: \udcb5m"
+
+
+def test_a_renderer_with_a_step_is_asked_step_by_step_whatever_else_it_has():
+    class Helped(Echo):
+        def answer(self, hip):
+            return Response(hip, np.zeros(2))
+
+        def step(self, hip, velocity, dt):
+            return self.answer(hip)
+
+    scene = Scene(model=line())
+    renderer = built(lambda scene: Helped(), scene)
+    assert len(play(renderer, PATH, 0.01)) == 101
+    push = Experiment(0.01, np.zeros(2), np.zeros(2), np.zeros(1), np.array([[0.0, -1.0]]))
+    assert len(drive(renderer, push, scene, 1e-3)) == 11
 
 
 def test_a_batch_with_a_nan_is_named_with_its_tick():

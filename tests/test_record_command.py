@@ -234,7 +234,7 @@ def test_nothing_is_written_over(here, capsys, there):
         (["--device", "nocard:Driver", "--wiring", "wired.toml"], "driver 'nocard:Driver': cannot import"),
         (["--device", "mycard:Wrong", "--wiring", "wired.toml"], "which is no hardware"),
         (["--device", "mycard:Missing", "--wiring", "wired.toml"], "no card in slot 3"),
-        (["--device", "mycard:Dead", "--wiring", "wired.toml"], "raised OSError in cycle 1: no power"),
+        (["--device", "mycard:Dead", "--wiring", "wired.toml"], "raised OSError: no power in cycle 1"),
         (["--model", "circle:size=2"], "does not lie in the functional workspace"),
         (["--model", "sphere"], "3 dimensions, and parallelogram-2dof 2"),
         (["--model", "sphere"], "give --robot parallelogram-3dof"),

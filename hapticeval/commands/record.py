@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hapticeval.errors import HapticevalError, InputError
+from hapticeval.errors import HapticevalError, InputError, described, origin
 from hapticeval.output import say
 
 if TYPE_CHECKING:
@@ -306,7 +306,6 @@ def _place(name: str, wiring: Wiring, scene: Scene) -> Iterator[Callable[[], Har
 
 def _driver(name: str, factory: Callable[[], Any]) -> HardwareDevice:
     from hapticeval.hardware.device import HardwareDevice
-    from hapticeval.playback import origin
 
     try:
         driver = factory()
@@ -314,7 +313,7 @@ def _driver(name: str, factory: Callable[[], Any]) -> HardwareDevice:
         raise
     except Exception as error:
         raise HapticevalError(
-            f"the driver '{name}' could not be opened: {type(error).__name__}: {error}", why=origin(error)
+            f"the driver '{name}' could not be opened: {described(error)}", why=origin(error)
         ) from error
     if not isinstance(driver, HardwareDevice):
         raise InputError(

@@ -10,9 +10,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from hapticeval.errors import HapticevalError
+from hapticeval.errors import HapticevalError, described, origin
 from hapticeval.hardware.device import HardwareDevice, Reading
-from hapticeval.playback import origin
 from hapticeval.types import Array
 
 PATIENCE = 2.0
@@ -99,7 +98,7 @@ class Guarded:
             raise
         except Exception as error:
             raise HapticevalError(
-                f"the driver's {what} raised {type(error).__name__} in cycle {self._cycle}: {error}",
+                f"the driver's {what} raised {described(error)} in cycle {self._cycle}",
                 why=origin(error),
             ) from error
 
@@ -139,7 +138,7 @@ def _ending(cause: BaseException | None, told: list[str]) -> list[str]:
     if cause is None:
         return []
     if not isinstance(cause, HapticevalError):
-        return [f"the run had ended by {type(cause).__name__}: {cause}"]
+        return [f"the run had ended by {described(cause)}"]
     what = [] if cause.what in told else [f"the run had ended because {cause.what}"]
     return [*what, *filter(None, (cause.why,))]
 

@@ -36,7 +36,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from hapticeval.errors import HapticevalError, InputError
+from hapticeval.errors import HapticevalError, InputError, described
 from hapticeval.recordings.channels import Signal, check_metadata
 from hapticeval.recordings.journal import HEADERS, UNCLOSED, Kind, Layout, block_head, opening
 
@@ -479,7 +479,7 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if error is not None:
-            self.event("ended", f"{type(error).__name__}: {error}".replace("\0", " "))
+            self.event("ended", described(error).replace("\0", " "))
         self.close()
 
     def _misfit(self, values: tuple[Any, ...], at: Any) -> InputError:

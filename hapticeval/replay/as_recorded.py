@@ -14,7 +14,7 @@ from hapticeval.judging import built
 from hapticeval.phenomena.sampling import LED
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.recordings.stretches import Stretch
-from hapticeval.renderer import SelfDriven
+from hapticeval.renderer import Renderer
 from hapticeval.replay.explain import Deviation, deviation
 from hapticeval.replay.job import hand_path
 from hapticeval.replay.rerender import HandPath, Part, joined, rerendered
@@ -65,7 +65,7 @@ def as_recorded(subject: Subject, renderers: Sequence[str] = ()) -> AsRecorded:
     scene = subject.case.build_scene()
     factory = resolve(name) if renderers else resolve_installed(name, source=subject.file)
     renderer = built(factory, scene)
-    if isinstance(renderer, SelfDriven):
+    if not isinstance(renderer, Renderer):
         raise InputError(
             f"'{name}' cannot be computed again from {subject.file}",
             why="it has tool physics of its own: the recorded HIP is its tool, and what led it was not recorded",

@@ -85,7 +85,7 @@ def _stretch(
 ) -> Part:
     time = path.recording.time[stretch.rows]
     hip, dt = path.hip[stretch.rows], steps(path.recording, stretch) if path.dt is None else path.dt
-    if isinstance(renderer, SelfDriven):
+    if not isinstance(renderer, Renderer):
         return Part(stretch, _whole(renderer, time, hip, dt, meta))
     velocity = path.velocity(stretch)
     felt = path.recording.channels.get("measured_force")
@@ -136,7 +136,7 @@ def _reversed(
     back = time[-1] - time[::-1]
     hip = path.hip[stretch.rows][::-1]
     dt = steps(path.recording, stretch)
-    if isinstance(renderer, SelfDriven):
+    if not isinstance(renderer, Renderer):
         return _whole(renderer, back, hip, dt, meta)
     velocity = backward_difference(hip, back)
     if not isinstance(dt, float):

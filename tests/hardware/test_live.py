@@ -97,7 +97,7 @@ def test_the_motors_rest_at_the_end(tmp_path):
 @pytest.mark.parametrize(
     ("trick", "words"),
     [
-        (raising(OSError("unplugged")), r"read\(\) raised OSError in cycle 40: unplugged"),
+        (raising(OSError("unplugged")), r"read\(\) raised OSError: unplugged in cycle 40"),
         (lambda reading: None, r"read\(\) gave a NoneType: None in cycle 40"),
         (lambda reading: reading._replace(raw=np.array([1.0, np.nan])), "raw positions .*nan.* in cycle 40"),
         (lambda reading: reading._replace(raw=np.zeros(3)), r"shape \(3,\) in cycle 40"),

@@ -63,6 +63,7 @@ NO_ANSWER: dict[str, Callable[..., Any]] = {
     "exits": raising(lambda: SystemExit(3)),
     "stops": raising(StopIteration),
     "recurses": raising(RecursionError),
+    "unprintable": raising(unprintable),
 }
 """Answers that are none."""
 

@@ -15,7 +15,7 @@ from pathlib import Path, PurePath
 from types import MappingProxyType
 from typing import Any
 
-from hapticeval.errors import HapticevalError, InputError, UnknownNameError
+from hapticeval.errors import HapticevalError, InputError, UnknownNameError, described
 from hapticeval.recordings.formats.table import Table
 from hapticeval.recordings.importing.units import parse_unit
 from hapticeval.recordings.memory import reserve
@@ -93,7 +93,7 @@ def load_importer(name: str) -> Callable[[Path], Table]:
         place = _place(error)
         raise InputError(
             f"cannot load the format '{name}'",
-            why=f"{type(error).__name__}: {error}" + (f" ({place})" if place else ""),
+            why=described(error) + (f" ({place})" if place else ""),
             todo=f"see that `python -c 'from {module} import {function}'` works",
         ) from error
     if not callable(read):
@@ -146,7 +146,7 @@ def telling(what: str, function: Any) -> Iterator[None]:
         raise InputError(f"{what}: {error.what}", why=why, todo=error.todo) from error
     except (Exception, SystemExit) as error:
         raise InputError(
-            f"{what} raised {type(error).__name__}: {error}", why=_place(error, function), todo="mend it there"
+            f"{what} raised {described(error)}", why=_place(error, function), todo="mend it there"
         ) from error
 
 

@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 
 from hapticeval.discovery import own_renderers, resolve
-from hapticeval.errors import HapticevalError, InputError, RendererError, UnknownNameError
+from hapticeval.errors import HapticevalError, InputError, RendererError, UnknownNameError, described
 from hapticeval.judging import built
 from hapticeval.knob import Settings, configured, knobs_of
 from hapticeval.renderer import Renderer, RendererFactory
@@ -182,7 +182,7 @@ class Sweep:
             entry.failure = error
             entry.problem = " ".join(part for part in (f"{error.what}.", error.why) if part)
         except Exception as error:
-            entry.failure = RendererError(f"measuring it raised {type(error).__name__}: {error}", tick=0, hip=())
+            entry.failure = RendererError(f"measuring it raised {described(error)}", tick=0, hip=())
             entry.problem = entry.failure.what
 
     def _measure(self, entry: _Entry) -> None:
