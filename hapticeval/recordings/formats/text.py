@@ -190,13 +190,13 @@ def read_delimited(path: Path) -> Table:
             said = f": {cell!r}" if isinstance(cell, str) else ", which is empty or NaN"
             lacking.setdefault((empty.size, int(empty[0]), said), []).append(name)
         columns[name] = values
-    found = [_lacking(alike, *event) for event, alike in lacking.items()]
-    cells = tuple(found)
+    notices = [_lacking(alike, *event) for event, alike in lacking.items()]
+    cells = tuple(notices)
     if cut.strip():
         clock = next((name for name in columns if UNIT.sub(r"\1", name).strip().lower() in CLOCKS), None)
         step = None if clock is None else step_of(columns[clock])
-        found.append(cut_row(len(frame), step, units.get(clock or "", "in the unit of its clock")))
-    return Table(columns, units=units, warnings=tuple(found), remarks=tuple(remarks), cells=cells)
+        notices.append(cut_row(len(frame), step, units.get(clock or "", "in the unit of its clock")))
+    return Table(columns, units=units, warnings=tuple(notices), remarks=tuple(remarks), cells=cells)
 
 
 def _frame(path: Path, lines: list[str], first: int, names: list[str], dialect: _Dialect) -> Any:
