@@ -15,7 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 sys.path.insert(0, str(FilePath(__file__).parents[1] / "meta"))
-from overpowering import HONEST, OVERPOWERING, factory, honest
+import honest
+from overpowering import OVERPOWERING, factory
 
 from hapticeval.devices.imperfections import Imperfections
 from hapticeval.discovery import resolve
@@ -245,10 +246,17 @@ def test_what_is_overpowering_fails_its_checks_and_no_other(name):
 
 
 @pytest.mark.parametrize("declares", [False, True])
-@pytest.mark.parametrize("name", HONEST)
+@pytest.mark.parametrize("name", honest.HONEST)
 def test_what_is_honest_is_not_blamed(name, declares):
-    found = judged(honest(name, declares=declares), *FEW)
-    wanted = {Outcome.PASS} if name != "silent" else {Outcome.PASS, Outcome.INCONCLUSIVE}
+    class Promising(honest.HONEST[name]):
+        declares = Declaration(spring=Spring.ERROR)
+
+    class Silent(honest.HONEST[name]):
+        declares = None
+
+    kind = Promising if declares else Silent
+    found = judged(lambda scene: kind(scene, resolve("minimum-distance")(scene)), *FEW)
+    wanted = {Outcome.PASS} if name != "force-only" else {Outcome.PASS, Outcome.INCONCLUSIVE}
     assert {v.outcome for v in found} == wanted, [v.finding.message for v in found if v.outcome not in wanted]
     assert all(v.as_expected for v in found)
 
@@ -301,12 +309,12 @@ def test_plane_press_tells_the_depth_that_k_asks_for():
 
 
 def test_a_force_only_renderer_that_is_too_soft_fails():
-    class Soft(HONEST["silent"]):
+    class Soft(honest.ForceOnly):
         def step(self, hip, velocity, dt):
             answer = super().step(hip, velocity, dt)
             return Response(answer.ihip, answer.force / 3.0)
 
-    found = judged(lambda scene: Soft(resolve("minimum-distance")(scene), scene), *FEW)
+    found = judged(lambda scene: Soft(scene, resolve("minimum-distance")(scene)), *FEW)
     assert {v.outcome for v in found if v.check == "force-magnitude"} == {Outcome.FAIL}
 
 
