@@ -1,7 +1,7 @@
 """Right renderers as real ones differ: late, in single precision, answering lists, at a distance, or force only.
 
-Each takes the factory of a right renderer and gives that of the same renderer so changed. No check may blame the
-change: in every case the verdict is the bare renderer's, or one that decides less.
+`Spring` is the plainest right renderer. Each change takes the factory of one and gives that of the same renderer so
+changed. No check may blame the change: in every case the verdict is the bare renderer's, or one that decides less.
 """
 
 from __future__ import annotations
@@ -16,7 +16,22 @@ from hapticeval.renderer import Renderer, RendererFactory, Response
 from hapticeval.scene import Scene
 
 STANDOFF = 1e-4
-"""Distance (m) in front of the surface at which a tool may stop, declared."""
+"""Distance (m) from the surface at which a tool may stop, declared."""
+
+
+class Spring:
+    """The nearest point of the surface while the hand is inside, and a spring to it: the renderer of the README."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.boundary, self.stiffness = scene.model.boundary, scene.stiffness
+
+    def reset(self, hip: np.ndarray) -> None:
+        pass
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        at = self.boundary.frame(hip[np.newaxis])
+        ihip = at.foot[0] if at.distance[0] < 0.0 else hip
+        return Response(ihip, self.stiffness * (ihip - hip))
 
 
 class Changed:
@@ -27,7 +42,7 @@ class Changed:
         self.inner = inner
 
     def __getattr__(self, name: str) -> Any:
-        if name in ("surface", "resolution", "standoff", "supports", "feel"):
+        if name in ("surface", "resolution", "standoff", "supports", "feel", "declares"):
             return getattr(self.inner, name)
         raise AttributeError(name)
 
@@ -70,6 +85,18 @@ class Late3(Late):
     ticks = 3
 
 
+class LateTool(Late):
+    """The tool comes three ticks late, and the spring pulls to it from where the hand is now."""
+
+    ticks = 3
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        old = super().step(hip, velocity, dt).ihip
+        if not self.scene.bilateral and np.array_equal(self.found[-1].ihip, hip):
+            return Response(hip, np.zeros_like(hip))
+        return Response(old, self.scene.stiffness * (old - hip))
+
+
 class Single(Changed):
     """Takes and gives positions in single precision, and forms its spring's force of them, in single precision."""
 
@@ -104,15 +131,21 @@ class Tuples(Changed):
 class Apart(Changed):
     """Stops the tool `STANDOFF` in front of the surface, and declares it: asks for the hand that much further in."""
 
-    standoff = STANDOFF
+    standoff = height = STANDOFF
 
     def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
         frame = self.scene.model.boundary.frame(hip[np.newaxis])
-        shift = STANDOFF * frame.normal[0]
-        if not self.scene.bilateral and frame.distance[0] >= STANDOFF:
-            return super().step(hip, velocity, dt)
+        shift = self.height * frame.normal[0]
+        if not self.scene.bilateral and frame.distance[0] >= self.height:
+            return Response(hip, np.zeros_like(hip))
         ihip, force = super().step(hip - shift, velocity, dt)
         return Response(np.asarray(ihip) + shift, np.asarray(force))
+
+
+class Sunk(Apart):
+    """Stops the tool as far under the surface: asks for the hand that much further out."""
+
+    height = -STANDOFF
 
 
 class ForceOnly(Changed):
@@ -126,10 +159,12 @@ HONEST: dict[str, type[Changed]] = {
     "late-1": Late1,
     "late-2": Late2,
     "late-3": Late3,
+    "late-tool": LateTool,
     "single": Single,
     "lists": Lists,
     "tuples": Tuples,
     "standoff": Apart,
+    "sunk": Sunk,
     "force-only": ForceOnly,
 }
 """Name of a change: the class that makes it."""

@@ -13,7 +13,9 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import ClassVar, Protocol
 
+import honest
 import numpy as np
+from honest import Spring
 
 from hapticeval.renderer import Renderer, Response
 from hapticeval.scene import Scene
@@ -27,21 +29,6 @@ class Rule(Protocol):
         """The arc length to answer, m, in the given tick of the run; None lets go of the surface."""
 
 
-class Nearest:
-    """The renderer of the README."""
-
-    def __init__(self, scene: Scene) -> None:
-        self.boundary, self.stiffness = scene.model.boundary, scene.stiffness
-
-    def reset(self, hip: np.ndarray) -> None:
-        pass
-
-    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
-        at = self.boundary.frame([hip])
-        ihip = at.foot[0] if at.distance[0] < 0 else hip
-        return Response(ihip, self.stiffness * (ihip - hip))
-
-
 class Moved:
     """The contact point of `inner`, moved along the surface by a rule."""
 
@@ -49,7 +36,7 @@ class Moved:
         self, scene: Scene, rule: Callable[[], Rule], inner: Callable[[Scene], Renderer] | None = None
     ) -> None:
         self.scene = scene
-        self.inner = (Nearest if inner is None else inner)(scene)
+        self.inner = (Spring if inner is None else inner)(scene)
         self.rule = rule
         self.memory: Rule | None = None
         self.last: float | None = None
@@ -200,12 +187,9 @@ class Bends:
         return self.begun + self.at + self.length * math.copysign(abs(d) ** self.exponent, d)
 
 
-class Single(Moved):
+def single(scene: Scene, rule: Callable[[], Rule], inner: Callable[[Scene], Renderer] | None = None) -> honest.Single:
     """All in single precision, HIP and answer."""
-
-    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
-        ihip, force = super().step(hip.astype(np.float32).astype(np.float64), velocity, dt)
-        return Response(ihip.astype(np.float32), force.astype(np.float32))
+    return honest.Single(scene, Moved(scene, rule, inner))
 
 
 class Uncopied(Moved):
@@ -232,7 +216,7 @@ class Handle:
         return self.STATES[self.number].step(hip, velocity, dt)
 
 
-class OffStep(Nearest):
+class OffStep(Spring):
     """A `run` whose contact points lie 0.1 mm deeper than those of its own `step`."""
 
     off = 1e-4
@@ -273,7 +257,7 @@ HONEST: dict[str, Callable[[], Rule]] = {
 
 
 def factory(
-    name: str, kind: type = Moved, inner: Callable[[Scene], Renderer] | None = None
+    name: str, kind: Callable[..., Renderer] = Moved, inner: Callable[[Scene], Renderer] | None = None
 ) -> Callable[[Scene], Renderer]:
     """A renderer factory for one of these rules."""
     return lambda scene: kind(scene, (BROKEN | HONEST)[name], inner)

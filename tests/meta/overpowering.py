@@ -1,7 +1,6 @@
-"""Renderers whose force is of another size than it should be, or that make energy of it, and honest ones beside them.
+"""Renderers whose force is of another size than it should be, or that make energy of it.
 
-Each takes its IHIP and its force from an honest renderer, and has one fault in the size of the force. The honest ones
-are late, coarse in number, off the surface by what they declare, or without an IHIP, and have no fault.
+Each takes its IHIP and its force from an honest renderer, and has one fault in the size of the force.
 """
 
 from __future__ import annotations
@@ -10,9 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from honest import Changed
 
 from hapticeval.discovery import resolve
-from hapticeval.renderer import Declaration, Renderer, Response, Spring
+from hapticeval.renderer import Renderer, Response
 from hapticeval.scene import Scene
 
 
@@ -33,21 +33,21 @@ class Tick:
 Fault = Callable[[Tick], np.ndarray]
 
 
-class Overpowering:
+class Overpowering(Changed):
     """An honest renderer's answer, with the force that `fault` makes of it; it declares what the honest one does."""
 
-    def __init__(self, inner: Renderer, scene: Scene, fault: Fault) -> None:
-        self.inner, self.scene, self.fault = inner, scene, fault
-        self.declares = getattr(inner, "declares", None)
+    def __init__(self, scene: Scene, inner: Renderer, fault: Fault) -> None:
+        super().__init__(scene, inner)
+        self.fault = fault
         self.resets = 0
 
     def reset(self, hip: np.ndarray) -> None:
-        self.inner.reset(hip)
+        super().reset(hip)
         self.resets += 1
         self.number, self.time = 0, 0.0
 
     def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
-        ihip, force = self.inner.step(hip, velocity, dt)
+        ihip, force = super().step(hip, velocity, dt)
         tick = Tick(self.number, self.time, self.resets, self.scene.stiffness, hip, velocity, ihip, force)
         self.number, self.time = self.number + 1, self.time + dt
         return Response(ihip, self.fault(tick))
@@ -115,101 +115,4 @@ OVERPOWERING: dict[str, tuple[frozenset[str], Fault]] = {
 
 def factory(name: str, base: str = "minimum-distance") -> Callable[[Scene], Overpowering]:
     """A renderer factory for one of `OVERPOWERING`, built on the honest renderer `base`."""
-    return lambda scene: Overpowering(resolve(base)(scene), scene, OVERPOWERING[name][1])
-
-
-class Wrapped:
-    """An honest renderer's answers, passed on; the ground of what is honest and yet no exact answer."""
-
-    def __init__(self, inner: Renderer, scene: Scene) -> None:
-        self.inner, self.stiffness = inner, scene.stiffness
-
-    def reset(self, hip: np.ndarray) -> None:
-        self.inner.reset(hip)
-
-    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
-        return Response(*self.inner.step(hip, velocity, dt))
-
-
-class Single(Wrapped):
-    """Computes in single precision."""
-
-    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
-        ihip = np.asarray(self.inner.step(hip, velocity, dt).ihip, dtype=np.float32)
-        if np.all(ihip == hip.astype(np.float32)):
-            return Response(hip, 0.0 * hip)
-        return Response(ihip, np.float32(self.stiffness) * (ihip - hip.astype(np.float32)))
-
-
-class Lists(Wrapped):
-    """Answers with lists."""
-
-    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
-        ihip, force = self.inner.step(hip, velocity, dt)
-        return Response(ihip.tolist(), force.tolist())  # type: ignore[arg-type]
-
-
-class Silent(Wrapped):
-    """Gives a force only."""
-
-    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
-        return Response(hip, self.inner.step(hip, velocity, dt).force)
-
-
-class Late(Wrapped):
-    """Answers as the honest renderer did some ticks ago, in both or with the IHIP alone."""
-
-    ticks, whole = 1, True
-
-    def reset(self, hip: np.ndarray) -> None:
-        self.inner.reset(hip)
-        self.kept: list[Response] = []
-
-    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
-        self.kept.append(Response(*self.inner.step(hip, velocity, dt)))
-        old = self.kept[-1 - min(self.ticks, len(self.kept) - 1)]
-        if self.whole:
-            return old
-        touching = np.any(self.kept[-1].ihip != hip)
-        return Response(old.ihip if touching else hip, self.stiffness * (old.ihip - hip) if touching else 0.0 * hip)
-
-
-class Aloof(Wrapped):
-    """Keeps its tool 0.1 mm off the surface, and declares that."""
-
-    standoff = 1e-4
-
-    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
-        ihip, force = self.inner.step(hip, velocity, dt)
-        size = float(np.linalg.norm(force))
-        if size == 0.0:
-            return Response(ihip, force)
-        tool = ihip + self.standoff * force / size
-        return Response(tool, self.stiffness * (tool - hip))
-
-
-def _late(count: int, *, whole: bool) -> type[Late]:
-    return type("Late", (Late,), {"ticks": count, "whole": whole})
-
-
-HONEST: dict[str, type[Wrapped]] = {
-    "single": Single,
-    "lists": Lists,
-    "silent": Silent,
-    "aloof": Aloof,
-    **{f"late-{count}": _late(count, whole=True) for count in (1, 2, 3)},
-    **{f"late-tool-{count}": _late(count, whole=False) for count in (1, 3)},
-}
-"""What is honest, by name."""
-
-
-def honest(name: str, base: str = "minimum-distance", *, declares: bool = False) -> Callable[[Scene], Wrapped]:
-    """A renderer factory for one of `HONEST`; it may declare the spring that it is."""
-
-    def make(scene: Scene) -> Wrapped:
-        made = HONEST[name](resolve(base)(scene), scene)
-        if declares:
-            made.declares = Declaration(spring=Spring.ERROR)  # type: ignore[attr-defined]
-        return made
-
-    return make
+    return lambda scene: Overpowering(scene, resolve(base)(scene), OVERPOWERING[name][1])

@@ -10,10 +10,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from honest import Late
+from honest import Late, Spring
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from outsiders import LED, Spring, case
+from outsiders import LED, case
 
 from hapticeval.judging import judge
 from hapticeval.phenomena.verdict import Outcome

@@ -8,7 +8,8 @@ from pathlib import Path as FilePath
 import jumping
 import numpy as np
 import pytest
-from jumping import BROKEN, HONEST, Bends, Handle, InStep, Late, Moved, Nearest, OffStep, Single, Switches, Uncopied
+from honest import Spring
+from jumping import BROKEN, HONEST, Bends, Handle, InStep, Late, Moved, OffStep, Switches, Uncopied, single
 
 from hapticeval.geometry.catalogue import circle, star
 from hapticeval.judging import judge as judge_case
@@ -100,7 +101,7 @@ def test_a_memory_is_no_jump(rule):
 
 @pytest.mark.parametrize(
     ("kind", "rule"),
-    [*((Moved, rule) for rule in BROKEN), (Single, "switches"), (Uncopied, "sticks"), (Handle, "switches-late")],
+    [*((Moved, rule) for rule in BROKEN), (single, "switches"), (Uncopied, "sticks"), (Handle, "switches-late")],
 )
 def test_a_jump_is_found_whatever_holds_its_memory(kind, rule):
     finding = found(jumping.factory(rule, kind)(ROUND), ROUND, ARC)
@@ -111,7 +112,7 @@ def test_a_jump_is_found_whatever_holds_its_memory(kind, rule):
 
 @pytest.mark.parametrize(
     ("kind", "exponent"),
-    [(Moved, 1 / 2), (Single, 1 / 6), (Single, 1 / 3), (Uncopied, 1 / 3), (Handle, 1 / 3)],
+    [(Moved, 1 / 2), (single, 1 / 6), (single, 1 / 3), (Uncopied, 1 / 3), (Handle, 1 / 3)],
 )
 def test_a_hoelder_map_from_one_sixth_on_is_continuous(kind, exponent):
     finding = found(kind(ROUND, partial(Bends, exponent)), ROUND, ARC)
@@ -139,7 +140,7 @@ def test_a_jump_in_the_middle_of_a_steep_place_is_found():
     assert finding.metric.value == pytest.approx(0.5e-3, rel=0.1)
 
 
-class Counted(Nearest):
+class Counted(Spring):
     def __init__(self, scene):
         super().__init__(scene)
         self.count = [0]

@@ -112,13 +112,7 @@ def test_what_is_honest_is_not_blamed(name):
     assert Outcome.PASS in findings(name).values()
 
 
-UNDECIDED = {"fine-pop", "rate-pop", "runs-apart"}
-"""A sibling that lost the jump with the contact, a rate of its own, and a run() off its step() pass as yet."""
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.xfail) if name in UNDECIDED else name for name in outsiders.BROKEN]
-)
+@pytest.mark.parametrize("name", outsiders.BROKEN)
 def test_what_an_outsider_breaks_is_found(name):
     broken = outsiders.BROKEN[name]
     if broken.breaks:

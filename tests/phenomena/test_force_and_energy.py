@@ -15,9 +15,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 sys.path.insert(0, str(FilePath(__file__).parents[1] / "meta"))
+import honest
 import outsiders
-from honest import factory as late_by_name
-from overpowering import HONEST, OVERPOWERING, factory, honest
+from overpowering import OVERPOWERING, factory
 
 from hapticeval.devices.imperfections import Imperfections
 from hapticeval.discovery import resolve
@@ -222,7 +222,7 @@ def test_without_a_closed_way_nothing_is_known():
 def test_a_late_spring_is_not_blamed_where_the_hand_turns_within_its_lag(late, duration):
     slide = outsiders.CASES["slide"]
     fast = replace(slide, checks=("passivity",), trajectory={**slide.trajectory, "duration": duration})
-    (verdict,) = judge(late_by_name(late, outsiders.Spring), late, "mine", fast).verdicts
+    (verdict,) = judge(honest.factory(late, outsiders.Spring), late, "mine", fast).verdicts
     assert verdict.outcome in (Outcome.PASS, Outcome.INCONCLUSIVE), verdict.finding.message
 
 
@@ -256,10 +256,17 @@ def test_what_is_overpowering_fails_its_checks_and_no_other(name):
 
 
 @pytest.mark.parametrize("declares", [False, True])
-@pytest.mark.parametrize("name", HONEST)
+@pytest.mark.parametrize("name", honest.HONEST)
 def test_what_is_honest_is_not_blamed(name, declares):
-    found = judged(honest(name, declares=declares), *FEW)
-    wanted = {Outcome.PASS} if name != "silent" else {Outcome.PASS, Outcome.INCONCLUSIVE}
+    class Promising(honest.HONEST[name]):
+        declares = Declaration(spring=Spring.ERROR)
+
+    class Silent(honest.HONEST[name]):
+        declares = None
+
+    kind = Promising if declares else Silent
+    found = judged(lambda scene: kind(scene, resolve("minimum-distance")(scene)), *FEW)
+    wanted = {Outcome.PASS} if name != "force-only" else {Outcome.PASS, Outcome.INCONCLUSIVE}
     assert {v.outcome for v in found} == wanted, [v.finding.message for v in found if v.outcome not in wanted]
     assert all(v.as_expected for v in found)
 
@@ -312,12 +319,12 @@ def test_plane_press_tells_the_depth_that_k_asks_for():
 
 
 def test_a_force_only_renderer_that_is_too_soft_fails():
-    class Soft(HONEST["silent"]):
+    class Soft(honest.ForceOnly):
         def step(self, hip, velocity, dt):
             answer = super().step(hip, velocity, dt)
             return Response(answer.ihip, answer.force / 3.0)
 
-    found = judged(lambda scene: Soft(resolve("minimum-distance")(scene), scene), *FEW)
+    found = judged(lambda scene: Soft(scene, resolve("minimum-distance")(scene)), *FEW)
     assert {v.outcome for v in found if v.check == "force-magnitude"} == {Outcome.FAIL}
 
 

@@ -79,6 +79,13 @@ def test_an_answer_that_comes_late_on_both_ways_is_no_memory(change, renderer, n
     assert found.outcome is Outcome.PASS, found
 
 
+@pytest.mark.parametrize(("change", "height"), [("standoff", 1e-4), ("sunk", -1e-4)])
+def test_the_stand_ins_stand_off_as_they_declare(change, height):
+    scene = Scene(model=circle())
+    answer = honest.factory(change, honest.Spring)(scene).step(np.array([0.0, 0.09]), np.zeros(2), 1e-3)
+    assert scene.model.boundary.signed_distance(answer.ihip[np.newaxis])[0] == pytest.approx(height)
+
+
 @pytest.mark.parametrize("duration", [8.0, 4.0, 1.0])
 def test_the_same_path_gets_the_same_verdict_at_any_speed(duration):
     """A degree beside the normal, all along a lobe of the Cassinian: 3 steps of 0.1 mm turn it by half of that."""
