@@ -11,9 +11,8 @@ from hapticeval.compiled import compiled
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import piece_of
 from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
-from hapticeval.renderers.boundary import Boundary, boundary_of, nearest_on
+from hapticeval.renderers.outline import Boundary, boundary_of, frame, nearest_on
 from hapticeval.renderers.projection import Projected
-from hapticeval.renderers.slide import frame
 from hapticeval.types import Array, BoolArray
 
 ROUNDING = 1e-14

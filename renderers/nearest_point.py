@@ -8,10 +8,8 @@ import numpy as np
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.kernels import evaluate
-from hapticeval.renderers.boundary import Boundary, clear_of, nearest_on
-from hapticeval.renderers.outline import Outline
+from hapticeval.renderers.outline import Boundary, Outline, clear_of, frame, nearest_on
 from hapticeval.renderers.projection import Projected
-from hapticeval.renderers.slide import frame
 from hapticeval.types import Array, BoolArray
 
 
