@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 from hapticeval.geometry.conformal import ConformalMap, conformal_map
 from hapticeval.geometry.model import Model
 from hapticeval.renderers.disk_projection import DiskProjection
-from hapticeval.renderers.nearest_point import MinimumDistanceProjection
+from hapticeval.renderers.nearest import MinimumDistanceProjection
 from hapticeval.renderers.outline import outline_of
 from hapticeval.renderers.projection import Projection
 

@@ -190,10 +190,10 @@ def by_minimum_distance(
 ) -> Projection:
     """The minimum distance projection (4.2) on a representation of the scene's model; in space on the exact surface."""
     if scene.model.dimension == 3 and representation == "curve":
-        from hapticeval.renderers.nearest_surface import NearestOnSurface
+        from hapticeval.renderers.nearest import NearestOnSurface
 
         return NearestOnSurface(scene.model.surface, bilateral=scene.bilateral)
-    from hapticeval.renderers.nearest_point import MinimumDistanceProjection
+    from hapticeval.renderers.nearest import MinimumDistanceProjection
     from hapticeval.renderers.outline import outline_of
 
     if representation == "level-set" and scene.model.curve.closed:

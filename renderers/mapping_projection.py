@@ -6,7 +6,7 @@ from hapticeval.geometry.flow import FlowSettings
 from hapticeval.geometry.flow_map import flow_map
 from hapticeval.geometry.model import Model
 from hapticeval.renderers.disk_projection import DiskProjection
-from hapticeval.renderers.nearest_point import MinimumDistanceProjection
+from hapticeval.renderers.nearest import MinimumDistanceProjection
 from hapticeval.renderers.outline import outline_of
 from hapticeval.renderers.projection import Projection
 
