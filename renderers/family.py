@@ -197,7 +197,7 @@ def by_minimum_distance(
     from hapticeval.renderers.outline import outline_of
 
     if representation == "level-set" and scene.model.curve.closed:
-        from hapticeval.renderers.nearest_contour import LevelSetProjection
+        from hapticeval.renderers.contour import LevelSetProjection
 
         return LevelSetProjection(scene.model, (int(grid), int(grid)), bilateral=scene.bilateral)
     return MinimumDistanceProjection(outline_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)
