@@ -16,8 +16,7 @@ from hapticeval.compiled import compiled
 from hapticeval.geometry.catalogue import cassinian
 from hapticeval.renderers.family import by_minimum_distance
 from hapticeval.renderers.lut_build import tabulate
-from hapticeval.renderers.lut_kernels import TOUCHES, look_up
-from hapticeval.renderers.lut_table import Table
+from hapticeval.renderers.table import TOUCHES, Table, look_up
 from hapticeval.scene import Scene
 
 COUNT = 1_000_000

@@ -12,9 +12,8 @@ import numpy as np
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
 from hapticeval.renderers.lut_build import curve_of, tabulate
-from hapticeval.renderers.lut_kernels import ASK, TOUCHES
-from hapticeval.renderers.lut_table import CELL, Table
 from hapticeval.renderers.projection import Projected, Projection
+from hapticeval.renderers.table import ASK, CELL, TOUCHES, Table
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 

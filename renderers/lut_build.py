@@ -32,10 +32,9 @@ import numpy as np
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.polygon_kernels import nearest_many
-from hapticeval.renderers.lut_kernels import EDGE, HELD, MARKED
-from hapticeval.renderers.lut_table import CELL, Table, empty, grid_over
 from hapticeval.renderers.outline import boundary_of
 from hapticeval.renderers.projection import Projection
+from hapticeval.renderers.table import CELL, EDGE, HELD, MARKED, Table, empty, grid_over
 from hapticeval.types import Array, BoolArray, ByteArray
 
 STRETCH = 2.0

@@ -16,8 +16,7 @@ from hapticeval.renderers import conformal, constraint, minimum_distance
 from hapticeval.renderers.family import by_conformal, by_mapping, by_minimum_distance
 from hapticeval.renderers.lut import tabulated
 from hapticeval.renderers.lut_build import MARGIN, OFF, fill, tabulate
-from hapticeval.renderers.lut_kernels import ASK, EDGE, HELD, MARKED, OUT, TOUCHES
-from hapticeval.renderers.lut_table import Grid, Table, empty, grid_over
+from hapticeval.renderers.table import ASK, EDGE, HELD, MARKED, OUT, TOUCHES, Grid, Table, empty, grid_over
 from hapticeval.scene import Scene
 
 MODELS = {"cassinian": cassinian(), "star": star(), "dumbbell": dumbbell()}
