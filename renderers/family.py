@@ -172,7 +172,7 @@ class ProjectiveFamily:
     def _projection(self, scene: Scene) -> Projection:
         if self.representation != LUT:
             return self.project(scene, self.representation, **self.settings)
-        from hapticeval.renderers.lut import tabulated
+        from hapticeval.renderers.tabulated import tabulated
 
         return tabulated(self.project, scene, TABULATED, **self.settings)
 
