@@ -205,7 +205,7 @@ def by_minimum_distance(
 
 def by_conformal(scene: Scene, representation: str, *, nodes: float | None = None) -> Projection:  # noqa: ARG001
     """The projection through the conformal map of the scene's model to the disk (5.17), (8.2.1)."""
-    from hapticeval.renderers.conformal_projection import conformal_projection
+    from hapticeval.renderers.disk import conformal_projection
 
     count = None if nodes is None else int(nodes)
     return conformal_projection(scene.model, bilateral=scene.bilateral, nodes=count)
@@ -222,7 +222,7 @@ def by_mapping(
 ) -> Projection:
     """The projection through the flow map of the scene's model to the disk (5.17)."""
     from hapticeval.geometry.flow import FlowSettings
-    from hapticeval.renderers.mapping_projection import mapping_projection
+    from hapticeval.renderers.disk import mapping_projection
 
     settings = FlowSettings(
         cells=int(cells),
