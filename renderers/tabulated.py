@@ -28,7 +28,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from dataclasses import replace as with_
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -328,7 +327,7 @@ def tabulated(
     kept = _KEPT.setdefault(scene.model, {})
     key = (project, representation, cell, scene.bilateral, *sorted(settings.items()))
     if key not in kept:
-        both_sides = project(with_(scene, bilateral=True), representation, **settings)
+        both_sides = project(replace(scene, bilateral=True), representation, **settings)
         kept[key] = tabulate(both_sides, cell=cell, everywhere=scene.bilateral)
     return LutProjection(kept[key], curve_of(exact), resolution=max(cell, exact.resolution), exact=exact)
 
