@@ -16,8 +16,7 @@ from hapticeval.geometry.surface import Surface
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import CompiledLaw, Response
-from hapticeval.renderers import atlas, surface_law
-from hapticeval.renderers.curve_law import BEYOND, answer
+from hapticeval.renderers import atlas, curve_law, surface_law
 from hapticeval.renderers.unilateral import MEMORY
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -62,7 +61,7 @@ class LawRenderer(ABC):
         """The error for a hand at `hip` (N,), m, where the law says `what` and is not defined."""
 
 
-REFUSALS = {BEYOND: "the hand is at the centre of curvature of its nearest surface point, or beyond it"}
+REFUSALS = {curve_law.BEYOND: "the hand is at the centre of curvature of its nearest surface point, or beyond it"}
 
 
 class CurveStabilisation(LawRenderer):
@@ -82,7 +81,7 @@ class CurveStabilisation(LawRenderer):
         check_gains(scene)
         reals = (scene.stiffness, scene.damping, scene.mass, scene.viscosity, float(scene.bilateral))
         law = CompiledLaw(
-            function=answer,
+            function=curve_law.answer,
             reals=np.array(reals),
             pieces=np.array(self.surface.pieces),
             samples=np.array(self.surface.samples),

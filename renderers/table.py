@@ -220,7 +220,7 @@ def grid_over(lower: Sequence[float], upper: Sequence[float], cell: float = CELL
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """IHIPs and normals at the nodes of `grid`, and a byte a cell, as `lut_kernels` describes them.
+    """IHIPs and normals at the nodes of `grid`, and a byte a cell, as the module describes them.
 
     `nodes` are (..., ny, nx, 2N) and `cells` (..., ny - 1, nx - 1). With `everywhere` every HIP is in contact
     (bilateral). `standoff` (m) is the largest distance off the surface that was measured of an interpolated IHIP.
@@ -248,7 +248,7 @@ class Table:
         return self.nodes.nbytes + self.cells.nbytes
 
     def look(self, x: float, y: float, *, ask: bool) -> tuple[int, float, float, float, float]:
-        """One HIP in the plane: (status, IHIP x, y, normal x, y), see `lut_kernels.look_up`."""
+        """One HIP in the plane: (status, IHIP x, y, normal x, y), see `look_up`."""
         nodes, cells, frame = self._arrays
         return look_up(nodes, cells, frame, self.everywhere, ask, x, y)
 
