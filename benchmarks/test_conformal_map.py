@@ -13,7 +13,7 @@ import pytest
 from hapticeval.geometry.catalogue import cassinian, star
 from hapticeval.geometry.conformal import conformal_map
 from hapticeval.renderers import conformal
-from hapticeval.renderers.disk_projection import DiskProjection
+from hapticeval.renderers.disk import DiskProjection
 from hapticeval.scene import Scene
 
 TARGET = 2.5

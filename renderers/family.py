@@ -172,7 +172,7 @@ class ProjectiveFamily:
     def _projection(self, scene: Scene) -> Projection:
         if self.representation != LUT:
             return self.project(scene, self.representation, **self.settings)
-        from hapticeval.renderers.lut import tabulated
+        from hapticeval.renderers.tabulated import tabulated
 
         return tabulated(self.project, scene, TABULATED, **self.settings)
 
@@ -190,14 +190,14 @@ def by_minimum_distance(
 ) -> Projection:
     """The minimum distance projection (4.2) on a representation of the scene's model; in space on the exact surface."""
     if scene.model.dimension == 3 and representation == "curve":
-        from hapticeval.renderers.nearest_surface import NearestOnSurface
+        from hapticeval.renderers.nearest import NearestOnSurface
 
         return NearestOnSurface(scene.model.surface, bilateral=scene.bilateral)
-    from hapticeval.renderers.nearest_point import MinimumDistanceProjection
+    from hapticeval.renderers.nearest import MinimumDistanceProjection
     from hapticeval.renderers.outline import outline_of
 
     if representation == "level-set" and scene.model.curve.closed:
-        from hapticeval.renderers.nearest_contour import LevelSetProjection
+        from hapticeval.renderers.contour import LevelSetProjection
 
         return LevelSetProjection(scene.model, (int(grid), int(grid)), bilateral=scene.bilateral)
     return MinimumDistanceProjection(outline_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)
@@ -205,7 +205,7 @@ def by_minimum_distance(
 
 def by_conformal(scene: Scene, representation: str, *, nodes: float | None = None) -> Projection:  # noqa: ARG001
     """The projection through the conformal map of the scene's model to the disk (5.17), (8.2.1)."""
-    from hapticeval.renderers.conformal_projection import conformal_projection
+    from hapticeval.renderers.disk import conformal_projection
 
     count = None if nodes is None else int(nodes)
     return conformal_projection(scene.model, bilateral=scene.bilateral, nodes=count)
@@ -222,7 +222,7 @@ def by_mapping(
 ) -> Projection:
     """The projection through the flow map of the scene's model to the disk (5.17)."""
     from hapticeval.geometry.flow import FlowSettings
-    from hapticeval.renderers.mapping_projection import mapping_projection
+    from hapticeval.renderers.disk import mapping_projection
 
     settings = FlowSettings(
         cells=int(cells),

@@ -12,10 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.compiled import compiled
-from hapticeval.renderers.boundary import Boundary, entered, nearest_on
-from hapticeval.renderers.outline import Outline
+from hapticeval.renderers.outline import LEAVES, Boundary, Outline, at, entered, frame, nearest_on, slide
 from hapticeval.renderers.projection import Projected
-from hapticeval.renderers.slide import LEAVES, at, frame, slide
 from hapticeval.types import Array, BoolArray
 
 TOUCHES, PIECE, AT, HIP_X, HIP_Y = range(5)

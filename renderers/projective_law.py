@@ -15,13 +15,10 @@ from hapticeval.geometry.kernels import KIND, U0, U1, UNBOUNDED, piece_of
 from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
 from hapticeval.geometry.surface_kernels import place
 from hapticeval.renderer import CompiledLaw
-from hapticeval.renderers.boundary import Boundary
-from hapticeval.renderers.nearest_point import MinimumDistanceProjection, falling
-from hapticeval.renderers.nearest_surface import NearestOnSurface
-from hapticeval.renderers.nearest_surface import falling as falling_in_space
+from hapticeval.renderers.nearest import MinimumDistanceProjection, NearestOnSurface, falling, falling_in_space
+from hapticeval.renderers.outline import Boundary, frame
 from hapticeval.renderers.projection import Projection
 from hapticeval.renderers.regulation import REGULATIONS, Regulation, root_gains
-from hapticeval.renderers.slide import frame
 from hapticeval.types import Array
 
 SCHEME, BILATERAL, STIFFNESS, DAMPING, MASS, SPRING, DAMPER, JOINTS = range(8)

@@ -46,7 +46,7 @@ class SetStabilisation:
     def __call__(self, scene: Scene) -> Renderer:
         """The renderer for a scene. Raises `RefusalError` for a model that it cannot work on."""
         if scene.model.dimension == 3:
-            from hapticeval.renderers.surface_stabilisation import SurfaceStabilisation
+            from hapticeval.renderers.stabilisation import SurfaceStabilisation
 
             return SurfaceStabilisation(scene, charts=self.representation == ATLAS)
         if self.representation == ATLAS:
@@ -55,7 +55,7 @@ class SetStabilisation:
                 why="the charts of (7.45) to (7.56) are those of the sphere, and a plane curve needs one coordinate",
                 todo="use set-stabilisation as it is",
             )
-        from hapticeval.renderers.curve_stabilisation import CurveStabilisation
+        from hapticeval.renderers.stabilisation import CurveStabilisation
 
         return CurveStabilisation(scene)
 

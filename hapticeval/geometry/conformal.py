@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry import conformal_kernels as kernels
-from hapticeval.geometry.conformal_nodes import parameters_at, smooth
+from hapticeval.geometry.conformal_nodes import smooth
 from hapticeval.geometry.conformal_solver import (
     ARCS,
     FINE,
@@ -105,12 +105,6 @@ class ConformalMap:
     def parameter(self, x: float, y: float) -> float:
         """The u at the argument of f at one point (m) inside, in one compiled call: `surface` of `to_angle`."""
         return kernels.parameter(self._disk, x, y)
-
-    def correspondence(self) -> tuple[Array, Array]:
-        """The curve's parameters u (n,) at the boundary nodes and the boundary angles (n,), rad, that never fall."""
-        disk = self._disk
-        places = np.arange(self.nodes, dtype=np.float64)
-        return parameters_at(disk.pieces, self.nodes, disk.per_piece, places), disk.angles[:-1:FINE].copy()
 
 
 def conformal_map(curve: Curve, *, nodes: int | None = None, centre: Sequence[float] | None = None) -> ConformalMap:

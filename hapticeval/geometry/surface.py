@@ -87,18 +87,6 @@ class Surface:
         rows = self._placed(points)
         return Frame(rows[:, 0:3].copy(), rows[:, 3:6].copy(), rows[:, 6].copy(), kernels.bend_many(self.row, rows))
 
-    def shape_derivative(self, points: ArrayLike, directions: ArrayLike) -> Array:
-        """∇_v W (n, 3, 3), 1/m^2: how W changes at the feet of points (n, 3) when these move with velocity v.
-
-        v is the tangent part of `directions` (n, 3). It is the covariant derivative, P_T (dW/dt) P_T: what is normal
-        in dW/dt, the turning of the tangent plane, is left out.
-        """
-        rows = self._placed(points)
-        v = checked_points(directions, "directions", dimension=3)
-        if v.shape != (rows.shape[0], 3):
-            raise InputError(f"{v.shape[0]} directions for {rows.shape[0]} points", todo="give one a point")
-        return kernels.bend_change_many(self.row, rows, v)
-
     def medial_distance(self, points: ArrayLike) -> Array:
         """(n, 2), m: from the foot of each of points (n, 3), how far the medial set lies inwards, and outwards.
 

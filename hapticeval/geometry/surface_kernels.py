@@ -261,21 +261,6 @@ def bend_many(reals: Array, rows: Array) -> Array:
 
 
 @compiled
-def bend_change_many(reals: Array, rows: Array, directions: Array) -> Array:
-    """∇_v W (n, 3, 3) a row of what `place_many` gives, with v the tangent part of `directions` (n, 3)."""
-    out = np.empty((rows.shape[0], 3, 3))
-    for i in range(rows.shape[0]):
-        p, normal = (rows[i, 0], rows[i, 1], rows[i, 2]), (rows[i, 3], rows[i, 4], rows[i, 5])
-        v = (directions[i, 0], directions[i, 1], directions[i, 2])
-        v = plus(v, -dot(v, normal), normal)
-        for k in range(3):
-            unit = (1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0)
-            w = plus(unit, -normal[k], normal)
-            out[i, k, 0], out[i, k, 1], out[i, k, 2] = bend_change(reals, p, normal, v, w)
-    return out
-
-
-@compiled
 def reach_many(reals: Array, rows: Array) -> Array:
     """`reach` a row of what `place_many` gives: (n, 2)."""
     out = np.empty((rows.shape[0], 2))

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.catalogue import circle, ellipsoid, make_model, sphere, torus
 from hapticeval.geometry.surface import Surface
+from hapticeval.geometry.surface_kernels import bend_change
 
 MODELS = [
     sphere(0.2),
@@ -42,6 +43,17 @@ def some(surface, n=60, seed=1):
     normal = surface.frame(points).normal
     v = np.random.default_rng(seed).normal(size=points.shape)
     return points, v - np.sum(v * normal, axis=1)[:, None] * normal
+
+
+def shape_derivative(surface, points, directions):
+    """∇_v W (n, 3, 3), 1/m^2, at the feet of points (n, 3), with v the tangent part of `directions` (n, 3)."""
+    foot, normal, _, _ = surface.frame(points)
+    out = np.empty((len(foot), 3, 3))
+    for i, (p, n, v) in enumerate(zip(foot, normal, directions, strict=True)):
+        for k, unit in enumerate(np.eye(3)):
+            along = (tuple((v - v @ n * n).tolist()), tuple((unit - n[k] * n).tolist()))
+            out[i, k] = bend_change(surface.row, tuple(p.tolist()), tuple(n.tolist()), *along)
+    return out
 
 
 @every
@@ -94,11 +106,11 @@ def test_the_derivative_of_the_shape_operator(surface):
     tangential = np.eye(3) - normal[:, :, None] * normal[:, None, :]
     h = 1e-5 * min(surface.reals)
     change = (surface.frame(points + h * v).shape - surface.frame(points - h * v).shape) / (2.0 * h)
-    found = surface.shape_derivative(points, v)
+    found = shape_derivative(surface, points, v)
     scale = np.abs(surface.frame(points).shape).max() ** 2
     np.testing.assert_allclose(found, tangential @ change @ tangential, atol=1e-6 * scale)
     np.testing.assert_allclose(found, np.swapaxes(found, 1, 2), atol=1e-13 * scale)
-    along_normal = surface.shape_derivative(points, v + 3.0 * normal)
+    along_normal = shape_derivative(surface, points, v + 3.0 * normal)
     np.testing.assert_allclose(along_normal, found, atol=1e-13 * scale)
 
 
@@ -106,8 +118,8 @@ def test_the_derivative_of_the_shape_operator(surface):
 def test_codazzi(surface):
     points, v = some(surface, seed=1)
     _, w = some(surface, seed=5)
-    one = np.einsum("nij,nj->ni", surface.shape_derivative(points, v), w)
-    other = np.einsum("nij,nj->ni", surface.shape_derivative(points, w), v)
+    one = np.einsum("nij,nj->ni", shape_derivative(surface, points, v), w)
+    other = np.einsum("nij,nj->ni", shape_derivative(surface, points, w), v)
     np.testing.assert_allclose(one, other, atol=1e-12 * np.abs(surface.frame(points).shape).max() ** 2)
 
 
@@ -123,8 +135,8 @@ def test_all_of_it_scales(surface, factor):
     np.testing.assert_allclose(there.normal, here.normal, atol=1e-13)
     np.testing.assert_allclose(there.distance, factor * here.distance, atol=1e-14 * factor * size)
     np.testing.assert_allclose(factor * there.shape, here.shape, atol=1e-12 * np.abs(here.shape).max())
-    change = surface.shape_derivative(points, v)
-    scaled = factor**2 * larger.shape_derivative(factor * points, v)
+    change = shape_derivative(surface, points, v)
+    scaled = factor**2 * shape_derivative(larger, factor * points, v)
     np.testing.assert_allclose(scaled, change, atol=1e-11 * np.abs(here.shape).max() ** 2)
 
 
@@ -224,8 +236,6 @@ def test_bad_points_are_refused_by_row():
         surface.frame([(0.1, 0.0, 0.0), (math.nan, 0.0, 0.0)])
     with pytest.raises(InputError, match=r"\(n, 3\)"):
         surface.frame([(0.1, 0.0)])
-    with pytest.raises(InputError, match="1 directions for 2 points"):
-        surface.shape_derivative(surface.points(2), surface.points(1))
     with pytest.raises(InputError, match="whole number"):
         surface.points(0)
     with pytest.raises(InputError, match="2 lengths"):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hapticeval.renderers.lut_build import Source
+from hapticeval.renderers.tabulated import Source
 
 
 def sphere(radius):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
 from hapticeval.geometry.kernels import evaluate_many
 from hapticeval.renderers import constraint
-from hapticeval.renderers.third import third_bounds
+from hapticeval.renderers.outline import third_bounds
 from hapticeval.scene import Scene
 
 CASSINIAN = cassinian()

@@ -14,10 +14,8 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, line, star
 from hapticeval.renderers import conformal, constraint, minimum_distance
 from hapticeval.renderers.family import by_conformal, by_mapping, by_minimum_distance
-from hapticeval.renderers.lut import tabulated
-from hapticeval.renderers.lut_build import MARGIN, OFF, fill, tabulate
-from hapticeval.renderers.lut_kernels import ASK, EDGE, HELD, MARKED, OUT, TOUCHES
-from hapticeval.renderers.lut_table import Grid, Table, empty, grid_over
+from hapticeval.renderers.table import ASK, EDGE, HELD, MARKED, OUT, TOUCHES, Grid, Table, empty, grid_over
+from hapticeval.renderers.tabulated import MARGIN, OFF, fill, tabulate, tabulated
 from hapticeval.scene import Scene
 
 MODELS = {"cassinian": cassinian(), "star": star(), "dumbbell": dumbbell()}
@@ -195,7 +193,7 @@ def test_slabs_of_any_thickness_give_the_same_table(monkeypatch):
     source = sphere(0.1)
     whole, slabs = (empty(grid_over((-0.1,) * 3, (0.1,) * 3, 2e-2)) for _ in range(2))
     fill(whole, source)
-    monkeypatch.setattr("hapticeval.renderers.lut_build.SLAB", 500)
+    monkeypatch.setattr("hapticeval.renderers.tabulated.SLAB", 500)
     fill(slabs, source)
     np.testing.assert_array_equal(whole.cells, slabs.cells)
     np.testing.assert_array_equal(whole.nodes, slabs.nodes)

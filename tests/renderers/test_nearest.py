@@ -12,7 +12,7 @@ from hapticeval.errors import RefusalError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, star
 from hapticeval.geometry.model import Model
 from hapticeval.renderers import minimum_distance
-from hapticeval.renderers.bilinear import contour_of
+from hapticeval.renderers.contour import contour_of
 from hapticeval.scene import Scene
 
 MODELS = [star(), cassinian(), circle(), dumbbell()]

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from hapticeval.compiled import LAW, first_class
 from hapticeval.errors import DomainError, InputError, RefusalError
 from hapticeval.geometry.catalogue import circle, ellipsoid, sphere, torus
-from hapticeval.renderers.surface_stabilisation import SurfaceStabilisation
+from hapticeval.renderers.stabilisation import SurfaceStabilisation
 from hapticeval.scene import Scene
 
 K_P, K_D, MASS = 200.0, 28.3, 0.1

@@ -12,8 +12,8 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import BaseInertia, Dynamics, Parallelogram3, ParallelogramParameters
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.catalogue import ellipsoid, sphere
-from hapticeval.renderers.sphere_atlas import accelerated, active, active_chart, charts, jacobian, turned
-from hapticeval.renderers.surface_stabilisation import SurfaceStabilisation
+from hapticeval.renderers.atlas import accelerated, active, active_chart, charts, jacobian, turned
+from hapticeval.renderers.stabilisation import SurfaceStabilisation
 from hapticeval.scene import Scene
 
 RADIUS, K_P, K_D, MASS, B_D = 0.1, 200.0, 28.3, 0.1, 0.3

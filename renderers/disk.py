@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 from typing import Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from hapticeval.compiled import compiled
+from hapticeval.geometry.conformal import ConformalMap, conformal_map
 from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.flow import FlowSettings
+from hapticeval.geometry.flow_map import flow_map
 from hapticeval.geometry.kernels import piece_of
+from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
-from hapticeval.renderers.boundary import Boundary, boundary_of, nearest_on
-from hapticeval.renderers.projection import Projected
-from hapticeval.renderers.slide import frame
+from hapticeval.renderers.nearest import MinimumDistanceProjection
+from hapticeval.renderers.outline import Boundary, boundary_of, frame, nearest_on, outline_of
+from hapticeval.renderers.projection import Projected, Projection
 from hapticeval.types import Array, BoolArray
 
 ROUNDING = 1e-14
@@ -136,3 +141,35 @@ def _frames(b: Boundary, bilateral: bool, inside: BoolArray, parameters: Array, 
         elif bilateral:
             (ihips[i, 0], ihips[i, 1]), (normals[i, 0], normals[i, 1]) = _nearest(b, x, y)
     return ihips, normals
+
+
+def mapping_projection(model: Model, *, bilateral: bool, settings: FlowSettings) -> Projection:
+    """The projection through the flow map of a model's inside; the nearest surface point outside, where bilateral.
+
+    The IHIP lies on the exact curve, linear in the curve's parameter between the starts of the transversal lines, whose
+    distance is the `resolution`. On the unbounded line the lines are vertical and lead to the nearest point: that is
+    used there. Raises `FlowSplitError`, `FlowCollapseError` and `FoldedGridError` for a model that the flow does not
+    map.
+    """
+    if not model.curve.closed:
+        return MinimumDistanceProjection(outline_of(model, "curve"), bilateral=bilateral)
+    made = flow_map(model, settings)
+    return DiskProjection(made, model.curve, bilateral=bilateral, resolution=made.spacing)
+
+
+def conformal_projection(model: Model, *, bilateral: bool, nodes: int | None = None) -> Projection:
+    """The projection through the conformal map of a model's inside, on `nodes` boundary nodes or as many as it needs.
+
+    On the unbounded line the map's limit is the vertical projection, which is the nearest point: that is used there.
+    Raises `CrowdingError` and `InputError` as `conformal_map` does.
+    """
+    if not model.curve.closed:
+        return MinimumDistanceProjection(outline_of(model, "curve"), bilateral=bilateral)
+    kept = _KEPT.setdefault(model, {})
+    if nodes not in kept:
+        kept[nodes] = conformal_map(model.curve, nodes=nodes)
+    made = kept[nodes]
+    return DiskProjection(made, model.curve, bilateral=bilateral, resolution=made.blur)
+
+
+_KEPT: WeakKeyDictionary[Model, dict[int | None, ConformalMap]] = WeakKeyDictionary()

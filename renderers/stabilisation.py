@@ -1,0 +1,242 @@
+"""Set stabilisation as a renderer, on plane curves and on surfaces in space: a compiled law, one tick at a time."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+
+import numpy as np
+
+from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.devices.point_mass import PointMass
+from hapticeval.errors import DomainError, InputError, RefusalError
+from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.model import Model
+from hapticeval.geometry.surface import Surface
+from hapticeval.recordings.channels import Signal
+from hapticeval.recordings.recording import Recording
+from hapticeval.renderer import CompiledLaw, Response
+from hapticeval.renderers import atlas, curve_law, surface_law
+from hapticeval.renderers.unilateral import MEMORY
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+
+class LawRenderer(ABC):
+    """The step of `law` in `dimension` N = 2 or 3, one tick at a time, with its memory and the hand's sensed force."""
+
+    def __init__(self, law: CompiledLaw, dimension: int) -> None:
+        self._law = law
+        self._memory = np.zeros(law.memory)
+        self._push = np.zeros(dimension)
+
+    @property
+    def law(self) -> CompiledLaw:
+        """The same step for compiled loops."""
+        return self._law
+
+    def reset(self, hip: Array) -> None:  # noqa: ARG002 - the protocol's
+        """Start a run: nothing is touched yet, and nothing felt."""
+        self._memory[:] = 0.0
+        self._push[:] = 0.0
+
+    def feel(self, push: Array) -> None:
+        """The measured force of the hand on the tool (N,), N, for the ticks that follow."""
+        self._push[:] = push
+
+    def step(self, hip: Array, velocity: Array, dt: float) -> Response:
+        """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the law is not defined."""
+        ihip, force = np.empty_like(self._push), np.empty_like(self._push)
+        law, hip = self._law, np.array(hip, dtype=np.float64)
+        velocity = np.array(velocity, dtype=np.float64)
+        refusal = law.function(
+            law.reals, law.pieces, law.samples, self._memory, hip, velocity, self._push, dt, ihip, force
+        )
+        if refusal:
+            raise self.led_out(hip, law.refusals[refusal])
+        return Response(ihip, force)
+
+    @abstractmethod
+    def led_out(self, hip: Array, what: str) -> DomainError:
+        """The error for a hand at `hip` (N,), m, where the law says `what` and is not defined."""
+
+
+REFUSALS = {curve_law.BEYOND: "the hand is at the centre of curvature of its nearest surface point, or beyond it"}
+
+
+class CurveStabilisation(LawRenderer):
+    """Holds the hand on a smooth plane curve, or outside of it, as a frictionless constraint (7.11), (7.14), (7.22).
+
+    The force is that on the hand, F_r = m ÿ_cmd less what the hand pushes where that is sensed: see `curve_law`. An
+    inner loop that is `linearised` (6.7) makes the torques of (7.11) of it. The IHIP is the nearest point. Where that
+    jumps (the medial axis) the force does too: one point does not show it, and only a centre of curvature is guarded.
+
+    Curves of lines and arcs that join smoothly have a curvature that jumps there. Then so does the force, by m Δκ ṡ^2,
+    as that of a rigid contact does; n̈ = v⊥ holds on both sides, and on the surface the speed is kept through it.
+    Raises `RefusalError` for a curve with corners, and `InputError` as `check_gains` does.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.surface: Curve = smooth_curve(scene.model)
+        check_gains(scene)
+        reals = (scene.stiffness, scene.damping, scene.mass, scene.viscosity, float(scene.bilateral))
+        law = CompiledLaw(
+            function=curve_law.answer,
+            reals=np.array(reals),
+            pieces=np.array(self.surface.pieces),
+            samples=np.array(self.surface.samples),
+            memory=MEMORY,
+            refusals=REFUSALS,
+        )
+        super().__init__(law, dimension=2)
+
+    def led_out(self, hip: Array, what: str) -> DomainError:
+        """Where 1 + n κ <= 0."""
+        return DomainError(
+            f"{what}: ({hip[0]:.6g}, {hip[1]:.6g}) m",
+            why="there the foot is not unique and 1 + n κ vanishes: the virtual output (7.33) is singular",
+            todo="start nearer to the surface, hold on stiffer, or push less",
+        )
+
+
+def smooth_curve(model: Model) -> Curve:
+    """The model's curve. Raises `RefusalError`, with the first corner, for one without curvature."""
+    curve = model.curve
+    if curve.corners:
+        corner = curve.corners[0]
+        x, y = (round(float(each), 9) + 0.0 for each in corner.position)
+        error = RefusalError(
+            f"model '{model.name}' has {len(curve.corners)} corners, the first at ({x:.6g}, {y:.6g}) m",
+            why="set stabilisation follows the curvature of the surface, and a corner has none",
+            todo="choose a smooth model (line, circle, ellipse, cassinian, dumbbell), or another renderer: "
+            "minimum-distance, constraint",
+        )
+        error.position = (float(corner.position[0]), float(corner.position[1]))
+        raise error
+    return curve
+
+
+def check_gains(scene: Scene) -> None:
+    """Raises `InputError` for gains with which a bilateral constraint is unstable at the scene's sampling time.
+
+    Held over T, n̈ = -(K_p n + K_d ṅ)/m becomes, with k = K_p/m and d = K_d/m, a step with the characteristic polynomial
+
+        z^2 - (2 - d T - k T^2/2) z + (1 - d T + k T^2/2)
+
+    whose roots lie in the unit circle (Jury) when the last coefficient is below 1, K_p < 2 K_d / T, and the value at -1
+    is positive, K_d < 2 m / T. Along the surface ṡ is multiplied by 1 - b_d T/m each tick: b_d < 2 m / T.
+
+    Not asked of a unilateral contact, where the hand is in the loop and may damp it, nor where the force moves another
+    mass than the tool's, as `static` and `compensated` inner loops let it.
+    """
+    tool_moves = scene.inner_loop is InnerLoop.LINEARISED or scene.robot == PointMass(scene.mass, scene.model.dimension)
+    if not (scene.bilateral and tool_moves):
+        return
+    period, mass = scene.sampling_time, scene.mass
+    k, d = 0.5 * scene.stiffness * period**2 / mass, scene.damping * period / mass
+    if not k < d < 2.0:
+        size = float(np.max(np.abs(np.roots([1.0, d + k - 2.0, 1.0 - d + k]))))
+        raise InputError(
+            f"stiffness {scene.stiffness:g} N/m and damping {scene.damping:g} N s/m are unstable at {period:g} s",
+            why=f"the sampled constraint n̈ = -(K_p n + K_d ṅ)/m has an eigenvalue of size {size:.9g}; stable are a "
+            f"damping below {2.0 * mass / period:.6g} N s/m with a stiffness below 2 K_d / T"
+            f"{f' = {2.0 * scene.damping / period:.6g} N/m' if d < 2.0 else ''}",
+            todo="sample faster, lower the stiffness, or change the damping",
+        )
+    if not scene.viscosity * period < 2.0 * mass:
+        raise InputError(
+            f"viscosity {scene.viscosity:g} kg/s is unstable at {period:g} s",
+            why=f"the sampled speed is multiplied by {1.0 - scene.viscosity * period / mass:g} at each tick",
+            todo=f"choose it below {2.0 * mass / period:g} kg/s, or sample faster",
+        )
+
+
+SURFACE_REFUSALS = {
+    surface_law.BEYOND: "the hand is at a centre of curvature of its nearest surface point, or beyond it"
+}
+
+
+class SurfaceStabilisation(LawRenderer):
+    """Holds the hand on a smooth surface, or outside of it, as a frictionless or viscous constraint (7.11), (7.14).
+
+    The force is that on the hand, F_r = m ÿ less what the hand pushes where that is sensed: see `surface_law` and, with
+    `charts`, `atlas`. An inner loop that is `linearised` (6.7) makes the torques of (7.11) of it. The IHIP is
+    the nearest point. Where that jumps, in the medial disc of an ellipsoid, the force does too: one point does not show
+    it, and only where I + nW is no longer positive is guarded.
+
+    Raises `RefusalError` for a plane model and, with `charts`, for anything but a sphere, and `InputError` for gains
+    that are unstable at the sampling time.
+    """
+
+    def __init__(self, scene: Scene, *, charts: bool) -> None:
+        self.surface: Surface = scene.model.surface
+        if charts and self.surface.kind != "sphere":
+            raise RefusalError(
+                f"model '{scene.model.name}' has no atlas",
+                why="the charts of (7.45) to (7.56) are those of the sphere",
+                todo="use set-stabilisation as it is, which needs no charts",
+            )
+        check_gains(scene)
+        gains = (scene.stiffness, scene.damping, scene.mass, scene.viscosity, float(scene.bilateral))
+        law = CompiledLaw(
+            function=atlas.answer if charts else surface_law.answer,
+            reals=np.concatenate([self.surface.row, gains]),
+            pieces=np.empty((0, 0)),
+            samples=np.empty((0, 0)),
+            memory=MEMORY,
+            refusals=SURFACE_REFUSALS,
+        )
+        super().__init__(law, dimension=3)
+        self._scene = scene
+        self.charts = charts
+
+    def signals(self, recording: Recording) -> Mapping[str, tuple[Signal, Array]]:
+        """With charts, what Figures 7.7 and 7.8 show: the active chart, the coordinates and the torques of each.
+
+        `eta1` and `eta2` (n, 4) are (t̂_1, its rate, t̂_2, its rate) of (7.10), rad and rad/s; `torque1` and `torque2`
+        (n, N) what each chart asks of the joints, N m, on a robot. Of the states that the renderer was given.
+        """
+        if not self.charts:
+            return {}
+        given = recording.channels
+        y, yd = given.get("measured_hip", recording.hip), given.get("measured_velocity", recording.velocity)
+        scene, push = self._scene, given.get("measured_force")
+        told: dict[str, tuple[Signal, Array]] = {
+            "chart": (Signal("1", "the chart that the switching law (7.56) uses"), atlas.active(y).astype(float))
+        }
+        answers = atlas.charts(
+            y, yd, radius=float(self.surface.reals[0]), stiffness=scene.stiffness, damping=scene.damping,
+            mass=scene.mass, viscosity=scene.viscosity, push=push,
+        )  # fmt: skip
+        for number, answer in enumerate(answers, start=1):
+            told[f"eta{number}"] = (Signal("rad, rad/s", f"coordinates and rates of chart {number} (7.10)"), answer.eta)
+            if "joint_position" in given:
+                told[f"torque{number}"] = (
+                    Signal("N m", f"joint torque by chart {number}", "joint"),
+                    self._torques(answer.force, recording, push),
+                )
+        return told
+
+    def _torques(self, forces: Array, recording: Recording, push: Array | None) -> Array:
+        """What the inner loop makes of forces (n, 3)."""
+        scene = self._scene
+        joints, rates = recording.channels["joint_position"], recording.channels["joint_velocity"]
+        pushes = [None] * len(forces) if push is None else push
+        return np.array(
+            [
+                scene.inner_loop.torque(scene.robot, *state, mass=scene.mass, push=each)
+                for *state, each in zip(joints, rates, forces, pushes, strict=True)
+            ]
+        )
+
+    def led_out(self, hip: Array, what: str) -> DomainError:
+        """Where I + nW is not positive."""
+        foot, _, distance, _ = self.surface.frame(hip[np.newaxis])
+        inwards, outwards = self.surface.medial_distance(foot)[0]
+        inside = distance[0] < 0.0
+        return DomainError(
+            f"{what}: ({', '.join(f'{x:.6g}' for x in hip)}) m",
+            why=f"{abs(distance[0]):.6g} m {'inside' if inside else 'outside'}; the medial set, where the foot is not "
+            f"unique and the virtual output is singular, is {inwards if inside else outwards:.6g} m from that foot",
+            todo="start nearer to the surface, hold on stiffer, or push less",
+        )
