@@ -158,7 +158,7 @@ def _promised(renderer: object) -> dict[str, Any]:
 
 
 def _all_at_once(
-    renderer: Renderer, hips: Array, velocity: Array, dt: float, first: int, ahead: int
+    renderer: Batch, hips: Array, velocity: Array, dt: float, first: int, ahead: int
 ) -> tuple[Array, Array]:
     with renderer_errors(
         "run()",

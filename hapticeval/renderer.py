@@ -79,7 +79,7 @@ class Renderer(Protocol):
 
 
 @runtime_checkable
-class Batch(Protocol):
+class Batch(Renderer, Protocol):
     """A renderer that can take a whole trajectory at once: equal to a `reset` and then a `step` a row."""
 
     def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
