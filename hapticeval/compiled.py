@@ -96,7 +96,7 @@ def for_kernels(values: NDArray[T]) -> NDArray[T]:
     To numba an array that is locked, or a slice with gaps, has a type of its own, for which a kernel and all that it
     calls would be compiled again. Value types lock what they show; what they give to kernels goes through here.
     """
-    return np.require(values, requirements=["C", "W"])
+    return values if values.flags.carray else np.require(values, requirements=["C", "W"])
 
 
 class FirstClass(types.WrapperAddressProtocol):

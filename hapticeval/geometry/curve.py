@@ -184,10 +184,14 @@ class Curve:
     def frame(self, points: ArrayLike) -> Frame:
         """Feet, normals, signed distances and shape operators for points (n, 2): see `Frame`."""
         rows = self._projected(points)
-        u = rows[:, 0]
-        tangent = self.tangent(u)
-        bend = self.curvature(u)[:, np.newaxis, np.newaxis] * tangent[:, :, np.newaxis] * tangent[:, np.newaxis, :]
-        return Frame(self.position(u), self.normal(u), rows[:, 1] * rows[:, 2], bend)
+        at = self._evaluated(rows[:, 0])
+        dx, dy, ddx, ddy = at[:, 2], at[:, 3], at[:, 4], at[:, 5]
+        speed = np.hypot(dx, dy)
+        tangent = at[:, 2:4] / speed[:, np.newaxis]
+        normal = np.column_stack([tangent[:, 1], -tangent[:, 0]])
+        curvature = (dx * ddy - dy * ddx) / speed**3
+        shape = curvature[:, np.newaxis, np.newaxis] * tangent[:, :, np.newaxis] * tangent[:, np.newaxis, :]
+        return Frame(at[:, 0:2], normal, rows[:, 1] * rows[:, 2], shape)
 
     def contains(self, points: ArrayLike) -> BoolArray:
         """Whether each of points (n, 2) lies inside; points on the curve do not."""
