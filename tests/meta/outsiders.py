@@ -170,7 +170,7 @@ BROKEN: Mapping[str, Outsider] = {
 }
 """Every broken renderer that is written from the protocol: what stops it, and why."""
 
-IN_A_LOOP = ("late-3", "late-tool", "standoff")
+IN_A_LOOP = ("late-3", "standoff")
 """The changes that alter the motion of a loop."""
 
 HONEST: Mapping[str, Outsider] = {
