@@ -86,7 +86,10 @@ class Late3(Late):
 
 
 class LateTool(Late):
-    """The tool comes three ticks late, and the spring pulls to it from where the hand is now."""
+    """The tool comes three ticks late, and the spring pulls to it from where the hand is now.
+
+    Right in size and energy alone, and no change of `HONEST`: the force points aside, to where the tool was.
+    """
 
     ticks = 3
 
@@ -159,7 +162,6 @@ HONEST: dict[str, type[Changed]] = {
     "late-1": Late1,
     "late-2": Late2,
     "late-3": Late3,
-    "late-tool": LateTool,
     "single": Single,
     "lists": Lists,
     "tuples": Tuples,

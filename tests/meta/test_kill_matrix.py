@@ -31,13 +31,12 @@ BROKEN = {name: check for name, (check, _) in (MUTANTS | LAWBREAKERS).items()}
 
 @cache
 def cases(suite: str) -> tuple[Case, ...]:
-    """What is judged; of the depth sweep, the deepest, and of the dynamic suites, the point mass alone.
+    """What is judged, without what others show too: the depth sweep and the shallow slide, and the robot's dynamics.
 
-    The robot behind its inner loop moves alike.
+    The deep slide follows the same curve, and the robot behind its inner loop moves as the point mass does.
     """
-    judged = [case for case in load_suite(suite).cases if case.judged]
-    judged = [case for case in judged if "-sweep-" not in case.name or case.name.endswith("-45mm")]
-    return tuple(case for case in judged if suite == "thesis" or "device" not in case.scene)
+    judged = [case for case in load_suite(suite).cases if case.judged and "device" not in case.scene]
+    return tuple(case for case in judged if "-sweep-" not in case.name and case.name != "cassinian-shallow-slide")
 
 
 OUTSIDERS = outsiders.BROKEN | HONEST
@@ -62,12 +61,12 @@ def findings(name: str) -> dict[tuple[str, str], Outcome]:
     # A closed form is about the law without a fault; a law with another fault than in its gains has none.
     known_as = "set-stabilisation" if name in (FAULTLESS, "hurries") else name
     found = {}
-    for suite in ("dynamics-line", "dynamics-circle") if dynamic else ("thesis",):
-        for case in cases(suite):
-            judged = judge(make, known_as, suite, case)
-            assert judged.error is None, f"{case.name}: {judged.error}"
-            for verdict in judged.verdicts:
-                found[case.name, verdict.check] = verdict.outcome
+    suite = "dynamics-circle" if dynamic else "thesis"
+    for case in cases(suite):
+        judged = judge(make, known_as, suite, case)
+        assert judged.error is None, f"{case.name}: {judged.error}"
+        for verdict in judged.verdicts:
+            found[case.name, verdict.check] = verdict.outcome
     return found
 
 
@@ -134,7 +133,7 @@ def matrix() -> str:
         "A cross marks a check that fails in at least one case. Written by `test_kill_matrix.py`, which compares it.",
         "",
         "- The ideal rigid contact, and its answer spoiled (`mutants.py`): in the cases of the thesis suite.",
-        "- A faultless set stabilisation, and broken laws (`lawbreakers.py`): in those of `dynamics-line` and "
+        "- A faultless set stabilisation, and broken laws (`lawbreakers.py`): in those of "
         "`dynamics-circle` with a point mass.",
         "- A spring to the nearest point, in the ways in which honest renderers differ, and the broken ones that "
         "answer step by step (`outsiders.py`): on a short way round a circle, pressed on a line, and through a thin "
