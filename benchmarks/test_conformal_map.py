@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hapticeval.geometry.catalogue import cassinian, star
-from hapticeval.geometry.conformal import conformal_map
+from hapticeval.geometry.maps.conformal import conformal_map
 from hapticeval.renderers import conformal
 from hapticeval.renderers.disk import DiskProjection
 from hapticeval.scene import Scene

@@ -10,10 +10,10 @@ import time
 import numpy as np
 import pytest
 
-from hapticeval.geometry import flow_locator as locator
 from hapticeval.geometry.catalogue import cassinian, star
-from hapticeval.geometry.flow import FlowSettings, flow
-from hapticeval.geometry.flow_map import chart_of, flow_map
+from hapticeval.geometry.maps import flow_locator as locator
+from hapticeval.geometry.maps.flow import FlowSettings, flow
+from hapticeval.geometry.maps.flow_map import chart_of, flow_map
 from hapticeval.renderers import mapping
 from hapticeval.scene import Scene
 

@@ -9,11 +9,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from hapticeval.compiled import compiled
-from hapticeval.geometry.conformal import ConformalMap, conformal_map
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.flow import FlowSettings
-from hapticeval.geometry.flow_map import flow_map
 from hapticeval.geometry.kernels import piece_of
+from hapticeval.geometry.maps.conformal import ConformalMap, conformal_map
+from hapticeval.geometry.maps.flow import FlowSettings
+from hapticeval.geometry.maps.flow_map import flow_map
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
 from hapticeval.renderers.nearest import MinimumDistanceProjection

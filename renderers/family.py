@@ -221,7 +221,7 @@ def by_mapping(
     gap: float = GAP,
 ) -> Projection:
     """The projection through the flow map of the scene's model to the disk (5.17)."""
-    from hapticeval.geometry.flow import FlowSettings
+    from hapticeval.geometry.maps.flow import FlowSettings
     from hapticeval.renderers.disk import mapping_projection
 
     settings = FlowSettings(

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from hapticeval.files import file_stem
-from hapticeval.geometry.flow import Flow
+from hapticeval.geometry.maps.flow import Flow
 from hapticeval.geometry.model import Model
 from hapticeval.reports.canvas import BOXED, INK, MM, figure, save_figure
 from hapticeval.reports.fields_figure import COLOURS

@@ -30,8 +30,8 @@ def flow(
       hapticeval flow star --velocity cap
       hapticeval flow dumbbell:neck=0.3 -o pictures
     """
-    from hapticeval.geometry.flow import FlowSettings
-    from hapticeval.geometry.flow import flow as shrink
+    from hapticeval.geometry.maps.flow import FlowSettings
+    from hapticeval.geometry.maps.flow import flow as shrink
     from hapticeval.reports.flow_figure import write_flow
 
     shape = model_named(model)

@@ -8,7 +8,7 @@ import pytest
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, star
-from hapticeval.geometry.conformal import CrowdingError, conformal_map
+from hapticeval.geometry.maps.conformal import CrowdingError, conformal_map
 from hapticeval.geometry.model import Model
 from hapticeval.renderer import Batch, Renderer
 from hapticeval.renderers import conformal, minimum_distance

@@ -7,7 +7,7 @@ import pytest
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, star
-from hapticeval.geometry.flow_errors import FlowError
+from hapticeval.geometry.maps.flow import FlowError
 from hapticeval.judging import judge
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderers import mapping

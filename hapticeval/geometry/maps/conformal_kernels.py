@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticeval.compiled import compiled
-from hapticeval.geometry.conformal_nodes import Complex, parameter_at
+from hapticeval.geometry.maps.conformal_nodes import Complex, parameter_at
 from hapticeval.types import Array
 
 LANES = 16

@@ -14,12 +14,36 @@ from types import MappingProxyType
 
 import numpy as np
 
-from hapticeval.errors import InputError, UnknownNameError
-from hapticeval.geometry import flow_kernels as kernels
-from hapticeval.geometry import flow_particle_kernels as particles
-from hapticeval.geometry.flow_errors import FlowCollapseError, FlowSplitError
+from hapticeval.errors import InputError, RefusalError, UnknownNameError
+from hapticeval.geometry.maps import flow_kernels as kernels
 from hapticeval.geometry.model import Model
 from hapticeval.types import Array
+
+INSTEAD = "use the renderer 'conformal', which maps every model without holes"
+
+
+class FlowError(RefusalError):
+    """The flow gives no map: `position` (m) says where that was seen, `time` when, `count` how often."""
+
+    def __init__(self, what: str, *, position: tuple[float, float], time: float, count: int, why: str) -> None:
+        self.position: tuple[float, ...] | None = position
+        self.time = time
+        self.count = count
+        x, y = (round(c, 9) + 0.0 for c in position)  # to a nanometre: a centre is at zero
+        super().__init__(f"{what} at ({x:.4g}, {y:.4g}) m, flow time {time:.4g}", why=why, todo=INSTEAD)
+
+
+class FlowSplitError(FlowError):
+    """The front fell apart into several (Figure 5.9); `count` of them."""
+
+
+class FlowCollapseError(FlowError):
+    """The front shrinks to a segment instead of a point, or vanished before it was round."""
+
+
+class FoldedGridError(FlowError):
+    """Cells of the grid are turned over: lines crossed, and the map is not one-to-one; `count` of them."""
+
 
 VELOCITIES = MappingProxyType(
     {"curvature": kernels.CURVATURE, "unit": kernels.UNIT, "cap": kernels.CAP, "arc": kernels.ARC}
@@ -186,16 +210,16 @@ class Front:
         if self.kind == kernels.UNIT:
             dt, steps = 0.5 * MOVE * self.h, 2
         self._speed = max(
-            particles.carry(self.values, self.h, self.x0, self.y0, self.kind, scale, steps * dt, self.points), 1e-3
+            kernels.carry(self.values, self.h, self.x0, self.y0, self.kind, scale, steps * dt, self.points), 1e-3
         )
         kernels.advance_many(self.values, self._spare, self.h, self.kind, scale, True, dt, steps)
-        particles.pull_back(self.values, self.h, self.x0, self.y0, self.points)
+        kernels.pull_back(self.values, self.h, self.x0, self.y0, self.points)
         self.time += steps * dt
         self._measure()
         if self.gap > 0.0:
-            held = particles.keep_apart(self.points, self.gap * self.length / self.points.shape[0])
+            held = kernels.keep_apart(self.points, self.gap * self.length / self.points.shape[0])
             if held:
-                particles.pull_back(self.values, self.h, self.x0, self.y0, self.points)
+                kernels.pull_back(self.values, self.h, self.x0, self.y0, self.points)
             self.held = held
 
     def _measure(self) -> None:

@@ -8,11 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hapticeval.errors import InputError
-from hapticeval.geometry import flow_locator as locator
 from hapticeval.geometry.catalogue import cassinian, circle, ellipse, star
-from hapticeval.geometry.flow import Flow, FlowSettings
-from hapticeval.geometry.flow_errors import FoldedGridError
-from hapticeval.geometry.flow_map import chart_of, flow_map, folded_cells
+from hapticeval.geometry.maps import flow_locator as locator
+from hapticeval.geometry.maps.flow import Flow, FlowSettings, FoldedGridError
+from hapticeval.geometry.maps.flow_map import chart_of, flow_map, folded_cells
 
 COARSE = FlowSettings(cells=60, lines=100, levels=20)
 MODELS = {"cassinian": cassinian(), "star": star(), "hexagram": star(6), "ellipse": ellipse(2.0)}

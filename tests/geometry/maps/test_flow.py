@@ -7,11 +7,17 @@ import numpy as np
 import pytest
 
 from hapticeval.errors import InputError, UnknownNameError
-from hapticeval.geometry import flow_kernels as kernels
-from hapticeval.geometry import flow_particle_kernels as particles
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, star
-from hapticeval.geometry.flow import FlowSettings, Front, flow, starts
-from hapticeval.geometry.flow_errors import FlowCollapseError, FlowError, FlowSplitError
+from hapticeval.geometry.maps import flow_kernels as kernels
+from hapticeval.geometry.maps.flow import (
+    FlowCollapseError,
+    FlowError,
+    FlowSettings,
+    FlowSplitError,
+    Front,
+    flow,
+    starts,
+)
 
 SMALL = FlowSettings(cells=60)
 
@@ -68,9 +74,7 @@ def roughness(share_of_bound: float, *, printed: bool) -> float:
     kernels.advance_many(values, values.copy(), 1.0, kernels.CURVATURE, 1.0, True, share_of_bound * bound, steps)
     expected = math.sqrt(radius**2 - 2.0 * steps * share_of_bound * bound)
     angles = np.linspace(0.0, 2.0 * math.pi, 200)
-    at = [
-        particles.sample(values, 1.0, -30.0, -30.0, expected * math.cos(a), expected * math.sin(a))[0] for a in angles
-    ]
+    at = [kernels.sample(values, 1.0, -30.0, -30.0, expected * math.cos(a), expected * math.sin(a))[0] for a in angles]
     return float(np.max(np.abs(at)))
 
 
@@ -131,7 +135,7 @@ def test_particles_stay_on_their_level():
     front = Front(star(), SMALL)
     for step in range(150):
         front.update()
-        at = [particles.sample(front.values, front.h, front.x0, front.y0, x, y)[0] for x, y in front.points.tolist()]
+        at = [kernels.sample(front.values, front.h, front.x0, front.y0, x, y)[0] for x, y in front.points.tolist()]
         assert np.max(np.abs(at)) < (1.0 if step < 20 else 0.45) * front.h
         assert np.percentile(np.abs(at), 90.0) < 0.05 * front.h
 
@@ -156,11 +160,11 @@ def test_lines_are_held_apart_and_keep_their_order():
     angles = np.linspace(0.0, 2.0 * math.pi, 60, endpoint=False)
     angles[[10, 11, 12]] = angles[[12, 10, 11]]  # three that have crossed
     points = np.column_stack([np.cos(angles), np.sin(angles)])
-    assert particles.keep_apart(points, 0.02) > 0
+    assert kernels.keep_apart(points, 0.02) > 0
     after = np.unwrap(np.arctan2(points[:, 1], points[:, 0]))
     assert np.diff(after).min() > 0.75 * 0.02
     untouched = points.copy()
-    assert particles.keep_apart(points, 0.01) == 0
+    assert kernels.keep_apart(points, 0.01) == 0
     assert np.array_equal(points, untouched)
 
 

@@ -25,9 +25,9 @@ import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from hapticeval.compiled import for_kernels
-from hapticeval.geometry.conformal_kernels import matrix
-from hapticeval.geometry.conformal_nodes import Complex, Nodes, nodes_of, parameters_at
 from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.maps.conformal_kernels import matrix
+from hapticeval.geometry.maps.conformal_nodes import Complex, Nodes, nodes_of, parameters_at
 from hapticeval.types import Array, IntArray
 
 FINE = 8

@@ -12,11 +12,11 @@ from scipy.special import ellipj, ellipk
 
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
-from hapticeval.geometry.conformal import ConformalMap, CrowdingError, conformal_map
-from hapticeval.geometry.conformal_kernels import matrix
-from hapticeval.geometry.conformal_nodes import nodes_of, parameters_at
-from hapticeval.geometry.conformal_solver import FINE
 from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.maps.conformal import ConformalMap, CrowdingError, conformal_map
+from hapticeval.geometry.maps.conformal_kernels import matrix
+from hapticeval.geometry.maps.conformal_nodes import nodes_of, parameters_at
+from hapticeval.geometry.maps.conformal_solver import FINE
 from hapticeval.geometry.model import Model
 from hapticeval.types import Array
 

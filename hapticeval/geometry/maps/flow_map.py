@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.errors import InputError
-from hapticeval.geometry import flow_locator as locator
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.flow import Flow, FlowSettings, flow
-from hapticeval.geometry.flow_errors import FoldedGridError
-from hapticeval.geometry.flow_locator import Chart
+from hapticeval.geometry.maps import flow_locator as locator
+from hapticeval.geometry.maps.flow import Flow, FlowSettings, FoldedGridError, flow
+from hapticeval.geometry.maps.flow_locator import Chart
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.validate import checked_points
 from hapticeval.types import Array, BoolArray, IntArray

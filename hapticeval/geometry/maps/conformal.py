@@ -16,9 +16,10 @@ from numpy.typing import ArrayLike
 
 from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError, RefusalError
-from hapticeval.geometry import conformal_kernels as kernels
-from hapticeval.geometry.conformal_nodes import smooth
-from hapticeval.geometry.conformal_solver import (
+from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.maps import conformal_kernels as kernels
+from hapticeval.geometry.maps.conformal_nodes import smooth
+from hapticeval.geometry.maps.conformal_solver import (
     ARCS,
     FINE,
     ROUNDING,
@@ -28,7 +29,6 @@ from hapticeval.geometry.conformal_solver import (
     correspondence,
     system_of,
 )
-from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.validate import checked_points
 from hapticeval.types import Array
 
