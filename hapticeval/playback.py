@@ -168,7 +168,7 @@ def _all_at_once(
         todo="make run() equal to reset() and a step() a row",
     ):
         try:
-            answer = renderer.run(hips.copy(), dt)  # type: ignore[attr-defined]
+            answer = renderer.run(hips.copy(), dt)
             ihips, forces = (np.asarray(part, dtype=np.float64) for part in answer)
         except HapticevalError:
             raise
