@@ -168,8 +168,7 @@ def _all_at_once(
         todo="make run() equal to reset() and a step() a row",
     ):
         try:
-            answer = renderer.run(hips.copy(), dt)  # type: ignore[attr-defined]
-            ihips, forces = (np.asarray(part, dtype=np.float64) for part in answer)
+            ihips, forces = (np.asarray(part, dtype=np.float64) for part in renderer.run(hips.copy(), dt))
         except HapticevalError:
             raise
         except (Exception, SystemExit):
