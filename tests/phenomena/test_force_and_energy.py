@@ -217,7 +217,7 @@ def test_without_a_closed_way_nothing_is_known():
     assert "what is stored is not known" in found.message
 
 
-@pytest.mark.parametrize("duration", [0.8, 0.4, 0.3, 0.2, 0.12])
+@pytest.mark.parametrize("duration", [0.45, 0.22, 0.17, 0.11, 0.07])
 @pytest.mark.parametrize("late", ["late-2", "late-3"])
 def test_a_late_spring_is_not_blamed_where_the_hand_turns_within_its_lag(late, duration):
     slide = outsiders.CASES["slide"]
