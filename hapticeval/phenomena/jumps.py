@@ -125,7 +125,9 @@ def look_closer(look: Closer, scene: Scene, *, bound: float, standoff: float) ->
 
     A place that is steep is the answer only where no other stays or is unresolved.
     """
-    seen = _left(look, scene, bound, standoff, (), lambda row: row)
+    # What single precision resolves of the whole path's coordinates: those of a place may be as near to 0 as one looks.
+    rounding = 4.0 * SINGLE * float(np.max(np.abs(look.recording.hip)))
+    seen = _left(look, scene, bound, standoff, rounding, (), lambda row: row)
     if seen is None:
         return None
     # A proxy that lags moves later than the hand that made it.
@@ -138,6 +140,7 @@ def _left(
     scene: Scene,
     bound: float,
     standoff: float,
+    rounding: float,
     before: tuple[Scale, ...],
     tick_of: Callable[[int], int],
 ) -> Seen | None:
@@ -145,7 +148,6 @@ def _left(
     recording = look.recording
     depth = len(before)
     steps = contact_steps(recording, scene)
-    rounding = 4.0 * SINGLE * float(np.max(np.abs(recording.hip)))  # what coordinates in single precision resolve
     steep = None
     # A jump may be rounded over less than that: beyond it, a place is judged by all of its scales.
     beyond = depth > 0 and before[-1].hip_step < 2.0 * rounding
@@ -163,7 +165,9 @@ def _left(
             begin = max(first - 1 - LAG_TICKS, 0)
             closer = look.closer(begin, last, factor, lag=LAG_TICKS)
             if _comes_along(recording, closer.recording, scene, steps, (first, last, begin), bound, standoff):
-                seen = _left(closer, scene, bound, standoff, scales, partial(_parent_tick, tick_of, begin, factor))
+                seen = _left(
+                    closer, scene, bound, standoff, rounding, scales, partial(_parent_tick, tick_of, begin, factor)
+                )
             else:
                 seen = Seen(Left.UNRESOLVED, tick_of(worst), scales[-1].jump, math.nan, scales)
         if beyond or (seen is not None and seen.kind is not Left.STEEP):

@@ -140,6 +140,13 @@ def test_a_jump_in_the_middle_of_a_steep_place_is_found():
     assert finding.metric.value == pytest.approx(0.5e-3, rel=0.1)
 
 
+def test_a_jump_at_the_origin_is_looked_at_no_closer_than_elsewhere():
+    """The centre of a circle, where every direction is as near."""
+    finding = found(Spring(ROUND), ROUND, Path([0.0, 0.02], [[0.0, 0.001], [0.0, 0.0]]))
+    assert finding.outcome is Outcome.FAIL
+    assert finding.metric.value > 0.1
+
+
 class Counted(Spring):
     def __init__(self, scene):
         super().__init__(scene)
