@@ -21,7 +21,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:  # noqa: ARG001
     """Compare the run with another one through the same object, to the bit or to what the renderer declares."""
     base = runs.base
     if runs.again is None:
-        return Finding(Outcome.INCONCLUSIVE, "one recording shows one run only; it takes a second one to tell")
+        return Finding(Outcome.NOT_APPLICABLE, "a recording shows one run only, and nobody can be asked for another")
     again = runs.again()
     rows = min(len(base), len(again))
     hip, ihip, force = (_apart(base, again, name, rows) for name in CHANNELS)

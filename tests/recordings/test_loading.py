@@ -76,7 +76,7 @@ def test_a_killed_run_gets_the_verdicts_of_what_was_saved(here, capsys):
         for document in (json.loads((here / folder / "results.json").read_text()) for folder in ("run", "who"))
     ]
     assert found[0] == found[1]
-    assert len(found[0]) == 14
+    assert len(found[0]) == 2 * 11
 
 
 def test_one_wrong_byte_hides_no_journal(here):
