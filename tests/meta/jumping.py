@@ -86,7 +86,8 @@ class FinePop(RatePop):
 class Switches:
     """Beyond `at` m from `begun`, or where the contact began, either way the contact point stands `by` m further on.
 
-    It comes back only when the hand is back by as much. `length` is that of a closed curve, m.
+    It comes back only when the hand is back by as much, or halfway to where it began. `length` is that of a closed
+    curve, m.
     """
 
     def __init__(self, by: float, at: float, begun: float | None = None, length: float = math.inf) -> None:
@@ -97,7 +98,7 @@ class Switches:
         if self.begun is None:
             self.begun = s
         way = math.remainder(s - self.begun, self.length)
-        self.on = abs(way) > self.at or (self.on and abs(way) > self.at - self.by)
+        self.on = abs(way) > self.at or (self.on and abs(way) > max(self.at - self.by, 0.5 * self.at))
         return s + math.copysign(self.by, way) if self.on else s
 
 
