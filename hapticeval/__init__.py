@@ -26,7 +26,7 @@ from hapticeval.types import Array, BoolArray, IntArray
 if TYPE_CHECKING:
     from hapticeval.discovery import known_renderers, resolve
     from hapticeval.phenomena.check import Check, Runs
-    from hapticeval.renderer import Batch, Renderer, RendererFactory, Response, SelfDriven
+    from hapticeval.renderer import Batch, Declaration, Renderer, RendererFactory, Response, SelfDriven, Spring
     from hapticeval.scene import Scene
 
 __version__ = version("hapticeval")
@@ -34,12 +34,14 @@ __version__ = version("hapticeval")
 _LAZY = {
     "Batch": "hapticeval.renderer",
     "Check": "hapticeval.phenomena.check",
+    "Declaration": "hapticeval.renderer",
     "Renderer": "hapticeval.renderer",
     "RendererFactory": "hapticeval.renderer",
     "Response": "hapticeval.renderer",
     "Runs": "hapticeval.phenomena.check",
     "Scene": "hapticeval.scene",
     "SelfDriven": "hapticeval.renderer",
+    "Spring": "hapticeval.renderer",
     "known_renderers": "hapticeval.discovery",
     "resolve": "hapticeval.discovery",
 }
@@ -49,6 +51,7 @@ __all__ = [
     "Batch",
     "BoolArray",
     "Check",
+    "Declaration",
     "Experiment",
     "Finding",
     "HapticevalError",
@@ -68,6 +71,7 @@ __all__ = [
     "Runs",
     "Scene",
     "SelfDriven",
+    "Spring",
     "Stimulus",
     "UnknownNameError",
     "Verdict",

@@ -252,7 +252,7 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
         raise
     except Exception as fault:  # the boundary behind which one faulty check must not take the run along
         finding = Finding(Outcome.ERROR, f"the check itself failed: {described(fault)}")
-    if ended is None or finding.outcome in (Outcome.FAIL, Outcome.NOT_APPLICABLE):
+    if ended is None or finding.outcome in (Outcome.FAIL, Outcome.NOT_APPLICABLE, Outcome.ERROR):
         return finding
     message = f"the run ended at t = {ended['time']:.4g} s: {ended['what']}"
     evidence = {**finding.evidence, "ended": dict(ended)}

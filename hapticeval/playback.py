@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.errors import DomainError, HapticevalError, RendererError, renderer_errors
+from hapticeval.errors import DomainError, HapticevalError, RefusalError, RendererError, renderer_errors
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.surface import Surface
 from hapticeval.recordings.recording import REQUIRED, SINGLE, Recording, backward_difference
@@ -147,10 +147,11 @@ def _promised(renderer: object) -> dict[str, Any]:
     scatter = (
         (promise.ihip_scatter, promise.force_scatter) if isinstance(promise, Declaration) else (math.nan, math.nan)
     )
-    if not all(isinstance(each, int | float) and 0.0 <= each < math.inf for each in scatter):
+    sound = all(isinstance(each, int | float) and 0.0 <= each < math.inf for each in scatter)
+    if not sound or promise.spring not in (None, *Spring):
         raise RendererError(
             f"the renderer declares {promise!r}",
-            why="declares is a hapticeval.renderer.Declaration, with scatters that are finite and not negative",
+            why="declares is a hapticeval.Declaration, with a Spring or None, and scatters finite and not negative",
             todo="give such a one, or leave declares out",
         )
     told = {"ihip_scatter": float(scatter[0]), "force_scatter": float(scatter[1])}
@@ -170,9 +171,9 @@ def _all_at_once(
         try:
             answer = renderer.run(hips.copy(), dt)
             ihips, forces = (np.asarray(part, dtype=np.float64) for part in answer)
-        except HapticevalError:
-            raise
-        except (Exception, SystemExit):
+        except (Exception, SystemExit) as error:
+            if isinstance(error, HapticevalError) and not isinstance(error, RefusalError):
+                raise
             # A batch does not say where it broke; single steps do.
             _step_by_step(renderer, hips, velocity, dt, first, ahead)
             raise
@@ -210,7 +211,18 @@ def _step_by_step(
         tick = first + max(row - ahead, 0)
         if pushes is not None:
             _feel(renderer, tick, hips[row], pushes[row])
-        ihips[row], forces[row] = ask(renderer, tick, hips[row], velocity[row], step)
+        try:
+            ihips[row], forces[row] = ask(renderer, tick, hips[row], velocity[row], step)
+        except RefusalError as refusal:
+            if row == 0:
+                raise
+            raise RendererError(
+                f"the renderer refuses in the middle of a run: {refusal.what}",
+                tick=tick,
+                hip=hips[row],
+                why="a refusal is about a scene, and stands before the first answer",
+                todo="refuse in the factory, in reset() or in the first step()",
+            ) from refusal
     return ihips, forces
 
 
@@ -232,7 +244,8 @@ def ask(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -
     """
     with renderer_errors("step()", tick=tick, hip=hip):
         answer, push = renderer.step(hip.copy(), velocity.copy(), dt)  # an (ihip, force) pair of any kind
-        ihip, force = np.asarray(answer, dtype=np.float64), np.asarray(push, dtype=np.float64)
+        # Copies: a renderer may answer in arrays of its own, and write the next answer into them.
+        ihip, force = np.array(answer, dtype=np.float64), np.array(push, dtype=np.float64)
     if ihip.shape != hip.shape or force.shape != hip.shape:
         raise RendererError(
             f"the renderer answered an IHIP of shape {ihip.shape} and a force of shape {force.shape}",

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from hapticeval.closed_loop import drive
-from hapticeval.errors import RendererError, described
+from hapticeval.errors import RefusalError, RendererError, described
 from hapticeval.geometry.catalogue import line
 from hapticeval.judging import built
-from hapticeval.playback import Closeup, compare_batch, lead, play
-from hapticeval.renderer import Response
+from hapticeval.playback import Closeup, ask, compare_batch, declared, lead, play
+from hapticeval.renderer import Declaration, Response
 from hapticeval.scene import Scene
 from hapticeval.stimulus import Experiment, Path
 
@@ -270,3 +270,62 @@ def test_run_and_step_may_round_to_either_side_of_a_jump():
 
     renderer = Astride(0.0)
     compare_batch(renderer, play(renderer, PATH, 0.01), stiffness=1000.0, damping=0.0)
+
+
+class Refuses:
+    """Refuses the scene at its n-th answer."""
+
+    def __init__(self, number):
+        self.number = number
+
+    def reset(self, hip):
+        self.answers = 0
+
+    def step(self, hip, velocity, dt):
+        self.answers += 1
+        if self.answers == self.number:
+            raise RefusalError("this scene", why="it is not for it")
+        return hip, 0.0 * hip
+
+
+class RefusesAtOnce(Refuses):
+    """The same, of a whole path."""
+
+    def run(self, hips, dt):
+        self.reset(hips[0])
+        return tuple(np.array(part) for part in zip(*(self.step(hip, 0.0, dt) for hip in hips), strict=True))
+
+
+@pytest.mark.parametrize("kind", [Refuses, RefusesAtOnce])
+def test_a_refusal_stands_before_the_first_answer(kind):
+    path = Path(np.array([0.0, 0.01]), np.array([[0.2, 0.0], [0.3, 0.0]]))
+    with pytest.raises(RefusalError):
+        play(kind(1), path, 1e-3)
+    with pytest.raises(RendererError, match="refuses in the middle of a run: this scene at tick 4"):
+        play(kind(5), path, 1e-3)
+
+
+class OwnBuffers:
+    """Writes each answer into the same two arrays."""
+
+    def reset(self, hip):
+        self.ihip, self.force = np.zeros(2), np.zeros(2)
+
+    def step(self, hip, velocity, dt):
+        self.ihip[:], self.force[:] = hip, 2.0 * hip
+        return self.ihip, self.force
+
+
+def test_an_answer_stays_what_it_was():
+    renderer = OwnBuffers()
+    renderer.reset(np.zeros(2))
+    first, _ = ask(renderer, 0, np.ones(2), np.zeros(2), 1e-3)
+    ask(renderer, 1, np.full(2, 3.0), np.zeros(2), 1e-3)
+    np.testing.assert_array_equal(first, np.ones(2))
+
+
+def test_a_spring_that_is_none_is_refused():
+    renderer = OwnBuffers()
+    renderer.declares = Declaration(spring="sprung")
+    with pytest.raises(RendererError, match="declares"):
+        declared(renderer)

@@ -7,7 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.sampling import LAG_TICKS, TELLS, lacks_ihip, loaded, place, standoff, touching
+from hapticeval.phenomena.sampling import (
+    LAG_TICKS,
+    TELLS,
+    believed_standoff,
+    hip_step,
+    lacks_ihip,
+    loaded,
+    place,
+    standoff,
+    touching,
+)
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.renderer import Spring
@@ -90,8 +100,13 @@ def _measure(base: Recording, scene: Scene, spring: Spring) -> Measured:
         before, after = np.maximum(now - lag, 0), np.minimum(now + lag, rows - 1)
         lagging += [error(before, now), error(before, before), error(now, after)]
     shares = np.array([_share(force, each, scene.stiffness, spring) for each in lagging])
-    open_ends = np.isnan(shares).any(axis=0)
     along, depth = _along(force, lagging[0], spring)
+    # A spring that gives nothing has no direction of its own: what it should have given is along the error.
+    granted = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene)
+    idle = ~loaded(base, scene)[ticks] & (np.linalg.norm(lagging[0], axis=1) > granted)
+    shares[:, idle] = [_share(force[idle], each[idle], scene.stiffness, Spring.ERROR) for each in lagging]
+    along[idle], depth[idle] = _along(force[idle], lagging[0][idle], Spring.ERROR)
+    open_ends = np.isnan(shares).any(axis=0)
     velocity = base.velocity if "velocity" in base.channels else backward_difference(base.hip, base.time)
     sinking = backward_difference(base.hip - base.ihip, base.time)[ticks]
     speed = np.abs(np.sum(along * velocity[ticks], axis=1))

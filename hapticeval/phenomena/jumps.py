@@ -131,8 +131,9 @@ def look_closer(look: Closer, scene: Scene, *, bound: float, standoff: float) ->
     if seen is None:
         return None
     # A proxy that lags moves later than the hand that made it.
-    steps = contact_steps(look.recording, scene)[seen.tick : seen.tick + LAG_TICKS + 1]
-    return replace(seen, tick=seen.tick + int(np.argmax(steps)))
+    tick = min(seen.tick, len(look.recording) - 1)
+    steps = contact_steps(look.recording, scene)[tick : tick + LAG_TICKS + 1]
+    return replace(seen, tick=tick + int(np.argmax(steps)))
 
 
 def _left(

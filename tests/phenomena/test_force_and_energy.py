@@ -398,3 +398,28 @@ def test_loops_of_the_suite_lie_inside_their_models_and_begin_outside(kind):
     hip = case.build_stimulus(case.build_scene(), None).sampled(1e-3)[1]
     assert boundary.signed_distance(hip[[0, -1]]).min() > 5e-3
     assert boundary.signed_distance(hip[260:-260]).max() < -4e-3
+
+
+class DeadSpot:
+    """The right spring to the nearest point, and no force at all beyond 4 mm of depth."""
+
+    def __init__(self, scene, spring):
+        self.boundary, self.stiffness = scene.model.boundary, scene.stiffness
+        self.declares = None if spring is None else Declaration(spring=spring)
+
+    def reset(self, hip):
+        pass
+
+    def step(self, hip, velocity, dt):
+        at = self.boundary.frame([hip])
+        ihip = at.foot[0] if at.distance[0] < 0.0 else hip
+        return Response(ihip, (at.distance[0] > -4e-3) * self.stiffness * (ihip - hip))
+
+
+@pytest.mark.parametrize("spring", [None, *Spring])
+def test_a_contact_point_without_a_force_deep_inside_is_not_taken_for_a_spring(spring):
+    scene = Scene(model=circle())
+    path = Path(np.array([0.0, 0.5, 1.0]), np.array([[0.105, 0.0], [0.083, 0.0], [0.083, 0.02]]))
+    found = force_magnitude.judge(Runs(play(DeadSpot(scene, spring), path, 1e-3)), scene)
+    assert found.outcome is Outcome.FAIL
+    assert found.level is (Level.SHOULD if spring is None else Level.MUST)
