@@ -10,7 +10,7 @@ from scipy.ndimage import maximum_filter1d
 
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.normal_cone import off_normals
-from hapticeval.phenomena.sampling import LAG_TICKS, hip_step, loaded, place, resolution, standoff
+from hapticeval.phenomena.sampling import LAG_TICKS, hip_step, loaded, place, resolution, rounding, standoff
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.quantization import grain
@@ -123,7 +123,7 @@ def _reach(recording: Recording, scene: Scene) -> Array:
     """
     steps = np.linalg.norm(np.diff(recording.ihip, axis=0, prepend=recording.ihip[:1]), axis=1)
     around = maximum_filter1d(steps, 2 * LAG_TICKS + 1, mode="nearest")
-    return np.asarray(LAG_TICKS * around + standoff(recording, scene) + 4.0 * SINGLE * scene.model.size)
+    return np.asarray(LAG_TICKS * around + standoff(recording, scene) + rounding(scene))
 
 
 def _deviation(recording: Recording, scene: Scene, strong: IntArray, reach: Array) -> Array:

@@ -19,11 +19,12 @@ from hapticeval.phenomena.sampling import (
     lacks_ihip,
     off_surface,
     place,
+    rounding,
     standoff,
     touching,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
-from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 
 LEAVES = "IHIP jump that refinement leaves"
@@ -224,8 +225,7 @@ def judge_closely(runs: Runs, look: Closer, refine: Callable[[int], Recording], 
 def _off_the_surface(base: Recording, scene: Scene) -> Finding | None:
     """A failure where the IHIP leaves the surface: a path through the solid is no contact point's, however smooth."""
     distance, tick = off_surface(base, scene)
-    rounding = 4.0 * SINGLE * scene.model.size
-    allowed = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene) + rounding
+    allowed = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene) + rounding(scene)
     if distance <= allowed:
         return None
     message = f"the IHIP in contact lies {1e3 * distance:.3g} mm off the surface at t = {base.time[tick]:.4g} s"

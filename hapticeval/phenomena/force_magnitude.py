@@ -15,6 +15,7 @@ from hapticeval.phenomena.sampling import (
     lacks_ihip,
     loaded,
     place,
+    rounding,
     standoff,
     touching,
 )
@@ -114,9 +115,9 @@ def _measure(base: Recording, scene: Scene, spring: Spring) -> Measured:
     allowed = scene.damping * np.maximum(speed, spreading)
     if "spring" not in base.meta:
         allowed = allowed + scene.mass * _bending(base, scene, velocity, ticks)
-    rounding = 4.0 * SINGLE * (float(np.max(np.abs(base.hip))) + depth)
+    apart = 4.0 * SINGLE * (float(np.max(np.abs(base.hip))) + depth)
     with np.errstate(divide="ignore"):
-        allowed = (allowed / scene.stiffness + rounding) / depth
+        allowed = (allowed / scene.stiffness + apart) / depth
     return Measured(
         ticks,
         shares[0],
@@ -166,11 +167,11 @@ def _without_ihip(base: Recording, scene: Scene) -> Finding:
     late = np.array([depth[np.maximum(ticks - lag, 0)] for lag in range(LAG_TICKS + 1)])
     size = np.linalg.norm(base.force[ticks], axis=1)
     shares = np.divide(size, scene.stiffness * late, out=np.full(late.shape, np.inf), where=late > 0.0)
-    rounding = 4.0 * SINGLE * scene.model.size + standoff(base, scene)
+    placed = rounding(scene) + standoff(base, scene)
     velocity = base.velocity if "velocity" in base.channels else backward_difference(base.hip, base.time)
     speed = np.linalg.norm(velocity[ticks], axis=1)
     with np.errstate(divide="ignore"):
-        allowed = (scene.damping * speed / scene.stiffness + rounding) / late[0]
+        allowed = (scene.damping * speed / scene.stiffness + placed) / late[0]
     high = shares.max(axis=0)
     rate = backward_difference(depth[:, np.newaxis], base.time)[ticks, 0]
     measured = Measured(ticks, shares[0], np.minimum(high, 1.0), high, allowed, late[0], rate).told
