@@ -12,14 +12,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hapticeval.closed_loop import drive
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.integration import control, default_method
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment, Hand, Path
+from hapticeval.simulation.closed_loop import drive
+from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 from hapticeval.study.integrators import Runner, integration_benchmark
 
 DT, SECONDS = 1e-3, 10.0

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from hapticeval.discovery import own_renderers
-from hapticeval.runner import execute, plan
+from hapticeval.runner.execution import execute
+from hapticeval.runner.planning import plan
 
 DIRECT = (sys.executable, "-c")
 

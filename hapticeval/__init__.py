@@ -20,7 +20,7 @@ from hapticeval.errors import (
 )
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
 from hapticeval.recordings.recording import Recording
-from hapticeval.stimulus import Experiment, Path, Stimulus
+from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.types import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:

@@ -25,10 +25,10 @@ from hapticeval.commands import (
     record,
     replay,
 )
+from hapticeval.commands.output import DEFAULT_DIRECTORY, prepare, say
 from hapticeval.commands.running import report_on as _report
 from hapticeval.commands.running import watch as _watch
 from hapticeval.errors import HapticevalError
-from hapticeval.output import DEFAULT_DIRECTORY, prepare, say
 
 DEFAULT_SUITE = "thesis"
 
@@ -187,9 +187,11 @@ def run(
       hapticeval run -r mymodule:factory -k 'cassinian-*/continuous-contact'
       hapticeval run mysuite.toml -o out
     """
-    from hapticeval.results import FILE
-    from hapticeval.runner import Interrupts, execute, plan
-    from hapticeval.terminal import Terminal, exit_code, summary
+    from hapticeval.commands.terminal import Terminal, exit_code, summary
+    from hapticeval.runner.execution import execute
+    from hapticeval.runner.interrupts import Interrupts
+    from hapticeval.runner.planning import plan
+    from hapticeval.runner.results import FILE
     from hapticeval.workers import cores
 
     planned = plan(suites or [DEFAULT_SUITE], renderers or (), select=select or (), seed=seed, strict=strict)
@@ -214,7 +216,7 @@ def list_(
       hapticeval list renderers
       hapticeval list cases
     """
-    from hapticeval import listing
+    from hapticeval.commands import listing
 
     say(listing.columns(listing.listed(what)))
 
@@ -229,7 +231,7 @@ def explain(
     Example:
       hapticeval explain continuous-contact
     """
-    from hapticeval import listing
+    from hapticeval.commands import listing
 
     say(listing.columns(listing.explained(check)))
 
@@ -244,8 +246,8 @@ def report(
     Example:
       hapticeval report results
     """
-    from hapticeval.runner import Interrupts
-    from hapticeval.terminal import Terminal
+    from hapticeval.commands.terminal import Terminal
+    from hapticeval.runner.interrupts import Interrupts
 
     with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
         written = _report(directory, terminal, interrupts)

@@ -11,7 +11,7 @@ from hapticeval.errors import RefusalError, RendererError, UnknownNameError
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import FORCE_SENSOR, PLANE, REQUIREMENTS, SPACE, Scene
-from hapticeval.stimulus import Stimulus
+from hapticeval.stimulus.stimulus import Stimulus
 from hapticeval.types import Array
 
 

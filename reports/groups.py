@@ -8,7 +8,7 @@ from typing import Any
 
 from hapticeval.reports.shown import ShownCase
 from hapticeval.reports.table import MatrixRow, SummaryRow, by_suite, matrix, renderers, suite_names
-from hapticeval.results import Results
+from hapticeval.runner.results import Results
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from hapticeval.reports.replay_section import COLUMNS as REPLAY_COLUMNS
 from hapticeval.reports.shown import Drawing, RunKey, shown_cases
 from hapticeval.reports.svg import classed
 from hapticeval.reports.table import SYMBOLS, ran, renderers
-from hapticeval.results import Results, all_refused, is_recorded, is_warning
+from hapticeval.runner.results import Results, all_refused, is_recorded, is_warning
 from hapticeval.study.bench.document import BenchResults
 
 

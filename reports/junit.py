@@ -15,7 +15,7 @@ from typing import Any
 from hapticeval.quantity import quantity
 from hapticeval.reports.scene_words import ended_words
 from hapticeval.reports.table import ran
-from hapticeval.results import Results, is_warning, stops
+from hapticeval.runner.results import Results, is_warning, stops
 
 NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 

@@ -13,7 +13,7 @@ from hapticeval.reports.replay_section import Section as ReplaySection
 from hapticeval.reports.replay_section import replay_section
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
 from hapticeval.reports.table import Cell, cell_of
-from hapticeval.results import Results
+from hapticeval.runner.results import Results
 
 RunKey = tuple[str, str, str]
 """Suite, case, renderer."""

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from hapticeval.reports.scene_words import ended_words
-from hapticeval.results import Results, is_warning
+from hapticeval.runner.results import Results, is_warning
 
 SYMBOLS: Mapping[str, str] = MappingProxyType(
     {"pass": "✓", "fail": "✗", "inconclusive": "?", "not-applicable": "-", "error": "!"}

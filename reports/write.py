@@ -20,7 +20,7 @@ from hapticeval.reports.marks import Mark, marks_of
 from hapticeval.reports.refusal import refusal_svg
 from hapticeval.reports.shown import Drawing, RunKey
 from hapticeval.reports.table import markdown
-from hapticeval.results import Results, read_results
+from hapticeval.runner.results import Results, read_results
 from hapticeval.study.bench.document import FILE as BENCH
 from hapticeval.study.bench.document import BenchResults, read_bench
 from hapticeval.workers import Answer, Ended, Workers

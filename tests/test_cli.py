@@ -17,10 +17,10 @@ from hapticeval import __version__, output, terminal
 from hapticeval.cli import main
 from hapticeval.commands import running
 from hapticeval.errors import HapticevalError, RendererError
-from hapticeval.events import Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
-from hapticeval.results import FILE, Results, read_results, verdict_document
+from hapticeval.runner.events import Interrupted, JobFinished, RunFinished, RunStarted
+from hapticeval.runner.results import FILE, Results, read_results, verdict_document
 
 SUITE = """
 title = "Two slides"
@@ -482,7 +482,7 @@ def test_the_first_run_says_that_it_compiles(
 def test_ctrl_c_that_no_command_answers_is_told_in_a_word(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hapticeval.listing.columns", lambda _: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr("hapticeval.commands.listing.columns", lambda _: signal.raise_signal(signal.SIGINT))
     assert main(["list", "checks"]) == 1
     assert capsys.readouterr().err == "interrupted\n"
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

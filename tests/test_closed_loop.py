@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.closed_loop import drive
 from hapticeval.compiled import compiled
 from hapticeval.devices.imperfections import ENCODER_STEP, ForceSensor, Imperfections
 from hapticeval.devices.inner_loop import InnerLoop
@@ -21,7 +20,8 @@ from hapticeval.errors import DomainError, InputError, RendererError
 from hapticeval.geometry.catalogue import circle, line, make_model
 from hapticeval.renderer import CompiledLaw, Response
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment, Hand, Path
+from hapticeval.simulation.closed_loop import drive
+from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 
 K, D = 500.0, 44.7
 

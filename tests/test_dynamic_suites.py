@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from hapticeval.discovery import own_renderers, resolve
-from hapticeval.judging import Judged, judge
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.results import read_results
-from hapticeval.runner import execute, plan
+from hapticeval.runner.execution import execute
+from hapticeval.runner.judging import Judged, judge
+from hapticeval.runner.planning import plan
+from hapticeval.runner.results import read_results
+from hapticeval.runner.table import fill_table
 from hapticeval.suite.case import Case
 from hapticeval.suite.installed import suites_named
 from hapticeval.suite.reading import load_suite
-from hapticeval.table import fill_table
 
 GROUP = suites_named("dynamics")
 SCHEMES = tuple(f"minimum-distance+{scheme}" for scheme in ("pp", "pp-v", "pp-d", "pp-pd", "pp-pd-c"))

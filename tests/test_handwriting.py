@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from hapticeval.discovery import own_renderers
-from hapticeval.events import JobFinished, RunFinished
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.runner import execute, plan
+from hapticeval.runner.events import JobFinished, RunFinished
+from hapticeval.runner.execution import execute
+from hapticeval.runner.planning import plan
 
 STROKE = FilePath(__file__).parents[2] / "shared" / "data" / "handwriting_svc" / "signal.svc"
 

@@ -17,7 +17,7 @@ from typing import IO
 import pytest
 
 from hapticeval.cli import main
-from hapticeval.results import FILE, read_results
+from hapticeval.runner.results import FILE, read_results
 
 SUITE = """
 title = "Three slides"

@@ -18,42 +18,33 @@ LAYERS = (
     {"types", "errors", "compiled"},
     {"documents", "files", "geometry", "knob", "quantity", "workers"},
     {"devices", "recordings"},
-    {"loop_kernels", "scene", "stimulus"},
-    {"closed_forms", "renderer", "trajectories"},
-    {"experiments", "phenomena", "playback"},
-    {"closed_loop", "discovery", "hardware", "ideal", "suite"},
-    {"judging", "results", "table"},
-    {"events"},
-    {"runner", "study"},
+    {"scene"},
+    {"stimulus"},
+    {"closed_forms", "renderer"},
+    {"simulation"},
+    {"phenomena"},
+    {"discovery", "hardware", "ideal", "suite"},
+    {"runner"},
+    {"study"},
     {"replay"},
-    {"listing", "output", "terminal"},
     {"commands"},
     {"cli"},
     {"__main__"},
 )
 """From the bottom up. A unit (a module or a subpackage) imports from lower layers, and from itself."""
 
-RENDERERS_MAY = set().union(*LAYERS[:5])
+RENDERERS_MAY = set().union(*LAYERS[:6])
 """The reference renderers know geometry, devices and the protocol: all that a third party's may know."""
 
-RUNNING = {
-    "replay",
-    "hardware",
-    "judging",
-    "runner",
-    "study",
-    "playback",
-    "closed_loop",
-    "ideal",
-    "discovery",
-    "listing",
-    "terminal",
-    "output",
-    "commands",
-    "cli",
-    "__main__",
+RUNNING = {"simulation", "discovery", "hardware", "ideal", "runner", "study", "replay", "commands", "cli", "__main__"}
+RESULTS = {
+    "runner.events",
+    "runner.results",
+    "runner.table",
+    "study.bench.document",
+    "study.projection_field.field",
+    "study.projection_field.singular",
 }
-RESULTS = {"study.bench.document", "study.projection_field.field", "study.projection_field.singular"}
 """Modules of running units that only hold what a run leaves: they import no more than reports do."""
 
 REPORTS_MAY = (set().union(*LAYERS) - RUNNING) | RESULTS

@@ -14,7 +14,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hapticeval.closed_loop import drive
 from hapticeval.compiled import compiled
 from hapticeval.devices.imperfections import ENCODER_STEP, ForceSensor, Imperfections
 from hapticeval.devices.inner_loop import InnerLoop
@@ -24,7 +23,8 @@ from hapticeval.discovery import load, own_renderers, resolve
 from hapticeval.geometry.catalogue import ellipse, ellipsoid, line, sphere, torus
 from hapticeval.renderer import Compiled, CompiledLaw
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment, Hand, Path
+from hapticeval.simulation.closed_loop import drive
+from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 
 DT = 1e-3
 FRICTION, LIMIT = 0.02, 0.4

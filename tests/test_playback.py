@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hapticeval.closed_loop import drive
 from hapticeval.errors import RefusalError, RendererError, described
 from hapticeval.geometry.catalogue import line
-from hapticeval.judging import built
-from hapticeval.playback import Closeup, ask, compare_batch, declared, lead, play
 from hapticeval.renderer import Declaration, Response
+from hapticeval.runner.judging import built
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment, Path
+from hapticeval.simulation.closed_loop import drive
+from hapticeval.simulation.playback import Closeup, ask, compare_batch, declared, lead, play
+from hapticeval.stimulus.stimulus import Experiment, Path
 
 PATH = Path(np.array([0.0, 1.0]), np.array([[0.0, 0.0], [0.1, 0.0]]))
 

@@ -13,7 +13,7 @@ import pytest
 from hapticeval.cli import EXIT_CODES, main
 from hapticeval.discovery import resolve
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.results import read_results
+from hapticeval.runner.results import read_results
 
 ROOT = Path(__file__).parents[1]
 PAGES = {page.stem: page.read_text(encoding="utf-8") for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]}

@@ -13,10 +13,8 @@ import pytest
 from hapticeval.cli import main
 from hapticeval.discovery import own_renderers
 from hapticeval.errors import InputError, UnknownNameError
-from hapticeval.events import Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
-from hapticeval.playback import play
 from hapticeval.recordings.hdf5 import read_recording, write_recording
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.replay import OPEN_LOOP, RECORDED
@@ -24,10 +22,13 @@ from hapticeval.replay.as_recorded import as_recorded
 from hapticeval.replay.job import prepared, replay_plan
 from hapticeval.replay.merge import merged
 from hapticeval.replay.subject import subject
-from hapticeval.results import read_results
-from hapticeval.runner import execute, plan
+from hapticeval.runner.events import Interrupted, JobFinished, RunFinished, RunStarted
+from hapticeval.runner.execution import execute
+from hapticeval.runner.planning import plan
+from hapticeval.runner.results import read_results
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Path
+from hapticeval.simulation.playback import play
+from hapticeval.stimulus.stimulus import Path
 
 SUITE = """
 title = "two cases"

@@ -11,7 +11,7 @@ from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderers import minimum_distance
 from hapticeval.replay import RECORDED
-from hapticeval.results import read_results
+from hapticeval.runner.results import read_results
 from hapticeval.scene import Scene
 
 SOLIDS = {

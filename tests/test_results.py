@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hapticeval.errors import InputError
 from hapticeval.files import replacing
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
-from hapticeval.results import (
+from hapticeval.runner.results import (
     Results,
     environment,
     file_stem,

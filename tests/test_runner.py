@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from hapticeval.errors import InputError, NothingSelectedError, UnknownNameError
-from hapticeval.events import Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.hdf5 import read_recording
-from hapticeval.results import read_results
-from hapticeval.runner import execute, plan
+from hapticeval.runner.events import Interrupted, JobFinished, RunFinished, RunStarted
+from hapticeval.runner.execution import execute
+from hapticeval.runner.planning import plan
+from hapticeval.runner.results import read_results
 
 MODULE = """
 import os, random, time

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hapticeval.errors import InputError
-from hapticeval.stimulus import Experiment, Path
+from hapticeval.stimulus.stimulus import Experiment, Path
 
 
 def path():

@@ -14,10 +14,10 @@ from hapticeval.devices.imperfections import ForceSensor, Imperfections
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import RendererError, UnknownNameError
 from hapticeval.geometry.catalogue import circle, sphere
-from hapticeval.judging import built, judge
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
-from hapticeval.results import read_results
+from hapticeval.runner.judging import built, judge
+from hapticeval.runner.results import read_results
 from hapticeval.scene import REQUIREMENTS, Requirement
 from hapticeval.study.limits.loop import Place
 from hapticeval.study.limits.search import family_of, simulated_limit

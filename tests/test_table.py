@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
+from hapticeval.runner.table import fill_table
 from hapticeval.suite.reading import load_suite
-from hapticeval.table import fill_table
 
 SUITE = load_suite("thesis")
 ROW = "Resists Pop-Through on Corners"

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from hapticeval.discovery import resolve
-from hapticeval.judging import judge
 from hapticeval.phenomena.verdict import Outcome, Verdict
 from hapticeval.renderer import Response
+from hapticeval.runner.judging import judge
+from hapticeval.runner.table import fill_table
 from hapticeval.suite.reading import load_suite
-from hapticeval.table import fill_table
 
 SUITE = load_suite("thesis")
 

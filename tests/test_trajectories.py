@@ -13,7 +13,7 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, line, star
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
-from hapticeval.trajectories import build_path, read_path
+from hapticeval.stimulus.paths import build_path, read_path
 
 HERE = FilePath()
 

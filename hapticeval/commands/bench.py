@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from hapticeval.commands.arguments import parse_knobs
-from hapticeval.output import DEFAULT_DIRECTORY, prepare, say
+from hapticeval.commands.output import DEFAULT_DIRECTORY, prepare, say
 
 EXIT_CODES = """\b
 Exit codes:
@@ -76,13 +76,13 @@ def bench(
     """
     from dataclasses import replace
 
+    from hapticeval.commands.terminal import Terminal
     from hapticeval.quantity import parse_duration, parse_length
     from hapticeval.study.bench.compare import compare_benches
     from hapticeval.study.bench.document import read_bench, read_samples, write_bench
     from hapticeval.study.bench.judge import judged
     from hapticeval.study.bench.sweep import Sweep, own_variants, settings_of
     from hapticeval.study.bench.text import describe
-    from hapticeval.terminal import Terminal
 
     wanted = None if within is None else parse_length(within, option="--within")
     limit = None if budget is None else parse_duration(budget, option="--budget")

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hapticeval.commands.arguments import FormatName, MappingFile, MemoryLimit
+from hapticeval.commands.output import say
 from hapticeval.errors import HapticevalError, InputError
-from hapticeval.output import say
 from hapticeval.recordings.memory import LIMIT
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from hapticeval.commands.arguments import FormatName, MappingFile, MemoryLimit
-from hapticeval.output import say
+from hapticeval.commands.output import say
 from hapticeval.recordings.memory import LIMIT
 
 EXIT_CODES = """\b

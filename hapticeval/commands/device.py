@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hapticeval.commands.arguments import parse_point
-from hapticeval.output import say
+from hapticeval.commands.output import say
 
 if TYPE_CHECKING:
     from hapticeval.devices.criteria import Criteria, Peak, Spread
@@ -65,11 +65,11 @@ def device(
     """
     import numpy as np
 
+    from hapticeval.commands.listing import columns
     from hapticeval.devices.catalogue import device_named
     from hapticeval.devices.criteria import MOTOR_TORQUE, criteria, over_workspace
     from hapticeval.devices.parallelogram import Parallelogram
     from hapticeval.devices.point_mass import PointMass
-    from hapticeval.listing import columns
     from hapticeval.reports.device_figure import write_device
 
     robot = device_named(name)

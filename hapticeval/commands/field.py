@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from hapticeval.commands.arguments import ModelName, model_named, model_title, parse_knobs, parse_point
+from hapticeval.commands.output import say
 from hapticeval.errors import InputError
-from hapticeval.output import say
 
 
 def field(

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from hapticeval.commands.arguments import ModelName, model_named, model_title
+from hapticeval.commands.output import say
 from hapticeval.errors import RefusalError
-from hapticeval.output import say
 
 
 def flow(

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hapticeval.output import say
+from hapticeval.commands.output import say
 
 
 def integrators(

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hapticeval.commands.arguments import parse_point
+from hapticeval.commands.output import say
 from hapticeval.errors import InputError, UnknownNameError
-from hapticeval.output import say
 
 if TYPE_CHECKING:
     from hapticeval.suite.case import Case
@@ -69,15 +69,15 @@ def limits(
     """
     import numpy as np
 
+    from hapticeval.commands.listing import columns
+    from hapticeval.commands.terminal import Terminal
     from hapticeval.devices.catalogue import device_named
     from hapticeval.discovery import resolve
-    from hapticeval.listing import columns
     from hapticeval.reports.limits_figure import write_limits
-    from hapticeval.stimulus import Path as HandPath
+    from hapticeval.stimulus.stimulus import Path as HandPath
     from hapticeval.study.limits.loop import Place
     from hapticeval.study.limits.study import study_limits
     from hapticeval.study.limits.text import describe
-    from hapticeval.terminal import Terminal
 
     case = _case(scene)
     built = case.build_scene()

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hapticeval.commands.output import say
 from hapticeval.errors import HapticevalError, InputError, described, origin
-from hapticeval.output import say
 
 if TYPE_CHECKING:
     from hapticeval.hardware.device import HardwareDevice
@@ -87,15 +87,15 @@ def record(
       hapticeval record --device udp://192.168.0.10:5005 --wiring rig.toml -r constraint -o run.h5
       hapticeval record --device mycard:MyCard --wiring rig.toml --seconds 60 --who Ann -o run.h5
     """
+    from hapticeval.commands.terminal import Terminal
     from hapticeval.discovery import resolve
     from hapticeval.hardware.kinematics import CUTOFF
     from hapticeval.hardware.live import channels, run, signals, warm
-    from hapticeval.judging import built
-    from hapticeval.playback import declared
     from hapticeval.recordings.recorder import Recorder
     from hapticeval.renderer import Renderer
+    from hapticeval.runner.judging import built
+    from hapticeval.simulation.playback import declared
     from hapticeval.study.limits.warning import too_stiff
-    from hapticeval.terminal import Terminal
 
     journal = output.with_suffix(".journal")
     if output.suffix.lower() not in SUFFIXES:
@@ -327,7 +327,7 @@ def _driver(name: str, factory: Callable[[], Any]) -> HardwareDevice:
 def _meta(scene: Scene, wiring: Wiring, renderer: str, *, hardware: str, who: str) -> dict[str, Any]:
     from datetime import UTC, datetime
 
-    from hapticeval.results import environment
+    from hapticeval.runner.results import environment
 
     gains = {"stiffness": scene.stiffness, "damping": scene.damping, "mass": scene.mass}
     model = {"kind": scene.model.name, **scene.model.parameters}

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hapticeval.commands.arguments import FormatName, MappingFile, MemoryLimit
+from hapticeval.commands.output import prepare, say
 from hapticeval.commands.running import report_on, watch
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem
-from hapticeval.output import prepare, say
 from hapticeval.recordings.memory import LIMIT
 
 if TYPE_CHECKING:
+    from hapticeval.commands.terminal import Terminal
     from hapticeval.replay.subject import Subject
-    from hapticeval.terminal import Terminal
 
 EXIT_CODES = """\b
 Exit codes:
@@ -118,11 +118,12 @@ def _model(name: str | None) -> Mapping[str, Any] | None:
 
 
 def _replay(made: Subject, renderers: list[str], directory: Path, seed: int, see: str) -> int:
+    from hapticeval.commands.terminal import Terminal, exit_code, summary
     from hapticeval.replay.job import prepared, replay_plan
     from hapticeval.replay.tell import differences
-    from hapticeval.results import FILE
-    from hapticeval.runner import Interrupts, execute
-    from hapticeval.terminal import Terminal, exit_code, summary
+    from hapticeval.runner.execution import execute
+    from hapticeval.runner.interrupts import Interrupts
+    from hapticeval.runner.results import FILE
     from hapticeval.workers import cores
 
     planned = replay_plan(made, renderers, seed=seed)
@@ -146,8 +147,8 @@ def _warn(suspicious: Sequence[str], see: str, terminal: Terminal) -> None:
 
 
 def _as_recorded(made: Subject, renderers: list[str] | None, see: str) -> int:
+    from hapticeval.commands.terminal import Terminal
     from hapticeval.replay.as_recorded import as_recorded
-    from hapticeval.terminal import Terminal
 
     found = as_recorded(made, renderers or ())
     with Terminal() as terminal:

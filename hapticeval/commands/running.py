@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from hapticeval.events import Event
-    from hapticeval.results import Results
-    from hapticeval.runner import Interrupts
-    from hapticeval.terminal import Terminal
+    from hapticeval.commands.terminal import Terminal
+    from hapticeval.runner.events import Event
+    from hapticeval.runner.interrupts import Interrupts
+    from hapticeval.runner.results import Results
 
 
 def watch(stream: Iterator[Event], terminal: Terminal) -> Results:
     """Give every event to the terminal, and return the results that the last one brings."""
-    from hapticeval.events import RunFinished
+    from hapticeval.runner.events import RunFinished
 
     if kernels_are_new():
         terminal.line("compiling kernels as they are first used, once: this run takes longer than later ones")

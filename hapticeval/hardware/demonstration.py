@@ -11,7 +11,7 @@ from hapticeval.geometry.surface import Surface
 from hapticeval.hardware.twin import Twin
 from hapticeval.hardware.wiring import Wiring
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Hand, Path
+from hapticeval.stimulus.stimulus import Hand, Path
 from hapticeval.types import Array
 
 DEPTH, REACH, PERIOD, LONGEST = 0.005, 0.075, 5.0, 600.0

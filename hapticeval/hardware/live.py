@@ -16,11 +16,11 @@ from hapticeval.hardware.device import HardwareDevice
 from hapticeval.hardware.guard import Guarded
 from hapticeval.hardware.kinematics import CUTOFF, Kinematics, Rates
 from hapticeval.hardware.wiring import Wiring
-from hapticeval.playback import ask, start
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recorder import Recorder
 from hapticeval.renderer import Renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.playback import ask, start
 from hapticeval.types import Array
 
 WORLD, JOINT = ("hip", "velocity", "ihip", "force"), ("joint_position", "joint_torque")

@@ -9,7 +9,7 @@ from hapticeval.devices.imperfections import Imperfections
 from hapticeval.errors import HapticevalError
 from hapticeval.hardware.device import Reading
 from hapticeval.hardware.wiring import Wiring
-from hapticeval.stimulus import Hand
+from hapticeval.stimulus.stimulus import Hand
 from hapticeval.types import Array
 
 

@@ -16,7 +16,7 @@ from hapticeval.ideal.terrain import Terrain, terrain
 from hapticeval.ideal.touch import FLIGHT, KINDS, MODE, PIECE, SLIDE, STATES, VX, VY, U, X, Y
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment, Path, Stimulus, sample_times
+from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus, sample_times
 from hapticeval.types import Array, IntArray
 
 TOUCHING = 1e-9

@@ -14,7 +14,7 @@ from hapticeval.scene import Scene
 
 
 class Closer(Protocol):
-    """A recording of which any part can be looked at in finer steps: see `hapticeval.playback.Closeup`."""
+    """A recording of which any part can be looked at in finer steps: see `hapticeval.simulation.playback.Closeup`."""
 
     recording: Recording
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from hapticeval.discovery import resolve, resolve_installed
 from hapticeval.errors import InputError
-from hapticeval.judging import built
 from hapticeval.phenomena.sampling import LED
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.recordings.stretches import Stretch
@@ -19,6 +18,7 @@ from hapticeval.replay.explain import Deviation, deviation
 from hapticeval.replay.job import hand_path
 from hapticeval.replay.rerender import HandPath, Part, joined, rerendered
 from hapticeval.replay.subject import Subject
+from hapticeval.runner.judging import built
 from hapticeval.scene import Scene
 
 LIVE = "hardware"

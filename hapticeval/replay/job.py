@@ -10,7 +10,6 @@ from typing import Any
 
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
-from hapticeval.judging import Judged, Recorded, built, judge_recorded
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.recordings.compare.difference import Difference, difference
@@ -21,6 +20,7 @@ from hapticeval.replay.merge import merged
 from hapticeval.replay.rerender import HandPath, Part, backwards, joined, rerendered
 from hapticeval.replay.sound import Usable, usable
 from hapticeval.replay.subject import SUITE, Subject
+from hapticeval.runner.judging import Judged, Recorded, built, judge_recorded
 from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.work import Done, kept, seed_all
 from hapticeval.scene import Scene

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from hapticeval.errors import DomainError, RefusalError, RendererError
-from hapticeval.playback import answered, declared, lead
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.recordings.stretches import Stretch, steps
 from hapticeval.renderer import Renderer, SelfDriven
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Path
+from hapticeval.simulation.playback import answered, declared, lead
+from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from hapticeval.judging import LACKS
 from hapticeval.replay import OPEN_LOOP, RECORDED
-from hapticeval.results import Results
+from hapticeval.runner.judging import LACKS
+from hapticeval.runner.results import Results
 
 
 def differences(results: Results) -> str:

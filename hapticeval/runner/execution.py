@@ -9,9 +9,9 @@ from itertools import islice
 from pathlib import Path
 
 from hapticeval.errors import RendererError
-from hapticeval.events import Event, Interrupted, RunFinished, RunStarted
-from hapticeval.judging import broken
+from hapticeval.runner.events import Event, Interrupted, RunFinished, RunStarted
 from hapticeval.runner.interrupts import Interrupts
+from hapticeval.runner.judging import broken
 from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.progress import Progress
 from hapticeval.runner.work import Done, Work, run_job

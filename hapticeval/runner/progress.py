@@ -9,16 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from hapticeval.errors import HapticevalError, RefusalError
-from hapticeval.events import JobFinished
-from hapticeval.judging import Judged
 from hapticeval.phenomena.verdict import Verdict
-from hapticeval.results import Results, environment, verdict_document, write_results
+from hapticeval.runner.events import JobFinished
+from hapticeval.runner.judging import Judged
 from hapticeval.runner.planning import Job, Plan
+from hapticeval.runner.results import Results, environment, verdict_document, write_results
+from hapticeval.runner.table import fill_table
 from hapticeval.runner.work import scene_document
 from hapticeval.scene import Scene
 from hapticeval.suite.case import Case
 from hapticeval.suite.suite import Suite
-from hapticeval.table import fill_table
 
 SAVE_EVERY = 1.0
 """Seconds between two writings of results.json: what a killed run may lose."""

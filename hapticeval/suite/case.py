@@ -11,13 +11,13 @@ from typing import Any
 
 from hapticeval.closed_forms.form import CLOSED_FORMS
 from hapticeval.errors import InputError
-from hapticeval.experiments import build_experiment, build_scene, check_workspace
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment, Stimulus
-from hapticeval.trajectories import build_path
+from hapticeval.stimulus.experiments import build_experiment, build_scene, check_workspace
+from hapticeval.stimulus.paths import build_path
+from hapticeval.stimulus.stimulus import Experiment, Stimulus
 
 Published = Mapping[str, Mapping[str, Outcome]]
 

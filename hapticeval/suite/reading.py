@@ -31,7 +31,7 @@ def load_suite(name_or_path: str) -> Suite:
             raise UnknownNameError("suite", name_or_path, known)
         if not file.is_file():
             raise InputError(f"no suite file {file}", todo=f"check the path, or use one of: {', '.join(known)}")
-    document = read_document(file, "suite.schema.json")
+    document = read_document(file, "suite/suite.schema.json")
     variants = document.get("variant", {})
     cases = tuple(case for spec in document["case"] for case in _cases(spec, variants, file))
     _refuse_repeats([case.name for case in cases], file.name)

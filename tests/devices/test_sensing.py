@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.closed_loop import drive
 from hapticeval.devices.imperfections import ENCODER_STEP, ForceSensor, Imperfections, actuation, blend
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
@@ -18,7 +17,8 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import line
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment
+from hapticeval.simulation.closed_loop import drive
+from hapticeval.stimulus.stimulus import Experiment
 
 DT = 1e-3
 ROBOTS = (Parallelogram2(), Parallelogram3())

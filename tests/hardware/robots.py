@@ -16,7 +16,7 @@ from hapticeval.hardware.wiring import Wiring
 from hapticeval.recordings.journal import recover
 from hapticeval.recordings.recorder import Recorder
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Hand, Path
+from hapticeval.stimulus.stimulus import Hand, Path
 
 DT = 1e-3
 RENDERER = "minimum-distance+pp-pd"

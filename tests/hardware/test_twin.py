@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from robots import DT, REAL, RENDERER, hand_of, recorded, scene_of, twin_of, wired
 
-from hapticeval.closed_loop import drive
 from hapticeval.devices.imperfections import ENCODER_STEP, Imperfections
 from hapticeval.discovery import resolve
 from hapticeval.errors import HapticevalError
 from hapticeval.hardware.demonstration import demonstration
 from hapticeval.hardware.kinematics import CUTOFF
 from hapticeval.hardware.twin import Twin
-from hapticeval.stimulus import Experiment
+from hapticeval.simulation.closed_loop import drive
+from hapticeval.stimulus.stimulus import Experiment
 
 CYCLES = 600
 

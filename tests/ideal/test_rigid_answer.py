@@ -10,7 +10,7 @@ from hapticeval.geometry.catalogue import cassinian, circle, from_vertices, line
 from hapticeval.ideal import ideal
 from hapticeval.renderer import SelfDriven
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment, Path
+from hapticeval.stimulus.stimulus import Experiment, Path
 
 DT = 1e-3
 

@@ -8,7 +8,7 @@ import pytest
 from hapticeval.geometry.catalogue import cassinian, circle, from_vertices, line
 from hapticeval.ideal import ideal
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment
+from hapticeval.stimulus.stimulus import Experiment
 
 VALLEY_FORCE = -np.array([1.0, 1.0]) / math.sqrt(2.0)
 

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.closed_loop import drive
 from hapticeval.discovery import resolve
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment, Hand, Path
+from hapticeval.simulation.closed_loop import drive
+from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 
 MASS = 0.1
 

@@ -12,7 +12,7 @@ from hapticeval.geometry.kernels import evaluate_many
 from hapticeval.ideal import ideal
 from hapticeval.ideal.motion import DAMPER, G0X, G0Y, LOADS, MASS, SPRING, slid
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment, Path
+from hapticeval.stimulus.stimulus import Experiment, Path
 
 MODELS = [star(), star(6), cassinian(), circle(), ellipse(4.0), dumbbell(0.3), line()]
 MASS_KG, DT = 0.1, 1e-3

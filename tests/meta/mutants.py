@@ -14,7 +14,7 @@ from hapticeval.ideal import ideal
 from hapticeval.ideal.contact import IdealContact
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment, Path, Stimulus
+from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 
 Spoil = Callable[[dict[str, np.ndarray], Recording, Scene, Stimulus], None]
 

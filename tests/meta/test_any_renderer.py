@@ -15,9 +15,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from outsiders import LED, case
 
-from hapticeval.judging import judge
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.results import verdict_document
+from hapticeval.runner.judging import judge
+from hapticeval.runner.results import verdict_document
 
 REAL = st.one_of(st.floats(-1e100, 1e100), st.sampled_from([math.nan, math.inf]))
 """Any number whose square is one, and what is none."""

@@ -17,11 +17,11 @@ from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.held_tool import HeldTool
 from hapticeval.phenomena.sampling import touching, trailing
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.playback import play
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Path
+from hapticeval.simulation.playback import play
+from hapticeval.stimulus.stimulus import Path
 
 DT = 1e-3
 

@@ -12,16 +12,16 @@ from honest import Spring
 from jumping import BROKEN, HONEST, Bends, Handle, InStep, Late, Moved, OffStep, Switches, Uncopied, single
 
 from hapticeval.geometry.catalogue import circle, star
-from hapticeval.judging import judge as judge_case
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.continuous_contact import judge
 from hapticeval.phenomena.verdict import Finding, Outcome
-from hapticeval.playback import Closeup, play
 from hapticeval.renderers import conformal
+from hapticeval.runner.judging import judge as judge_case
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Path
+from hapticeval.simulation.playback import Closeup, play
+from hapticeval.stimulus.paths import build_path
+from hapticeval.stimulus.stimulus import Path
 from hapticeval.suite.reading import load_suite
-from hapticeval.trajectories import build_path
 
 DT = 1e-3
 ROUND = Scene(model=circle())

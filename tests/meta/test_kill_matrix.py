@@ -15,9 +15,9 @@ from mutants import BESIDES, MUTANTS
 from outsiders import HONEST
 
 from hapticeval.ideal import ideal
-from hapticeval.judging import judge
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
+from hapticeval.runner.judging import judge
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
 

@@ -23,18 +23,18 @@ from hapticeval.devices.imperfections import Imperfections
 from hapticeval.discovery import resolve
 from hapticeval.errors import RendererError
 from hapticeval.geometry.catalogue import cassinian, circle, line, make_model
-from hapticeval.judging import judge
 from hapticeval.phenomena import force_magnitude, passivity, reset_clears
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.passivity import laps
 from hapticeval.phenomena.verdict import Level, Outcome, Verdict
-from hapticeval.playback import declared, play
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Declaration, Response, Spring
+from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Path
+from hapticeval.simulation.playback import declared, play
+from hapticeval.stimulus.paths import build_path
+from hapticeval.stimulus.stimulus import Path
 from hapticeval.suite.reading import load_suite
-from hapticeval.trajectories import build_path
 
 OURS = ("passivity", "force-magnitude", "reset-clears")
 FEW = ("cassinian-loops", "plane-impact", "plane-press", "star-convex-corner")

@@ -15,9 +15,9 @@ from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, 
 from hapticeval.phenomena import contact_normal_force, memoryless
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.playback import play
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Path
+from hapticeval.simulation.playback import play
+from hapticeval.stimulus.stimulus import Path
 
 sys.path.insert(0, str(FilePath(__file__).parents[1] / "meta"))
 

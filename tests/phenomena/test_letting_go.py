@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hapticeval.closed_loop import drive
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import circle
 from hapticeval.phenomena import centripetal_force
@@ -13,7 +12,8 @@ from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment
+from hapticeval.simulation.closed_loop import drive
+from hapticeval.stimulus.stimulus import Experiment
 
 SCENE = Scene(model=circle(), stiffness=50.0, damping=4.47, mass=0.1, bilateral=True)
 START = Experiment(1.0, np.array([0.1, 0.0]), np.array([0.0, 0.5]), np.zeros(1), np.zeros((1, 2)))

@@ -81,7 +81,7 @@ def test_a_recording_names_no_code(tmp_path, monkeypatch, capsys, name):
 
 @pytest.mark.parametrize("where", ["../outside.csv", "{absolute}", "link.csv"])
 def test_a_suite_reads_below_its_folder(tmp_path, where):
-    from hapticeval.trajectories import below
+    from hapticeval.stimulus.paths import below
 
     (tmp_path / "suite").mkdir()
     outside = tmp_path / "outside.csv"

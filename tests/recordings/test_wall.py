@@ -14,7 +14,7 @@ from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.integrity.report import examine
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.wall import before_the_wall
-from hapticeval.results import read_results
+from hapticeval.runner.results import read_results
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data" / "tue_1dof_teleop"

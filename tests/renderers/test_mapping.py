@@ -8,9 +8,9 @@ import pytest
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, star
 from hapticeval.geometry.maps.flow import FlowError
-from hapticeval.judging import judge
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderers import mapping
+from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
 from hapticeval.suite.reading import load_suite
 

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from hapticeval.closed_loop import drive
 from hapticeval.devices.imperfections import ENCODER_STEP, Imperfections
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
@@ -20,7 +19,8 @@ from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, 
 from hapticeval.renderer import Compiled, Feeling, Renderer
 from hapticeval.renderers import set_stabilisation
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment
+from hapticeval.simulation.closed_loop import drive
+from hapticeval.stimulus.stimulus import Experiment
 
 STIFFNESS, MASS = 1000.0, 0.1
 CRITICAL = 2.0 * np.sqrt(STIFFNESS * MASS)

@@ -6,7 +6,7 @@ import pytest
 from reports_synthetic import lobe_recording, synthetic_results, tip_recording
 
 from hapticeval.recordings.hdf5 import write_recording
-from hapticeval.results import Results, write_results
+from hapticeval.runner.results import Results, write_results
 
 
 @pytest.fixture

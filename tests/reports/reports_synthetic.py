@@ -7,7 +7,7 @@ import numpy as np
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
 from hapticeval.recordings.recording import Recording
-from hapticeval.results import Results, file_stem, verdict_document
+from hapticeval.runner.results import Results, file_stem, verdict_document
 
 HOSTILE = "mine:<script>alert(1)</script>&'\""
 GAIN = 1000.0

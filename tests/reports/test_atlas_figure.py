@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hapticeval.closed_loop import drive
 from hapticeval.devices.catalogue import make_device
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.discovery import resolve
@@ -13,7 +12,8 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment, Hand, Path
+from hapticeval.simulation.closed_loop import drive
+from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 
 SCENE = Scene(
     model=make_model("sphere", size=0.2), stiffness=20.0, damping=2.83, mass=0.1, viscosity=0.3, bilateral=True,

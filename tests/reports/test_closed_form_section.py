@@ -7,7 +7,7 @@ from reports_synthetic import run_document, synthetic_results
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
 from hapticeval.reports import render_html
 from hapticeval.reports.closed_form_section import closed_form_tables
-from hapticeval.results import verdict_document
+from hapticeval.runner.results import verdict_document
 
 MOMENTS = [
     {

@@ -14,7 +14,7 @@ from hapticeval.replay import OPEN_LOOP
 from hapticeval.reports.html import render_html
 from hapticeval.reports.replay_section import COLUMNS, replay_section
 from hapticeval.reports.table import matrix
-from hapticeval.results import Results, validate
+from hapticeval.runner.results import Results, validate
 
 APART = {"rms": 1e-4, "max": 2.5e-3, "time": 1.25, "row": 1250}
 

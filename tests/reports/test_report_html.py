@@ -10,7 +10,7 @@ from reports_synthetic import HOSTILE, synthetic_results
 from hapticeval.errors import InputError
 from hapticeval.reports import render_html, write_reports
 from hapticeval.reports.svg import THEME
-from hapticeval.results import write_results
+from hapticeval.runner.results import write_results
 
 VOID = {"meta", "br", "input", "link", "img"}
 

@@ -14,7 +14,7 @@ from hapticeval.knob import Knob
 from hapticeval.renderer import Response
 from hapticeval.renderers import constraint, minimum_distance
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Path
+from hapticeval.stimulus.stimulus import Path
 from hapticeval.study.bench import sweep as sweeping
 from hapticeval.study.bench.accuracy import (
     Answers,

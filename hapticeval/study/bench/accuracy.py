@@ -17,12 +17,12 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.model import Model
 from hapticeval.knob import Knob, Settings, configured, knobs_of
-from hapticeval.playback import ask, play, start
 from hapticeval.renderer import Renderer, RendererFactory
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Path
+from hapticeval.simulation.playback import ask, play, start
+from hapticeval.stimulus.paths import build_path
+from hapticeval.stimulus.stimulus import Path
 from hapticeval.study.projection_field.singular import sampled, singular_geometry, singular_set
-from hapticeval.trajectories import build_path
 from hapticeval.types import Array
 
 POINTS = 1000

@@ -18,7 +18,7 @@ import numpy as np
 from hapticeval.recordings.recording import backward_difference
 from hapticeval.renderer import Batch, Renderer, RendererFactory
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Path
+from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array, IntArray
 from hapticeval.workers import cores
 

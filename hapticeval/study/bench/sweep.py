@@ -12,10 +12,10 @@ import numpy as np
 
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import HapticevalError, InputError, RendererError, UnknownNameError, described
-from hapticeval.judging import built
 from hapticeval.knob import Settings, configured, knobs_of
 from hapticeval.renderer import Renderer, RendererFactory
-from hapticeval.results import environment
+from hapticeval.runner.judging import built
+from hapticeval.runner.results import environment
 from hapticeval.study.bench.accuracy import (
     MODELS,
     ROUNDING,

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hapticeval.closed_loop import drive
 from hapticeval.errors import InputError, RefusalError, RunawayError
-from hapticeval.judging import built
 from hapticeval.renderer import Renderer, RendererFactory, SelfDriven
+from hapticeval.runner.judging import built
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment
+from hapticeval.simulation.closed_loop import drive
+from hapticeval.stimulus.stimulus import Experiment
 from hapticeval.study.limits.loop import Gains, Place, SampledLoop, gains_of
 from hapticeval.types import Array
 

@@ -14,12 +14,12 @@ from hapticeval.errors import InputError
 from hapticeval.files import file_stem
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
-from hapticeval.judging import built
 from hapticeval.knob import configured
-from hapticeval.playback import ask, play, start
 from hapticeval.renderer import Batch, Renderer, RendererFactory
+from hapticeval.runner.judging import built
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Path
+from hapticeval.simulation.playback import ask, play, start
+from hapticeval.stimulus.stimulus import Path
 from hapticeval.study.projection_field.field import Field, field_of, shallow_angles
 from hapticeval.study.projection_field.singular import extent
 from hapticeval.types import Array

@@ -13,11 +13,11 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.integration import control, default_method
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import DomainError, InputError, RendererError, RunawayError
-from hapticeval.playback import answered, ask, declared, start
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Compiled, CompiledLaw, Explaining, Feeling, Renderer, SelfDriven
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment, sample_times
+from hapticeval.simulation.playback import answered, ask, declared, start
+from hapticeval.stimulus.stimulus import Experiment, sample_times
 from hapticeval.types import Array
 
 RUNAWAY = 1e6
@@ -109,7 +109,7 @@ def _drive_device(
     renderer: Renderer, law: CompiledLaw | None, experiment: Experiment, scene: Scene, device: Device, dt: float
 ) -> Recording:
     """Any device and any effect, by compiled kernels; the renderer by its own, where it has any."""
-    from hapticeval import loop_kernels as kernels
+    from hapticeval.simulation import kernels as kernels
 
     time = sample_times(experiment.duration, dt)
     loop = _Loop(experiment, scene, device, time, dt)
@@ -194,7 +194,7 @@ def _ran_away(tick: int, hip: Array, joints: Array) -> RunawayError:
 
 def _not_finite(tick: int, planes: Array) -> RendererError:
     """In the words of `playback.ask`."""
-    from hapticeval.loop_kernels import FORCE, IHIP, MEASURED_HIP
+    from hapticeval.simulation.kernels import FORCE, IHIP, MEASURED_HIP
 
     return RendererError(
         f"the renderer's answer is not finite: IHIP {planes[IHIP]}, force {planes[FORCE]}",
@@ -208,9 +208,9 @@ class _Loop:
     """A run's arrays, and the kernels that work on them."""
 
     def __init__(self, experiment: Experiment, scene: Scene, device: Device, time: Array, dt: float) -> None:
-        from hapticeval import loop_kernels as kernels
         from hapticeval.compiled import DYNAMICS, KINEMATICS, MARGIN, first_class
         from hapticeval.devices import dynamics_kernels as motion
+        from hapticeval.simulation import kernels as kernels
 
         self.kernels = kernels
         self.device = device

@@ -12,7 +12,7 @@ import numpy as np
 from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.surface import Surface
-from hapticeval.stimulus import Path
+from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array
 
 WAYPOINTS = 32_768

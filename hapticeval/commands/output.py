@@ -15,7 +15,7 @@ REPORTS = ("table.md", "junit.xml", "report.html")
 
 def prepare(directory: Path) -> None:
     """See that results may be written: into a folder that is new, empty, or holds an earlier run or bench of ours."""
-    from hapticeval.results import FILE
+    from hapticeval.runner.results import FILE
     from hapticeval.study.bench import document as bench
 
     if directory.exists() and not directory.is_dir():

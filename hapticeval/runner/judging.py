@@ -7,18 +7,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from hapticeval.closed_loop import drive
 from hapticeval.errors import HapticevalError, RefusalError, RendererError, described, renderer_errors
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.surface import Surface
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
-from hapticeval.playback import Closeup, compare_batch, play
 from hapticeval.recordings.recording import MissingChannelError, Recording
 from hapticeval.renderer import Renderer, RendererFactory, SelfDriven, check_support, supported
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment, Path, Stimulus
+from hapticeval.simulation.closed_loop import drive
+from hapticeval.simulation.playback import Closeup, compare_batch, play
+from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.suite.case import Case
 
 LACKS = "lacks"

@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 from hapticeval.errors import HapticevalError, RefusalError
 from hapticeval.phenomena.verdict import Verdict
-from hapticeval.results import Results
+from hapticeval.runner.results import Results
 
 
 @dataclass(frozen=True)

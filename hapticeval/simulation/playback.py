@@ -16,7 +16,7 @@ from hapticeval.geometry.surface import Surface
 from hapticeval.recordings.recording import REQUIRED, SINGLE, Recording, backward_difference
 from hapticeval.renderer import Batch, Declaration, Feeling, Renderer, SelfDriven, Spring
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Path, Stimulus
+from hapticeval.stimulus.stimulus import Path, Stimulus
 from hapticeval.types import Array
 
 NEAR = 1e-4

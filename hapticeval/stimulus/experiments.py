@@ -17,8 +17,8 @@ from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import DomainError, InputError
 from hapticeval.geometry.model import Model
 from hapticeval.scene import Scene
-from hapticeval.stimulus import Experiment, Hand, Path
-from hapticeval.trajectories import below, read_path, read_rows
+from hapticeval.stimulus.paths import below, read_path, read_rows
+from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 from hapticeval.types import Array
 
 

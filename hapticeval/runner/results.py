@@ -224,7 +224,7 @@ def _validator() -> Any:
     """Compiled once: a run writes its results every second."""
     from jsonschema import Draft202012Validator
 
-    schema = resources.files("hapticeval").joinpath("results.schema.json").read_text(encoding="utf-8")
+    schema = resources.files("hapticeval.runner").joinpath("results.schema.json").read_text(encoding="utf-8")
     return Draft202012Validator(json.loads(schema))
 
 

@@ -11,13 +11,13 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, TextIO
 
 from hapticeval.errors import HapticevalError
-from hapticeval.events import Event, Interrupted, JobFinished, RunStarted
 from hapticeval.phenomena.verdict import Outcome, warns
+from hapticeval.runner.events import Event, Interrupted, JobFinished, RunStarted
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from hapticeval.results import Results
+    from hapticeval.runner.results import Results
 
 FEW = 10
 """Figures that are drawn before anyone wonders what goes on."""
@@ -155,7 +155,7 @@ def exit_code(results: Results, errors: Iterable[HapticevalError]) -> int:
     What stopped a job outranks that: 3 where a renderer broke, else 2 where a job's input was not usable or every run
     was refused.
     """
-    from hapticeval.results import all_refused, stops
+    from hapticeval.runner.results import all_refused, stops
 
     stopped = any(stops(results, verdict) for verdict in results.verdicts)
     differs = stopped or not results.complete or results.ran < results.planned
@@ -231,7 +231,7 @@ def _surprising(results: Results) -> Iterator[Mapping[str, Any]]:
 
 
 def _warning(results: Results) -> list[Mapping[str, Any]]:
-    from hapticeval.results import is_warning
+    from hapticeval.runner.results import is_warning
 
     return [verdict for verdict in results.verdicts if is_warning(verdict)]
 
