@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
-from hapticeval.compiled import LawData
 from hapticeval.errors import RefusalError, RendererError, UnknownNameError
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import FORCE_SENSOR, PLANE, REQUIREMENTS, SPACE, Scene
 from hapticeval.stimulus.stimulus import Stimulus
 from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from hapticeval.compiled import LawData
 
 
 class Spring(StrEnum):

@@ -29,16 +29,15 @@ import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon_kernels import nearest_many
+from hapticeval.renderers.law import once
 from hapticeval.renderers.outline import boundary_of
-from hapticeval.renderers.projection import Projected, Projection
+from hapticeval.renderers.projective import Projected, Projection
 from hapticeval.renderers.table import ASK, CELL, EDGE, HELD, MARKED, TOUCHES, Table, empty, grid_over
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, ByteArray
@@ -292,9 +291,6 @@ class LutProjection:
         self.standoff = max(table.standoff, exact.standoff)
         self._exact = exact
 
-    def reset(self, hip: Array) -> None:
-        """Nothing is remembered."""
-
     def project(self, hip: Array) -> Projected:
         """One tick."""
         x, y = hip.tolist()
@@ -323,13 +319,12 @@ def tabulated(
     """
     if not scene.model.curve.closed:
         return project(scene, representation, **settings)
-    exact = project(scene, representation, **settings)
-    kept = _KEPT.setdefault(scene.model, {})
-    key = (project, representation, cell, scene.bilateral, *sorted(settings.items()))
-    if key not in kept:
+
+    def make() -> Table:
         both_sides = project(replace(scene, bilateral=True), representation, **settings)
-        kept[key] = tabulate(both_sides, cell=cell, everywhere=scene.bilateral)
-    return LutProjection(kept[key], curve_of(exact), resolution=max(cell, exact.resolution), exact=exact)
+        return tabulate(both_sides, cell=cell, everywhere=scene.bilateral)
 
-
-_KEPT: WeakKeyDictionary[Model, dict[object, Table]] = WeakKeyDictionary()
+    exact = project(scene, representation, **settings)
+    key = (project, representation, cell, scene.bilateral, *sorted(settings.items()))
+    table = once(scene.model, key, make)
+    return LutProjection(table, curve_of(exact), resolution=max(cell, exact.resolution), exact=exact)
