@@ -203,7 +203,7 @@ class Front:
         self.time += steps * dt
         self._measure()
         if self.gap > 0.0:
-            held = keep_apart(self.points, self.gap * self.length / self.points.shape[0])
+            held = kernels.keep_apart(self.points, self.gap * self.length / self.points.shape[0])
             if held:
                 kernels.pull_back(self.values, self.h, self.x0, self.y0, self.points)
             self.held = held
@@ -237,24 +237,6 @@ class Front:
         k = int(np.argmin(distances))
         x, y = 0.5 * (second[k] + first[np.asarray(matches)[k]])
         return count, (float(x), float(y))
-
-
-def keep_apart(points: Array, least: float) -> int:
-    """Slide the points (n, 2) along their closed polyline until each is `least` (m) past the one before.
-
-    The points keep their order, and move as little as that takes in the sense of least squares (isotonic regression),
-    starting after the widest gap. Returns how many gaps were too small.
-    """
-    from scipy.optimize import isotonic_regression
-
-    gaps, tangents = kernels.gaps_along(points, least)
-    small = int(np.sum(gaps < least))
-    if small:
-        order = (np.argmax(gaps) + 1 + np.arange(gaps.size)) % gaps.size
-        places = np.append(0.0, np.cumsum(gaps[order[:-1]] - least))
-        shifts = isotonic_regression(places).x - places
-        points[order] += shifts[:, np.newaxis] * tangents[order]
-    return small
 
 
 def starts(model: Model, lines: int) -> Array:

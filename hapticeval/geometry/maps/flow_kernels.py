@@ -252,15 +252,15 @@ def carry(values: Array, h: float, x0: float, y0: float, kind: int, scale: float
 
 
 @compiled
-def gaps_along(points: Array, least: float) -> tuple[Array, Array]:
-    """How far (n,), m, each of the points (n, 2) of a closed polyline is from the next, and its tangents (n, 2).
+def keep_apart(points: Array, least: float) -> int:
+    """Slide the points (n, 2) along their closed polyline until each is `least` (m) past the one before.
 
-    A gap that is not far above `least` (m) counts along the polyline, and is negative where the two have crossed.
+    The points keep their order, and move as little as that takes in the sense of least squares: pools of equal shift
+    (isotonic regression), starting after the widest gap. Returns how many gaps were too small.
     """
     n = points.shape[0]
     gaps, tangents = np.empty(n), np.empty((n, 2))
     for k in range(n):
-        before, after = (k - 1) % n, (k + 1) % n
         # a wide chord about the point: neighbours may have crossed
         for reach in range(1, n // 8):
             before, after = (k - reach) % n, (k + reach) % n
@@ -276,4 +276,26 @@ def gaps_along(points: Array, least: float) -> tuple[Array, Array]:
         dx, dy = points[after, 0] - points[k, 0], points[after, 1] - points[k, 1]
         along = (dx * tx + dy * ty) / size
         gaps[k] = along if along < 2.0 * least else math.hypot(dx, dy)
-    return gaps, tangents
+    small, first = int(np.sum(gaps < least)), int(np.argmax(gaps)) + 1
+    if small == 0:
+        return 0
+    mean, weight, pools = np.empty(n), np.empty(n), 0
+    places, at = np.empty(n), 0.0
+    for m in range(n):
+        places[m] = at
+        at += gaps[(first + m) % n] - least
+        mean[pools], weight[pools] = places[m], 1.0
+        pools += 1
+        while pools > 1 and mean[pools - 2] > mean[pools - 1]:
+            total = weight[pools - 2] + weight[pools - 1]
+            mean[pools - 2] = (mean[pools - 2] * weight[pools - 2] + mean[pools - 1] * weight[pools - 1]) / total
+            weight[pools - 2] = total
+            pools -= 1
+    m = 0
+    for pool in range(pools):
+        for _ in range(int(weight[pool])):
+            k = (first + m) % n
+            points[k, 0] += (mean[pool] - places[m]) * tangents[k, 0]
+            points[k, 1] += (mean[pool] - places[m]) * tangents[k, 1]
+            m += 1
+    return small

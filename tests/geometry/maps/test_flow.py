@@ -16,7 +16,6 @@ from hapticeval.geometry.maps.flow import (
     FlowSplitError,
     Front,
     flow,
-    keep_apart,
     starts,
 )
 
@@ -158,11 +157,11 @@ def test_lines_are_held_apart_and_keep_their_order():
     angles = np.linspace(0.0, 2.0 * math.pi, 60, endpoint=False)
     angles[[10, 11, 12]] = angles[[12, 10, 11]]  # three that have crossed
     points = np.column_stack([np.cos(angles), np.sin(angles)])
-    assert keep_apart(points, 0.02) > 0
+    assert kernels.keep_apart(points, 0.02) > 0
     after = np.unwrap(np.arctan2(points[:, 1], points[:, 0]))
     assert np.diff(after).min() > 0.75 * 0.02
     untouched = points.copy()
-    assert keep_apart(points, 0.01) == 0
+    assert kernels.keep_apart(points, 0.01) == 0
     assert np.array_equal(points, untouched)
 
 
