@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from hapticeval.errors import InputError
-from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.surface import Surface
+from hapticeval.geometry.boundary import Boundary
+from hapticeval.geometry.curve import Curve, as_curve
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array
 
@@ -19,7 +19,7 @@ WAYPOINTS = 32_768
 """Points on a built path: four a tick for eight seconds at 1 kHz, so that refined runs see its true shape."""
 
 
-def build_path(spec: Mapping[str, Any], surface: Curve | Surface, folder: FilePath) -> Path:
+def build_path(spec: Mapping[str, Any], surface: Boundary, folder: FilePath) -> Path:
     """The path that a suite's `trajectory` table asks for.
 
     `kind` is one of
@@ -44,17 +44,18 @@ def build_path(spec: Mapping[str, Any], surface: Curve | Surface, folder: FilePa
         return _at_constant_speed(np.array(spec["points"], dtype=np.float64), spec["duration"])
     if kind == "loop":
         return _loop(**{name: value for name, value in spec.items() if name != "kind"})
-    if not isinstance(surface, Curve):
+    curve = as_curve(surface)
+    if curve is None:
         raise InputError(
             f"a trajectory of kind '{kind}' is built on a plane curve, and the model is a surface in space",
             todo="use kind = 'points' or 'file'",
         )
     if kind == "scaled":
-        points = _scaled(surface, spec["depth"], spec["from_angle"], spec["to_angle"])
+        points = _scaled(curve, spec["depth"], spec["from_angle"], spec["to_angle"])
     elif kind == "arc":
-        points = _arc(surface, spec["depth"], spec["from_angle"], spec["to_angle"])
+        points = _arc(curve, spec["depth"], spec["from_angle"], spec["to_angle"])
     else:
-        points = _past_corner(surface, spec["corner"], spec["depth"], spec["before"], spec["after"])
+        points = _past_corner(curve, spec["corner"], spec["depth"], spec["before"], spec["after"])
     return _at_constant_speed(points, spec["duration"])
 
 
