@@ -15,6 +15,7 @@ from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
 from hapticeval.recordings.recording import MissingChannelError, Recording
 from hapticeval.renderer import Renderer, RendererFactory, SelfDriven, check_support, supported
+from hapticeval.runner.results import Replay
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import drive
 from hapticeval.simulation.playback import Closeup, compare_batch, play
@@ -39,8 +40,7 @@ class Judged:
     simulated_seconds: float
     wall_seconds: float
     ended: Mapping[str, Any] | None = None
-    replay: Mapping[str, Any] | None = None
-    """What a replay has to say beside the verdicts: see `hapticeval.replay`."""
+    replay: Replay | None = None
 
 
 class _Bench:
@@ -169,7 +169,7 @@ class Recorded:
 
     whole: Recording
     runs: tuple[Runs, ...]
-    replay: Mapping[str, Any]
+    replay: Replay
     simulated_seconds: float = 0.0
 
 

@@ -11,11 +11,11 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hapticeval.discovery import resolve
+from hapticeval.files import file_stem
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
 from hapticeval.runner.judging import Judged, judge
 from hapticeval.runner.planning import Job
-from hapticeval.runner.results import file_stem
 from hapticeval.scene import Scene
 
 Done: TypeAlias = tuple[Judged, Path | None]
