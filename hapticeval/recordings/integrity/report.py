@@ -23,11 +23,11 @@ from hapticeval.recordings.integrity.relations import (
     velocities,
 )
 from hapticeval.recordings.integrity.timing import Timing, examine_timing
+from hapticeval.recordings.provenance import LINE, before_the_wall
 from hapticeval.recordings.quantization import quantum
 from hapticeval.recordings.recording import Recording, columns_of, runs_of
 from hapticeval.recordings.salvage import told_losses, told_warnings
 from hapticeval.recordings.stretches import joined, stretches
-from hapticeval.recordings.wall import LINE, before_the_wall
 from hapticeval.types import Array, BoolArray
 
 HELD = ("N", "N m")
