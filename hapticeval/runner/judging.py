@@ -227,7 +227,7 @@ def _verdicts(findings: Sequence[Finding], renderer: str, suite: str, case: Case
             check=check,
             level=(finding.level or CHECKS[check].level) if case.judged else Level.INFO,
             finding=finding,
-            published=case.published.get(renderer, {}).get(check),
+            published=Outcome(case.published[renderer][check]) if check in case.published.get(renderer, {}) else None,
         )
         for check, finding in zip(case.checks, findings, strict=True)
     )

@@ -109,7 +109,7 @@ def _run(job: Job, judged: Judged, file: Path | None) -> RunEntry:
         recording=None if file is None else file.as_posix(),
         simulated_seconds=judged.simulated_seconds,
         wall_seconds=judged.wall_seconds,
-        stimulus="experiment" if case.trajectory is None else "trajectory",
+        stimulus=case.stimulus_kind,
         title=case.title,
         shows=case.shows,
         citation=case.citation,
@@ -129,7 +129,7 @@ def _scene(case: Case) -> SceneEntry:
     """The scene's numbers, and what an experiment drives: device, inner loop and imperfections."""
     scene = case.build_scene()
     numbers = scene_document(scene)
-    if case.trajectory is not None:
+    if case.stimulus_kind == "trajectory":
         return SceneEntry(**numbers)
     device = scene.robot
     choices = {name: str(each) for name in ("dynamics", "base_inertia") if (each := getattr(device, name, None))}
