@@ -225,7 +225,7 @@ def _made(model: Model, shape: tuple[int, int], *, bilateral: bool) -> CompiledP
             todo=REFINE,
         )
     return CompiledProjection(
-        on_level_set, outline.as_curve(), bilateral=bilateral, own=(c.x0, c.y0, c.dx, c.dy), segments=c.arcs,
+        on_level_set, outline, bilateral=bilateral, own=(c.x0, c.y0, c.dx, c.dy), segments=c.arcs,
         lookup=c.values, vertices=c.vertices, tree=c.tree, resolution=level_set.cell, standoff=standoff,
     )  # fmt: skip
 

@@ -17,7 +17,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
 from hapticeval.renderers.law import once
 from hapticeval.renderers.nearest import nearest_in_plane
-from hapticeval.renderers.outline import Boundary, boundary_of, frame, nearest_on, outline_of
+from hapticeval.renderers.outline import Outline, frame, nearest_on, outline_of, representation_of
 from hapticeval.renderers.projective import Projected, Projection
 from hapticeval.types import Array, BoolArray
 
@@ -56,7 +56,7 @@ class DiskProjection:
         self.resolution = resolution
         self.standoff = 0.0
         self.map = disk
-        self._boundary = boundary_of(curve)
+        self._boundary = outline_of(curve)
         self._bilateral = bilateral
 
     def project(self, hip: Array) -> Projected:
@@ -77,7 +77,7 @@ class DiskProjection:
 
 
 @compiled
-def _side(b: Boundary, x: float, y: float) -> tuple[bool, float]:
+def _side(b: Outline, x: float, y: float) -> tuple[bool, float]:
     """Whether a point is inside the curve, and a distance to which every point is on the same side as it.
 
     Where squares of distances overflow, a point is outside, and nothing is known of others: the distance is negative.
@@ -95,7 +95,7 @@ def _side(b: Boundary, x: float, y: float) -> tuple[bool, float]:
 
 
 @compiled
-def _insides(b: Boundary, points: Array) -> BoolArray:
+def _insides(b: Outline, points: Array) -> BoolArray:
     """Whether each point is inside: one close to the point before it, for its distance, need not be looked up.
 
     Distances are known to the rounding of coordinates.
@@ -114,7 +114,7 @@ def _insides(b: Boundary, points: Array) -> BoolArray:
 
 @compiled
 def _answer(
-    b: Boundary, bilateral: bool, inside: bool, u: float, x: float, y: float
+    b: Outline, bilateral: bool, inside: bool, u: float, x: float, y: float
 ) -> tuple[float, float, float, float]:
     """IHIP and normal of a HIP: at the parameter u where it is `inside`."""
     if inside:
@@ -126,7 +126,7 @@ def _answer(
 
 
 @compiled
-def _answers(b: Boundary, bilateral: bool, inside: BoolArray, parameters: Array, hips: Array) -> Array:
+def _answers(b: Outline, bilateral: bool, inside: BoolArray, parameters: Array, hips: Array) -> Array:
     """IHIP and normal (n, 4) a row of `hips` (n, 2)."""
     out = np.empty((hips.shape[0], 4))
     for i in range(hips.shape[0]):
@@ -145,7 +145,7 @@ def mapping_projection(model: Model, *, bilateral: bool, settings: FlowSettings)
     map.
     """
     if not model.curve.closed:
-        return nearest_in_plane(outline_of(model, "curve"), bilateral=bilateral)
+        return nearest_in_plane(representation_of(model, "curve"), bilateral=bilateral)
     made = flow_map(model, settings)
     return DiskProjection(made, model.curve, bilateral=bilateral, resolution=made.spacing)
 
@@ -157,6 +157,6 @@ def conformal_projection(model: Model, *, bilateral: bool, nodes: int | None = N
     Raises `CrowdingError` and `InputError` as `conformal_map` does.
     """
     if not model.curve.closed:
-        return nearest_in_plane(outline_of(model, "curve"), bilateral=bilateral)
+        return nearest_in_plane(representation_of(model, "curve"), bilateral=bilateral)
     made = once(model, ("conformal", nodes), lambda: conformal_map(model.curve, nodes=nodes))
     return DiskProjection(made, model.curve, bilateral=bilateral, resolution=made.blur)

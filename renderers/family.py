@@ -174,9 +174,9 @@ class ProjectiveFamily:
 def by_constraint(scene: Scene, representation: str, *, vertices: float = VERTICES) -> Projection:
     """The constraint projection (4.3) on a representation of the scene's model."""
     from hapticeval.renderers.god_object import god_object
-    from hapticeval.renderers.outline import outline_of
+    from hapticeval.renderers.outline import representation_of
 
-    return god_object(outline_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)
+    return god_object(representation_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)
 
 
 def by_minimum_distance(
@@ -185,13 +185,13 @@ def by_minimum_distance(
     """The minimum distance projection (4.2) on a representation of the scene's model; in space on the exact surface."""
     from hapticeval.renderers.contour import nearest_on_level_set
     from hapticeval.renderers.nearest import nearest_in_plane, nearest_in_space
-    from hapticeval.renderers.outline import outline_of
+    from hapticeval.renderers.outline import representation_of
 
     if scene.model.dimension == 3 and representation == "curve":
         return nearest_in_space(scene.model.surface, bilateral=scene.bilateral)
     if representation == "level-set" and scene.model.curve.closed:
         return nearest_on_level_set(scene.model, (int(grid), int(grid)), bilateral=scene.bilateral)
-    return nearest_in_plane(outline_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)
+    return nearest_in_plane(representation_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)
 
 
 def by_conformal(scene: Scene, representation: str, *, nodes: float | None = None) -> Projection:  # noqa: ARG001

@@ -13,13 +13,13 @@ from hapticeval.compiled import LawData, compiled
 from hapticeval.renderers.law import BILATERAL, ERROR, ROOM, regulate, release
 from hapticeval.renderers.outline import (
     LEAVES,
-    Boundary,
     Outline,
+    Representation,
     at,
-    boundary_in,
     entered,
     frame,
     nearest_on,
+    outline_in,
     slide,
 )
 from hapticeval.renderers.projective import CompiledProjection
@@ -32,20 +32,20 @@ FLIGHTS = 64
 """Releases within one tick after which the side of the hand decides; each brings the tool closer to it."""
 
 
-def god_object(outline: Outline, *, bilateral: bool) -> CompiledProjection:
+def god_object(shown: Representation, *, bilateral: bool) -> CompiledProjection:
     """Return the constraint projection on a polygon or a curve.
 
     A run that starts with the hand inside starts in contact at the nearest surface point. With `bilateral` the tool
     is never released: it follows the same local minimum of the distance with the hand on either side.
     """
-    return CompiledProjection(follow, outline.surface, bilateral=bilateral, memory=5, begin=begin, **outline.tables)
+    return CompiledProjection(follow, shown.surface, bilateral=bilateral, memory=5, begin=begin, **shown.tables)
 
 
 @compiled
 def begin(data: LawData, hip: Array) -> None:
     """Prepare the state at the start of a run with the hand at `hip` (2,), m."""
     state = data.state
-    piece, u, _, side = nearest_on(boundary_in(data), hip[0], hip[1])
+    piece, u, _, side = nearest_on(outline_in(data), hip[0], hip[1])
     state[TOUCHES] = 1.0 if data.params[BILATERAL] != 0.0 or side < 0.0 else 0.0
     state[PIECE], state[AT], state[HIP_X], state[HIP_Y] = piece, u, hip[0], hip[1]
 
@@ -55,7 +55,7 @@ def follow(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
     """One tick, from the last IHIP, or from the last HIP in free space; of signature `LAW`."""
-    b, params, state = boundary_in(data), data.params, data.state
+    b, params, state = outline_in(data), data.params, data.state
     x, y = hip[0], hip[1]
     touches, piece, u = state[TOUCHES] != 0.0, int(state[PIECE]), state[AT]
     status = LEAVES
@@ -75,7 +75,7 @@ def follow(
 
 
 @compiled
-def _fly(b: Boundary, released: bool, x0: float, y0: float, x: float, y: float) -> tuple[bool, int, float]:
+def _fly(b: Outline, released: bool, x0: float, y0: float, x: float, y: float) -> tuple[bool, int, float]:
     """Straight to the hand at (x, y) from (x0, y0), where the tool was `released` from the surface or is free.
 
     Returns whether the tool runs into something on the way, and the (piece, u) at which it then comes to rest.

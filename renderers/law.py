@@ -15,9 +15,8 @@ import numpy as np
 
 from hapticeval.compiled import LAW, LawData, compiled, first_class, for_kernels
 from hapticeval.errors import DomainError
-from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.model import Model
-from hapticeval.geometry.surface import Surface
 from hapticeval.recordings.recording import backward_difference
 from hapticeval.renderer import CompiledLaw, Response
 from hapticeval.renderers.regulation import PP_D, PP_PD, PP_PD_C, PP_V, SQUARE_ROOT, TRANSVERSAL, Regulation
@@ -45,9 +44,7 @@ class LawRenderer:
     the representation is blurred, and `standoff` (m) how far it may lie off the model.
     """
 
-    def __init__(
-        self, law: CompiledLaw, surface: Curve | Surface, *, resolution: float = 0.0, standoff: float = 0.0
-    ) -> None:
+    def __init__(self, law: CompiledLaw, surface: Boundary, *, resolution: float = 0.0, standoff: float = 0.0) -> None:
         self.law = law
         self.surface = surface
         self.resolution = resolution

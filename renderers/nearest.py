@@ -13,15 +13,15 @@ from hapticeval.geometry.kernels import evaluate
 from hapticeval.geometry.surface import Surface
 from hapticeval.geometry.surface_kernels import bend, dot, place, times
 from hapticeval.renderers.law import BILATERAL, ERROR, SCHEME, regulate, release
-from hapticeval.renderers.outline import Outline, boundary_in, clear_of, frame, nearest_on
+from hapticeval.renderers.outline import Representation, clear_of, frame, nearest_on, outline_in
 from hapticeval.renderers.projective import CompiledProjection
 from hapticeval.renderers.regulation import PP_PD_C
 from hapticeval.types import Array
 
 
-def nearest_in_plane(outline: Outline, *, bilateral: bool) -> CompiledProjection:
+def nearest_in_plane(shown: Representation, *, bilateral: bool) -> CompiledProjection:
     """Return the projection to the globally nearest point of a curve or a polygon."""
-    return CompiledProjection(in_plane, outline.surface, bilateral=bilateral, **outline.tables)
+    return CompiledProjection(in_plane, shown.surface, bilateral=bilateral, **shown.tables)
 
 
 def nearest_in_space(surface: Surface, *, bilateral: bool) -> CompiledProjection:
@@ -34,7 +34,7 @@ def in_plane(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
     """One tick on a curve or a polygon, of signature `LAW`."""
-    b, params, state = boundary_in(data), data.params, data.state
+    b, params, state = outline_in(data), data.params, data.state
     x, y = hip[0], hip[1]
     bilateral = params[BILATERAL] != 0.0
     if not bilateral and b.stray > 0.0 and clear_of(b, x, y):

@@ -90,7 +90,7 @@ def _cassinian(scale: float, lobes: float, above: float) -> tuple[float, float]:
 
 
 TURN, BEND, BEND_PER_METRE, CHORD = range(4)
-"""Columns of `Boundary.joints`."""
+"""Columns of `Outline.joints`."""
 
 RESTS, LEAVES = 0, 1
 LONGEST_MARCH = 100_000
@@ -229,7 +229,7 @@ CHORDS = 4096
 """Chords of a whole curve in its collision outline: of the 200 mm Cassinian they stray by 0.1 micrometre."""
 
 
-class Boundary(NamedTuple):
+class Outline(NamedTuple):
     """What is rendered, and the outline of chords in which collisions with it are looked for.
 
     `pieces` as in `geometry.kernels`, and `joints` (n, 4) for each: the turn (rad) where it starts, its two
@@ -251,13 +251,13 @@ STRAY = OWN
 
 
 @compiled
-def boundary_in(data: LawData) -> Boundary:
+def outline_in(data: LawData) -> Outline:
     """Return the boundary that a law works on."""
-    return Boundary(data.segments, data.joints, data.lookup, data.vertices, data.tree, data.params[STRAY])
+    return Outline(data.segments, data.joints, data.lookup, data.vertices, data.tree, data.params[STRAY])
 
 
 @compiled
-def closed(b: Boundary) -> bool:
+def closed(b: Outline) -> bool:
     """Return whether it is closed; else it is the unbounded line."""
     return b.pieces[0, KIND] != UNBOUNDED
 
@@ -267,17 +267,16 @@ def straight(curve: Curve) -> bool:
     return bool(np.all(curve.pieces[:, KIND] == LINE))
 
 
-def boundary_of(surface: Curve | Polygon) -> Boundary:
+def outline_of(curve: Curve) -> Outline:
     """Return the boundary of a curve, cut into chords, or of a polygon, whose edges they are."""
-    curve = surface.as_curve() if isinstance(surface, Polygon) else surface
     pieces = for_kernels(curve.pieces)
     count = len(pieces)
     joints = np.zeros((count, 4))
     if not curve.closed:
-        return Boundary(pieces, joints, for_kernels(curve.samples), np.empty((0, 2)), np.empty((0, 6)), 0.0)
+        return Outline(pieces, joints, for_kernels(curve.samples), np.empty((0, 2)), np.empty((0, 6)), 0.0)
     joints[:, TURN], joints[:, CHORD] = _turns(pieces), np.arange(count)
-    if isinstance(surface, Polygon):
-        return Boundary(pieces, joints, NOTHING, for_kernels(surface.vertices), for_kernels(surface.tree), 0.0)
+    if isinstance(curve, Polygon):
+        return Outline(pieces, joints, NOTHING, for_kernels(curve.vertices), for_kernels(curve.tree), 0.0)
     start, end = curve.u_range
     cuts = np.ones(count, dtype=np.int64)
     curved = pieces[:, KIND] != LINE
@@ -288,10 +287,10 @@ def boundary_of(surface: Curve | Polygon) -> Boundary:
     vertices = evaluate_many(pieces, us)[:, :2]
     middles = evaluate_many(pieces, 0.5 * (us + np.append(us[1:], end)))[:, :2]
     sagitta = np.hypot(*(middles - 0.5 * (vertices + np.roll(vertices, -1, axis=0))).T)
-    outline = Polygon(vertices)
+    polygon = Polygon(vertices)
     stray = 2.0 * float(sagitta.max()) if curved.any() else 0.0
     samples = for_kernels(curve.samples)
-    return Boundary(pieces, joints, samples, for_kernels(outline.vertices), for_kernels(outline.tree), stray)
+    return Outline(pieces, joints, samples, for_kernels(polygon.vertices), for_kernels(polygon.tree), stray)
 
 
 @compiled
@@ -303,7 +302,7 @@ def _turns(pieces: Array) -> Array:
 
 
 @compiled
-def nearest_on(b: Boundary, x: float, y: float) -> tuple[int, float, float, float]:
+def nearest_on(b: Outline, x: float, y: float) -> tuple[int, float, float, float]:
     """The nearest surface point: (piece, u, distance, side), side -1.0 inside and 1.0 outside or on it."""
     if b.stray > 0.0 or not closed(b):
         u, distance, side = project(b.pieces, b.samples, x, y)
@@ -315,7 +314,7 @@ def nearest_on(b: Boundary, x: float, y: float) -> tuple[int, float, float, floa
 
 
 @compiled
-def clear_of(b: Boundary, x: float, y: float) -> bool:
+def clear_of(b: Outline, x: float, y: float) -> bool:
     """Whether a point is outside by more than the chords stray: what can be told at the cost of a polygon."""
     if not closed(b):
         return False
@@ -324,7 +323,7 @@ def clear_of(b: Boundary, x: float, y: float) -> bool:
 
 
 @compiled
-def entered(b: Boundary, x0: float, y0: float, x1: float, y1: float, leaving: bool) -> tuple[bool, int, float]:
+def entered(b: Outline, x0: float, y0: float, x1: float, y1: float, leaving: bool) -> tuple[bool, int, float]:
     """Whether a tool that moves straight from (x0, y0), outside or on the surface, runs into it: and (piece, u) where.
 
     `leaving`: it starts on the surface. A crossing of the chords counts wherever both ends lie, so that nothing is
@@ -359,7 +358,7 @@ def entered(b: Boundary, x0: float, y0: float, x1: float, y1: float, leaving: bo
 
 
 @compiled
-def _piece_at(b: Boundary, chord: int, t: float) -> tuple[int, float]:
+def _piece_at(b: Outline, chord: int, t: float) -> tuple[int, float]:
     """The (piece, u) at fraction t of a chord."""
     low, high = 0, b.pieces.shape[0] - 1
     while low < high:
@@ -375,38 +374,38 @@ def _piece_at(b: Boundary, chord: int, t: float) -> tuple[int, float]:
 
 
 @dataclass(frozen=True)
-class Outline:
-    """A boundary for the compiled loops, the same as a curve, and its `resolution` and `standoff` (m)."""
+class Representation:
+    """A curve as the compiled loops take it, the curve itself, and its `resolution` and `standoff` (m)."""
 
-    boundary: Boundary
+    outline: Outline
     surface: Curve
     resolution: float
     standoff: float
 
     @property
     def tables(self) -> dict[str, Any]:
-        """What a compiled projection on it is made of, see `boundary_in`."""
-        b = self.boundary
+        """What a compiled projection on it is made of, see `outline_in`."""
+        b = self.outline
         return {
             "segments": b.pieces, "joints": b.joints, "lookup": b.samples, "vertices": b.vertices, "tree": b.tree,
             "own": (b.stray,), "resolution": self.resolution, "standoff": self.standoff,
         }  # fmt: skip
 
 
-def outline_of(model: Model, representation: str, vertices: int = VERTICES) -> Outline:
+def representation_of(model: Model, representation: str, vertices: int = VERTICES) -> Representation:
     """Return the representation of a model, made once: its polygon of so many vertices, or its exact curve.
 
     A model of straight edges is its own polygon; the unbounded line has no other representation than itself.
     """
 
-    def make() -> Outline:
+    def make() -> Representation:
         curve = model.curve
         if curve.closed and straight(curve):
-            return Outline(boundary_of(model.polygon()), curve, 0.0, 0.0)
+            return Representation(outline_of(model.polygon()), curve, 0.0, 0.0)
         if not as_polygon:
-            return Outline(boundary_of(curve), curve, 0.0, 0.0)
+            return Representation(outline_of(curve), curve, 0.0, 0.0)
         polygon = model.polygon(vertices)
-        return Outline(boundary_of(polygon), polygon.as_curve(), polygon.resolution, polygon.standoff_from(curve))
+        return Representation(outline_of(polygon), polygon, polygon.resolution, polygon.standoff_from(curve))
 
     as_polygon = representation == "polygon" and model.curve.closed
     return once(model, ("outline", vertices if as_polygon else 0), make)

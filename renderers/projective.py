@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.compiled import LAW, LawData, compiled, first_class, law_data
-from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.surface import Surface
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.recordings.recording import backward_difference
 from hapticeval.renderer import CompiledLaw, Declaration, Response
 from hapticeval.renderers.law import (
@@ -48,7 +47,7 @@ class Projection(Protocol):
     which the projection is blurred, and `standoff` (m) how far it may lie off the model: both zero where it is exact.
     """
 
-    surface: Curve | Surface
+    surface: Boundary
     resolution: float
     standoff: float
 
@@ -75,7 +74,7 @@ class CompiledProjection:
     def __init__(
         self,
         law: Callable[..., Any],
-        surface: Curve | Surface,
+        surface: Boundary,
         *,
         bilateral: bool,
         own: ArrayLike = (),

@@ -12,9 +12,9 @@ from hapticeval.compiled import law_data
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import DomainError, InputError, RefusalError
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
-from hapticeval.geometry.surface import Surface
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import CompiledLaw
@@ -28,7 +28,7 @@ from hapticeval.types import Array
 class Stabilisation(LawRenderer):
     """The step of a law of set stabilisation, with the hand's force as sensed."""
 
-    def __init__(self, scene: Scene, law: Callable[..., Any], surface: Curve | Surface, **tables: ArrayLike) -> None:
+    def __init__(self, scene: Scene, law: Callable[..., Any], surface: Boundary, **tables: ArrayLike) -> None:
         check_gains(scene)
         gains = (scene.stiffness, scene.damping, scene.mass, scene.viscosity, float(scene.bilateral))
         data = law_data(gains, state=MEMORY, **tables)

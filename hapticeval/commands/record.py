@@ -89,12 +89,11 @@ def record(
     """
     from hapticeval.commands.terminal import Terminal
     from hapticeval.discovery import resolve
-    from hapticeval.hardware.kinematics import CUTOFF
     from hapticeval.hardware.live import channels, run, signals, warm
+    from hapticeval.hardware.wiring import CUTOFF
     from hapticeval.recordings.recorder import Recorder
-    from hapticeval.renderer import Renderer
+    from hapticeval.renderer import Renderer, abilities_of
     from hapticeval.runner.judging import built
-    from hapticeval.simulation.playback import declared
     from hapticeval.study.limits.warning import too_stiff
 
     journal = output.with_suffix(".journal")
@@ -120,7 +119,7 @@ def record(
     if warning:
         typer.echo(f"warning: {warning}", err=True)
     cycles = max(1, round(seconds * rate))
-    meta = {**_meta(scene, wired, renderer, hardware=hardware, who=who), **declared(made)}
+    meta = {**_meta(scene, wired, renderer, hardware=hardware, who=who), **abilities_of(made).meta}
     failure: HapticevalError | None = None
     live: LiveRun | None = None
     recorder: Recorder | None = None
@@ -213,8 +212,7 @@ def _wiring(hardware: str, robot: str | None, file: Path | None) -> Wiring:
     from hapticeval.devices.catalogue import device_named
     from hapticeval.devices.imperfections import ENCODER_COUNTS
     from hapticeval.devices.point_mass import PointMass
-    from hapticeval.hardware.wiring import Wiring
-    from hapticeval.hardware.wiring_file import read_wiring
+    from hapticeval.hardware.wiring import Wiring, read_wiring
 
     if file is None:
         device = device_named(robot or ROBOT)
@@ -287,8 +285,8 @@ def _place(name: str, wiring: Wiring, scene: Scene) -> Iterator[Callable[[], Har
 
     joints = wiring.device.dimension
     if name == TWIN:
-        from hapticeval.hardware.demonstration import demonstration
-        from hapticeval.hardware.rig import running
+        from hapticeval.hardware.twin import demonstration
+        from hapticeval.hardware.udp import running
 
         with running(demonstration(wiring, scene)) as address:
             yield lambda: UdpDevice(address, joints)

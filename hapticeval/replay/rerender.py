@@ -11,9 +11,9 @@ import numpy as np
 from hapticeval.errors import DomainError, RefusalError, RendererError
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.recordings.stretches import Stretch, steps
-from hapticeval.renderer import Renderer, SelfDriven
+from hapticeval.renderer import Renderer, SelfDriven, abilities_of
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import answered, declared, lead
+from hapticeval.simulation.playback import answered, lead
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array
 
@@ -62,7 +62,7 @@ def rerendered(renderer: Renderer | SelfDriven, path: HandPath, scene: Scene | N
     ends the stretch, and the error goes on only where nothing of the path is answered. Raises `RendererError` where
     the renderer breaks, with the recording's own row as the tick.
     """
-    meta = {"source": "replay", **declared(renderer)}
+    meta = {"source": "replay", **abilities_of(renderer).meta}
     parts: list[Part] = []
     left: DomainError | None = None
     for stretch in path.stretches:
@@ -77,7 +77,7 @@ def rerendered(renderer: Renderer | SelfDriven, path: HandPath, scene: Scene | N
 
 def backwards(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, scene: Scene) -> Recording:
     """The same samples of a stretch in the opposite order, each step as long as it was."""
-    return _reversed(renderer, path, stretch, {"source": "replay", **declared(renderer)}, scene)
+    return _reversed(renderer, path, stretch, {"source": "replay", **abilities_of(renderer).meta}, scene)
 
 
 def _stretch(

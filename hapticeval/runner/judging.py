@@ -7,14 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from hapticeval.errors import HapticevalError, RefusalError, RendererError, described, renderer_errors
-from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.surface import Surface
+from hapticeval.errors import HapticevalError, RefusalError, described, renderer_errors
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
 from hapticeval.recordings.recording import MissingChannelError, Recording
-from hapticeval.renderer import Renderer, RendererFactory, SelfDriven, check_support, supported
+from hapticeval.renderer import Renderer, RendererFactory, SelfDriven, abilities_of, check_support, choices_of
+from hapticeval.runner.results import Replay
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import drive
 from hapticeval.simulation.playback import Closeup, compare_batch, play
@@ -39,8 +38,7 @@ class Judged:
     simulated_seconds: float
     wall_seconds: float
     ended: Mapping[str, Any] | None = None
-    replay: Mapping[str, Any] | None = None
-    """What a replay has to say beside the verdicts: see `hapticeval.replay`."""
+    replay: Replay | None = None
 
 
 class _Bench:
@@ -107,25 +105,14 @@ def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
     Raises `RefusalError` where the scene asks for what neither declares to support, before anything is built where the
     factory declares it, and `RendererError` for what is no renderer.
     """
-    declared = supported(factory)
+    declared = choices_of(factory).supports
     if declared is not None:
         check_support(scene, declared)
     with renderer_errors("factory"):
         renderer = factory(scene)
-    surface = getattr(renderer, "surface", None)
-    if surface is not None and not isinstance(surface, Curve | Surface):
-        raise RendererError(
-            f"the renderer's surface is a {type(surface).__name__}",
-            todo="give the hapticeval.geometry Curve or Surface that it renders, or leave surface out",
-        )
-    if not isinstance(renderer, Renderer | SelfDriven):
-        raise RendererError(
-            f"the factory made a {type(renderer).__name__}, which is no renderer",
-            why="a renderer has reset(hip) and step(hip, velocity, dt) -> (ihip, force)",
-            todo="see docs/write-a-renderer.md",
-        )
+    supports = abilities_of(renderer).supports
     if declared is None:
-        check_support(scene, supported(renderer) or frozenset())
+        check_support(scene, supports or frozenset())
     return renderer
 
 
@@ -169,7 +156,7 @@ class Recorded:
 
     whole: Recording
     runs: tuple[Runs, ...]
-    replay: Mapping[str, Any]
+    replay: Replay
     simulated_seconds: float = 0.0
 
 
@@ -227,7 +214,7 @@ def _verdicts(findings: Sequence[Finding], renderer: str, suite: str, case: Case
             check=check,
             level=(finding.level or CHECKS[check].level) if case.judged else Level.INFO,
             finding=finding,
-            published=case.published.get(renderer, {}).get(check),
+            published=Outcome(case.published[renderer][check]) if check in case.published.get(renderer, {}) else None,
         )
         for check, finding in zip(case.checks, findings, strict=True)
     )

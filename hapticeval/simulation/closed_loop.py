@@ -12,11 +12,11 @@ from hapticeval.devices.imperfections import Imperfections, actuation, feeling, 
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.integration import control, default_method
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.errors import DomainError, InputError, RendererError, RunawayError
+from hapticeval.errors import DomainError, InputError, RendererError, RunawayError, renderer_errors
 from hapticeval.recordings.recording import Recording
-from hapticeval.renderer import Compiled, CompiledLaw, Explaining, Feeling, Renderer, SelfDriven
+from hapticeval.renderer import CompiledLaw, Renderer, SelfDriven, abilities_of
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import answered, ask, declared, start
+from hapticeval.simulation.playback import answered, ask, feel, start
 from hapticeval.stimulus.stimulus import Experiment, sample_times
 from hapticeval.types import Array
 
@@ -59,7 +59,7 @@ def drive(renderer: Renderer | SelfDriven, experiment: Experiment, scene: Scene,
             f"the experiment is in {experiment.dimension}D, the {device.name} moves in {device.dimension}D",
             why="hand and device must move in the same space",
         )
-    law = renderer.law if isinstance(renderer, Compiled) else None
+    law = abilities_of(renderer).law
     if law is None and isinstance(device, PointMass) and _plain(experiment, scene):
         return _drive_point_mass(renderer, experiment, device, dt, reach=RUNAWAY * scene.model.size)
     return _drive_device(renderer, law, experiment, scene, device, dt)
@@ -117,13 +117,13 @@ def _drive_device(
     start(renderer, loop.out[kernels.MEASURED_HIP, 0])
     end = None
     if law is None:
-        feels = renderer if isinstance(renderer, Feeling) and loop.feeling is not None else None
+        feels = loop.feeling is not None and abilities_of(renderer).feel
         for tick in range(time.size):
             if tick > 0 and loop.sense(tick) == kernels.OUTSIDE:
                 end = _ended(tick, loop.outside())
                 break
-            if feels is not None:
-                feels.feel(loop.out[kernels.MEASURED_FORCE, tick].copy())
+            if feels:
+                feel(renderer, tick, loop.out[kernels.MEASURED_HIP, tick], loop.out[kernels.MEASURED_FORCE, tick])
             try:
                 loop.out[kernels.IHIP, tick], loop.out[kernels.FORCE, tick] = ask(
                     renderer, tick, loop.out[kernels.MEASURED_HIP, tick], loop.out[kernels.MEASURED_SPEED, tick], dt
@@ -163,7 +163,7 @@ def _ended(tick: int, error: DomainError) -> _End:
 
 
 def _recorded(renderer: Renderer, time: Array, channels: Mapping[str, Array], dt: float, end: _End | None) -> Recording:
-    meta: dict[str, Any] = {"source": "experiment", "dt": dt, **declared(renderer)}
+    meta: dict[str, Any] = {"source": "experiment", "dt": dt, **abilities_of(renderer).meta}
     count = time.size
     if end is not None:
         count = end.tick
@@ -174,9 +174,10 @@ def _recorded(renderer: Renderer, time: Array, channels: Mapping[str, Array], dt
             "why": end.error.why,
         }
     recording = Recording(time[:count], {name: values[:count] for name, values in channels.items()}, meta=meta)
-    if not isinstance(renderer, Explaining):
+    if not abilities_of(renderer).signals:
         return recording
-    told = renderer.signals(recording)
+    with renderer_errors("signals()"):
+        told = dict(renderer.signals(recording))  # type: ignore[attr-defined]
     more = {name: values for name, (_, values) in told.items()}
     signals = {name: signal for name, (signal, _) in told.items()}
     return Recording(recording.time, {**recording.channels, **more}, meta=meta, signals=signals)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import replace
 from functools import cache
 from pathlib import Path as FilePath
 
@@ -13,6 +12,7 @@ import pytest
 import sympy
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 sys.path.insert(0, str(FilePath(__file__).parents[1] / "meta"))
 import honest
@@ -28,10 +28,10 @@ from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.passivity import laps
 from hapticeval.phenomena.verdict import Level, Outcome, Verdict
 from hapticeval.recordings.recording import Recording
-from hapticeval.renderer import Declaration, Response, Spring
+from hapticeval.renderer import Declaration, Response, Spring, abilities_of
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import declared, play
+from hapticeval.simulation.playback import play
 from hapticeval.stimulus.paths import build_path
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.suite.reading import load_suite
@@ -221,7 +221,7 @@ def test_without_a_closed_way_nothing_is_known():
 @pytest.mark.parametrize("late", ["late-2", "late-3"])
 def test_a_late_spring_is_not_blamed_where_the_hand_turns_within_its_lag(late, duration):
     slide = outsiders.CASES["slide"]
-    fast = replace(slide, checks=("passivity",), trajectory={**slide.trajectory, "duration": duration})
+    fast = replace(slide, checks=("passivity",), trajectory=replace(slide.trajectory, duration=duration))
     (verdict,) = judge(honest.factory(late, outsiders.Spring), late, "mine", fast).verdicts
     assert verdict.outcome in (Outcome.PASS, Outcome.INCONCLUSIVE), verdict.finding.message
 
@@ -376,14 +376,14 @@ def test_a_declared_scatter_is_allowed_and_no_more():
 
 def test_a_declaration_is_metadata_of_the_recording():
     scene = Scene(model=circle())
-    assert declared(resolve("minimum-distance")(scene))["spring"] == Spring.ERROR
-    assert declared(resolve("conformal")(scene))["spring"] == Spring.NORMAL
-    assert "spring" not in declared(resolve("minimum-distance+square-root")(scene))
+    assert abilities_of(resolve("minimum-distance")(scene)).meta["spring"] == Spring.ERROR
+    assert abilities_of(resolve("conformal")(scene)).meta["spring"] == Spring.NORMAL
+    assert "spring" not in abilities_of(resolve("minimum-distance+square-root")(scene)).meta
     for wrong in ("error", Declaration(force_scatter=math.nan), Declaration(ihip_scatter=-1.0)):
         noisy = Noisy(None)
         noisy.declares = wrong
         with pytest.raises(RendererError, match="declares"):
-            declared(noisy)
+            abilities_of(noisy)
 
 
 def test_a_loop_begins_outside_its_circle():

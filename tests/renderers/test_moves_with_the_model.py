@@ -19,12 +19,12 @@ import numpy as np
 import pytest
 
 from hapticeval.discovery import resolve
-from hapticeval.geometry import pieces
+from hapticeval.geometry import kernels as pieces
 from hapticeval.geometry.catalogue import cassinian, dumbbell, ellipse, ellipsoid, from_vertices, sphere, star, torus
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import ARC, KIND, U0, U1, A, B, C, D, E
 from hapticeval.geometry.model import Model
-from hapticeval.knob import configured
+from hapticeval.renderer import configured
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 

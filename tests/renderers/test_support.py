@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 import hapticeval
 from hapticeval import RefusalError, Response, Scene
@@ -16,6 +17,7 @@ from hapticeval.errors import RendererError, UnknownNameError
 from hapticeval.geometry.catalogue import circle, sphere
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
+from hapticeval.renderer import abilities_of
 from hapticeval.runner.judging import built, judge
 from hapticeval.runner.results import read_results
 from hapticeval.scene import REQUIREMENTS, Requirement
@@ -133,6 +135,30 @@ def test_a_wrong_declaration_is_an_error(supports, error, words):
         built(lambda scene: type("Wrong", (Nearest,), {"supports": supports})(scene), PLAIN)
 
 
+@pytest.mark.parametrize("name", ["surface", "standoff", "declares", "supports", "law", "run", "feel", "signals"])
+def test_an_attribute_that_raises_or_is_of_another_kind_is_an_error_of_the_renderer(name):
+    def fails(self):
+        raise KeyError(name)
+
+    for wrong in (property(fails), "wrong"):
+        with pytest.raises(RendererError, match="the renderer"):
+            built(lambda scene, wrong=wrong: type("Wrong", (Nearest,), {name: wrong})(scene), PLAIN)
+
+
+def test_abilities_are_read_once():
+    class Counts(Nearest):
+        read = 0
+
+        @property
+        def standoff(self):
+            Counts.read += 1
+            return 1e-3 * Counts.read
+
+    made = built(Counts, PLAIN)
+    assert [abilities_of(made).standoff for _ in range(3)] == [1e-3] * 3
+    assert Counts.read == 1
+
+
 def test_one_more_requirement_takes_one_line(monkeypatch):
     texture = Requirement("texture", "the surface is rough", lambda scene: scene.mass == 0.7)
     monkeypatch.setitem(REQUIREMENTS, "texture", texture)
@@ -174,7 +200,9 @@ def test_every_renderer_that_comes_along_declares():
 
 def test_the_ideal_contact_is_not_asked_for_a_viscosity_that_it_does_not_have():
     case = next(case for case in load_suite("dynamics-circle").cases if case.name == "circle")
-    case = replace(case, scene={**case.scene, "viscosity": 0.3}, closed_form={}, checks=("tangential-dynamics",))
+    case = structs.replace(
+        case, scene={**case.scene, "viscosity": 0.3}, closed_form={}, checks=("tangential-dynamics",)
+    )
     found = judge(resolve("ideal"), "ideal", "dynamics-circle", case)
     assert [verdict.outcome for verdict in found.verdicts] == [Outcome.NOT_APPLICABLE]
     assert "'viscosity'" in found.verdicts[0].finding.message
