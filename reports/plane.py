@@ -57,7 +57,7 @@ def draw_plane(
         axes, loc="lower left", bbox_to_anchor=(0.0, 0.985), handlelength=1.4, columnspacing=1.2, handletextpad=0.4
     )
     corners = _emptiest_corners(recording, chosen, view)
-    flat = model if model is not None and model.dimension == 2 and model.curve.closed else None
+    flat = model if model is not None and model.dimension == 2 and model.boundary.closed else None
     if flat is not None and view[2] - view[0] < OVERVIEW_BELOW * flat.size * MM:
         _draw_overview(axes, corners.pop(0), flat, view)
     depths = MM * np.linalg.norm(recording.ihip - recording.hip, axis=1)
@@ -69,7 +69,7 @@ def draw_plane(
 
 def refusal_svg(model: Model, position: Sequence[float], *, prefix: str = "f", title: str = "") -> str:
     """Return the outline of a model that a renderer refuses as an SVG element, with a cross at `position` (m)."""
-    xmin, ymin, xmax, ymax = (MM * bound for bound in model.curve.bounds)
+    xmin, ymin, xmax, ymax = (MM * bound for bound in model.boundary.bounds)
     edge = 0.06 * max(xmax - xmin, ymax - ymin)
     with figure(8.0, 2.8, page=True) as made:
         axes = made.add_axes((0.08, 0.18, 0.55, 0.77))
@@ -129,7 +129,7 @@ def body_of(model: Model, shown: tuple[int, int], view: Box) -> Geometry:
 
     if model.dimension == 2:
         return solid(model, view)
-    return shapely.MultiPoint(MM * model.surface.points(SHADOW_POINTS)[:, list(shown)]).convex_hull
+    return shapely.MultiPoint(MM * model.boundary.points(SHADOW_POINTS)[:, list(shown)]).convex_hull
 
 
 def solid(model: Model, view: Box) -> Geometry:
@@ -147,13 +147,14 @@ def solid(model: Model, view: Box) -> Geometry:
 
 def _ring(model: Model, view: Box) -> Array:
     """The closed outline, or of an open one a ring that is large enough to fill the view on its inside."""
-    curve = model.curve
-    if curve.closed:
-        points = int(np.clip(curve.length * MM / (view[2] - view[0]) * 400.0, 400, 40_000))
-        return MM * curve.outline(max(points, 8 * len(curve.corners)))
+    boundary = model.boundary
+    if boundary.closed:
+        points = int(np.clip(boundary.girth * MM / (view[2] - view[0]) * 400.0, 400, 40_000))
+        return MM * boundary.points(max(points, 8 * len(boundary.corners)))
     centre = np.array([view[0] + view[2], view[1] + view[3]]) / 2.0
-    point, tangent = MM * curve.position(0.0), curve.tangent(0.0)
-    left = np.array([-tangent[1], tangent[0]])
+    frame = boundary.frame(centre[np.newaxis] / MM)
+    point, left = MM * frame.foot[0], -frame.normal[0]
+    tangent = np.array([left[1], -left[0]])
     far = 3.0 * (np.linalg.norm(centre - point) + view[2] - view[0] + view[3] - view[1])
     return point + far * np.array([-tangent, tangent, tangent + left, left - tangent])
 
@@ -236,7 +237,7 @@ def _draw_overview(axes: Axes, corner: Corner, model: Model, view: Box) -> None:
     from matplotlib.patches import Rectangle
 
     inset = _inset(axes, corner)
-    bounds = MM * np.array(model.curve.bounds)
+    bounds = MM * np.array(model.boundary.bounds)
     whole = box_round(0.5 * (bounds[:2] + bounds[2:]), 1.15 * (bounds[2:] - bounds[:2]), shape_of(axes))
     _draw_body(inset, solid(model, whole), whole, linewidth=0.8)
     width, height = view[2] - view[0], view[3] - view[1]

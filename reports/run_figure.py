@@ -23,6 +23,7 @@ from hapticeval.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 DASHED, DOTTED = (0, (4, 1.2)), (0, (1.2, 1.2))
 
@@ -53,32 +54,44 @@ def figure_svg(
     Of a recording in 3D the two coordinates in which it moves most are drawn, and all three force components.
     """
     with figure(8.0, 3.5, page=True) as made:
-        plane = made.add_axes((0.08, 0.12, 0.405, 0.79))
-        force = made.add_axes((0.59, 0.45, 0.39, 0.46))
-        below = made.add_axes((0.59, 0.12, 0.39, 0.225), sharex=force)
-        ticks = {mark.number: int(np.argmin(np.abs(recording.time - mark.time))) for mark in marks}
-        draw_plane(plane, recording, model, ticks=ticks, failed={mark.number for mark in marks if mark.failed})
-        _draw_force(force, recording)
-        _draw_below(below, recording)
-        force.tick_params(labelbottom=False)
-        below.set_xlabel("time (s)")
-        start, end = float(recording.time[0]), float(recording.time[-1])
-        below.set_xlim(start, end if end > start else start + recording.dt)
-        for axes in (force, below):
-            axes.yaxis.set_label_coords(-0.125, 0.5)
-            axes.grid(True)
-            for mark in marks:
-                axes.axvline(
-                    mark.time, color=drawn("mark"), linewidth=1.3 if mark.failed else 0.9, zorder=1.5,
-                    linestyle="-" if mark.failed else (0, (1.5, 1.5)),
-                )  # fmt: skip
-        times = [np.array([mark.time]) for mark in marks]
-        for time, text in labels([mark.number for mark in marks], times, 0.03 * (end - start)):
-            force.annotate(
-                text, (float(time[0]), 0.0), xycoords=("data", "axes fraction"), xytext=(0, -1.5),
-                textcoords="offset points", ha="center", va="top", fontsize=7.5, annotation_clip=False,
-            )  # fmt: skip
+        _draw(made, recording, model, marks)
         return page_svg(made, prefix=prefix, title=title)
+
+
+def run_figure(recording: Recording, model: Model | None, *, marks: Sequence[Mark] = (), title: str = "") -> Figure:
+    """Return the same as a figure of matplotlib, under a title."""
+    with figure(8.0, 3.7) as made:
+        _draw(made, recording, model, marks)
+        made.suptitle(title, y=0.99, fontsize="medium")
+        return made
+
+
+def _draw(made: Figure, recording: Recording, model: Model | None, marks: Sequence[Mark]) -> None:
+    plane = made.add_axes((0.08, 0.12, 0.405, 0.79))
+    force = made.add_axes((0.59, 0.45, 0.39, 0.46))
+    below = made.add_axes((0.59, 0.12, 0.39, 0.225), sharex=force)
+    ticks = {mark.number: int(np.argmin(np.abs(recording.time - mark.time))) for mark in marks}
+    draw_plane(plane, recording, model, ticks=ticks, failed={mark.number for mark in marks if mark.failed})
+    _draw_force(force, recording)
+    _draw_below(below, recording)
+    force.tick_params(labelbottom=False)
+    below.set_xlabel("time (s)")
+    start, end = float(recording.time[0]), float(recording.time[-1])
+    below.set_xlim(start, end if end > start else start + recording.dt)
+    for axes in (force, below):
+        axes.yaxis.set_label_coords(-0.125, 0.5)
+        axes.grid(True)
+        for mark in marks:
+            axes.axvline(
+                mark.time, color=drawn("mark"), linewidth=1.3 if mark.failed else 0.9, zorder=1.5,
+                linestyle="-" if mark.failed else (0, (1.5, 1.5)),
+            )  # fmt: skip
+    times = [np.array([mark.time]) for mark in marks]
+    for time, text in labels([mark.number for mark in marks], times, 0.03 * (end - start)):
+        force.annotate(
+            text, (float(time[0]), 0.0), xycoords=("data", "axes fraction"), xytext=(0, -1.5),
+            textcoords="offset points", ha="center", va="top", fontsize=7.5, annotation_clip=False,
+        )  # fmt: skip
 
 
 def _draw_force(axes: Axes, recording: Recording) -> None:
