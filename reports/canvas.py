@@ -178,7 +178,7 @@ def drawn(role: str) -> str:
 
 def trace(axes: Axes, recording: Recording, values: Array, role: str, **style: Any) -> None:
     """Draw values (n,) against time, without a line over a gap: it would show what nobody measured."""
-    cuts = np.flatnonzero(~joined(recording)) + 1 if len(recording) > 1 else []
+    cuts = np.flatnonzero(~joined(recording)) + 1 if len(recording) > 1 else np.zeros(0, dtype=np.intp)
     time, values = (np.insert(each, cuts, np.nan) for each in (recording.time, values))
     axes.plot(time, values, color=drawn(role), **style)
 
