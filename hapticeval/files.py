@@ -134,6 +134,8 @@ def write_json(path: Path, document: Any) -> Path:
     """
     import msgspec
 
+    from hapticeval.documents import convert
+
     text = msgspec.json.encode(document)
     convert(json.loads(text), type(document), path.name)
     try:
@@ -177,19 +179,9 @@ def read_json(path: Path, kind: type[T], *, version: int, command: str) -> T:
             why="a newer hapticeval wrote it" if newer else "no such format was released",
             todo="update hapticeval" if newer else again,
         )
-    return convert(document, kind, str(path))
+    from hapticeval.documents import convert
 
-
-def convert(document: Any, kind: type[T], place: str) -> T:
-    """Return plain values as an instance of `kind`. Raises `InputError`, naming the entry in `place` that misfits."""
-    import msgspec
-
-    try:
-        return msgspec.convert(document, kind)
-    except msgspec.ValidationError as error:
-        why, _, where = str(error).partition(" - at `$")
-        entry = where.rstrip("`").removeprefix(".") or "the document"
-        raise InputError(f"{place} does not fit at {entry}", why=why, todo="run again, or mend that entry") from error
+    return convert(document, kind, str(path), todo=f"run `hapticeval {command}` again, or mend that entry")
 
 
 def _no_constant(name: str) -> NoReturn:

@@ -37,7 +37,7 @@ SAVE_EVERY = 1.0
 class Progress:
     """Takes judged jobs in the order of the plan, and keeps results.json up to date, at most once a second."""
 
-    def __init__(self, plan: Plan, directory: Path) -> None:
+    def __init__(self, plan: Plan, directory: Path | None) -> None:
         self.plan = plan
         self.directory = directory
         self.verdicts: list[VerdictEntry] = []
@@ -54,7 +54,7 @@ class Progress:
         self.verdicts += verdicts
         if time.perf_counter() - self.saved > SAVE_EVERY:
             self._save("still running, or killed")
-        return JobFinished(run, verdicts, judged.error)
+        return JobFinished(run, verdicts, judged.error, judged.recording)
 
     def finish(self, reason: str | None) -> ResultsDocument:
         """Write the results for the last time, incomplete for that `reason` where there is one."""
@@ -95,7 +95,8 @@ class Progress:
                 times_real_time=simulated / wall if wall > 0.0 else 0.0,
             ),
         )
-        write_results(self.directory, results)
+        if self.directory is not None:
+            write_results(self.directory, results)
         self.saved = time.perf_counter()
         return results
 
@@ -109,7 +110,7 @@ def _run(job: Job, judged: Judged, file: Path | None) -> RunEntry:
         recording=None if file is None else file.as_posix(),
         simulated_seconds=judged.simulated_seconds,
         wall_seconds=judged.wall_seconds,
-        stimulus="experiment" if case.trajectory is None else "trajectory",
+        stimulus=case.stimulus_kind,
         title=case.title,
         shows=case.shows,
         citation=case.citation,
@@ -129,7 +130,7 @@ def _scene(case: Case) -> SceneEntry:
     """The scene's numbers, and what an experiment drives: device, inner loop and imperfections."""
     scene = case.build_scene()
     numbers = scene_document(scene)
-    if case.trajectory is not None:
+    if case.stimulus_kind == "trajectory":
         return SceneEntry(**numbers)
     device = scene.robot
     choices = {name: str(each) for name in ("dynamics", "base_inertia") if (each := getattr(device, name, None))}

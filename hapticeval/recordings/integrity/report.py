@@ -17,11 +17,11 @@ from hapticeval.recordings.integrity.contacts import Impact, Impacts
 from hapticeval.recordings.integrity.force_sign import Sign, force_signs
 from hapticeval.recordings.integrity.issue import Fault, Severity, plural
 from hapticeval.recordings.integrity.timing import Timing, examine_timing
+from hapticeval.recordings.provenance import LINE, before_the_wall
 from hapticeval.recordings.quantization import quantum
 from hapticeval.recordings.recording import Recording, columns_of, runs_of
 from hapticeval.recordings.salvage import told_losses, told_warnings
 from hapticeval.recordings.stretches import stretches
-from hapticeval.recordings.wall import LINE, before_the_wall
 from hapticeval.types import BoolArray
 
 LEFT_OUT = ("stuck", "spike", "jump")

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hapticeval.errors import DomainError, InputError, RefusalError, RunawayError
-from hapticeval.geometry.curve import Curve
 from hapticeval.renderer import Renderer, RendererFactory
 from hapticeval.runner.judging import built
 from hapticeval.scene import Scene
@@ -169,9 +168,8 @@ def too_stiff(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
     the stiffness, one without force, and one that breaks, which the run itself then reports.
     """
     boundary = scene.model.boundary
-    points = boundary.outline(PLACES) if isinstance(boundary, Curve) else boundary.points(PLACES)
     sensed = replace(scene, imperfections=replace(scene.imperfections, velocity_cutoff=cutoff))
-    frame = boundary.frame(points)
+    frame = boundary.frame(boundary.points(PLACES))
     places = [Place(*each) for each in zip(frame.foot, frame.normal, strict=True)]
     try:
         family = _across(family_of(factory, scene, places[0]))
