@@ -78,3 +78,5 @@ class Check:
     bound: str
     judge: Callable[[Runs, Scene], Finding]
     level: Level = Level.MUST
+    section: str = ""
+    """The section of a report that shows the evidence of these verdicts in a table of its own, if one does."""
