@@ -56,7 +56,7 @@ def test_a_journal_becomes_a_recording_and_says_what_is_lost(here, capsys):
     journal(here / "run.journal", run(), kept=0.6)
     assert main(["convert", "run.journal", "-o", "run.h5"]) == 1
     said = capsys.readouterr().out
-    assert "breaks off inside a block of 50 rows; what came from cycle 200 on is unknown" in said
+    assert "breaks off inside a block; what came from cycle 200 on is unknown" in said
     made = read_recording(here / "run.h5")
     assert len(made) == 200
     assert made.force.tobytes() == run().force[:200].tobytes()
