@@ -8,8 +8,7 @@ from hapticeval.devices.criteria import MOTOR_TORQUE
 from hapticeval.devices.device import Device
 from hapticeval.devices.imperfections import Imperfections
 from hapticeval.errors import HapticevalError
-from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.surface import Surface
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.hardware.device import Reading
 from hapticeval.hardware.wiring import Wiring
 from hapticeval.scene import Scene
@@ -136,18 +135,8 @@ def demonstration(wiring: Wiring, scene: Scene) -> Twin:
     return Twin(wiring, effects, position=path.points[0], hand=hand, dt=scene.sampling_time)
 
 
-def _to_and_fro(boundary: Curve | Surface) -> Path:
+def _to_and_fro(boundary: Boundary) -> Path:
     time = np.linspace(0.0, LONGEST, round(KNOTS * LONGEST) + 1)
-    shift = REACH * np.sin(2.0 * np.pi / PERIOD * time)
-    seed = np.zeros((1, 2 if isinstance(boundary, Curve) else 3))
-    seed[0, 0] = 0.1
-    if isinstance(boundary, Curve):
-        way = boundary.parameter(boundary.arc_length(boundary.nearest(seed))[0] + shift)
-        return Path(time, boundary.position(way) - DEPTH * boundary.normal(way))
-    begin = boundary.frame(seed)
-    along = np.zeros(3)
-    along[int(np.argmin(np.abs(begin.normal[0])))] = 1.0
-    along -= (along @ begin.normal[0]) * begin.normal[0]
-    points: Array = begin.foot + shift[:, None] * along / np.linalg.norm(along)
-    frame = boundary.frame(points)
-    return Path(time, frame.foot - DEPTH * frame.normal)
+    start = np.eye(boundary.dimension)[0] * 0.1
+    way = boundary.walk(start, REACH * np.sin(2.0 * np.pi / PERIOD * time))
+    return Path(time, way.foot - DEPTH * way.normal)

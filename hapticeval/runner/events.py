@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from hapticeval.errors import HapticevalError
+from hapticeval.recordings.recording import Recording
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 
 
@@ -19,11 +20,12 @@ class RunStarted:
 
 @dataclass(frozen=True)
 class JobFinished:
-    """One renderer has gone through one case; `error` is what stopped it."""
+    """One renderer has gone through one case; `error` is what stopped it, `recording` its run if no file keeps it."""
 
     run: RunEntry
     verdicts: tuple[VerdictEntry, ...]
     error: HapticevalError | None = None
+    recording: Recording | None = None
 
 
 @dataclass(frozen=True)

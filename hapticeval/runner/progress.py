@@ -37,7 +37,7 @@ SAVE_EVERY = 1.0
 class Progress:
     """Takes judged jobs in the order of the plan, and keeps results.json up to date, at most once a second."""
 
-    def __init__(self, plan: Plan, directory: Path) -> None:
+    def __init__(self, plan: Plan, directory: Path | None) -> None:
         self.plan = plan
         self.directory = directory
         self.verdicts: list[VerdictEntry] = []
@@ -54,7 +54,7 @@ class Progress:
         self.verdicts += verdicts
         if time.perf_counter() - self.saved > SAVE_EVERY:
             self._save("still running, or killed")
-        return JobFinished(run, verdicts, judged.error)
+        return JobFinished(run, verdicts, judged.error, judged.recording)
 
     def finish(self, reason: str | None) -> ResultsDocument:
         """Write the results for the last time, incomplete for that `reason` where there is one."""
@@ -95,7 +95,8 @@ class Progress:
                 times_real_time=simulated / wall if wall > 0.0 else 0.0,
             ),
         )
-        write_results(self.directory, results)
+        if self.directory is not None:
+            write_results(self.directory, results)
         self.saved = time.perf_counter()
         return results
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from hapticeval.errors import DomainError
-from hapticeval.geometry.curve import Curve
 from hapticeval.renderer import RendererFactory
 from hapticeval.scene import Scene
 from hapticeval.study.limits.loop import Place, SampledLoop, robot_at
@@ -28,9 +27,8 @@ def too_stiff(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
     the stiffness, one without force, and one that breaks, which the run itself then reports.
     """
     boundary = scene.model.boundary
-    points = boundary.outline(PLACES) if isinstance(boundary, Curve) else boundary.points(PLACES)
     sensed = replace(scene, imperfections=replace(scene.imperfections, velocity_cutoff=cutoff))
-    frame = boundary.frame(points)
+    frame = boundary.frame(boundary.points(PLACES))
     places = [Place(*each) for each in zip(frame.foot, frame.normal, strict=True)]
     try:
         family = _across(family_of(factory, scene, places[0]))
