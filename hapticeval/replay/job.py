@@ -11,6 +11,7 @@ from typing import Any
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.recordings.compare.difference import Difference, difference
 from hapticeval.recordings.recording import REQUIRED, Recording
@@ -25,9 +26,6 @@ from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.work import Done, kept, seed_all
 from hapticeval.scene import Scene
 from hapticeval.suite.suite import Suite
-
-LOOP_NEEDED = ("impulsive-collision", "centripetal-force", "passivity")
-"""Checks of how hand and force act on each other, which a given path may not settle: on a replay they stop no gate."""
 
 
 @dataclass(frozen=True)
@@ -48,17 +46,19 @@ class Replay:
         """One job, in a process of its own."""
         seed_all(seed)
         path = self.path
+        # How hand and force act on each other a given path may not settle: on a replay these checks stop no gate.
+        loop_needed = [check for check in job.case.checks if CHECKS[check].needs_loop]
         if job.renderer == RECORDED:
             judged = judge_recorded(lambda _: self._recorded(), merged, job.renderer, job.suite, job.case)
             if any(name not in path.recording.channels for name in REQUIRED):
                 judged = _shown_only(judged, job.case.checks)
             elif "operator_force" not in path.recording.channels:
-                judged = _shown_only(judged, LOOP_NEEDED)
+                judged = _shown_only(judged, loop_needed)
         else:
             judged = judge_recorded(
                 lambda scene: self._replayed(job.renderer, scene), merged, job.renderer, job.suite, job.case
             )
-            judged = _shown_only(judged, LOOP_NEEDED)
+            judged = _shown_only(judged, loop_needed)
         return kept(judged, job, directory)
 
     def _recorded(self) -> Recorded:

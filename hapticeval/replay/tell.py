@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from hapticeval.phenomena.check import LACKS
 from hapticeval.replay import OPEN_LOOP, RECORDED
-from hapticeval.runner.judging import LACKS
 from hapticeval.runner.results import Results
 
 
