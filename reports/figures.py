@@ -18,7 +18,7 @@ from hapticeval.recordings.stretches import GAP_STEPS
 from hapticeval.reports.canvas import MM, figure, page_svg
 from hapticeval.reports.marks import Mark, labels
 from hapticeval.reports.plane import draw_plane
-from hapticeval.reports.svg import drawn
+from hapticeval.reports.svg import COLOURS, PAPER, drawn
 from hapticeval.types import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
@@ -42,10 +42,14 @@ def figure_svg(
 
 def run_figure(recording: Recording, model: Model | None, *, marks: Sequence[Mark] = (), title: str = "") -> Figure:
     """Return the same as a figure of matplotlib, under a title."""
-    with figure(8.0, 3.7) as made:
-        _draw(made, recording, model, marks)
-        made.suptitle(title, y=0.99, fontsize="medium")
-        return made
+    token = COLOURS.set(PAPER)
+    try:
+        with figure(8.0, 3.7) as made:
+            _draw(made, recording, model, marks)
+            made.suptitle(title, y=0.99, fontsize="medium")
+            return made
+    finally:
+        COLOURS.reset(token)
 
 
 def _draw(made: Figure, recording: Recording, model: Model | None, marks: Sequence[Mark]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from contextvars import ContextVar
 from html import escape
 from types import MappingProxyType
 
@@ -30,9 +31,26 @@ digit.
 """
 
 
+PAPER: Mapping[str, str] = MappingProxyType(
+    {
+        **THEME,
+        "ink": "#1c1f23",
+        "quiet": "#6b7280",
+        "grid": "#e3e6ea",
+        "model": "#eef0f3",
+        "ray": "#9aa3ae",
+        "paper": "#ffffff",
+    }
+)
+"""The same for a figure that stands alone: the page's light colours in place of the stand-ins."""
+
+COLOURS: ContextVar[Mapping[str, str]] = ContextVar("COLOURS", default=THEME)
+"""Which of the two a figure is drawn in."""
+
+
 def drawn(role: str) -> str:
-    """The colour to draw a role in, which `inlined` turns into the page's."""
-    return THEME[role]
+    """Return the colour to draw a role in; on a page `inlined` turns it into the page's."""
+    return COLOURS.get()[role]
 
 
 def inlined(svg: str, *, prefix: str, title: str) -> str:
