@@ -17,8 +17,6 @@ from hapticeval.runner.results import RunEntry, VerdictEntry
 if TYPE_CHECKING:
     from hapticeval.closed_forms.form import ClosedForm
 
-CHECK = "closed-form"
-
 
 @dataclass(frozen=True)
 class Measured:
@@ -72,11 +70,15 @@ def closed_form_tables(
     names: Sequence[str],
     anchors: Mapping[int, str],
 ) -> list[CaseTable]:
-    """A table for each case that has verdicts of the check; those that cite a table come first, by its number."""
+    """Return a table per case that has verdicts of a check that compares with a closed form, cited tables first."""
+    from hapticeval.phenomena.registry import CHECKS
+
+    used = dict.fromkeys(verdict.check for verdict in verdicts)
+    compare = [name for name in used if name in CHECKS and CHECKS[name].needs_closed_form]
     cases = {(run.suite, run.case): run for run in runs}
     grouped: dict[tuple[str, str], list[Measured]] = {}
     for verdict in verdicts:
-        if verdict.check == CHECK and verdict.outcome != "not-applicable":
+        if verdict.check in compare and verdict.outcome != "not-applicable":
             row = _measured(verdict, names.index(verdict.renderer), anchors[id(verdict)])
             grouped.setdefault((verdict.suite, verdict.case), []).append(row)
     tables = []

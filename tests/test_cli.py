@@ -262,7 +262,15 @@ def test_explain_prints_all_that_a_check_says(
     assert main(["explain", name]) == 0
     out = capsys.readouterr().out
     check = CHECKS[name]
-    for text in (check.asks, check.formula, check.citation, check.bound, check.metric, check.siblings, *check.channels):
+    for text in (
+        check.asks,
+        check.formula,
+        check.citation,
+        check.bound,
+        check.metric,
+        *check.siblings.values(),
+        *check.channels,
+    ):
         assert words(text) in words(out)
     assert max(map(len, out.splitlines())) <= 80
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.recordings.compare.difference import Difference, difference
 from hapticeval.recordings.recording import REQUIRED, Recording
@@ -26,9 +27,6 @@ from hapticeval.runner.work import Done, kept, seed_all
 from hapticeval.scene import Scene
 from hapticeval.suite.suite import Suite
 
-LOOP_NEEDED = ("impulsive-collision", "centripetal-force", "passivity")
-"""Checks of how hand and force act on each other, which a given path may not settle: on a replay they stop no gate."""
-
 
 @dataclass(frozen=True)
 class Replay:
@@ -44,21 +42,23 @@ class Replay:
     left_out: tuple[str, ...]
     suspicious: tuple[str, ...]
 
-    def __call__(self, job: Job, directory: Path, seed: int) -> Done:
+    def __call__(self, job: Job, directory: Path | None, seed: int) -> Done:
         """One job, in a process of its own."""
         seed_all(seed)
         path = self.path
+        # How hand and force act on each other a given path may not settle: on a replay these checks stop no gate.
+        loop_needed = [check for check in job.case.checks if CHECKS[check].needs_loop]
         if job.renderer == RECORDED:
             judged = judge_recorded(lambda _: self._recorded(), merged, job.renderer, job.suite, job.case)
             if any(name not in path.recording.channels for name in REQUIRED):
                 judged = _shown_only(judged, job.case.checks)
             elif "operator_force" not in path.recording.channels:
-                judged = _shown_only(judged, LOOP_NEEDED)
+                judged = _shown_only(judged, loop_needed)
         else:
             judged = judge_recorded(
                 lambda scene: self._replayed(job.renderer, scene), merged, job.renderer, job.suite, job.case
             )
-            judged = _shown_only(judged, LOOP_NEEDED)
+            judged = _shown_only(judged, loop_needed)
         return kept(judged, job, directory)
 
     def _recorded(self) -> Recorded:
@@ -96,7 +96,7 @@ class Replay:
                 recordings,
                 left_out=[part.ended for part in parts if part.ended],
             ),
-            simulated_seconds=float(sum(each.time[-1] - each.time[0] for each in recordings)),
+            simulated=lambda: float(sum(each.time[-1] - each.time[0] for each in recordings)),
         )
 
     def _document(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from hapticeval.phenomena.check import LACKS
 from hapticeval.recordings.compare.difference import Apart
 from hapticeval.replay import OPEN_LOOP, RECORDED
-from hapticeval.runner.judging import LACKS
 from hapticeval.runner.results import ResultsDocument
 
 

@@ -12,9 +12,9 @@ from letting_go import LETTING_GO, Wrapped, free, wrapping
 
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import cassinian, circle, ellipsoid, from_vertices, line, sphere, star, torus
-from hapticeval.phenomena import contact_kept, continuous_contact
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.held_tool import HeldTool
+from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.sampling import touching, trailing
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
@@ -34,7 +34,7 @@ def along(*points, duration=0.5):
 
 def found(make, model, path, **more):
     scene = Scene(model=model, **more)
-    return contact_kept.judge(Runs(play(make(scene), path, DT, scene=scene)), scene)
+    return CHECKS["contact-kept"](Runs(play(make(scene), path, DT, scene=scene)), scene)
 
 
 L_SHAPE = [[0.0, 0.0], [0.2, 0.0], [0.2, 0.1], [0.1, 0.1], [0.1, 0.2], [0.0, 0.2]]
@@ -154,7 +154,7 @@ def test_a_new_contact_at_the_first_crossing_is_no_loss():
     ihip = np.array([[0.09, 0.11], [0.09, 0.1], [0.13, 0.02], [0.14, 0.02]])
     recording = Recording(DT * np.arange(4), {"hip": hip, "ihip": ihip, "force": 1000.0 * (ihip - hip)}, {"dt": DT})
     scene = Scene(model=model)
-    assert contact_kept.judge(Runs(recording), scene).outcome is Outcome.PASS
+    assert CHECKS["contact-kept"](Runs(recording), scene).outcome is Outcome.PASS
 
 
 class TestTrailing:
@@ -162,11 +162,11 @@ class TestTrailing:
         scene = Scene(model=line())
         path = along([-0.3, 0.02], [0.0, 0.02], [0.0, -0.005], duration=0.2)
         recording = play(wrapping(letting_go.Trails, resolve("minimum-distance"))(scene), path, DT, scene=scene)
-        finding = contact_kept.judge(Runs(recording), scene)
+        finding = CHECKS["contact-kept"](Runs(recording), scene)
         assert finding.outcome is Outcome.FAIL
         assert finding.evidence["kind"] == "trails"
         assert finding.metric.value > 0.02
-        assert "off the surface" not in continuous_contact.judge(Runs(recording), scene).message
+        assert "off the surface" not in CHECKS["continuous-contact"](Runs(recording), scene).message
         assert trailing(recording, scene).any()
         assert not (touching(recording, scene) & trailing(recording, scene)).any()
 
@@ -183,7 +183,7 @@ class TestTrailing:
         held = Scene(model=line(), bilateral=True)
         assert touching(recording, held).all()
         assert not trailing(recording, held).any()
-        assert contact_kept.judge(Runs(recording), held).outcome is Outcome.NOT_APPLICABLE
+        assert CHECKS["contact-kept"](Runs(recording), held).outcome is Outcome.NOT_APPLICABLE
 
 
 def test_a_hand_that_stays_outside_shows_nothing():
@@ -306,7 +306,7 @@ def test_contact_dropped_anywhere_is_found_there(share, depth, seed):
     channels = {name: np.array(values) for name, values in whole.channels.items()}
     channels["ihip"][from_tick:] = channels["hip"][from_tick:]
     channels["force"][from_tick:] = 0.0
-    finding = contact_kept.judge(Runs(Recording(whole.time, channels, whole.meta)), scene)
+    finding = CHECKS["contact-kept"](Runs(Recording(whole.time, channels, whole.meta)), scene)
     assert finding.outcome is Outcome.FAIL
     assert finding.evidence["tick"] == from_tick
     lost = 0.1 - np.linalg.norm(whole.hip[from_tick:], axis=1)
