@@ -232,6 +232,13 @@ class Results:
         title = f"{run.renderer} on {run.suite}/{run.case}"
         return run_figure(self.recording(f"{run.suite}/{run.case}", run.renderer), model, marks=marks, title=title)
 
+    @property
+    def file(self) -> Path:
+        """The path of results.json. Raises `InputError` for results that lie in no folder."""
+        if self.folder is None:
+            raise InputError("these results lie in no folder", todo="run with output='results'")
+        return self.folder / FILE
+
     def report(
         self, *, progress: Callable[[int, int], None] | None = None, stopped: Callable[[], bool] | None = None
     ) -> list[Path]:
@@ -241,12 +248,8 @@ class Results:
         """
         from hapticeval.reports import write_reports
 
-        if self.folder is None:
-            raise InputError("these results lie in no folder", todo="run with output='results'")
-        return [
-            self.folder / FILE,
-            *write_reports(self.folder, progress=progress, workers=cores(), stopped=stopped),
-        ]
+        folder = self.file.parent
+        return [self.file, *write_reports(folder, progress=progress, workers=cores(), stopped=stopped)]
 
     def __repr__(self) -> str:
         document = self.document
