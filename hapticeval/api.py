@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
+from hapticeval.discovery import resolve
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderer import Renderer, RendererFactory, SelfDriven
@@ -286,7 +287,8 @@ class Results:
 def _named(renderers: Any) -> dict[str, str | RendererFactory]:
     """Return a name for each renderer, and the factory behind those that are no names themselves."""
     if isinstance(renderers, Mapping):
-        return {str(name): _factory(each) for name, each in renderers.items()}
+        made = {str(name): _factory(each) for name, each in renderers.items()}
+        return {name: resolve(each) if isinstance(each, str) and each != name else each for name, each in made.items()}
     listed = list(renderers) if isinstance(renderers, list | tuple) else [renderers]
     named: dict[str, str | RendererFactory] = {}
     for each in listed:
