@@ -34,21 +34,20 @@ ALLOWED = 7.0
 TOOL = 0.1
 COUNT = 2000
 ROBOT = Parallelogram2().parameters.size
-GAINS = ROBOT + 5
 
 
 @compiled
-def torque_of(state, out, room, pieces, samples):
+def torque_of(state, out, room, data):
     """The torque (6.7) at a state (4,), into `out` (2,); `room` has the numbers of robot and law, and room to work in.
 
     As the inner loop's own kernel, which is given the robot's dynamics: a call from Python would be slow for that.
     """
-    joints, rates, parameters, reals = state[:2], state[2:], room[:ROBOT], room[ROBOT:GAINS]
-    rows, squares = room[GAINS : GAINS + 18].reshape((9, 2)), room[GAINS + 18 :].reshape((2, 2, 2))
-    hip, velocity, drift, ihip, force, push, memory = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]
+    joints, rates, parameters, reals = state[:2], state[2:], room[:ROBOT], data.params
+    rows, squares = room[ROBOT : ROBOT + 18].reshape((9, 2)), room[ROBOT + 18 :].reshape((2, 2, 2))
+    hip, velocity, drift, ihip, force, push = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]
     goal, bias, jacobian, inertia = rows[7], rows[8], squares[0], squares[1]
     kinematics2(parameters, joints, rates, hip, velocity, jacobian, drift)
-    refusal = answer(reals, pieces, samples, memory, hip, velocity, push, 1e-3, ihip, force)
+    refusal = answer(data, hip, velocity, push, 1e-3, ihip, force)
     dynamics2(parameters, joints, rates, inertia, bias)
     for i in range(2):
         goal[i] = force[i] / reals[MASS] - drift[i]
@@ -59,10 +58,10 @@ def torque_of(state, out, room, pieces, samples):
 
 
 @compiled
-def torques_of(states, outs, room, pieces, samples):
+def torques_of(states, outs, room, data):
     """The torque at each of states (n, 4), as a compiled closed loop asks for them."""
     for i in range(states.shape[0]):
-        torque_of(states[i], outs[i], room, pieces, samples)
+        torque_of(states[i], outs[i], room, data)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +75,7 @@ def case():
     u = rng.uniform(0.0, 2.0 * np.pi, COUNT)
     points = curve.position(u) + rng.uniform(-0.01, 0.01, COUNT)[:, None] * curve.normal(u)
     states = np.column_stack([[robot.joints(point) for point in points], rng.normal(size=(COUNT, 2))])
-    rooms = (np.concatenate([robot.parameters, law.reals, np.zeros(26)]), law.pieces, law.samples)
+    rooms = (np.concatenate([robot.parameters, np.zeros(26)]), law.data)
     hips = [robot.position(state[:2]).tolist() for state in states]
     return states, hips, curve.nearest(hips), rooms
 
@@ -97,7 +96,7 @@ def test_set_stabilisation_on_the_cassinian(benchmark, case):
     states, hips, feet, rooms = case
     outs, expected, one = np.empty((COUNT, 2)), np.empty((COUNT, 2)), np.empty(2)
     rows, points = [tuple(row) for row in np.column_stack([states, feet]).tolist()], list(states)
-    pieces, samples = rooms[1], rooms[2]
+    pieces, samples = rooms[1].segments, rooms[1].lookup
     sympy = on_the_cassinian()
     formula = numba.njit(sympy)
 

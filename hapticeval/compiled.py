@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import numba
 import numpy as np
@@ -18,7 +18,9 @@ from numba import types
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.typing.typeof import typeof_impl
 from numba.experimental.function_type import _get_wrapper_address
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from hapticeval.types import Array
 
 try:
     import fcntl
@@ -41,11 +43,51 @@ DYNAMICS = types.void(VECTOR, VECTOR, VECTOR, MATRIX, VECTOR)
 MARGIN = types.float64(VECTOR, VECTOR)
 """(parameters, joints): positive inside the functional configuration space, see `Device.margin`."""
 
-LAW = types.int64(VECTOR, MATRIX, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, types.float64, VECTOR, VECTOR)
-"""(reals, pieces, samples, memory, hip, velocity, push, dt, out ihip, out force): one tick of a renderer.
 
-Gives 0, or the number of the refusal that `CompiledLaw.refusals` words. `memory` is the renderer's own between ticks,
-zero at the start of a run; `push` is the hand's force as sensed, zero where there is no sensor.
+NOTHING: Array = np.empty((0, 0))
+"""The table that a law has no use for."""
+
+
+class LawData(NamedTuple):
+    """What a renderer's compiled step works on, in arrays that are writable and contiguous: any may be empty.
+
+    `params` (k,): gains and other numbers. `segments`, `joints`, `lookup`, `vertices` and `tree`, all 2D, hold the
+    surface: its pieces, what belongs to the joints between them, a table in which the nearest point is looked for, an
+    outline of straight edges and its search tree. `state` (m,) is what the renderer keeps between ticks: its `reset`
+    prepares it, and each tick of the law goes on from it.
+    """
+
+    params: Array
+    segments: Array
+    joints: Array
+    lookup: Array
+    vertices: Array
+    tree: Array
+    state: Array
+
+
+def law_data(
+    params: ArrayLike = (),
+    *,
+    segments: ArrayLike = NOTHING,
+    joints: ArrayLike = NOTHING,
+    lookup: ArrayLike = NOTHING,
+    vertices: ArrayLike = NOTHING,
+    tree: ArrayLike = NOTHING,
+    state: int = 0,
+) -> LawData:
+    """Copy what a law works on into arrays of their own, of the type that `LAW` asks for; `state` is its size."""
+    tables = (np.array(each, dtype=np.float64, order="C") for each in (segments, joints, lookup, vertices, tree))
+    return LawData(np.array(params, dtype=np.float64), *tables, np.zeros(state))
+
+
+LAW_DATA = types.NamedTuple((VECTOR, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, VECTOR), LawData)
+
+LAW = types.int64(LAW_DATA, VECTOR, VECTOR, VECTOR, types.float64, VECTOR, VECTOR)
+"""(data, hip, velocity, push, dt, out ihip, out force): one tick of a renderer.
+
+Returns 0, or the number of the refusal that `CompiledLaw.refusals` words. `push` is the hand's force as sensed, zero
+where there is no sensor.
 """
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
+from hapticeval.compiled import LawData
 from hapticeval.errors import RefusalError, RendererError, UnknownNameError
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recording import Recording
@@ -101,16 +102,13 @@ class SelfDriven(Protocol):
 class CompiledLaw(NamedTuple):
     """A renderer's step as compiled code, so that a whole closed loop runs without Python.
 
-    `function` is a kernel of signature `hapticeval.compiled.LAW`; `reals` (k,), `pieces` and `samples` (2D) are what
-    it is given at each tick, writable and contiguous, `memory` the size of what it keeps between ticks. `refusals`
-    words what its numbers other than 0 mean. It must answer as `step` does, to the last bit.
+    `function` is a kernel of signature `hapticeval.compiled.LAW`, and `data` the renderer's own, with the state that
+    its last `reset` or `step` left: a loop resets the renderer and goes on from there. `refusals` words what the
+    kernel's numbers other than 0 mean. It must answer as `step` does, to the last bit.
     """
 
     function: Callable[..., Any]
-    reals: Array
-    pieces: Array
-    samples: Array
-    memory: int
+    data: LawData
     refusals: Mapping[int, str]
 
 

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import LawData, compiled
 from hapticeval.geometry.surface_kernels import FIRST, Triple, dot, place, plus
 from hapticeval.renderers.surface_law import (
     BEYOND,
@@ -141,18 +141,16 @@ def accelerated(radius: float, q: Triple, u: Triple, v_across: float, slowing: f
 
 @compiled
 def answer(
-    reals: Array,
-    pieces: Array,  # noqa: ARG001 - every law has these
-    samples: Array,  # noqa: ARG001
-    memory: Array,
+    data: LawData,
     hip: Array,
     velocity: Array,
     push: Array,
-    dt: float,  # noqa: ARG001
+    dt: float,  # noqa: ARG001 - every law has it
     ihip: Array,
     force: Array,
 ) -> int:
     """One tick through the active chart, of signature `LAW`, with the `reals` of `surface_law.answer`."""
+    reals, memory = data.params, data.state
     y, yd, pushed = (hip[0], hip[1], hip[2]), (velocity[0], velocity[1], velocity[2]), (push[0], push[1], push[2])
     foot, normal, n = place(reals, y)
     bilateral = reals[BILATERAL] != 0.0

@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import math
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import LawData, compiled
 from hapticeval.geometry.curve_kernels import foot
 from hapticeval.geometry.kernels import curvature_rate
 from hapticeval.renderers.unilateral import TOUCHES, ends
@@ -48,10 +48,7 @@ FOCAL = 1e-9
 
 @compiled
 def answer(
-    reals: Array,
-    pieces: Array,
-    samples: Array,
-    memory: Array,
+    data: LawData,
     hip: Array,
     velocity: Array,
     push: Array,
@@ -60,6 +57,7 @@ def answer(
     force: Array,
 ) -> int:
     """One tick, of signature `LAW`; `pieces` and `samples` are the curve's, see `geometry.curve_kernels`."""
+    reals, pieces, samples, memory = data.params, data.segments, data.lookup, data.state
     bilateral = reals[BILATERAL] != 0.0
     k, u, distance, side, (px, py, dx, dy, ddx, ddy) = foot(pieces, samples, hip[0], hip[1])
     n = side * distance

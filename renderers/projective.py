@@ -71,6 +71,8 @@ class ProjectiveRenderer:
         """Start a run with the hand at `hip` (N,), m: inside the model it starts in contact."""
         self.projection.reset(hip)
         self._error = None
+        if self.law is not None:
+            self.law.data.state[:] = 0.0
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s."""

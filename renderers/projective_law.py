@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import LawData, compiled, law_data
 from hapticeval.geometry.curve_kernels import project
 from hapticeval.geometry.kernels import KIND, U0, U1, UNBOUNDED, piece_of
 from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
@@ -52,14 +52,9 @@ def law_of(
     else:
         return None
     gains = (NUMBERS[regulation.name], float(projection.bilateral), stiffness, damping, mass)
-    return CompiledLaw(
-        function=function,
-        reals=np.concatenate([gains, root_gains(stiffness, damping), joints]),
-        pieces=np.array(pieces),
-        samples=np.array(samples),
-        memory=1 + 3 * projection.surface.dimension,
-        refusals={},
-    )
+    params = np.concatenate([gains, root_gains(stiffness, damping), joints])
+    data = law_data(params, segments=pieces, lookup=samples, state=1 + 3 * projection.surface.dimension)
+    return CompiledLaw(function, data, refusals={})
 
 
 def _edges(b: Boundary) -> bool:
@@ -69,10 +64,7 @@ def _edges(b: Boundary) -> bool:
 
 @compiled
 def in_the_plane(
-    reals: Array,
-    pieces: Array,
-    samples: Array,
-    memory: Array,
+    data: LawData,
     hip: Array,
     velocity: Array,
     push: Array,  # noqa: ARG001 - every law has it
@@ -81,6 +73,7 @@ def in_the_plane(
     force: Array,
 ) -> int:
     """One tick on a curve or a polygon, of signature `LAW`."""
+    reals, pieces, samples, memory = data.params, data.segments, data.lookup, data.state
     x, y = hip[0], hip[1]
     closed = pieces[0, KIND] != UNBOUNDED
     if samples.shape[1] == TREE:
@@ -103,10 +96,7 @@ def in_the_plane(
 
 @compiled
 def in_space(
-    reals: Array,
-    pieces: Array,
-    samples: Array,  # noqa: ARG001 - every law has it
-    memory: Array,
+    data: LawData,
     hip: Array,
     velocity: Array,
     push: Array,  # noqa: ARG001 - every law has it
@@ -115,6 +105,7 @@ def in_space(
     force: Array,
 ) -> int:
     """One tick on a surface in space, whose row is that of `pieces`, of signature `LAW`."""
+    reals, pieces, memory = data.params, data.segments, data.state
     foot, normal, distance = place(pieces[0], (hip[0], hip[1], hip[2]))
     if reals[BILATERAL] == 0.0 and not distance < 0.0:
         _free(memory, hip, ihip, force)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from hapticeval.compiled import law_data
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.errors import DomainError, InputError, RefusalError
@@ -27,7 +28,6 @@ class LawRenderer(ABC):
 
     def __init__(self, law: CompiledLaw, dimension: int) -> None:
         self._law = law
-        self._memory = np.zeros(law.memory)
         self._push = np.zeros(dimension)
 
     @property
@@ -37,7 +37,7 @@ class LawRenderer(ABC):
 
     def reset(self, hip: Array) -> None:  # noqa: ARG002 - the protocol's
         """Start a run: nothing is touched yet, and nothing felt."""
-        self._memory[:] = 0.0
+        self._law.data.state[:] = 0.0
         self._push[:] = 0.0
 
     def feel(self, push: Array) -> None:
@@ -49,9 +49,7 @@ class LawRenderer(ABC):
         ihip, force = np.empty_like(self._push), np.empty_like(self._push)
         law, hip = self._law, np.array(hip, dtype=np.float64)
         velocity = np.array(velocity, dtype=np.float64)
-        refusal = law.function(
-            law.reals, law.pieces, law.samples, self._memory, hip, velocity, self._push, dt, ihip, force
-        )
+        refusal = law.function(law.data, hip, velocity, self._push, dt, ihip, force)
         if refusal:
             raise self.led_out(hip, law.refusals[refusal])
         return Response(ihip, force)
@@ -80,14 +78,8 @@ class CurveStabilisation(LawRenderer):
         self.surface: Curve = smooth_curve(scene.model)
         check_gains(scene)
         reals = (scene.stiffness, scene.damping, scene.mass, scene.viscosity, float(scene.bilateral))
-        law = CompiledLaw(
-            function=curve_law.answer,
-            reals=np.array(reals),
-            pieces=np.array(self.surface.pieces),
-            samples=np.array(self.surface.samples),
-            memory=MEMORY,
-            refusals=REFUSALS,
-        )
+        data = law_data(reals, segments=self.surface.pieces, lookup=self.surface.samples, state=MEMORY)
+        law = CompiledLaw(curve_law.answer, data, REFUSALS)
         super().__init__(law, dimension=2)
 
     def led_out(self, hip: Array, what: str) -> DomainError:
@@ -178,14 +170,8 @@ class SurfaceStabilisation(LawRenderer):
             )
         check_gains(scene)
         gains = (scene.stiffness, scene.damping, scene.mass, scene.viscosity, float(scene.bilateral))
-        law = CompiledLaw(
-            function=atlas.answer if charts else surface_law.answer,
-            reals=np.concatenate([self.surface.row, gains]),
-            pieces=np.empty((0, 0)),
-            samples=np.empty((0, 0)),
-            memory=MEMORY,
-            refusals=SURFACE_REFUSALS,
-        )
+        data = law_data(np.concatenate([self.surface.row, gains]), state=MEMORY)
+        law = CompiledLaw(atlas.answer if charts else surface_law.answer, data, SURFACE_REFUSALS)
         super().__init__(law, dimension=3)
         self._scene = scene
         self.charts = charts

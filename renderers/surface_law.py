@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import math
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import LawData, compiled
 from hapticeval.geometry.surface_kernels import REALS, Triple, bend, bend_change, dot, place, times
 from hapticeval.renderers.unilateral import TOUCHES, ends
 from hapticeval.types import Array
@@ -42,18 +42,16 @@ FOCAL = 1e-9
 
 @compiled
 def answer(
-    reals: Array,
-    pieces: Array,  # noqa: ARG001 - every law has these
-    samples: Array,  # noqa: ARG001
-    memory: Array,
+    data: LawData,
     hip: Array,
     velocity: Array,
     push: Array,
-    dt: float,  # noqa: ARG001
+    dt: float,  # noqa: ARG001 - every law has it
     ihip: Array,
     force: Array,
 ) -> int:
     """One tick, of signature `LAW`; `reals` as `Surface.row` and the gains."""
+    reals, memory = data.params, data.state
     foot, normal, n = place(reals, (hip[0], hip[1], hip[2]))
     bilateral = reals[BILATERAL] != 0.0
     if not bilateral and n > 0.0 and memory[TOUCHES] == 0.0:

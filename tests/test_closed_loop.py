@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import compiled, law_data
 from hapticeval.devices.imperfections import ENCODER_STEP, ForceSensor, Imperfections
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
@@ -197,8 +197,9 @@ def test_a_loop_runs_away_at_a_million_model_sizes_wherever_it_is(origin, size, 
 
 
 @compiled
-def counting_spring(reals, pieces, samples, memory, hip, velocity, push, dt, ihip, force):
+def counting_spring(data, hip, velocity, push, dt, ihip, force):
     """A spring and a damper to the origin that counts its ticks, refuses beyond a radius and breaks at a tick."""
+    reals, memory = data.params, data.state
     memory[0] += 1.0
     distance = 0.0
     for i in range(hip.shape[0]):
@@ -218,13 +219,12 @@ class Spring:
     refusals = {2: "beyond the radius"}  # noqa: RUF012
 
     def __init__(self, *, law, stiffness=300.0, damping=3.0, radius=1e3, breaks=1e9):
-        self.reals = np.array([stiffness, damping, radius, breaks])
-        self.none = np.zeros((1, 1))
+        self.data = law_data((stiffness, damping, radius, breaks), state=1)
         if law:
-            self.law = CompiledLaw(counting_spring, self.reals, self.none, self.none, 1, self.refusals)
+            self.law = CompiledLaw(counting_spring, self.data, self.refusals)
 
     def reset(self, hip):
-        self.memory = np.zeros(1)
+        self.data.state[:] = 0.0
         self.push = np.zeros(hip.size)
 
     def feel(self, push):
@@ -232,9 +232,7 @@ class Spring:
 
     def step(self, hip, velocity, dt):
         ihip, force = np.empty_like(hip), np.empty_like(hip)
-        number = counting_spring(
-            self.reals, self.none, self.none, self.memory, hip, velocity, self.push, dt, ihip, force
-        )
+        number = counting_spring(self.data, hip, velocity, self.push, dt, ihip, force)
         if number:
             raise DomainError(self.refusals[number])
         return Response(ihip, force)

@@ -53,7 +53,7 @@ for kind in ("cassinian", "star"):
         renderer.step(points[0], np.zeros(2), 1e-3)
         if renderer.law is not None:
             law, scratch = renderer.law, [np.zeros(2) for _ in range(4)]
-            law.function(*law[1:4], np.zeros(law.memory), points[0].copy(), *scratch[:2], 1e-3, *scratch[2:])
+            law.function(law.data, points[0].copy(), *scratch[:2], 1e-3, *scratch[2:])
 kernels = {
     kernel
     for name, module in list(sys.modules.items()) if name.startswith("hapticeval.")

@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import compiled, law_data
 from hapticeval.devices.imperfections import ENCODER_STEP, ForceSensor, Imperfections
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import Dynamics, Parallelogram2, Parallelogram3
@@ -43,24 +43,24 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 @compiled
-def draw_home(reals, pieces, samples, memory, hip, velocity, push, dt, ihip, force):
+def draw_home(data, hip, velocity, push, dt, ihip, force):
     """A spring and a damper to the origin."""
     for i in range(hip.shape[0]):
         ihip[i] = 0.0
-        force[i] = -reals[0] * hip[i] - reals[1] * velocity[i]
+        force[i] = -data.params[0] * hip[i] - data.params[1] * velocity[i]
     return 0
 
 
 class Spring:
     def __init__(self, stiffness, damping):
-        self.law = CompiledLaw(draw_home, np.array([stiffness, damping]), np.zeros((1, 1)), np.zeros((1, 1)), 0, {})
+        self.law = CompiledLaw(draw_home, law_data((stiffness, damping)), {})
 
     def reset(self, hip):
         pass
 
     def step(self, hip, velocity, dt):
         ihip, force, none = np.empty_like(hip), np.empty_like(hip), np.zeros_like(hip)
-        draw_home(*self.law[1:4], np.zeros(0), hip, velocity, none, dt, ihip, force)
+        draw_home(self.law.data, hip, velocity, none, dt, ihip, force)
         return ihip, force
 
 

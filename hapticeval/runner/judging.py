@@ -14,6 +14,7 @@ from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
 from hapticeval.recordings.recording import MissingChannelError, Recording
 from hapticeval.renderer import Renderer, RendererFactory, SelfDriven, check_support, supported
+from hapticeval.runner.results import Replay
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import drive
 from hapticeval.simulation.playback import Closeup, compare_batch, play
@@ -38,8 +39,7 @@ class Judged:
     simulated_seconds: float
     wall_seconds: float
     ended: Mapping[str, Any] | None = None
-    replay: Mapping[str, Any] | None = None
-    """What a replay has to say beside the verdicts: see `hapticeval.replay`."""
+    replay: Replay | None = None
 
 
 class _Bench:
@@ -168,7 +168,7 @@ class Recorded:
 
     whole: Recording
     runs: tuple[Runs, ...]
-    replay: Mapping[str, Any]
+    replay: Replay
     simulated_seconds: float = 0.0
 
 
@@ -226,7 +226,7 @@ def _verdicts(findings: Sequence[Finding], renderer: str, suite: str, case: Case
             check=check,
             level=(finding.level or CHECKS[check].level) if case.judged else Level.INFO,
             finding=finding,
-            published=case.published.get(renderer, {}).get(check),
+            published=Outcome(case.published[renderer][check]) if check in case.published.get(renderer, {}) else None,
         )
         for check, finding in zip(case.checks, findings, strict=True)
     )

@@ -288,10 +288,10 @@ class _Loop:
         from hapticeval.compiled import LAW, first_class
 
         return self.kernels.run(
-            first_class(law.function, LAW), law.reals, law.pieces, law.samples, np.zeros(law.memory), self.kinematics,
-            self.dynamics, self.margin, self.parameters, self.settings, self.exact, self.push, self.path, self.grip,
-            self.sensing, self.actuation, self.friction, self.noise, self.feeling, self.table, self.control, self.pace,
-            self.state, self.squares, self.rows, self.stages, self.out,
+            first_class(law.function, LAW), law.data, self.kinematics, self.dynamics, self.margin, self.parameters,
+            self.settings, self.exact, self.push, self.path, self.grip, self.sensing, self.actuation, self.friction,
+            self.noise, self.feeling, self.table, self.control, self.pace, self.state, self.squares, self.rows,
+            self.stages, self.out,
         )  # fmt: skip
 
     def channels(self) -> dict[str, Array]:

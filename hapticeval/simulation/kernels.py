@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import LawData, compiled
 from hapticeval.devices.dynamics_kernels import JACOBIAN, torque
 from hapticeval.devices.integration_kernels import advance, fall_free
 from hapticeval.types import Array
@@ -204,10 +204,7 @@ def act(
 @compiled
 def run(
     law: Callable[..., Any],
-    reals: Array,
-    pieces: Array,
-    samples: Array,
-    memory: Array,
+    data: LawData,
     kinematics: Callable[..., Any],
     dynamics: Callable[..., Any],
     margin: Callable[..., Any],
@@ -241,8 +238,8 @@ def run(
         if status != DONE:
             return tick, status
         number = law(
-            reals, pieces, samples, memory, out[MEASURED_HIP, tick], out[MEASURED_SPEED, tick],
-            out[MEASURED_FORCE, tick], settings[DT], out[IHIP, tick], out[FORCE, tick],
+            data, out[MEASURED_HIP, tick], out[MEASURED_SPEED, tick], out[MEASURED_FORCE, tick], settings[DT],
+            out[IHIP, tick], out[FORCE, tick],
         )  # fmt: skip
         if number != 0:
             return tick, REFUSED - 1 + number

@@ -262,15 +262,15 @@ def test_it_answers_as_the_law_without_charts(bilateral):
 
 def test_the_compiled_law_answers_as_the_step_does():
     renderer = SurfaceStabilisation(Scene(model=sphere(), viscosity=0.3), charts=True)
-    law = renderer.law
-    function, memory = first_class(law.function, LAW).kernel, np.zeros(law.memory)
+    law = SurfaceStabilisation(Scene(model=sphere(), viscosity=0.3), charts=True).law
+    function = first_class(law.function, LAW).kernel
     rng = np.random.default_rng(9)
     renderer.reset(np.zeros(3))
     for _ in range(200):
         y, yd, push = 0.06 * rng.normal(size=3), rng.normal(size=3), rng.normal(size=3)
         renderer.feel(push)
         ihip, force = np.empty(3), np.empty(3)
-        assert function(law.reals, law.pieces, law.samples, memory, y, yd, push, 1e-3, ihip, force) == 0
+        assert function(law.data, y, yd, push, 1e-3, ihip, force) == 0
         answer = renderer.step(y, yd, 1e-3)
         assert np.array_equal(answer.ihip, ihip)
         assert np.array_equal(answer.force, force)

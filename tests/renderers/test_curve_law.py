@@ -236,9 +236,7 @@ def test_at_a_centre_of_curvature_the_step_and_the_law_refuse():
             renderer.step(hip, np.array([0.0, 1.0]), 1e-3)
         assert "1 + n κ" in caught.value.why
         law, out = renderer.law, np.empty((2, 2))
-        code = law.function(
-            law.reals, law.pieces, law.samples, np.zeros(law.memory), hip, np.ones(2), np.zeros(2), 1e-3, out[0], out[1]
-        )
+        code = law.function(law.data, hip, np.ones(2), np.zeros(2), 1e-3, out[0], out[1])
         assert code == BEYOND
         assert "centre of curvature" in law.refusals[code]
 
@@ -251,13 +249,13 @@ def test_the_law_is_the_step_to_the_last_bit(name, bilateral):
     rng = np.random.default_rng(3)
     hips = near(scene.model, 4, 200, 0.004)
     velocities, pushes = rng.normal(size=(2, 200, 2))
-    law = renderer.law
-    memory, ihip, force = np.zeros(law.memory), np.empty(2), np.empty(2)
+    law = set_stabilisation(scene).law
+    ihip, force = np.empty(2), np.empty(2)
     renderer.reset(hips[0])
     for hip, velocity, push in zip(hips, velocities, pushes, strict=True):
         renderer.feel(push)
         answer = renderer.step(hip, velocity, 1e-3)
-        assert law.function(law.reals, law.pieces, law.samples, memory, hip, velocity, push, 1e-3, ihip, force) == 0
+        assert law.function(law.data, hip, velocity, push, 1e-3, ihip, force) == 0
         np.testing.assert_array_equal(answer.ihip, ihip)
         np.testing.assert_array_equal(answer.force, force)
 

@@ -34,12 +34,11 @@ def wander(model, seed, count=60):
 
 def by_law(law, hips, velocities, dt):
     """The law, tick by tick."""
-    memory, size = np.zeros(law.memory), hips.shape[1]
+    size = hips.shape[1]
+    law.data.state[:] = 0.0
     ihips, forces = np.empty_like(hips), np.empty_like(hips)
     for hip, velocity, ihip, force in zip(hips, velocities, ihips, forces, strict=True):
-        refusal = law.function(
-            law.reals, law.pieces, law.samples, memory, hip, velocity, np.zeros(size), dt, ihip, force
-        )
+        refusal = law.function(law.data, hip, velocity, np.zeros(size), dt, ihip, force)
         assert refusal == 0
     return ihips, forces
 
@@ -101,7 +100,7 @@ def test_it_is_offered_as_the_protocol_says_and_has_the_signature_of_laws():
     renderer = minimum_distance(Scene(model=CURVES["circle"]))
     assert isinstance(renderer, Compiled)
     law = renderer.law
-    assert all(part.flags.writeable and part.flags.c_contiguous for part in (law.reals, law.pieces, law.samples))
+    assert all(part.flags.writeable and part.flags.c_contiguous for part in law.data)
     assert first_class(law.function, LAW).__wrapper_address__() != 0
 
 

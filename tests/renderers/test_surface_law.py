@@ -173,15 +173,15 @@ def test_on_the_sphere_it_is_the_closed_form():
 @pytest.mark.parametrize("bilateral", [False, True])
 def test_the_compiled_law_answers_as_the_step_does(model, bilateral):
     renderer = renderer_of(model, bilateral=bilateral, viscosity=0.3)
-    law = renderer.law
-    function, memory = first_class(law.function, LAW).kernel, np.zeros(law.memory)
+    law = renderer_of(model, bilateral=bilateral, viscosity=0.3).law
+    function = first_class(law.function, LAW).kernel
     rng = np.random.default_rng(9)
     renderer.reset(np.zeros(3))
     for foot in model.surface.points(200):
         y, yd, push = foot * rng.uniform(0.8, 1.05), rng.normal(size=3), rng.normal(size=3)
         renderer.feel(push)
         ihip, force = np.empty(3), np.empty(3)
-        assert function(law.reals, law.pieces, law.samples, memory, y, yd, push, 1e-3, ihip, force) == 0
+        assert function(law.data, y, yd, push, 1e-3, ihip, force) == 0
         answer = renderer.step(y, yd, 1e-3)
         assert np.array_equal(answer.ihip, ihip)
         assert np.array_equal(answer.force, force)
@@ -258,9 +258,7 @@ def test_a_focal_point_is_a_named_error_and_a_refusal(model, hip, words, charts)
         renderer.step(hip, np.ones(3), 1e-3)
     law = renderer.law
     ihip, force = np.zeros(3), np.zeros(3)
-    number = law.function(
-        law.reals, law.pieces, law.samples, np.zeros(law.memory), hip, np.ones(3), np.zeros(3), 1e-3, ihip, force
-    )
+    number = law.function(law.data, hip, np.ones(3), np.zeros(3), 1e-3, ihip, force)
     assert number in law.refusals
 
 
