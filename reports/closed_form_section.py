@@ -15,7 +15,7 @@ from hapticeval.reports.table import Cell, cell_of
 from hapticeval.runner.results import RunEntry, VerdictEntry
 
 if TYPE_CHECKING:
-    from hapticeval.closed_forms.form import ClosedForm
+    from hapticeval.closed_forms import ClosedForm
 
 CHECK = "closed-form"
 
@@ -118,7 +118,7 @@ def _measured(verdict: VerdictEntry, column: int, anchor: str) -> Measured:
 def _form(name: str) -> ClosedForm | None:
     """The closed form of that name; None for one of another version."""
     # Loads geometry, and compiles: not for a page without closed forms.
-    from hapticeval.closed_forms.form import CLOSED_FORMS
+    from hapticeval.closed_forms import CLOSED_FORMS
 
     return CLOSED_FORMS.get(name)
 
