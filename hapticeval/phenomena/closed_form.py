@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-<<<<<<< HEAD
-from hapticeval.closed_forms import CLOSED_FORMS
-from hapticeval.phenomena.check import Check, Runs
-=======
 from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
->>>>>>> 8dd553bfb27eb1bf2a2a4ffcd781552b2e2c345e
 from hapticeval.phenomena.refinement import extrapolated
 from hapticeval.phenomena.sampling import listed, mm, place
 from hapticeval.phenomena.surface_motion import SurfaceMotion
