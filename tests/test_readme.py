@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+import runpy
 import shlex
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -59,7 +61,7 @@ def test_a_renderer_takes_ten_lines() -> None:
 def test_the_renderer_is_judged_by_the_command(judged: tuple[Path, int]) -> None:
     folder, code = judged
     results = read_results(folder / "results")
-    outcomes = {(verdict["case"], verdict["check"]): verdict["outcome"] for verdict in results.verdicts}
+    outcomes = {(verdict.case, verdict.check): verdict.outcome for verdict in results.verdicts}
     assert results.complete
     assert outcomes["star-convex-corner", "continuous-contact"] == "fail", "as the README says"
     assert code == 1
@@ -79,7 +81,7 @@ trajectory = { kind = "points", points = [[0.0, 0.0, 0.06], [0.0, 0.0, 0.049], [
 def test_the_renderer_works_in_space_too(judged: tuple[Path, int]) -> None:
     (judged[0] / "space.toml").write_text(SPACE)
     assert main(["run", "space.toml", "-r", "mine:Nearest", "-o", "space"]) == 0
-    assert [verdict["outcome"] for verdict in read_results(judged[0] / "space").verdicts] == ["pass", "pass"]
+    assert [verdict.outcome for verdict in read_results(judged[0] / "space").verdicts] == ["pass", "pass"]
 
 
 def test_the_results_are_read_as_told(judged: tuple[Path, int], capsys: pytest.CaptureFixture[str]) -> None:
@@ -93,7 +95,7 @@ def test_the_results_are_read_as_told(judged: tuple[Path, int], capsys: pytest.C
 
 
 def test_every_entry_of_the_results_is_told(judged: tuple[Path, int]) -> None:
-    names = set(vars(read_results(judged[0] / "results"))) - {"format_version"}
+    names = set(read_results(judged[0] / "results").__struct_fields__) - {"format_version"}
     assert names <= set(re.findall(r"`(\w+)`", PAGES["results"]))
 
 
@@ -106,13 +108,40 @@ def test_every_file_that_is_told_is_written(judged: tuple[Path, int]) -> None:
 def test_the_suite_runs(judged: tuple[Path, int]) -> None:
     (judged[0] / "mysuite.toml").write_text(block(PAGES["suites"], "toml"))
     assert main([*command(block(PAGES["suites"], "sh")), "-o", "suite"]) == 0
-    assert {run["case"] for run in read_results(judged[0] / "suite").runs} == {"along-the-circle", "press"}
+    assert {run.case for run in read_results(judged[0] / "suite").runs} == {"along-the-circle", "press"}
 
 
 def test_the_names_that_it_gives_are_renderers() -> None:
     names = re.findall(r"`([a-z-]+[+@][a-z+@-]+)`", section("Names of renderers", "write-a-renderer"))
     assert len(names) >= 2
     assert all(callable(resolve(name)) for name in names)
+
+
+def test_the_page_on_python_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    for source in re.findall(r"```python\n(.*?)```", PAGES["python"], re.DOTALL):
+        exec(source, names)
+    assert "<Results of Nearest: 3 pass, 2 fail>" in capsys.readouterr().out
+    assert (tmp_path / "corner.png").exists()
+    names["test_my_renderer"]()
+
+
+def test_the_example_tells_both_renderers_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example = runpy.run_path(str(ROOT / "examples" / "judge_a_renderer.py"))
+    example["main"].__globals__["CASES"] = ["star-convex-corner/*-contact"]
+    frame = example["main"](str(tmp_path / "judged.png")).frame()
+    failed = frame[frame.outcome == "fail"]
+    assert list(zip(failed.renderer, failed.check, strict=True)) == [
+        ("Nearest", "continuous-contact"),
+        ("Nearest", "broken-contact"),
+    ]
+    assert "the IHIP jumps 17.3 mm" in capsys.readouterr().out
+    assert (tmp_path / "judged.png").exists()
 
 
 def test_every_check_is_in_the_table() -> None:
