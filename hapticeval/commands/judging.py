@@ -251,15 +251,14 @@ def _model(name: str | None) -> Mapping[str, Any] | None:
 
 def _replay(made: Subject, renderers: list[str], directory: Path, seed: int, see: str) -> int:
     from hapticeval.api import carry_out
-    from hapticeval.replay.job import prepared, replay_plan
-    from hapticeval.replay.tell import differences
+    from hapticeval.replay.job import differences, prepared, replay_plan
     from hapticeval.workers import cores
 
     planned = replay_plan(made, renderers, seed=seed)
     work = prepared(made)
 
     def judged(terminal: Terminal) -> Results:
-        _warn(work.suspicious, see, terminal)
+        _warn(work.path.suspicious, see, terminal)
         return carry_out(planned, output=directory, workers=cores(), watch=terminal, work=work)
 
     return reported(judged, before=lambda results: differences(results.document))

@@ -10,9 +10,8 @@ from typing import Any
 from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.files import file_stem
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.recordings.provenance import model_of, scene_of
+from hapticeval.recordings.provenance import LINE, before_the_wall, model_of, scene_of
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.wall import LINE, before_the_wall
 from hapticeval.scene import Scene
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import case_named

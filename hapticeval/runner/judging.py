@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from hapticeval.errors import HapticevalError, RefusalError, RendererError, described, renderer_errors
-from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.surface import Surface
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.phenomena.check import Runs, without_channel
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
@@ -96,10 +95,10 @@ def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
     with renderer_errors("factory"):
         renderer = factory(scene)
     surface = getattr(renderer, "surface", None)
-    if surface is not None and not isinstance(surface, Curve | Surface):
+    if surface is not None and not isinstance(surface, Boundary):
         raise RendererError(
             f"the renderer's surface is a {type(surface).__name__}",
-            todo="give the hapticeval.geometry Curve or Surface that it renders, or leave surface out",
+            todo="give the Boundary of hapticeval.geometry that it renders, or leave surface out",
         )
     if not isinstance(renderer, Renderer | SelfDriven):
         raise RendererError(

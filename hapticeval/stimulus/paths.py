@@ -12,8 +12,8 @@ from msgspec import Meta, Struct, field
 
 from hapticeval.documents import convert
 from hapticeval.errors import InputError, at
-from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.surface import Surface
+from hapticeval.geometry.boundary import Boundary
+from hapticeval.geometry.curve import Curve, as_curve
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array
 
@@ -31,7 +31,7 @@ Point = Annotated[list[float], Meta(min_length=2, max_length=3)]
 class Trajectory(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind"):
     """Base of what a suite's `trajectory` table may be, by its `kind`."""
 
-    def path(self, surface: Curve | Surface, folder: FilePath) -> Path:
+    def path(self, surface: Boundary, folder: FilePath) -> Path:
         """Return the path on a `surface`; files count from `folder`.
 
         Raises `InputError` for a kind that is built on a plane curve where the surface is in space, and for what cannot
@@ -45,15 +45,16 @@ class OnCurve(Trajectory):
 
     duration: Positive
 
-    def path(self, surface: Curve | Surface, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
+    def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
         """Return the path; see `Trajectory.path`."""
-        if not isinstance(surface, Curve):
+        curve = as_curve(surface)
+        if curve is None:
             raise InputError(
                 f"a trajectory of kind '{self.__struct_config__.tag}' is built on a plane curve, and the model is a "
                 "surface in space",
                 todo="use kind = 'points' or 'file'",
             )
-        return _at_constant_speed(self.points_on(surface), self.duration)
+        return _at_constant_speed(self.points_on(curve), self.duration)
 
     def points_on(self, curve: Curve) -> Array:
         """Return the points (n, 2), m, that the path goes through."""
@@ -157,7 +158,7 @@ class Points(Trajectory, tag="points"):
     points: Annotated[list[Point], Meta(min_length=2)]
     duration: Positive
 
-    def path(self, surface: Curve | Surface, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
+    def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
         """Return the path; see `Trajectory.path`."""
         return _at_constant_speed(as_array(self.points, "the points of the trajectory"), self.duration)
 
@@ -176,7 +177,7 @@ class Loop(Trajectory, tag="loop"):
     lap: Positive
     approach: Positive
 
-    def path(self, surface: Curve | Surface, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
+    def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
         """Return the path; see `Trajectory.path`."""
         start, centre, radius = np.array(self.start), np.array(self.centre), self.radius
         if not (start.size == centre.size == 2 and np.linalg.norm(start - centre) > radius):
@@ -199,7 +200,7 @@ class FromFile(Trajectory, tag="file"):
 
     file: str = field(name="path")
 
-    def path(self, surface: Curve | Surface, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
+    def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
         """Return the path; see `Trajectory.path`."""
         return read_path(below(folder, self.file))
 
@@ -207,7 +208,7 @@ class FromFile(Trajectory, tag="file"):
 AnyTrajectory = Scaled | Arc | PastCorner | Points | Loop | FromFile
 
 
-def build_path(spec: Mapping[str, Any], surface: Curve | Surface, folder: FilePath) -> Path:
+def build_path(spec: Mapping[str, Any], surface: Boundary, folder: FilePath) -> Path:
     """Return the path of a `trajectory` table as a suite has it; see `Trajectory.path`."""
     return convert(spec, AnyTrajectory, "trajectory").path(surface, folder)
 

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
-import sys
 from functools import cache
 from pathlib import Path as FilePath
 
+import honest
 import numpy as np
+import outsiders
 import pytest
 import sympy
+from broken import OVERPOWERING, spoiled
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
-
-sys.path.insert(0, str(FilePath(__file__).parents[1] / "meta"))
-import honest
-import outsiders
-from overpowering import OVERPOWERING, factory
 
 from hapticeval.devices.imperfections import Imperfections
 from hapticeval.discovery import resolve
@@ -45,7 +42,7 @@ K = 1000.0
 @cache
 def verdicts(renderer: str, *names: str) -> tuple[Verdict, ...]:
     """Of one of ours, by its name, or of a broken or an honest one."""
-    return judged(factory(renderer) if renderer in OVERPOWERING else resolve(renderer), *names)
+    return judged(spoiled(renderer) if renderer in OVERPOWERING else resolve(renderer), *names)
 
 
 def judged(make, *names: str) -> tuple[Verdict, ...]:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path as FilePath
-
+import honest
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -18,10 +16,6 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path
-
-sys.path.insert(0, str(FilePath(__file__).parents[1] / "meta"))
-
-import honest
 
 SCENES = {
     model.name: Scene(model=model) for model in (circle(), ellipse(), cassinian(), dumbbell(neck=0.3), line(), star())
