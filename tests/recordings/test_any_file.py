@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, note, settings
 from hypothesis import strategies as st
+from recording_files import journal_of, matlab73, matrix73
 from scipy.io import savemat
 
 from hapticeval.cli import main
@@ -24,7 +25,6 @@ from hapticeval.recordings.formats import read_table
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.importing.convert import convert
 from hapticeval.recordings.importing.mapping import parse_mapping
-from hapticeval.recordings.journal import Kind, Layout, block_head, opening
 from hapticeval.recordings.recording import Clock, Recording
 
 KEPT = Path(".hypothesis/kept").absolute()
@@ -82,11 +82,9 @@ def hdf5(path):
 
 
 def mat73(path):
-    with h5py.File(path, "w", userblock_size=512) as file:
+    with matlab73(path) as file:
         for name, values in COLUMNS.items():
-            file.create_dataset(name, data=values[None]).attrs["MATLAB_class"] = np.bytes_("double")
-    with path.open("r+b") as file:
-        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
+            matrix73(file, name, values[None])
 
 
 def ours(path):
@@ -96,14 +94,8 @@ def ours(path):
 
 
 def journal(path):
-    layout = Layout({"hip": 2, "force": 2}, {}, {"renderer": "mine"})
-    table = np.zeros(ROWS, dtype=layout.dtype)
-    table["sequence"], table["nanoseconds"] = np.arange(ROWS), 2_000_000 * np.arange(ROWS)
-    table["hip"], table["force"] = HIP, FORCE
-    made = opening(layout)
-    for number, part in enumerate(np.array_split(table, 3)):
-        made += block_head(Kind.ROWS, number + 2, len(part), part.tobytes()) + part.tobytes()
-    path.write_bytes(made)
+    run = Recording(TIME, {"hip": HIP, "force": FORCE}, {"renderer": "mine"})
+    path.write_bytes(b"".join(journal_of(run, size=4, closed=False)))
 
 
 WRITERS = {
