@@ -223,8 +223,7 @@ class Results:
         Numbered marks are the times that its verdicts name. Raises as `recording` does.
         """
         from hapticeval.geometry.catalogue import make_model
-        from hapticeval.reports.figures import run_figure
-        from hapticeval.reports.marks import marks_of
+        from hapticeval.reports.run_figure import marks_of, run_figure
 
         run = self._run(case, renderer)
         marks = tuple(marks_of(self.document.verdicts_of.get(run.key, [])).values())

@@ -12,15 +12,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from result_entries import results_of, run_entry
 
-from hapticeval import __version__, output, terminal
+from hapticeval import __version__
 from hapticeval.cli import main
-from hapticeval.commands import running
+from hapticeval.commands import output, running, terminal
 from hapticeval.errors import HapticevalError, RendererError
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
 from hapticeval.runner.events import Interrupted, JobFinished, RunFinished, RunStarted
-from hapticeval.runner.results import FILE, Results, read_results, verdict_document
+from hapticeval.runner.results import FILE, ResultsDocument, VerdictEntry, read_results
 
 SUITE = """
 title = "Two slides"
@@ -180,7 +181,7 @@ def test_wrong_usage_and_input_is_exit_code_2(
 def test_only_an_earlier_run_is_overwritten(here: Path) -> None:
     assert run("-r", "local_mine:Jumps", "-o", "out") == 1
     assert run("-r", "local_mine:Good", "-o", "out") == 0
-    assert [run["renderer"] for run in read_results(here / "out").runs] == ["local_mine:Good"] * 2
+    assert [run.renderer for run in read_results(here / "out").runs] == ["local_mine:Good"] * 2
     foreign = here / "foreign"
     foreign.mkdir()
     (foreign / FILE).write_text('{"score": 3}')
@@ -262,7 +263,15 @@ def test_explain_prints_all_that_a_check_says(
     assert main(["explain", name]) == 0
     out = capsys.readouterr().out
     check = CHECKS[name]
-    for text in (check.asks, check.formula, check.citation, check.bound, check.metric, check.siblings, *check.channels):
+    for text in (
+        check.asks,
+        check.formula,
+        check.citation,
+        check.bound,
+        check.metric,
+        *check.siblings.values(),
+        *check.channels,
+    ):
         assert words(text) in words(out)
     assert max(map(len, out.splitlines())) <= 80
 
@@ -290,25 +299,8 @@ def verdict(outcome: Outcome, **more: Any) -> Verdict:
     return Verdict(**{**names, "finding": finding(outcome), **more})
 
 
-def results(*verdicts: Verdict, **more: Any) -> Results:
-    whole: dict[str, Any] = {
-        "planned": len(verdicts),
-        "ran": len(verdicts),
-        "complete": True,
-        "reason": None,
-        "environment": {},
-        "seed": 0,
-        "command": {},
-        "runs": [],
-        "verdicts": [verdict_document(verdict) for verdict in verdicts],
-        "table": {},
-        "timing": {"simulated_seconds": 6.0, "wall_seconds": 2.0, "times_real_time": 3.0},
-    }
-    return Results(**{**whole, **more})
-
-
 def job(*verdicts: Verdict, error: HapticevalError | None = None) -> JobFinished:
-    return JobFinished("s", "c", "r", verdicts, error, None, 1.0, 0.1)
+    return JobFinished(run_entry(), tuple(map(VerdictEntry.of, verdicts)), error)
 
 
 AGAIN = "what is done is kept; press Ctrl-C again to stop at once"
@@ -318,21 +310,21 @@ BROKE = RendererError("it raised", tick=3, hip=(0.0, 0.1))
 @pytest.mark.parametrize(
     ("done", "errors", "code"),
     [
-        (results(verdict(Outcome.PASS)), [], 0),
-        (results(verdict(Outcome.INCONCLUSIVE, level=Level.INFO), verdict(Outcome.NOT_APPLICABLE)), [], 0),
-        (results(verdict(Outcome.INCONCLUSIVE)), [], 1),
-        (results(verdict(Outcome.FAIL, level=Level.SHOULD)), [], 0),
-        (results(verdict(Outcome.FAIL, published=Outcome.FAIL)), [], 0),
-        (results(verdict(Outcome.FAIL)), [], 1),
-        (results(verdict(Outcome.ERROR)), [], 1),
-        (results(verdict(Outcome.PASS, published=Outcome.FAIL)), [], 1),
-        (results(verdict(Outcome.PASS), planned=2, complete=False, reason="interrupted"), [], 1),
-        (results(verdict(Outcome.FAIL)), [BROKE], 3),
-        (results(verdict(Outcome.ERROR)), [HapticevalError("no such file")], 2),
-        (results(verdict(Outcome.ERROR)), [HapticevalError("no such file"), BROKE], 3),
+        (results_of(verdict(Outcome.PASS)), [], 0),
+        (results_of(verdict(Outcome.INCONCLUSIVE, level=Level.INFO), verdict(Outcome.NOT_APPLICABLE)), [], 0),
+        (results_of(verdict(Outcome.INCONCLUSIVE)), [], 1),
+        (results_of(verdict(Outcome.FAIL, level=Level.SHOULD)), [], 0),
+        (results_of(verdict(Outcome.FAIL, published=Outcome.FAIL)), [], 0),
+        (results_of(verdict(Outcome.FAIL)), [], 1),
+        (results_of(verdict(Outcome.ERROR)), [], 1),
+        (results_of(verdict(Outcome.PASS, published=Outcome.FAIL)), [], 1),
+        (results_of(verdict(Outcome.PASS), planned=2, complete=False, reason="interrupted"), [], 1),
+        (results_of(verdict(Outcome.FAIL)), [BROKE], 3),
+        (results_of(verdict(Outcome.ERROR)), [HapticevalError("no such file")], 2),
+        (results_of(verdict(Outcome.ERROR)), [HapticevalError("no such file"), BROKE], 3),
     ],
 )
-def test_exit_codes(done: Results, errors: list[HapticevalError], code: int) -> None:
+def test_exit_codes(done: ResultsDocument, errors: list[HapticevalError], code: int) -> None:
     assert terminal.exit_code(done, errors) == code
 
 
@@ -348,23 +340,23 @@ def test_exit_codes(done: Results, errors: list[HapticevalError], code: int) -> 
 )
 def test_a_strict_run_lets_warnings_count(outcome: Outcome, published: Outcome | None, code: int) -> None:
     should = verdict(outcome, level=Level.SHOULD, published=published)
-    assert terminal.exit_code(results(should), []) == 0
-    assert terminal.exit_code(results(should, command={"strict": True}), []) == code
+    assert terminal.exit_code(results_of(should), []) == 0
+    assert terminal.exit_code(results_of(should, strict=True), []) == code
     info = verdict(outcome, level=Level.INFO, published=published)
-    assert terminal.exit_code(results(info, command={"strict": True}), []) == 0
+    assert terminal.exit_code(results_of(info, strict=True), []) == 0
 
 
 def test_warnings_have_a_mark_of_their_own() -> None:
     should = verdict(Outcome.FAIL, level=Level.SHOULD)
-    told = terminal.summary(results(should), [])
+    told = terminal.summary(results_of(should), [])
     assert "warning: fail: r on s/c/" in told
     assert "none not as expected, 1 warning\n" in told
-    assert "1 warning that count" in terminal.summary(results(should, command={"strict": True}), [])
+    assert "1 warning that count" in terminal.summary(results_of(should, strict=True), [])
 
 
 def test_the_summary_says_what_is_not_as_it_must_be() -> None:
     jump = finding(Outcome.FAIL, Metric("jump", 0.0123456, "m"), 0.001)
-    done = results(
+    done = results_of(
         verdict(Outcome.PASS),
         verdict(Outcome.FAIL, finding=jump),
         planned=5,
@@ -391,7 +383,7 @@ def test_the_summary_says_what_is_not_as_it_must_be() -> None:
 
 def test_a_metric_that_json_cannot_hold_is_left_to_the_message() -> None:
     endless = finding(Outcome.FAIL, Metric("jump", float("inf"), "m"), 0.001)
-    assert "jump =" not in terminal.summary(results(verdict(Outcome.FAIL, finding=endless)), [])
+    assert "jump =" not in terminal.summary(results_of(verdict(Outcome.FAIL, finding=endless)), [])
 
 
 def test_lines_where_there_is_no_terminal() -> None:
@@ -473,7 +465,7 @@ def test_the_first_run_says_that_it_compiles(
     (tmp_path / "geometry" / "__pycache__" / "kernels.bend.nbi").touch()
     assert not running.kernels_are_new(tmp_path)
     monkeypatch.setattr(running, "kernels_are_new", lambda: True)
-    stream = [RunFinished(results(verdict(Outcome.PASS)))]
+    stream = [RunFinished(results_of(verdict(Outcome.PASS)))]
     with terminal.Terminal() as told:
         assert running.watch(iter(stream), told) is stream[0].results
     assert capsys.readouterr().err.startswith("compiling kernels as they are first used, once")

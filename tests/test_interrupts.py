@@ -159,7 +159,7 @@ def test_what_has_begun_is_finished_and_the_rest_is_not_begun(here: Path) -> Non
     assert "3 of 4 planned verdicts ran (incomplete: interrupted by the user)" in out
     results = read_results(here / "results")
     assert not results.complete
-    assert [verdict["case"] for verdict in results.verdicts] == ["flat", "flat", "flat-back"]
+    assert [verdict.case for verdict in results.verdicts] == ["flat", "flat", "flat-back"]
     assert (here / "results" / "report.html").exists()
 
 
@@ -182,7 +182,7 @@ def test_a_second_one_stops_at_once(here: Path) -> None:
     assert f"wrote results/{FILE}" in out
     results = read_results(here / "results")
     assert not results.complete
-    assert [verdict["case"] for verdict in results.verdicts] == ["flat", "flat"]
+    assert [verdict.case for verdict in results.verdicts] == ["flat", "flat"]
     assert main(["report", "results"]) == 0
     assert (here / "results" / "report.html").exists()
 
@@ -202,7 +202,7 @@ def test_a_replay_says_and_does_the_same(here: Path) -> None:
     assert "Traceback" not in err
     results = read_results(here / "results")
     assert results.reason == "interrupted by the user"
-    assert [run["renderer"] for run in results.runs] == ["recorded"]
+    assert [run.renderer for run in results.runs] == ["recorded"]
 
 
 DRAWS = """

@@ -113,7 +113,7 @@ def run(suite, renderers, directory, **options):
 def test_the_stream_tells_the_plan_every_job_and_the_end(short, tmp_path):
     events = run(short, ["thirdparty:Good", "constraint"], tmp_path / "out")
     assert events[0] == RunStarted(planned_verdicts=6, planned_jobs=4)
-    assert [(event.case, event.renderer) for event in events[1:-1]] == [
+    assert [(event.run.case, event.run.renderer) for event in events[1:-1]] == [
         ("press", "thirdparty:Good"),
         ("press", "constraint"),
         ("slide", "thirdparty:Good"),
@@ -123,14 +123,14 @@ def test_the_stream_tells_the_plan_every_job_and_the_end(short, tmp_path):
     results = read_results(tmp_path / "out")
     assert (results.planned, results.ran, results.complete) == (6, 6, True)
     for entry in results.runs:
-        recording = read_recording(tmp_path / "out" / entry["recording"])
+        recording = read_recording(tmp_path / "out" / entry.recording)
         assert len(recording) == 201
-        assert entry["simulated_seconds"] >= 0.2
+        assert entry.simulated_seconds >= 0.2
 
 
 def test_a_renderer_that_breaks_does_not_take_the_others_along(short, tmp_path):
     events = run(short, ["thirdparty:Raises", "constraint"], tmp_path / "out")
-    jobs = {(event.case, event.renderer): event for event in events if isinstance(event, JobFinished)}
+    jobs = {(event.run.case, event.run.renderer): event for event in events if isinstance(event, JobFinished)}
     broken = jobs["slide", "thirdparty:Raises"]
     assert "out of its depth" in str(broken.error)
     assert "in thirdparty.py, line 19, in step" in broken.error.why
@@ -148,7 +148,7 @@ def test_a_renderer_that_breaks_does_not_take_the_others_along(short, tmp_path):
 )
 def test_whatever_a_renderer_gets_wrong_is_its_own_error(short, tmp_path, name, message):
     events = run(short, [f"thirdparty:{name}", "constraint"], tmp_path / "out")
-    jobs = {(event.case, event.renderer): event for event in events if isinstance(event, JobFinished)}
+    jobs = {(event.run.case, event.run.renderer): event for event in events if isinstance(event, JobFinished)}
     assert message in str(jobs["slide", f"thirdparty:{name}"].error)
     assert jobs["slide", f"thirdparty:{name}"].error.exit_code == 3
     assert jobs["slide", "constraint"].error is None
@@ -157,16 +157,14 @@ def test_whatever_a_renderer_gets_wrong_is_its_own_error(short, tmp_path, name, 
 def test_a_batch_cannot_change_the_recorded_hip(short, tmp_path):
     events = run(short, ["thirdparty:Overwrites", "constraint"], tmp_path / "out")
     first, second = (
-        read_recording(tmp_path / "out" / entry["recording"])
-        for entry in events[-1].results.runs
-        if entry["case"] == "slide"
+        read_recording(tmp_path / "out" / entry.recording) for entry in events[-1].results.runs if entry.case == "slide"
     )
     np.testing.assert_array_equal(first.hip, second.hip)
 
 
 def test_a_renderer_that_never_touches_does_not_pass_a_gate(short, tmp_path):
     events = run(short, ["thirdparty:Idle"], tmp_path / "out")
-    assert not all(verdict["as_expected"] for verdict in events[-1].results.verdicts)
+    assert not all(verdict.as_expected for verdict in events[-1].results.verdicts)
 
 
 def test_suites_of_one_name_are_refused(short, tmp_path):
@@ -192,7 +190,7 @@ def test_what_is_no_renderer_is_said(short, tmp_path):
 def test_a_renderer_that_ends_its_process_breaks_alone(short, tmp_path):
     events = run(short, ["constraint", "thirdparty:Dies", "minimum-distance"], tmp_path / "out")
     assert isinstance(events[-1], RunFinished)
-    jobs = {(event.case, event.renderer): event for event in events if isinstance(event, JobFinished)}
+    jobs = {(event.run.case, event.run.renderer): event for event in events if isinstance(event, JobFinished)}
     for (_, renderer), event in jobs.items():
         if renderer == "thirdparty:Dies":
             assert "ended the process" in str(event.error)
@@ -210,7 +208,7 @@ def test_an_interrupt_lets_what_has_begun_finish(short, tmp_path):
     signal.raise_signal(signal.SIGINT)
     told, finished, end = stream
     assert told == Interrupted(begun=1)
-    assert (finished.case, finished.renderer) == ("press", "minimum-distance")
+    assert (finished.run.case, finished.run.renderer) == ("press", "minimum-distance")
     assert isinstance(end, RunFinished)
     results = read_results(tmp_path / "out")
     assert (results.reason, results.complete, results.ran) == ("interrupted by the user", False, 4)
@@ -227,7 +225,7 @@ def test_an_interrupt_after_the_last_job_makes_nothing_incomplete(short, tmp_pat
 def test_a_second_interrupt_kills_what_has_begun(short, tmp_path):
     stream = execute(plan([short], ["constraint", "thirdparty:Waits"], select=["slide"]), tmp_path / "out", workers=2)
     assert isinstance(next(stream), RunStarted)
-    assert next(stream).renderer == "constraint"
+    assert next(stream).run.renderer == "constraint"
     working = set(multiprocessing.active_children())
     assert working
     signal.raise_signal(signal.SIGINT)
@@ -260,7 +258,7 @@ def test_the_seed_makes_a_random_renderer_repeatable(short, tmp_path):
     def forces(seed, name):
         events = run(short, ["thirdparty:Noisy"], tmp_path / name, seed=seed)
         entry = events[-1].results.runs[1]
-        return read_recording(tmp_path / name / entry["recording"]).force
+        return read_recording(tmp_path / name / entry.recording).force
 
     first, again, other = forces(1, "a"), forces(1, "b"), forces(2, "c")
     np.testing.assert_array_equal(first, again)

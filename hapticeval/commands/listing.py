@@ -53,9 +53,12 @@ def cases() -> Iterator[tuple[str, str]]:
 
 
 def checks() -> Iterator[tuple[str, str]]:
-    """The checks, each with what it asks."""
-    for name, check in CHECKS.items():
-        yield name, check.asks
+    """The checks that are installed, each with what it asks; a broken one says why."""
+    for name in CHECKS:
+        try:
+            yield name, CHECKS[name].asks
+        except HapticevalError as error:
+            yield name, f"broken: {error.why}"
 
 
 def devices() -> Iterator[tuple[str, str]]:
@@ -106,8 +109,12 @@ def explained(name: str) -> Iterator[tuple[str, str]]:
     yield "metric", f"{check.metric} ({check.unit or 'a ratio, without a unit'})"
     yield "bound", check.bound
     yield "level", check.level.value
-    yield "reads", ", ".join(check.channels)
-    yield "also runs", check.siblings
+    yield "reads", ", ".join([*check.channels, *(f"{channel} where it was recorded" for channel in check.reads_also)])
+    yield "also runs", "; ".join(check.siblings.values()) or "none"
+    if check.needs:
+        yield "needs", "; ".join(check.siblings[sibling] for sibling in check.needs)
+    if check.not_for:
+        yield "not for", "; ".join(check.not_for)
     yield "source", check.citation
 
 

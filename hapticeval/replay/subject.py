@@ -9,7 +9,7 @@ from typing import Any
 
 from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.files import file_stem
-from hapticeval.phenomena.registry import CHECKS, HELD
+from hapticeval.phenomena.registry import CHECKS
 from hapticeval.recordings.provenance import LINE, before_the_wall, model_of, scene_of
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -119,7 +119,7 @@ def _checks(recording: Recording, scene: Mapping[str, Any]) -> tuple[str, ...]:
     if isinstance(said, list | tuple) and said and all(each in CHECKS for each in said):
         return tuple(said)
     held = scene.get("bilateral", False)
-    return tuple(name for name in CHECKS if held or name not in HELD)
+    return tuple(name for name, check in CHECKS.items() if held or not check.holds)
 
 
 def _entry(text: str) -> tuple[str, Any]:

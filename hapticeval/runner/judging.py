@@ -9,7 +9,7 @@ from typing import Any
 
 from hapticeval.errors import HapticevalError, RefusalError, RendererError, described, renderer_errors
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.check import Runs, without_channel
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
 from hapticeval.recordings.recording import MissingChannelError, Recording
@@ -20,9 +20,6 @@ from hapticeval.simulation.closed_loop import drive
 from hapticeval.simulation.playback import Closeup, compare_batch, play
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.suite.case import Case
-
-LACKS = "lacks"
-"""The evidence that names the channel for want of which a check could not be made."""
 
 
 @dataclass(frozen=True)
@@ -235,18 +232,17 @@ def _verdicts(findings: Sequence[Finding], renderer: str, suite: str, case: Case
 def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
     """A check's finding; a fault of the check's own is an outcome of its own and never a verdict on the renderer.
 
-    A check that reads a channel which a recording lacks says so; it needs no other channel than those it reads.
+    A check names the channels that it reads; one that reads another which the recording lacks is undecided as well.
     Of a run that ended early, because device or law left its domain, what has failed until then has failed; that the
     rest would have passed was not seen.
     """
     ended = runs.base.meta.get("ended")
     try:
-        finding = CHECKS[check].judge(runs, scene)
+        finding = CHECKS[check](runs, scene)
     except RefusalError as refusal:
         return Finding(Outcome.NOT_APPLICABLE, f"this check cannot be asked here: {refusal.what}, and {refusal.why}")
     except MissingChannelError as lacks:
-        message = f"the recording has no channel '{lacks.channel}', which this check reads"
-        return Finding(Outcome.INCONCLUSIVE, message, evidence={LACKS: lacks.channel})
+        return without_channel(lacks.channel)
     except HapticevalError:
         raise
     except Exception as fault:  # the boundary behind which one faulty check must not take the run along
