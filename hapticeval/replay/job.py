@@ -35,7 +35,7 @@ class Replay:
     subject: Subject
     path: HandPath
 
-    def __call__(self, job: Job, directory: Path, seed: int) -> Done:
+    def __call__(self, job: Job, directory: Path | None, seed: int) -> Done:
         """Do one job, in a process of its own.
 
         Of what no renderer could have made otherwise, a verdict that is inconclusive is shown and decides no exit code.
@@ -85,7 +85,7 @@ class Replay:
         whole = joined(recordings)
         ended = [part.ended for part in parts if part.ended]
         entry = self._entry(difference(whole, path.recording), OPEN_LOOP, recordings, ended)
-        return Recorded(whole, tuple(runs(part) for part in parts), entry, simulated_seconds=entry.seconds)
+        return Recorded(whole, tuple(runs(part) for part in parts), entry, simulated=lambda: entry.seconds)
 
     def _entry(
         self, found: Difference | None, note: str, parts: Sequence[Recording], left_out: Sequence[str]

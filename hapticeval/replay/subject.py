@@ -14,7 +14,7 @@ from hapticeval.recordings.provenance import LINE, before_the_wall, model_of, sc
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.suite.case import Case
-from hapticeval.suite.reading import load_suite
+from hapticeval.suite.reading import case_named
 
 SUITE = "replay"
 """The suite that a replay's verdicts belong to."""
@@ -54,7 +54,7 @@ def subject(
     does not have, and where model and recording differ in dimension: a run in one dimension is placed before the model
     `line`, see `before_the_wall`.
     """
-    template = None if suite_case is None else _case(suite_case)
+    template = None if suite_case is None else case_named(suite_case)
     said = {key: each for key, each in scene_of(recording).items() if key in ENTRIES}
     if template is not None:
         said = dict(template.scene)
@@ -89,15 +89,6 @@ def subject(
             todo="give the wall: --model line" if recording.hip.shape[1] == 1 else "give another model with --model",
         )
     return Subject(file.name, recording, made)
-
-
-def _case(name: str) -> Case:
-    suite, slash, case = name.rpartition("/")
-    if not slash:
-        raise InputError(
-            f"'{name}' names no case of a suite", todo="write SUITE/CASE, as in thesis/cassinian-deep-slide"
-        )
-    return load_suite(suite).case(case)
 
 
 def _not_said(file: Path, scene: Mapping[str, str], rest: Mapping[str, str]) -> InputError:
