@@ -35,19 +35,11 @@ def test_a_change_of_unit_hides_no_digits(digits, factor):
     )
 
 
-@given(scale=st.floats(1e-6, 1e6))
-def test_single_precision_is_found(scale):
+@given(scale=st.floats(1e-6, 1e6), step=st.floats(1e-6, 1e-2))
+def test_single_and_double_precision_and_encoders_are_found(scale, step):
     kept = (scale * SIGNAL).astype(np.float32).astype(float)
     assert grain(kept) == np.spacing(np.float32(np.abs(kept).max()))
-
-
-@given(scale=st.floats(1e-6, 1e6))
-def test_double_precision_tells_everything(scale):
     assert grain(scale * SIGNAL) == 0.0
-
-
-@given(step=st.floats(1e-6, 1e-2))
-def test_an_encoder_is_as_coarse_as_its_step(step):
     assert grain(step * np.round(SIGNAL / step)) == pytest.approx(step, rel=1e-6)
 
 
