@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from hapticeval.quantity import quantity
+from hapticeval.runner.results import RunEntry
 
 GAINS = {"stiffness": "N/m", "damping": "N s/m", "mass": "kg", "restitution": "", "viscosity": "kg/s"}
 LOOPS = {
@@ -18,29 +19,29 @@ LOOPS = {
 FIGURES = re.compile(r"Figures? \d+\.\d+(?:(?:,| and| to) \d+\.\d+)*")
 
 
-def scene_words(run: Mapping[str, Any]) -> str:
+def scene_words(run: RunEntry) -> str:
     """The scene of a run document in one line, every number with its unit."""
-    scene = run["scene"]
-    words = [f"{name} {quantity(scene[name], unit)}" for name, unit in GAINS.items() if scene.get(name)]
-    if scene["sampling_time"]:
-        words.append(f"{1.0 / scene['sampling_time']:.4g} Hz")
-    return ", ".join([*words, "bilateral" if scene["bilateral"] else "unilateral"])
+    scene = run.scene
+    words = [f"{name} {quantity(getattr(scene, name), unit)}" for name, unit in GAINS.items() if getattr(scene, name)]
+    if scene.sampling_time:
+        words.append(f"{1.0 / scene.sampling_time:.4g} Hz")
+    return ", ".join([*words, "bilateral" if scene.bilateral else "unilateral"])
 
 
-def robot_words(run: Mapping[str, Any]) -> str:
+def robot_words(run: RunEntry) -> str:
     """The device of an experiment, its dynamics, inner loop and imperfections, in one line; "" where none is told."""
-    scene = run["scene"]
-    device = scene.get("device")
+    scene = run.scene
+    device = scene.device
     if device is None:
         return ""
-    words = [device["kind"]]
+    words = [device.kind]
     # The robot with a locked base has constant inertia: neither choice makes any difference to it.
-    if device["kind"] == "parallelogram-3dof":
+    if device.kind == "parallelogram-3dof":
         dynamics = {"lagrangian": "Lagrangian dynamics", "printed": "dynamics as printed (2.26)"}
-        words += [dynamics.get(device["dynamics"], device["dynamics"]), f"d₀ with {device['base_inertia']}² x₃"]
-    if device["kind"] != "point-mass" and "inner_loop" in scene:
-        words.append(LOOPS[scene["inner_loop"]])
-    wrong = list(_imperfections(scene.get("imperfections") or {}, turning=device["kind"] != "point-mass"))
+        words += [dynamics.get(device.dynamics or "", device.dynamics or ""), f"d₀ with {device.base_inertia}² x₃"]
+    if device.kind != "point-mass" and scene.inner_loop is not None:
+        words.append(LOOPS[scene.inner_loop])
+    wrong = list(_imperfections(scene.imperfections or {}, turning=device.kind != "point-mass"))
     return f"{', '.join(words)}; {', '.join(wrong) if wrong else 'no imperfections'}"
 
 
@@ -69,18 +70,18 @@ def _imperfections(given: Mapping[str, Any], *, turning: bool) -> Iterator[str]:
 _SENSOR = {"step": "quantum", "noise": "noise"}
 
 
-def ended_words(run: Mapping[str, Any]) -> str:
+def ended_words(run: RunEntry) -> str:
     """When and why a run ended before its time, in one sentence; "" where it did not."""
-    ended = run.get("ended")
+    ended = run.ended
     if not ended:
         return ""
-    why = f" ({ended['why']})" if ended["why"] else ""
-    return f"ended early at t = {ended['time']:.4g} s, tick {ended['tick']}: {ended['what']}{why}"
+    why = f" ({ended.why})" if ended.why else ""
+    return f"ended early at t = {ended.time:.4g} s, tick {ended.tick}: {ended.what}{why}"
 
 
-def figures_cited(run: Mapping[str, Any]) -> str:
+def figures_cited(run: RunEntry) -> str:
     """The figures of the thesis that a case's citation names, for instance "Figures 6.22 and 7.3"; "" for none."""
-    found = [each.split(" ", 1)[1] for each in FIGURES.findall(run["citation"] or "")]
+    found = [each.split(" ", 1)[1] for each in FIGURES.findall(run.citation or "")]
     if not found:
         return ""
     several = len(found) > 1 or not re.fullmatch(r"\d+\.\d+", found[0])

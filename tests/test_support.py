@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 import hapticeval
 from hapticeval import RefusalError, Response, Scene
@@ -174,7 +175,9 @@ def test_every_renderer_that_comes_along_declares():
 
 def test_the_ideal_contact_is_not_asked_for_a_viscosity_that_it_does_not_have():
     case = next(case for case in load_suite("dynamics-circle").cases if case.name == "circle")
-    case = replace(case, scene={**case.scene, "viscosity": 0.3}, closed_form={}, checks=("tangential-dynamics",))
+    case = structs.replace(
+        case, scene={**case.scene, "viscosity": 0.3}, closed_form={}, checks=("tangential-dynamics",)
+    )
     found = judge(resolve("ideal"), "ideal", "dynamics-circle", case)
     assert [verdict.outcome for verdict in found.verdicts] == [Outcome.NOT_APPLICABLE]
     assert "'viscosity'" in found.verdicts[0].finding.message
@@ -239,11 +242,11 @@ def test_what_does_not_apply_stops_no_gate(tmp_path, capsys, monkeypatch):
     results = read_results(tmp_path / "out")
     assert results.complete
     assert (results.ran, results.planned) == (4, 4)
-    found = {(each["case"], each["check"]): each for each in results.verdicts}
-    assert {each["outcome"] for (case, _), each in found.items() if case == "led"} == {"pass"}
+    found = {(each.case, each.check): each for each in results.verdicts}
+    assert {each.outcome for (case, _), each in found.items() if case == "led"} == {"pass"}
     held = [each for (case, _), each in found.items() if case == "held"]
-    assert {each["outcome"] for each in held} == {"not-applicable"}
-    assert all("'bilateral'" in each["message"] and each["as_expected"] for each in held)
+    assert {each.outcome for each in held} == {"not-applicable"}
+    assert all("'bilateral'" in each.message and each.as_expected for each in held)
     assert "fail" not in capsys.readouterr().out.split("verdicts")[0].split()
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hapticeval.commands.output import say
+from hapticeval.commands.terminal import Terminal, say
 from hapticeval.errors import HapticevalError, InputError, described, origin
 
 if TYPE_CHECKING:
@@ -87,15 +87,14 @@ def record(
       hapticeval record --device udp://192.168.0.10:5005 --wiring rig.toml -r constraint -o run.h5
       hapticeval record --device mycard:MyCard --wiring rig.toml --seconds 60 --who Ann -o run.h5
     """
-    from hapticeval.commands.terminal import Terminal
     from hapticeval.discovery import resolve
-    from hapticeval.hardware.kinematics import CUTOFF
     from hapticeval.hardware.live import channels, run, signals, warm
+    from hapticeval.hardware.wiring import CUTOFF
     from hapticeval.recordings.recorder import Recorder
     from hapticeval.renderer import Renderer
     from hapticeval.runner.judging import built
     from hapticeval.simulation.playback import declared
-    from hapticeval.study.limits.warning import too_stiff
+    from hapticeval.study.limits.search import too_stiff
 
     journal = output.with_suffix(".journal")
     if output.suffix.lower() not in SUFFIXES:
@@ -213,8 +212,7 @@ def _wiring(hardware: str, robot: str | None, file: Path | None) -> Wiring:
     from hapticeval.devices.catalogue import device_named
     from hapticeval.devices.imperfections import ENCODER_COUNTS
     from hapticeval.devices.point_mass import PointMass
-    from hapticeval.hardware.wiring import Wiring
-    from hapticeval.hardware.wiring_file import read_wiring
+    from hapticeval.hardware.wiring import Wiring, read_wiring
 
     if file is None:
         device = device_named(robot or ROBOT)
@@ -287,8 +285,8 @@ def _place(name: str, wiring: Wiring, scene: Scene) -> Iterator[Callable[[], Har
 
     joints = wiring.device.dimension
     if name == TWIN:
-        from hapticeval.hardware.demonstration import demonstration
-        from hapticeval.hardware.rig import running
+        from hapticeval.hardware.twin import demonstration
+        from hapticeval.hardware.udp import running
 
         with running(demonstration(wiring, scene)) as address:
             yield lambda: UdpDevice(address, joints)

@@ -82,7 +82,7 @@ class Situation(StrEnum):
 def situations(runs: Runs, scene: Scene) -> frozenset[Situation]:
     """Return the situations that runs in a scene are in."""
     source = runs.base.meta.get("source")
-    convex = [corner.convex for corner in scene.model.corners]
+    convex = [corner.convex for corner in scene.model.boundary.corners]
     holds = {
         Situation.PLAYBACK: source == "playback",
         Situation.LED: source in LED,
@@ -135,6 +135,8 @@ class Check:
     needs_loop: bool = False
     holds: bool = False
     level: Level = Level.MUST
+    section: str = ""
+    """The section of a report that shows the evidence of these verdicts in a table of its own, if one does."""
 
     @property
     def needs_closed_form(self) -> bool:

@@ -95,4 +95,5 @@ CHECK = Check(
         "travelled for rounding. A tolerance above a thousandth of the way is inconclusive."
     ),
     judge=judge,
+    section="closed forms",
 )

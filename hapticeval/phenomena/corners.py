@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticeval.geometry.curve import Corner, Curve
+from hapticeval.geometry.boundary import Boundary, Corner
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.normal_cone import angle_between
 from hapticeval.phenomena.sampling import (
     NO_IHIP,
     hip_step,
@@ -50,20 +49,20 @@ class Crossing:
     end: int
 
 
-def find_crossing(recording: Recording, curve: Curve, strong: BoolArray, *, convex: bool) -> Crossing | None:
+def find_crossing(recording: Recording, boundary: Boundary, strong: BoolArray, *, convex: bool) -> Crossing | None:
     """Find the corner of the wanted kind that the HIP comes closest to, and its stay there; None if there is none.
 
     Near means nearer than half of the way to the next corner. The face that the tool comes from is the one whose
     normal the first force above the floor has in that stay; None also if there is no force.
     """
-    wanted = [corner for corner in curve.corners if corner.convex == convex]
+    wanted = [corner for corner in boundary.corners if corner.convex == convex]
     if not wanted or not strong.any():
         return None
     distances = [np.linalg.norm(recording.hip - corner.position, axis=1) for corner in wanted]
     nearest = int(np.argmin([distance.min() for distance in distances]))
     corner, distance = wanted[nearest], distances[nearest]
     closest = int(np.argmin(distance))
-    away = np.flatnonzero(distance > 0.5 * _to_next(curve, corner))
+    away = np.flatnonzero(distance > 0.5 * _to_next(boundary, corner))
     start = int(away[away < closest].max(initial=-1)) + 1
     end = int(away[away > closest].min(initial=len(recording)))
     pressed = np.flatnonzero(strong[start:end])
@@ -77,17 +76,23 @@ def find_crossing(recording: Recording, curve: Curve, strong: BoolArray, *, conv
     return Crossing(corner, post, pre, -corner.tangent_post, turn, first, end)
 
 
-def _to_next(curve: Curve, corner: Corner) -> float:
+def _to_next(boundary: Boundary, corner: Corner) -> float:
     """Return the arc length from a corner to the nearest other one, m; once round where it is the only one."""
-    gaps = [abs(other.s - corner.s) for other in curve.corners if other is not corner]
-    return min((min(gap, curve.length - gap) for gap in gaps), default=curve.length)
+    gaps = [abs(other.s - corner.s) for other in boundary.corners if other is not corner]
+    return min((min(gap, boundary.girth - gap) for gap in gaps), default=boundary.girth)
+
+
+def angle_between(vectors: Array, direction: Array) -> Array:
+    """Return the unsigned angle of each of `vectors` (n, 2) to `direction` (2,), rad; zero vectors give zero."""
+    cross = vectors[:, 0] * direction[1] - vectors[:, 1] * direction[0]
+    return np.asarray(np.abs(np.arctan2(cross, vectors @ direction)))
 
 
 def judge_broken_contact(runs: Runs, scene: Scene) -> Finding:
     """Measure how far from the corner, before or after it, the force stops being what a rigid corner gives."""
     base = runs.base
     strong = loaded(base, scene)
-    crossing = find_crossing(base, scene.model.curve, strong, convex=True)
+    crossing = find_crossing(base, scene.model.boundary, strong, convex=True)
     if crossing is None:
         return undecided("no force is felt near a convex corner")
     along = (base.hip - crossing.corner.position) @ crossing.ahead
@@ -132,7 +137,7 @@ def judge_abrupt_switch(runs: Runs, scene: Scene) -> Finding:
     if lacks_ihip(base, scene):
         return undecided(NO_IHIP)
     strong = loaded(base, scene)
-    crossing = find_crossing(base, scene.model.curve, strong, convex=False)
+    crossing = find_crossing(base, scene.model.boundary, strong, convex=False)
     if crossing is None:
         return undecided("no force is felt near a concave corner")
     pressed = crossing.first + np.flatnonzero(strong[crossing.first : crossing.end])

@@ -7,15 +7,14 @@ from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from hapticeval.errors import HapticevalError, InputError, UnknownNameError
+from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.files import file_stem
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.recordings.provenance import model_of, scene_of
+from hapticeval.recordings.provenance import LINE, before_the_wall, model_of, scene_of
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.wall import LINE, before_the_wall
 from hapticeval.scene import Scene
 from hapticeval.suite.case import Case
-from hapticeval.suite.reading import load_suite
+from hapticeval.suite.reading import case_named
 
 SUITE = "replay"
 """The suite that a replay's verdicts belong to."""
@@ -55,7 +54,7 @@ def subject(
     does not have, and where model and recording differ in dimension: a run in one dimension is placed before the model
     `line`, see `before_the_wall`.
     """
-    template = None if suite_case is None else _case(suite_case)
+    template = None if suite_case is None else case_named(suite_case)
     said = {key: each for key, each in scene_of(recording).items() if key in ENTRIES}
     if template is not None:
         said = dict(template.scene)
@@ -74,22 +73,13 @@ def subject(
         name=file_stem(file.stem),
         title=f"Replay of {file.name}",
         shows="The hand path of a recording, sample by sample, through other renderers.",
-        citation="",
-        model=touched,
-        depth_of="model",
+        model=dict(touched),
         scene=chosen,
-        trajectory={"kind": "recording"},
-        experiment=None,
         checks=template.checks if template is not None else _checks(recording, chosen),
-        judged=True,
-        published={},
-        closed_form={},
         folder=file.parent,
     )
-    try:
+    with at(file.name):
         built = made.build_scene()
-    except HapticevalError as error:
-        raise InputError(f"{file.name}: {error.what}", why=error.why, todo=error.todo) from error
     if recording.hip.shape[1] == 1 and built.model.name == LINE:
         recording = before_the_wall(recording)
     if built.model.dimension != recording.hip.shape[1]:
@@ -99,18 +89,6 @@ def subject(
             todo="give the wall: --model line" if recording.hip.shape[1] == 1 else "give another model with --model",
         )
     return Subject(file.name, recording, made)
-
-
-def _case(name: str) -> Case:
-    suite, slash, case = name.rpartition("/")
-    if not slash:
-        raise InputError(
-            f"'{name}' names no case of a suite", todo="write SUITE/CASE, as in thesis/cassinian-deep-slide"
-        )
-    found = {each.name: each for each in load_suite(suite).cases}
-    if case not in found:
-        raise UnknownNameError(f"case of {suite}", case, found)
-    return found[case]
 
 
 def _not_said(file: Path, scene: Mapping[str, str], rest: Mapping[str, str]) -> InputError:

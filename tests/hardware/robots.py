@@ -9,9 +9,8 @@ from hapticeval.devices.criteria import MOTOR_TORQUE
 from hapticeval.devices.imperfections import ENCODER_COUNTS, Imperfections
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.hardware.demonstration import DELAY, FRICTION
 from hapticeval.hardware.live import channels, run, signals
-from hapticeval.hardware.twin import Twin
+from hapticeval.hardware.twin import DELAY, FRICTION, Twin
 from hapticeval.hardware.wiring import Wiring
 from hapticeval.recordings.journal import recover
 from hapticeval.recordings.recorder import Recorder

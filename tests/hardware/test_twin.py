@@ -9,9 +9,8 @@ from robots import DT, REAL, RENDERER, hand_of, recorded, scene_of, twin_of, wir
 from hapticeval.devices.imperfections import ENCODER_STEP, Imperfections
 from hapticeval.discovery import resolve
 from hapticeval.errors import HapticevalError
-from hapticeval.hardware.demonstration import demonstration
-from hapticeval.hardware.kinematics import CUTOFF
-from hapticeval.hardware.twin import Twin
+from hapticeval.hardware.twin import Twin, demonstration
+from hapticeval.hardware.wiring import CUTOFF
 from hapticeval.simulation.closed_loop import drive
 from hapticeval.stimulus.stimulus import Experiment
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import honest
@@ -18,27 +17,13 @@ from broken import spoiled
 from honest import Spring
 
 from hapticeval.discovery import resolve
+from hapticeval.documents import convert
 from hapticeval.scene import Scene
 from hapticeval.suite.case import Case
 
 
 def case(name: str, model: Mapping[str, Any], checks: tuple[str, ...], **stimulus: Any) -> Case:
-    return Case(
-        name=name,
-        title=name,
-        shows="",
-        citation="",
-        model=model,
-        depth_of="model",
-        scene=stimulus.pop("scene", {}),
-        trajectory=stimulus.get("trajectory"),
-        experiment=stimulus.get("experiment"),
-        checks=checks,
-        judged=True,
-        published={},
-        closed_form={},
-        folder=Path(),
-    )
+    return convert({"name": name, "title": name, "model": model, "checks": checks, **stimulus}, Case, name)
 
 
 def _round(start: float, stop: float, depth: float) -> list[list[float]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path as FilePath
 
 import honest
@@ -15,6 +14,7 @@ from broken import spoiled
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
+from msgspec.structs import replace
 
 from hapticeval.devices.imperfections import Imperfections
 from hapticeval.discovery import resolve
@@ -199,7 +199,7 @@ def test_a_way_that_refinement_leaves_open_is_no_pass():
 @pytest.mark.parametrize("late", ["late-2", "late-3"])
 def test_a_late_spring_is_not_blamed_where_the_hand_turns_within_its_lag(late, duration):
     slide = outsiders.CASES["slide"]
-    fast = replace(slide, checks=("passivity",), trajectory={**slide.trajectory, "duration": duration})
+    fast = replace(slide, checks=("passivity",), trajectory=replace(slide.trajectory, duration=duration))
     (verdict,) = judge(honest.factory(late, honest.Spring), late, "mine", fast).verdicts
     assert verdict.outcome in (PASS, UNDECIDED), verdict.finding.message
 

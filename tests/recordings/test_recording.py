@@ -147,7 +147,7 @@ def test_rows_that_are_no_measurement_are_kept_as_they_came_and_never_judged():
     [
         (np.array([1, 1, 1, 0, 0, 1], bool), "hip is not finite at row 2"),
         (np.array([1, 1, 0, 1, 1, 1], bool), "time does not increase at row 4: 2 s, then 1.5 s"),
-        (np.array([1, 1, 0, 1, 0], bool), "of each of 6 rows"),
+        (np.array([1, 1, 0, 1, 0], bool), "for each of 6 rows"),
         (np.array([1, 1, 0, 1, 0, 1]), "valid is of type int64"),
     ],
 )
@@ -182,7 +182,7 @@ def test_joints_scalars_and_one_degree_of_freedom():
     [
         ({"joint_position": np.zeros((4, 6)), "joint_torque": np.zeros((4, 5))}, {}, "'joint_torque' has shape"),
         ({"joint_position": np.zeros(4)}, {}, "'joint_position' has shape"),
-        ({"force": np.zeros((4, 1))}, {}, "a column a dimension, as 'hip' has"),
+        ({"force": np.zeros((4, 1))}, {}, "one column per dimension, as 'hip' has"),
         ({"grip": np.zeros((4, 1, 1))}, {"grip": Signal("N", "")}, "'grip' has shape"),
         ({}, {"grip": Signal("N", "grip force")}, "'grip' is declared, but there is no such channel"),
         ({}, {"force": Signal("mN", "force", "world")}, "'force' is declared in mN"),
