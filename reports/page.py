@@ -190,9 +190,9 @@ def _suites(results: ResultsDocument, cases: Sequence[Case]) -> list[ShownSuite]
     given = {suite.name: suite for suite in results.suites}
     rows = matrix(results)
     shown = []
-    for index, name in enumerate(dict.fromkeys(each.suite for each in (*results.runs, *results.verdicts))):
+    for index, name in enumerate(dict.fromkeys(each.suite for each in results.entries())):
         own = [case for case in cases if case.first.suite == name]
-        ran_here = {each.renderer for each in (*results.runs, *results.verdicts) if each.suite == name}
+        ran_here = {each.renderer for each in results.entries() if each.suite == name}
         aside = {case.first.case for case in own if not case.first.judged}
         suite = given.get(name, SuiteEntry(name=name, title="", citation="", rows=[]))
         shown.append(

@@ -156,7 +156,7 @@ def _ring(model: Model, view: Box) -> Array:
     point, left = MM * frame.foot[0], -frame.normal[0]
     tangent = np.array([left[1], -left[0]])
     far = 3.0 * (np.linalg.norm(centre - point) + view[2] - view[0] + view[3] - view[1])
-    return point + far * np.array([-tangent, tangent, tangent + left, left - tangent])
+    return np.asarray(point + far * np.array([-tangent, tangent, tangent + left, left - tangent]))
 
 
 def _draw_body(axes: Axes, body: Geometry | None, view: Box, *, linewidth: float = 1.1) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hapticeval.commands.output import say
+from hapticeval.commands.terminal import Terminal, say
 from hapticeval.errors import HapticevalError, InputError, described, origin
 
 if TYPE_CHECKING:
@@ -87,7 +87,6 @@ def record(
       hapticeval record --device udp://192.168.0.10:5005 --wiring rig.toml -r constraint -o run.h5
       hapticeval record --device mycard:MyCard --wiring rig.toml --seconds 60 --who Ann -o run.h5
     """
-    from hapticeval.commands.terminal import Terminal
     from hapticeval.discovery import resolve
     from hapticeval.hardware.live import channels, run, signals, warm
     from hapticeval.hardware.wiring import CUTOFF

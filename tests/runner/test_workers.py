@@ -87,6 +87,16 @@ def test_an_error_says_where_it_was_raised(what, kind, words):
         assert answered(crew, 1)[1] == Answer(1, 8, None)
 
 
+def test_without_processes_a_call_is_made_here_and_now():
+    with Workers(act, 0) as crew:
+        crew.begin(0, "pid")
+        assert (crew.free, crew.busy) == (0, 1)
+        assert crew.answers() == [Answer(0, os.getpid(), None)]
+        crew.begin(1, "error")
+        assert isinstance(crew.answers()[0].error, ValueError)
+        assert crew.free == 1
+
+
 def test_a_process_that_dies_takes_its_call_alone():
     with Workers(act, 2) as crew:
         crew.begin(0, "die")

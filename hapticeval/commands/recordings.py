@@ -1,29 +1,46 @@
-"""`hapticeval inspect`: what a file holds, and whether it can be trusted."""
+"""The commands that read recordings: inspect, convert, compare."""
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hapticeval.commands.arguments import FormatName, MappingFile, MemoryLimit
-from hapticeval.commands.output import say
+from hapticeval.commands.arguments import Folder, FormatName, MappingFile, MemoryLimit, model_named, parse_point
+from hapticeval.commands.terminal import lines, paragraphs, say, wrote
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.memory import LIMIT
 
 if TYPE_CHECKING:
+    from hapticeval.geometry.curve import Curve
+    from hapticeval.recordings.compare.align import Run
     from hapticeval.recordings.formats import Table
     from hapticeval.recordings.integrity.consistency import Check
     from hapticeval.recordings.recording import Recording
 
-EXIT_CODES = """\b
+INSPECTED = """\b
 Exit codes:
   0  sound, as far as can be told
   1  something is suspicious, or rows are missing
   2  wrong usage, or unreadable
+"""
+
+CONVERTED = """\b
+Exit codes:
+  0  converted
+  1  converted, but rows are lost or masked, the run ended early, or something is suspicious
+  2  wrong usage, or unreadable; nothing is written
+"""
+
+COMPARED = """\b
+Exit codes:
+  0  aligned and drawn, and compared where there are repeats; or no renderers to compare
+  2  wrong usage or input, or a renderer without repeats to compare it by
 """
 
 
@@ -48,7 +65,7 @@ def inspect(
         list[Path] | None,
         typer.Option("--against", metavar="FILE", help="Another recording: is a signal copied?", show_default=False),
     ] = None,
-    directory: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where the picture goes.")] = Path(),
+    directory: Folder = Path(),
 ) -> None:
     """Examine a recording: clock, channels, units, and what has to follow from what.
 
@@ -93,7 +110,7 @@ def _foreign(table: Table, file: Path, write_mapping: Path | None) -> int:
         parts.append(f"wrote {write_mapping}")
     else:
         parts.append(f"To keep it: hapticeval inspect {file.name} --write-mapping mapping.toml")
-    say("\n".join(parts))
+    say(lines(parts))
     return 1 if table.warnings else 0
 
 
@@ -124,7 +141,7 @@ def _examined(
     if recording.dimension == 1 and {"wall_force", "force"} & recording.channels.keys():
         parts.append(contacts(impacts(recording)))
     written = write_integrity(directory, recording, report, soundness, title=file.name, stem=_stem(file))
-    say("\n\n".join([*parts, "\n".join(f"wrote {path}" for path in written)]))
+    say(paragraphs(*parts, wrote(written)))
     return int(report.suspicious)
 
 
@@ -154,7 +171,6 @@ def _device(recording: Recording) -> Any:
 
 
 def _model(recording: Recording, name: str | None) -> Any:
-    from hapticeval.commands.arguments import model_named
     from hapticeval.geometry.catalogue import make_model
     from hapticeval.recordings.provenance import LINE, model_of
 
@@ -182,3 +198,150 @@ def _not_asked(recording: Recording, damped: str) -> list[Check]:
         why = f"the device '{name}' is none whose kinematics are known"
         found.append(Check(KINEMATICS, why=why))
     return found
+
+
+def convert(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording, or a foreign file.", show_default=False)],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="The file to write: .h5, .mat, .csv or .npz.")
+    ],
+    mapping: MappingFile = None,
+    format_: FormatName = None,
+    memory_limit: MemoryLimit = LIMIT,
+    salvage: Annotated[
+        bool, typer.Option("--salvage", help="Of a recording that is cut short or damaged take what is whole.")
+    ] = False,
+) -> None:
+    """Convert a foreign file or a journal to a recording, or a recording to .mat, .csv or .npz.
+
+    Nothing is written over. What the file lacks is told, and stays in the recording.
+
+    \b
+    Examples:
+      hapticeval convert log.mat --mapping rig.toml -o run7.h5
+      hapticeval convert run7.journal -o run7.h5
+      hapticeval convert run7.h5 -o run7.csv
+      hapticeval convert cut.h5 --salvage -o whole.h5
+    """
+    from hapticeval.hardware.logs import load
+    from hapticeval.recordings.importing.convert import export, refuse_existing
+    from hapticeval.recordings.integrity.report import converted
+    from hapticeval.recordings.memory import limited
+    from hapticeval.recordings.salvage import incomplete
+
+    refuse_existing(output)
+    with limited(memory_limit):
+        recording = load(file, mapping=mapping, format=format_, salvaging=salvage)
+    export(output, recording)
+    say(f"{converted(recording)}\nwrote {output}")
+    raise typer.Exit(int(incomplete(recording)))
+
+
+def compare(
+    files: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="[RENDERER=]FILE...",
+            help="Recordings; those of one renderer are its repeats.",
+            show_default=False,
+        ),
+    ],
+    by: Annotated[
+        str,
+        typer.Option(
+            metavar="WHAT",
+            help="angle (of the HIP), arc (length along the model), or a phase as CHANNEL:COLUMN.",
+        ),
+    ] = "angle",
+    centre: Annotated[str, typer.Option(metavar="X,Y", help="What the angle is about, m.")] = "0,0",
+    model: Annotated[
+        str | None,
+        typer.Option(metavar="MODEL", help="What was touched, where the recordings do not say.", show_default=False),
+    ] = None,
+    split: Annotated[
+        bool, typer.Option("--split", help="Take a run that turns back as a pass of its own for each way.")
+    ] = False,
+    mapping: MappingFile = None,
+    format_: FormatName = None,
+    memory_limit: MemoryLimit = LIMIT,
+    directory: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Where table and figure go.")
+    ] = Path(),
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the permutation test.", min=0)] = 0,
+) -> None:
+    """Compare direction and size of the force across runs that no clock can align.
+
+    Two renderers differ only as far as they differ by more than the repeats of one of them do. Record them in turns:
+    what drifts from the first run to the last would else count as theirs.
+
+    A permutation test at 5 per cent decides. 4 and 4 repeats are dealt to two renderers in 70 ways, of which 2 part
+    them as they were recorded, so p is 2/70 or more: 4 and 3 are the fewest that can tell. Both ways, with --split,
+    are two tests, and p is doubled: 5 and 3 are the fewest, and beside 4 of one it takes 5 of the other. Three
+    renderers take 5, 5 and 4 runs, one way or both. Where there are too few, what is printed says how many more.
+
+    \b
+    Examples:
+      hapticeval compare constraint-*.h5 mapping-*.h5 -o comparison
+      hapticeval compare --by arc --model star constraint=a.h5 constraint=b.h5 mapping=c.h5 mapping=d.h5
+    """
+    from hapticeval.recordings.compare.align import Abscissa, align
+    from hapticeval.recordings.compare.spread import bands
+    from hapticeval.recordings.compare.spread import compare as compared
+    from hapticeval.recordings.memory import limited
+    from hapticeval.reports.spread_figure import summary, write_spread
+
+    with limited(memory_limit):
+        runs = [_run(each, mapping, format_) for each in files]
+    x, y = (float(each) for each in parse_point(centre, 2, option="--centre"))
+    abscissa = Abscissa(by, centre=(x, y), curve=_curve(model, runs))
+    aligned = align(runs, abscissa, split=split)
+    refused: HapticevalError | None = None
+    try:
+        found = compared(aligned, seed=seed)
+    except InputError as error:
+        refused, found = error, ()
+    written = write_spread(directory, aligned, bands(aligned), found)
+    say(paragraphs(summary(aligned, found), wrote(written)))
+    if refused is not None and len({run.renderer for run in runs}) > 1:
+        raise refused
+
+
+def _run(text: str, mapping: Path | None, format_: str | None) -> Run:
+    from hapticeval.hardware.logs import load
+    from hapticeval.recordings.compare.align import Run
+    from hapticeval.recordings.importing.convert import is_ours
+
+    renderer, equals, name = text.partition("=")
+    file = Path(name if equals else text)
+    recording = load(file, mapping=None if is_ours(file) else mapping, format=format_)
+    recording.require("hip", "force")
+    said = renderer if equals else recording.meta.get("renderer")
+    if not isinstance(said, str) or not said:
+        raise InputError(
+            f"{file} does not say its renderer",
+            why="repeats of one renderer belong together",
+            todo=f"name it: constraint={file}",
+        )
+    return Run(str(file), said, recording)
+
+
+def _curve(model: str | None, runs: Sequence[Run]) -> Curve | None:
+    """The model's outline: the given one, else the one that all recordings name."""
+    from hapticeval.geometry.catalogue import make_model
+    from hapticeval.recordings.provenance import model_of
+
+    if model is not None:
+        return model_named(model).curve
+    models = [model_of(run.recording) for run in runs]
+    said = {json.dumps(model, sort_keys=True, default=str) for model in models}
+    if len(said) > 1:
+        raise InputError(
+            "the recordings are of different models",
+            why="what is felt is compared at places of one model",
+            todo="compare runs on one model, or say with --model which it was",
+        )
+    document = models[0] if models else None
+    if document is None:
+        return None
+    made = make_model(**document)
+    return made.curve if made.dimension == 2 else None

@@ -43,8 +43,7 @@ class Raises(Good):
 class Noisy(Good):
     def step(self, hip, velocity, dt):
         answer = super().step(hip, velocity, dt)
-        noise = np.random.random() + random.random()
-        return Response(answer.ihip, answer.force * (1 + 1e-3 * noise))
+        return Response(answer.ihip, answer.force * (1 + 1e-3 * (np.random.random() + random.random())))
 
 class Exits(Good):
     def step(self, hip, velocity, dt):
@@ -106,109 +105,82 @@ def short(tmp_path, monkeypatch) -> Iterator[str]:
     sys.modules.pop("thirdparty", None)
 
 
-def run(suite, renderers, directory, **options):
-    return list(execute(plan([suite], renderers, **options), directory, workers=2))
+@pytest.fixture
+def run(short, tmp_path):
+    """Run renderers, in two processes; the events, and those of jobs by case and renderer."""
+
+    def run(*renderers, directory="out", workers=2, **options):
+        events = list(execute(plan([short], renderers, **options), tmp_path / directory, workers=workers))
+        return events, {(each.run.case, each.run.renderer): each for each in events if isinstance(each, JobFinished)}
+
+    return run
 
 
-def test_the_stream_tells_the_plan_every_job_and_the_end(short, tmp_path):
-    events = run(short, ["thirdparty:Good", "constraint"], tmp_path / "out")
+@pytest.mark.parametrize("workers", [0, 2])
+def test_the_stream_reports_the_plan_every_job_and_the_end(run, tmp_path, workers):
+    events, jobs = run("thirdparty:Good", "constraint", workers=workers)
     assert events[0] == RunStarted(planned_verdicts=6, planned_jobs=4)
-    assert [(event.run.case, event.run.renderer) for event in events[1:-1]] == [
-        ("press", "thirdparty:Good"),
-        ("press", "constraint"),
-        ("slide", "thirdparty:Good"),
-        ("slide", "constraint"),
-    ]
+    assert list(jobs) == [(case, name) for case in ("press", "slide") for name in ("thirdparty:Good", "constraint")]
     assert isinstance(events[-1], RunFinished)
     results = read_results(tmp_path / "out")
     assert (results.planned, results.ran, results.complete) == (6, 6, True)
     for entry in results.runs:
-        recording = read_recording(tmp_path / "out" / entry.recording)
-        assert len(recording) == 201
+        assert len(read_recording(tmp_path / "out" / entry.recording)) == 201
         assert entry.simulated_seconds >= 0.2
 
 
-def test_a_renderer_that_breaks_does_not_take_the_others_along(short, tmp_path):
-    events = run(short, ["thirdparty:Raises", "constraint"], tmp_path / "out")
-    jobs = {(event.run.case, event.run.renderer): event for event in events if isinstance(event, JobFinished)}
-    broken = jobs["slide", "thirdparty:Raises"]
-    assert "out of its depth" in str(broken.error)
-    assert "in thirdparty.py, line 19, in step" in broken.error.why
-    assert broken.error.exit_code == 3
-    assert broken.error.hip[0] < -0.03
-    assert {verdict.outcome for verdict in broken.verdicts} == {Outcome.ERROR}
-    assert jobs["press", "thirdparty:Raises"].error is None
-    assert jobs["slide", "constraint"].error is None
-    assert events[-1].results.complete
+def test_without_a_folder_the_events_bring_the_recordings(short, tmp_path):
+    before = set(tmp_path.iterdir())
+    *_, job, end = execute(plan([short], ["constraint"], select=["slide"]), None, workers=0)
+    assert len(job.recording) == 201
+    assert end.results.runs[0].recording is None
+    assert set(tmp_path.iterdir()) == before
 
 
 @pytest.mark.parametrize(
-    ("name", "message"),
-    [("Exits", "SystemExit"), ("Talks", "standoff = '0.1 mm'"), ("Sideways", "surface is a str")],
+    ("name", "message", "others"),
+    [
+        ("Raises", "out of its depth", 1),
+        ("Exits", "SystemExit", 0),
+        ("Talks", "standoff = '0.1 mm'", 0),
+        ("Sideways", "surface is a str", 0),
+        ("no_renderer", "int", 0),
+        ("Dies", "ended the process", 0),
+    ],
 )
-def test_whatever_a_renderer_gets_wrong_is_its_own_error(short, tmp_path, name, message):
-    events = run(short, [f"thirdparty:{name}", "constraint"], tmp_path / "out")
-    jobs = {(event.run.case, event.run.renderer): event for event in events if isinstance(event, JobFinished)}
-    assert message in str(jobs["slide", f"thirdparty:{name}"].error)
-    assert jobs["slide", f"thirdparty:{name}"].error.exit_code == 3
-    assert jobs["slide", "constraint"].error is None
+def test_a_renderer_that_breaks_breaks_alone(run, tmp_path, name, message, others):
+    _, jobs = run("constraint", f"thirdparty:{name}", "minimum-distance")
+    broken = jobs["slide", f"thirdparty:{name}"]
+    assert message in str(broken.error)
+    assert broken.error.exit_code == 3
+    assert {verdict.outcome for verdict in broken.verdicts} == {Outcome.ERROR}
+    assert sum(job.error is None for job in jobs.values()) == 4 + others
+    assert read_results(tmp_path / "out").complete
+    if name == "Raises":
+        assert "in thirdparty.py, line 19, in step" in broken.error.why
+        assert broken.error.hip[0] < -0.03
 
 
-def test_a_batch_cannot_change_the_recorded_hip(short, tmp_path):
-    events = run(short, ["thirdparty:Overwrites", "constraint"], tmp_path / "out")
-    first, second = (
-        read_recording(tmp_path / "out" / entry.recording) for entry in events[-1].results.runs if entry.case == "slide"
-    )
+def test_a_batch_cannot_change_the_recorded_hip(run, tmp_path):
+    events, _ = run("thirdparty:Overwrites", "constraint", select=["slide"])
+    first, second = (read_recording(tmp_path / "out" / entry.recording) for entry in events[-1].results.runs)
     np.testing.assert_array_equal(first.hip, second.hip)
 
 
-def test_a_renderer_that_never_touches_does_not_pass_a_gate(short, tmp_path):
-    events = run(short, ["thirdparty:Idle"], tmp_path / "out")
+def test_a_renderer_that_never_touches_does_not_pass_a_gate(run):
+    events, _ = run("thirdparty:Idle")
     assert not all(verdict.as_expected for verdict in events[-1].results.verdicts)
 
 
-def test_suites_of_one_name_are_refused(short, tmp_path):
-    (tmp_path / "other").mkdir()
-    (tmp_path / "other" / "short.toml").write_text(SUITE)
-    with pytest.raises(InputError, match="two suites are named 'short'"):
-        plan([short, str(tmp_path / "other" / "short.toml")], ["constraint"])
-
-
-def test_a_stimulus_that_cannot_be_is_told_once_and_before_anything_runs(short, tmp_path):
-    bad = tmp_path / "bad.toml"
-    bad.write_text(SUITE.replace("position = [0.0, 0.001]", "position = [0.0, nan]"))
-    with pytest.raises(InputError, match=r"case 'press'.*not finite"):
-        plan([str(bad)], ["constraint", "minimum-distance"])
-
-
-def test_what_is_no_renderer_is_said(short, tmp_path):
-    events = run(short, ["thirdparty:no_renderer"], tmp_path / "out")
-    assert "int" in str(events[1].error)
-    assert events[1].error.exit_code == 3
-
-
-def test_a_renderer_that_ends_its_process_breaks_alone(short, tmp_path):
-    events = run(short, ["constraint", "thirdparty:Dies", "minimum-distance"], tmp_path / "out")
-    assert isinstance(events[-1], RunFinished)
-    jobs = {(event.run.case, event.run.renderer): event for event in events if isinstance(event, JobFinished)}
-    for (_, renderer), event in jobs.items():
-        if renderer == "thirdparty:Dies":
-            assert "ended the process" in str(event.error)
-            assert event.error.exit_code == 3
-        else:
-            assert event.error is None
-    assert read_results(tmp_path / "out").complete
-
-
 def test_an_interrupt_lets_what_has_begun_finish(short, tmp_path):
-    """One process: the second job begins before the first is told, and the third and the fourth never do."""
+    """One process: the second job begins before the first is reported, and the third and the fourth never do."""
     stream = execute(plan([short], ["constraint", "minimum-distance"]), tmp_path / "out", workers=1)
     assert isinstance(next(stream), RunStarted)
     assert isinstance(next(stream), JobFinished)
     signal.raise_signal(signal.SIGINT)
-    told, finished, end = stream
-    assert told == Interrupted(begun=1)
-    assert (finished.run.case, finished.run.renderer) == ("press", "minimum-distance")
+    interrupted, finished, end = stream
+    assert interrupted == Interrupted(begun=1)
+    assert finished.run.key == ("short", "press", "minimum-distance")
     assert isinstance(end, RunFinished)
     results = read_results(tmp_path / "out")
     assert (results.reason, results.complete, results.ran) == ("interrupted by the user", False, 4)
@@ -248,42 +220,53 @@ def test_who_leaves_the_stream_leaves_no_process(short, tmp_path):
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_it_runs_in_another_thread_too(short, tmp_path):
+def test_it_runs_in_another_thread_too(run):
     with ThreadPoolExecutor() as thread:
-        events = thread.submit(run, short, ["constraint"], tmp_path / "out").result()
+        events, _ = thread.submit(run, "constraint").result()
     assert events[-1].results.complete
 
 
-def test_the_seed_makes_a_random_renderer_repeatable(short, tmp_path):
-    def forces(seed, name):
-        events = run(short, ["thirdparty:Noisy"], tmp_path / name, seed=seed)
-        entry = events[-1].results.runs[1]
-        return read_recording(tmp_path / name / entry.recording).force
+def test_the_seed_makes_a_random_renderer_repeatable(run, tmp_path):
+    def forces(seed, name, workers):
+        events, _ = run("thirdparty:Noisy", directory=name, seed=seed, select=["slide"], workers=workers)
+        return read_recording(tmp_path / name / events[-1].results.runs[0].recording).force
 
-    first, again, other = forces(1, "a"), forces(1, "b"), forces(2, "c")
+    first, again, other = forces(1, "a", 1), forces(1, "b", 0), forces(2, "c", 1)
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
 
 
 @pytest.mark.parametrize(
     ("select", "planned"),
-    [("slide", 1), ("s*", 1), ("*", 3), ("*/continuous-contact", 2), ("press/*", 2), ("short/slide", 1)],
+    [
+        (["slide"], 1),
+        (["s*"], 1),
+        (["*"], 3),
+        (["*/continuous-contact"], 2),
+        (["press/*"], 2),
+        (["short/slide"], 1),
+        (["slide", "press/continuous-contact"], 2),
+    ],
 )
-def test_a_selection_is_by_case_or_by_check(short, select, planned):
-    assert plan([short], ["constraint"], select=[select]).planned == planned
+def test_a_selection_is_by_case_or_by_check_and_adds_up(short, select, planned):
+    assert plan([short], ["constraint"], select=select).planned == planned
 
 
-def test_selections_add_up(short):
-    assert plan([short], ["constraint"], select=["slide", "press/continuous-contact"]).planned == 2
+@pytest.mark.parametrize("select", [["glide"], ["slide", "glide"]])
+def test_a_pattern_that_matches_nothing_has_its_own_exit_code(short, select):
+    message = r"nothing matches -k 'glide'\s*why: the cases are: press, slide"
+    with pytest.raises(NothingSelectedError, match=message) as at:
+        plan([short], ["constraint"], select=select)
+    assert at.value.exit_code == 4
 
 
-def test_nothing_selected_has_its_own_exit_code(short):
-    with pytest.raises(NothingSelectedError) as caught:
-        plan([short], ["constraint"], select=["glide"])
-    assert caught.value.exit_code == 4
-    assert "press, slide" in str(caught.value)
-
-
-def test_unknown_renderers_are_refused_before_anything_runs(short):
+def test_what_cannot_run_is_refused_before_anything_runs(short, tmp_path):
     with pytest.raises(UnknownNameError, match="constraint"):
         plan([short], ["constrain"])
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "short.toml").write_text(SUITE)
+    with pytest.raises(InputError, match="two suites are named 'short'"):
+        plan([short, str(tmp_path / "other" / "short.toml")], ["constraint"])
+    (tmp_path / "bad.toml").write_text(SUITE.replace("position = [0.0, 0.001]", "position = [0.0, nan]"))
+    with pytest.raises(InputError, match=r"suite 'bad': case 'press'.*not finite"):
+        plan([str(tmp_path / "bad.toml")], ["constraint", "minimum-distance"])
