@@ -89,7 +89,7 @@ def test_contact_is_decided_as_by_the_exact_surface(projection, model):
 def test_where_the_table_does_not_interpolate_the_exact_projection_answers(projection, model):
     made, exact = table_of(projection, model), exact_of(projection, model)
     hips = scattered()
-    asked = made.table.look_many(hips, ask=True)[2] == ASK
+    asked = made.table.look_many(hips)[2] == ASK
     assert 0.01 < np.mean(asked) < 0.25
     for ours, theirs in zip(made.trace(hips), exact.trace(hips), strict=True):
         np.testing.assert_array_equal(ours[asked], theirs[asked])
@@ -103,7 +103,7 @@ def test_the_error_falls_with_the_square_of_the_cell():
     stretched = -model.curve.signed_distance(hips) * model.curve.curvature(model.curve.nearest(hips))
     counted = contact & (stretched < 0.5)
     tables = [table_of("minimum-distance", "cassinian", cell=cell).table for cell in cells]
-    answers = [table.look_many(hips, ask=True) for table in tables]
+    answers = [table.look_many(hips) for table in tables]
     for _, _, status in answers:
         counted &= status == TOUCHES
     assert np.count_nonzero(counted) > 0.7 * np.count_nonzero(contact)
@@ -126,7 +126,7 @@ def test_what_is_far_outside_or_no_number_is_free_space():
         np.testing.assert_array_equal(ihips, far)
         np.testing.assert_array_equal(normals, 0.0)
         for x, y in far:
-            assert table.look(x, y, ask=True)[0] == OUT
+            assert table.look(x, y)[0] == OUT
 
 
 def test_the_last_node_belongs_to_the_last_cell():
