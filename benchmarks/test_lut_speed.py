@@ -14,7 +14,7 @@ from scipy.ndimage import map_coordinates
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.catalogue import cassinian
-from hapticeval.renderers.family import by_minimum_distance
+from hapticeval.renderers.nearest import nearest
 from hapticeval.renderers.table import TOUCHES, Table, look_up
 from hapticeval.renderers.tabulated import tabulate
 from hapticeval.scene import Scene
@@ -29,7 +29,7 @@ taken: dict[str, float] = {}
 
 @cache
 def projection():
-    return by_minimum_distance(Scene(model=cassinian(), bilateral=True), "curve")
+    return nearest(Scene(model=cassinian(), bilateral=True), "curve")
 
 
 @cache

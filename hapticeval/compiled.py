@@ -77,10 +77,10 @@ def law_data(
 ) -> LawData:
     """Copy what a law works on into arrays of their own, of the type that `LAW` asks for; `state` is its size."""
     tables = (np.array(each, dtype=np.float64, order="C") for each in (segments, joints, lookup, vertices, tree))
-    return LawData(np.array(params, dtype=np.float64), *tables, np.zeros(state))
+    return LawData._make([np.array(params, dtype=np.float64), *tables, np.zeros(state)])
 
 
-LAW_DATA = types.NamedTuple((VECTOR, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, VECTOR), LawData)
+LAW_DATA = types.NamedTuple((VECTOR, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, VECTOR), LawData)  # type: ignore[no-untyped-call]
 
 LAW = types.int64(LAW_DATA, VECTOR, VECTOR, VECTOR, types.float64, VECTOR, VECTOR)
 """(data, hip, velocity, push, dt, out ihip, out force): one tick of a renderer.

@@ -13,13 +13,14 @@ from lut_sources import sphere
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, line, star
 from hapticeval.renderers import conformal, constraint, minimum_distance
-from hapticeval.renderers.family import by_conformal, by_mapping, by_minimum_distance
+from hapticeval.renderers.disk import by_conformal_map, by_flow_map
+from hapticeval.renderers.nearest import nearest
 from hapticeval.renderers.table import ASK, EDGE, HELD, MARKED, OUT, TOUCHES, Grid, Table, empty, grid_over
 from hapticeval.renderers.tabulated import MARGIN, OFF, fill, tabulate, tabulated
 from hapticeval.scene import Scene
 
 MODELS = {"cassinian": cassinian(), "star": star(), "dumbbell": dumbbell()}
-PROJECTIONS = {"minimum-distance": by_minimum_distance, "conformal": by_conformal}
+PROJECTIONS = {"minimum-distance": nearest, "conformal": by_conformal_map}
 COARSE = 2e-3
 everything = pytest.mark.parametrize(("projection", "model"), [(p, m) for p in PROJECTIONS for m in MODELS])
 
@@ -58,7 +59,7 @@ def test_a_table_without_the_exact_projection_stays_on_the_surface_too(projectio
 @given(vertices=star_shaped(), hips=walks())
 def test_on_any_polygon_too(vertices, hips):
     model = from_vertices(vertices)
-    made = tabulated(by_minimum_distance, Scene(model=model), "curve", cell=4e-3)
+    made = tabulated(nearest, Scene(model=model), "curve", cell=4e-3)
     for ihips, normals, contact in (made.trace(hips), made.table.answers(hips)):
         assert np.all(np.abs(model.curve.signed_distance(ihips[contact])) <= made.standoff + 1e-12)
         np.testing.assert_allclose(np.hypot(*normals[contact].T), 1.0, atol=1e-12)
@@ -204,8 +205,8 @@ def test_a_table_is_made_once_for_a_model_and_its_settings():
 
 def test_a_flow_map_in_a_table():
     scene, settings = Scene(model=MODELS["cassinian"]), {"cells": 60}
-    made = tabulated(by_mapping, scene, "curve", cell=COARSE, **settings)
-    exact, hips = by_mapping(scene, "curve", **settings), scattered()
+    made = tabulated(by_flow_map, scene, "curve", cell=COARSE, **settings)
+    exact, hips = by_flow_map(scene, "curve", **settings), scattered()
     ihips, _, contact = made.trace(hips)
     truth, _, _ = exact.trace(hips)
     assert np.max(np.abs(scene.model.curve.signed_distance(ihips[contact]))) <= made.standoff
