@@ -19,8 +19,7 @@ from hapticeval.recordings.hdf5 import read_recording, write_recording
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.as_recorded import as_recorded
-from hapticeval.replay.job import prepared, replay_plan
-from hapticeval.replay.merge import merged
+from hapticeval.replay.job import merged, prepared, replay_plan
 from hapticeval.replay.subject import subject
 from hapticeval.runner.events import Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.runner.execution import execute

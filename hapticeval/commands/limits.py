@@ -76,8 +76,7 @@ def limits(
     from hapticeval.reports.limits_figure import write_limits
     from hapticeval.stimulus.stimulus import Path as HandPath
     from hapticeval.study.limits.loop import Place
-    from hapticeval.study.limits.study import study_limits
-    from hapticeval.study.limits.text import describe
+    from hapticeval.study.limits.study import describe, study_limits
 
     case = _case(scene)
     built = case.build_scene()

@@ -95,7 +95,7 @@ def record(
     from hapticeval.renderer import Renderer
     from hapticeval.runner.judging import built
     from hapticeval.simulation.playback import declared
-    from hapticeval.study.limits.warning import too_stiff
+    from hapticeval.study.limits.search import too_stiff
 
     journal = output.with_suffix(".journal")
     if output.suffix.lower() not in SUFFIXES:

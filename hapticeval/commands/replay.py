@@ -119,8 +119,7 @@ def _model(name: str | None) -> Mapping[str, Any] | None:
 
 def _replay(made: Subject, renderers: list[str], directory: Path, seed: int, see: str) -> int:
     from hapticeval.commands.terminal import Terminal, exit_code, summary
-    from hapticeval.replay.job import prepared, replay_plan
-    from hapticeval.replay.tell import differences
+    from hapticeval.replay.job import differences, prepared, replay_plan
     from hapticeval.runner.execution import execute
     from hapticeval.runner.interrupts import Interrupts
     from hapticeval.runner.results import FILE
@@ -130,7 +129,7 @@ def _replay(made: Subject, renderers: list[str], directory: Path, seed: int, see
     work = prepared(made)
     prepare(directory)
     with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
-        _warn(work.suspicious, see, terminal)
+        _warn(work.path.suspicious, see, terminal)
         stream = execute(planned, directory, workers=cores(), work=work, interrupts=interrupts)
         results = watch(stream, terminal)
         written = report_on(directory, terminal, interrupts)
