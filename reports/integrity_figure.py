@@ -56,7 +56,7 @@ def write_integrity(
         if not valid.all():
             handles.append(Patch(color=GREY, alpha=0.25, label="left out"))
         if handles:
-            made.legend(handles=handles, loc="outside lower center", ncols=4, borderaxespad=0.5)
+            made.legend(handles=handles, loc="outside lower center", ncols=4)
         return save_figure(made, directory, stem, dpi=140)
 
 
@@ -69,7 +69,7 @@ def _channel(axes: Axes, recording: Recording, name: str, valid: BoolArray) -> N
         shown = np.where(valid, column, np.nan)
         axes.plot(recording.time, shown, color=LINES[k % len(LINES)], linewidth=0.8, label=label)
     if len(columns) > 1:
-        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.0, borderpad=0.2, borderaxespad=0.5)
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.0, borderpad=0.2)
     axes.set_ylabel(f"{name}\n({signal.unit})")
     for first, end in runs_of(~valid):
         axes.axvspan(recording.time[first], recording.time[end - 1], color=GREY, alpha=0.25, linewidth=0)

@@ -28,7 +28,7 @@ def write_limits(directory: Path, document: Mapping[str, Any]) -> list[Path]:
     with figure(4.6 * len(panels), 4.4, settings={"axes.edgecolor": QUIET}, layout="constrained") as made:
         for axes, draw in zip(made.subplots(1, len(panels)), panels, strict=True):
             draw(axes, document)
-            axes.legend(fontsize=8, borderaxespad=0.5, loc="upper right" if draw is _workspace else "best")
+            axes.legend(fontsize=8, loc="upper right" if draw is _workspace else "best")
         title = f"Stable stiffness: {document['scene']}, {document['renderer']} on {document['device']}"
         made.suptitle(title, fontsize=11, color=INK)
         return save_figure(made, directory, file_stem(f"limits-{case}-{document['device']}"), document=document)

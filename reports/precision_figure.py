@@ -40,7 +40,7 @@ def write_precision(directory: Path, document: Mapping[str, Any]) -> list[Path]:
             _draw_panel(axes, device, document)
         panels[0].set_ylabel("relative error after a tick, largest")
         handles, labels = panels[0].get_legend_handles_labels()
-        made.legend(handles, labels, loc="lower center", ncols=4, handlelength=1.6, borderaxespad=0.5)
+        made.legend(handles, labels, loc="lower center", ncols=4, handlelength=1.6)
         return save_figure(made, directory, STEM, document=document)
 
 

@@ -49,7 +49,7 @@ def write_spread(
             _draw(axes, aligned, [band for band in bands if band.column == column])
         for axes in panels[len(columns) :]:
             axes.set_visible(False)
-        made.legend(*panels[0].get_legend_handles_labels(), loc="upper left", ncols=3, borderaxespad=0.5)
+        made.legend(*panels[0].get_legend_handles_labels(), loc="upper left", ncols=3)
         made.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 0.35 / height))
         document = _document(aligned, bands, comparisons)
         return save_figure(made, directory, "comparison", text=table(aligned, comparisons), document=document)
