@@ -18,6 +18,7 @@ LAYERS = (
     {"types", "errors", "compiled"},
     {"documents", "files", "geometry", "knob", "quantity", "workers"},
     {"devices", "recordings"},
+    {"effects"},
     {"scene"},
     {"stimulus"},
     {"closed_forms", "renderer"},
@@ -33,7 +34,7 @@ LAYERS = (
 )
 """From the bottom up. A unit (a module or a subpackage) imports from lower layers, and from itself."""
 
-RENDERERS_MAY = set().union(*LAYERS[:6])
+RENDERERS_MAY = set().union(*LAYERS[:7])
 """The reference renderers know geometry, devices and the protocol: all that a third party's may know."""
 
 RUNNING = {"simulation", "discovery", "hardware", "ideal", "runner", "study", "replay", "commands", "cli", "__main__"}

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.devices.criteria import MOTOR_TORQUE
-from hapticeval.devices.imperfections import Imperfections
+from hapticeval.effects.delay import Delay
+from hapticeval.effects.joint_friction import JointFriction
+from hapticeval.effects.saturation import Saturation
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.surface import Surface
 from hapticeval.hardware.twin import Twin
@@ -32,7 +34,7 @@ def demonstration(wiring: Wiring, scene: Scene) -> Twin:
 
     It begins where the surface is nearest to a point 100 mm right of home.
     """
-    effects = Imperfections(torque_limit=MOTOR_TORQUE, delay=DELAY, friction=FRICTION)
+    effects = (Saturation(MOTOR_TORQUE), Delay(DELAY), JointFriction(FRICTION))
     path = _to_and_fro(scene.model.boundary)
     hand = Hand(path=path, stiffness=GRIP[0], damping=GRIP[1])
     return Twin(wiring, effects, position=path.points[0], hand=hand, dt=scene.sampling_time)

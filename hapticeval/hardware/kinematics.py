@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.devices.device import Device
-from hapticeval.devices.imperfections import blend
+from hapticeval.effects.velocity_filter import blend
 from hapticeval.errors import DomainError
 from hapticeval.types import Array
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticeval.effects.viscosity import viscosity_of
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.refinement import left
 from hapticeval.phenomena.sampling import LED, TELLS, place
@@ -67,7 +68,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 def _deviation(recording: Recording, scene: Scene) -> Array:
     """|p'| over the assigned one less 1, where b_d alone slows the foot: (n,)."""
     speed = SurfaceMotion(recording, scene).foot_speed
-    assigned = speed[0] * np.exp(-scene.viscosity / scene.mass * (recording.time - recording.time[0]))
+    assigned = speed[0] * np.exp(-viscosity_of(scene) / scene.mass * (recording.time - recording.time[0]))
     return np.asarray(speed / assigned - 1.0)
 
 

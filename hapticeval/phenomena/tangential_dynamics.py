@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.devices.point_mass import PointMass
+from hapticeval.effects.force_sensor import ForceSensor
+from hapticeval.effects.viscosity import viscosity_of
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.refinement import left
 from hapticeval.phenomena.sampling import LED, TELLS, place
@@ -25,7 +27,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return Finding(Outcome.INCONCLUSIVE, motion.footless)
     if not motion.slides:
         return Finding(Outcome.INCONCLUSIVE, "the tool does not slide")
-    sensed = isinstance(scene.robot, PointMass) or scene.imperfections.force_sensor is not None
+    sensed = isinstance(scene.robot, PointMass) or scene.effect(ForceSensor) is not None
     if motion.pushed.any() and not sensed:
         message = "the operator pushes a robot without a force sensor: what that adds is the robot's own inertia's"
         return Finding(Outcome.INCONCLUSIVE, message)
@@ -38,7 +40,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     bound = bound / top + 1e-9
     evidence: dict[str, object] = {
         **place(base, tick),
-        "assigned_viscosity_kg_s": scene.viscosity,
+        "assigned_viscosity_kg_s": viscosity_of(scene),
         "apparent_viscosity_kg_s": _apparent_viscosity(motion),
         "foot_speed_at_start_m_s": float(motion.foot_speed[0]),
         "foot_speed_at_end_m_s": float(motion.foot_speed[-1]),
@@ -52,7 +54,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return Finding(Outcome.PASS, "the tool slides as assigned", metric, bound, evidence)
     message = (
         f"{100.0 * value:.3g} per cent of the sliding speed come or go unassigned, as if the surface had a viscosity "
-        f"of {_apparent_viscosity(motion):.3g} kg/s instead of {scene.viscosity:.3g}"
+        f"of {_apparent_viscosity(motion):.3g} kg/s instead of {viscosity_of(scene):.3g}"
     )
     return Finding(Outcome.FAIL, message, metric, bound, evidence)
 
@@ -63,12 +65,12 @@ def _assigned(motion: SurfaceMotion) -> Array:
     A force that is sensed is fed to the foot (8.9); else it moves the tool, and so the foot by (I + n W)^-1 of that.
     """
     scene, recording = motion.scene, motion.recording
-    acceleration = -(scene.viscosity / scene.mass) * motion.foot_velocity
+    acceleration = -(viscosity_of(scene) / scene.mass) * motion.foot_velocity
     push = recording.channels.get("operator_force")
     if push is not None:
         normal = motion.frame.normal
         along = (push - np.sum(push * normal, axis=1)[:, np.newaxis] * normal) / scene.mass
-        sensed = scene.imperfections.force_sensor is not None
+        sensed = scene.effect(ForceSensor) is not None
         acceleration = acceleration + (along if sensed else motion.pulled_back(along))
     return np.asarray(acceleration)
 
@@ -80,7 +82,7 @@ def _unexplained(recording: Recording, scene: Scene) -> Array:
     """
     motion = SurfaceMotion(recording, scene)
     moved = motion.components(motion.foot_velocity)
-    viscous = -(scene.viscosity / scene.mass) * moved
+    viscous = -(viscosity_of(scene) / scene.mass) * moved
     pushed = motion.components(_assigned(motion)) - viscous
     step = np.diff(recording.time)[:, np.newaxis]
     gained = np.cumsum(step * (0.5 * (viscous[:-1] + viscous[1:]) + pushed[:-1]), axis=0)
@@ -95,7 +97,7 @@ def _apparent_viscosity(motion: SurfaceMotion) -> float:
     scene, recording = motion.scene, motion.recording
     speed2 = motion.foot_speed**2
     step = np.diff(recording.time)
-    given = _assigned(motion) + (scene.viscosity / scene.mass) * motion.foot_velocity
+    given = _assigned(motion) + (viscosity_of(scene) / scene.mass) * motion.foot_velocity
     work = float(np.sum(step * np.sum(motion.foot_velocity * given, axis=1)[:-1]))
     slid = float(np.sum(step * 0.5 * (speed2[:-1] + speed2[1:])))
     return scene.mass * (work - 0.5 * float(speed2[-1] - speed2[0])) / slid if slid > 0.0 else 0.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -130,10 +129,9 @@ def _run_document(job: Job, judged: Judged, file: Path | None) -> Mapping[str, A
 
 
 def _robot_document(case: Case, scene: Scene) -> Mapping[str, Any]:
-    """What an experiment drives: the device as it was made, its inner loop, and what is wrong with them."""
+    """Describe what an experiment drives: the device as it was made, and its inner loop."""
     if case.stimulus_kind != "experiment":
         return {}
-    given = asdict(scene.imperfections)
     device = scene.robot
     return {
         "device": {
@@ -141,7 +139,6 @@ def _robot_document(case: Case, scene: Scene) -> Mapping[str, Any]:
             **{name: str(value) for name in ("dynamics", "base_inertia") if (value := getattr(device, name, None))},
         },
         "inner_loop": scene.inner_loop.value,
-        "imperfections": {name: value for name, value in given.items() if value},
     }
 
 

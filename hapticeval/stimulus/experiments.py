@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import Any
@@ -11,9 +10,9 @@ import numpy as np
 
 from hapticeval.devices.catalogue import make_device
 from hapticeval.devices.device import Device
-from hapticeval.devices.imperfections import ForceSensor, Imperfections
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
+from hapticeval.effects.catalogue import read_effects
 from hapticeval.errors import DomainError, InputError
 from hapticeval.geometry.model import Model
 from hapticeval.scene import Scene
@@ -26,19 +25,16 @@ def build_scene(model: Model, spec: Mapping[str, Any]) -> Scene:
     """The scene of a suite's `scene` table.
 
     Numbers go to `Scene` as they are. `device` is a name of `devices.catalogue` or a table of `kind` and its
-    parameters; a point mass has the tool's mass and the model's dimension where it gives none. `imperfections` are
-    those of `Imperfections`, with `encoder_counts` (counts a turn) instead of `encoder_step` where that is wanted, and
-    a table `force_sensor`. Raises `InputError` for a device of another dimension than the model, and as those do.
+    parameters; a point mass has the tool's mass and the model's dimension where it gives none. Effects are written as
+    `effects.catalogue.read_effects` reads them. Raises `InputError` for a device of another dimension than the model,
+    and as those do.
     """
-    values = dict(spec)
+    values, effects = read_effects(spec)
     if "inner_loop" in values:
         values["inner_loop"] = InnerLoop(values["inner_loop"])
     if "device" in values:
         values["device"] = _device(values["device"], values.get("mass", Scene.mass), model)
-    if "imperfections" in values:
-        turning = values.get("device") is not None and not isinstance(values["device"], PointMass)
-        values["imperfections"] = _imperfections(values["imperfections"], turning)
-    return Scene(model=model, **values)
+    return Scene(model=model, effects=effects, **values)
 
 
 def _device(spec: str | Mapping[str, Any], mass: float, model: Model) -> Device:
@@ -53,24 +49,6 @@ def _device(spec: str | Mapping[str, Any], mass: float, model: Model) -> Device:
             todo=f"use point-mass, or parallelogram-{model.dimension}dof",
         )
     return device
-
-
-def _imperfections(spec: Mapping[str, Any], turning: bool) -> Imperfections:
-    values = dict(spec)
-    counts = values.pop("encoder_counts", None)
-    if counts is not None:
-        if "encoder_step" in values:
-            raise InputError("both encoder_counts and encoder_step are given", todo="leave one out")
-        if not turning:
-            raise InputError(
-                f"encoder_counts = {counts!r} for a point mass",
-                why="counts are of a turn, and its joints are its position in metres",
-                todo="give encoder_step (m), or a device with joints that turn",
-            )
-        values["encoder_step"] = 2.0 * math.pi / counts
-    if "force_sensor" in values:
-        values["force_sensor"] = ForceSensor(**values["force_sensor"])
-    return Imperfections(**values)
 
 
 def build_experiment(spec: Mapping[str, Any], folder: FilePath) -> Experiment:

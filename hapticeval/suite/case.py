@@ -14,6 +14,7 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.verdict import Outcome
+from hapticeval.renderer import stated
 from hapticeval.scene import Scene
 from hapticeval.stimulus.experiments import build_experiment, build_scene, check_workspace
 from hapticeval.stimulus.paths import build_path
@@ -93,7 +94,7 @@ class Case:
             return build_experiment(self.experiment or {}, self.folder)
         surface = scene.model.boundary
         if self.depth_of == "representation":
-            surface = getattr(renderer, "surface", None) or surface
+            surface = stated(renderer, "surface") or surface
         return build_path(self.trajectory, surface, self.folder)
 
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from robots import DT, twin_of, wired
 
-from hapticeval.devices.imperfections import Imperfections
 from hapticeval.errors import HapticevalError
 from hapticeval.hardware import rig, udp
 from hapticeval.hardware.device import Reading
@@ -159,7 +158,7 @@ def test_a_loop_that_was_held_up_still_hears_why_the_robot_stopped(robot):
 @pytest.mark.usefixtures("patient")
 def test_the_twin_says_why_it_stopped():
     wiring = wired()
-    twin = Twin(wiring, Imperfections(), position=np.array([0.1, 0.0]), hand=None, dt=DT)
+    twin = Twin(wiring, (), position=np.array([0.1, 0.0]), hand=None, dt=DT)
     with running(twin) as address:
         device = UdpDevice(address, 2)
 

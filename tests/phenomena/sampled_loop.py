@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 
 from hapticeval.devices.point_mass import PointMass
+from hapticeval.effects.viscosity import viscosity_of
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.recordings.recording import Recording
@@ -45,7 +46,7 @@ def force(scheme, scene, hip, velocity):
     foot = along / stretch
     bend = -kappa * (along @ along) / stretch * normal
     turn = 2.0 * kappa * n_rate * foot
-    return spring - d * n_rate * normal + scene.mass * (bend + turn) - scene.viscosity * stretch * foot
+    return spring - d * n_rate * normal + scene.mass * (bend + turn) - viscosity_of(scene) * stretch * foot
 
 
 def run(scheme, scene, position, velocity, duration, dt, *, law=force, push=None):

@@ -95,14 +95,13 @@ def eigenvalue_limit(loop: SampledLoop, family: Family, *, steps: int = STEPS) -
 def simulated_limit(factory: RendererFactory, scene: Scene, place: Place) -> float:
     """Find the same limit by running the sampled closed loop, let go `PUSH` off the surface, to see whether it settles.
 
-    Its encoders, torque limits and friction are left out: a limit cycle of a count is no instability, motors that
-    saturate bound one, and friction holds a loop at rest that would not stay there.
+    Effects that are not linear are left out, such as encoders, torque limits and friction: a limit cycle of a count is
+    no instability, motors that saturate bound one, and friction holds a loop at rest that would not stay there.
 
     Raises `RefusalError` for a renderer that does not hold from both sides: let go at the surface, its tool leaves, and
     shows nothing.
     """
-    effects = replace(scene.imperfections, encoder_step=None, torque_limit=None, friction=None)
-    smooth = replace(scene, imperfections=effects)
+    smooth = replace(scene, effects=tuple(each for each in scene.effects if each.linear))
     return largest(lambda stiffness: _settles(factory, smooth, place, stiffness), steps=14)
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.errors import DomainError
 from hapticeval.geometry.curve import Curve
 from hapticeval.renderer import RendererFactory
@@ -29,7 +30,7 @@ def too_stiff(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
     """
     boundary = scene.model.boundary
     points = boundary.outline(PLACES) if isinstance(boundary, Curve) else boundary.points(PLACES)
-    sensed = replace(scene, imperfections=replace(scene.imperfections, velocity_cutoff=cutoff))
+    sensed = scene.with_effects(VelocityFilter(cutoff))
     frame = boundary.frame(points)
     places = [Place(*each) for each in zip(frame.foot, frame.normal, strict=True)]
     try:
