@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hapticeval.geometry.catalogue import cassinian, star
-from hapticeval.geometry.maps import flow_locator as locator
+from hapticeval.geometry.maps import flow_map as locator
 from hapticeval.geometry.maps.flow import FlowSettings, flow
 from hapticeval.geometry.maps.flow_map import chart_of, flow_map
 from hapticeval.renderers import mapping

@@ -24,10 +24,14 @@ from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.types import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
+    from hapticeval.api import Results, judge, run
     from hapticeval.discovery import known_renderers, resolve
+    from hapticeval.geometry.catalogue import make_model
     from hapticeval.phenomena.check import Check, Runs
+    from hapticeval.recordings.hdf5 import read_recording
     from hapticeval.renderer import Batch, Declaration, Renderer, RendererFactory, Response, SelfDriven, Spring
     from hapticeval.scene import Scene
+    from hapticeval.suite.reading import load_suite
 
 __version__ = version("hapticeval")
 
@@ -38,12 +42,18 @@ _LAZY = {
     "Renderer": "hapticeval.renderer",
     "RendererFactory": "hapticeval.renderer",
     "Response": "hapticeval.renderer",
+    "Results": "hapticeval.api",
     "Runs": "hapticeval.phenomena.check",
     "Scene": "hapticeval.scene",
     "SelfDriven": "hapticeval.renderer",
     "Spring": "hapticeval.renderer",
+    "judge": "hapticeval.api",
     "known_renderers": "hapticeval.discovery",
+    "load_suite": "hapticeval.suite.reading",
+    "make_model": "hapticeval.geometry.catalogue",
+    "read_recording": "hapticeval.recordings.hdf5",
     "resolve": "hapticeval.discovery",
+    "run": "hapticeval.api",
 }
 
 __all__ = [
@@ -68,6 +78,7 @@ __all__ = [
     "RendererError",
     "RendererFactory",
     "Response",
+    "Results",
     "Runs",
     "Scene",
     "SelfDriven",
@@ -76,8 +87,13 @@ __all__ = [
     "UnknownNameError",
     "Verdict",
     "__version__",
+    "judge",
     "known_renderers",
+    "load_suite",
+    "make_model",
+    "read_recording",
     "resolve",
+    "run",
 ]
 
 

@@ -1,65 +1,124 @@
-"""TOML documents that people write, held to a JSON schema, with errors that name the table."""
+"""TOML documents that people write, as typed values; what does not fit is refused, with place and likely meaning."""
 
 from __future__ import annotations
 
-import json
+import re
 import tomllib
-from collections.abc import Mapping
-from difflib import get_close_matches
-from importlib import resources
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from hapticeval.errors import InputError
+import msgspec
+from msgspec import inspect
+
+from hapticeval.errors import InputError, UnknownNameError, at
+
+T = TypeVar("T")
 
 
-def read_document(file: Path, schema: str) -> Mapping[str, Any]:
-    """What a TOML file holds, if it fits the package's `schema`.
-
-    Raises `InputError`, naming the file and the place in it, for what is not TOML and for what does not fit.
-    """
+def read_toml(file: Path) -> Mapping[str, Any]:
+    """Read a TOML file. Raises `InputError`, naming it, for one that cannot be read or is not TOML."""
     try:
-        document = tomllib.loads(file.read_text(encoding="utf-8"))
+        return tomllib.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"cannot read {file}", why=error.strerror or str(error)) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{file.name} is not TOML", why=str(error)) from error
-    _validate(document, file.name, schema)
-    return document
 
 
-def _validate(document: Mapping[str, Any], file: str, schema: str) -> None:
-    import jsonschema
+def convert(data: Any, kind: type[T] | Any, place: str, *, todo: str = "") -> T:
+    """Return plain values (of TOML or JSON) as an instance of `kind`, a type that `msgspec.convert` takes.
 
-    text = resources.files("hapticeval").joinpath(schema).read_text(encoding="utf-8")
-    error = jsonschema.exceptions.best_match(jsonschema.Draft202012Validator(json.loads(text)).iter_errors(document))
-    if error is None:
-        return
-    error = _of_the_kind(error)
-    place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in error.absolute_path)
-    path = list(error.absolute_path)
-    if len(path) >= 2 and path[0] == "case":
-        name = document["case"][path[1]].get("name", f"number {path[1]}")
-        place = f" case '{name}'" + "".join(f".{part}" for part in path[2:])
-    raise InputError(
-        f"{file}:{place or ' the file'} does not fit: {error.message}",
-        todo=_meant(error) or "see docs/suites.md and docs/robots.md",
-    )
+    Raises `InputError` that names the entry below `place`, what it is and what it should be. An entry, a kind or a
+    choice that is not known is an `UnknownNameError` with the closest known ones; for the rest `todo` is the advice.
+    """
+    try:
+        made: T = msgspec.convert(data, kind)
+    except msgspec.ValidationError as error:
+        what, _, path = str(error).partition(" - at `$")
+        steps = _steps(data, re.findall(r"\.?([^.\[\]`]+|\.\.\.)", path), what)
+        with at(":".join([place, *_places(data, steps)])):
+            raise _misfit(data, kind, steps, what, todo) from error
+    return made
 
 
-def _meant(error: Any) -> str:
-    """The names that are closest to one that is not known here."""
-    if error.validator != "additionalProperties" or "properties" not in error.schema:
-        return ""
-    known = error.schema["properties"]
-    close = [name for each in error.instance if each not in known for name in get_close_matches(each, known, n=2)]
-    return f"did you mean {' or '.join(close)}?" if close else f"known here: {', '.join(known)}"
+def _steps(data: Any, path: list[str], what: str) -> list[str]:
+    """Return the keys of a path; msgspec has "..." for those of a mapping, where one holds what `what` quotes."""
+    quoted = re.search("'.*'", what)
+    steps = []
+    for step in path:
+        if step == "..." and quoted is not None and isinstance(data, Mapping):
+            step = next((str(key) for key, value in data.items() if quoted[0] in repr(value)), step)
+        steps.append(step)
+        data = _entry(data, step)
+    return steps
 
 
-def _of_the_kind(error: Any) -> Any:
-    """Of the ways in which a table fits none of several kinds, the one about the kind that it says it is."""
-    if error.validator != "oneOf" or not isinstance(error.instance, dict) or "kind" not in error.instance:
-        return error
-    wrong_kind = {part.schema_path[0] for part in error.context if list(part.relative_path) == ["kind"]}
-    of_its_kind = [part for part in error.context if part.schema_path[0] not in wrong_kind]
-    # A misspelt name is both unknown and missing: the unknown one is what the user wrote.
-    of_its_kind.sort(key=lambda part: part.validator != "additionalProperties")
-    return of_its_kind[0] if of_its_kind else error
+def _places(data: Any, steps: list[str]) -> Iterator[str]:
+    """Yield the way to an entry, as in ` case 'press'` and ` trajectory.depth`: an item of a list by its name."""
+    way = ""
+    for step in steps:
+        data = _entry(data, step)
+        names = [data[key] for key in ("name", "title", "label") if key in data] if isinstance(data, Mapping) else []
+        if step.isdigit() and names:
+            yield f" {way} '{names[0]}'"
+            way = ""
+        else:
+            way += f"[{step}]" if step.isdigit() else f".{step}" if way else step
+    if way:
+        yield f" {way}"
+
+
+def _entry(data: Any, step: str) -> Any:
+    try:
+        return data[int(step)] if isinstance(data, list) else data[step]
+    except (KeyError, IndexError, TypeError, ValueError):
+        return None
+
+
+def _misfit(data: Any, kind: Any, steps: list[str], what: str, todo: str) -> InputError:
+    """Return the error for the entry at `steps` of `data`, which msgspec refuses with the words `what`."""
+    value, expected = data, inspect.type_info(kind)
+    for step in steps:
+        expected, value = _expected(expected, value, step), _entry(value, step)
+    unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
+    if unknown:
+        struct = _of_kind(expected, value)
+        known = [each.encode_name for each in struct.fields] if isinstance(struct, inspect.StructType) else []
+        return UnknownNameError("entry", unknown[1], known)
+    choices = list(_choices(expected))
+    if what.startswith("Invalid") and choices:
+        return UnknownNameError("kind" if steps[-1:] == ["kind"] else "choice", str(value), choices)
+    shown = "" if isinstance(value, Mapping | list) or value is None else f", and it is {value!r}"
+    return InputError(what[0].lower() + what[1:] + shown, todo=todo)
+
+
+def _expected(expected: Any, value: Any, step: str) -> Any:
+    """Return the type of the entry `step` of a `value` of type `expected`, or None; of `kind` the whole union."""
+    expected = _of_kind(expected, value)
+    if isinstance(expected, inspect.StructType):
+        return next((each.type for each in expected.fields if each.encode_name == step), None)
+    if isinstance(expected, inspect.UnionType) and step == "kind":
+        return expected
+    return getattr(expected, "value_type", getattr(expected, "item_type", None))
+
+
+def _of_kind(expected: Any, value: Any) -> Any:
+    """Return which of several types a value is of, by its kind or its being a table or a list; else `expected`."""
+    if not isinstance(expected, inspect.UnionType):
+        return expected
+    structs = [each for each in expected.types if isinstance(each, inspect.StructType)]
+    tagged = [each for each in structs if isinstance(value, Mapping) and value.get(str(each.tag_field)) == each.tag]
+    lists = [each for each in expected.types if isinstance(value, list) and hasattr(each, "item_type")]
+    return next(iter(tagged + lists + structs[:1] * (len(structs) == 1)), expected)
+
+
+def _choices(expected: Any) -> Iterator[str]:
+    """Yield the kinds of tables, or the words, that a type allows."""
+    for each in expected.types if isinstance(expected, inspect.UnionType) else [expected]:
+        if isinstance(each, inspect.StructType) and each.tag is not None:
+            yield str(each.tag)
+        elif isinstance(each, inspect.LiteralType):
+            yield from map(str, each.values)
+        elif isinstance(each, inspect.EnumType):
+            yield from (str(choice.value) for choice in each.cls)

@@ -134,6 +134,17 @@ def blamed(
     return RendererError(what, tick=tick, hip=hip, why=why or origin(error), todo=todo)
 
 
+@contextmanager
+def at(place: str) -> Iterator[None]:
+    """Put the `place` (a file, a case in it) in front of what any `InputError` of the block says."""
+    try:
+        yield
+    except InputError as error:
+        error.what = f"{place}: {error.what}"
+        error.args = (error.what,)
+        raise
+
+
 def described(error: BaseException) -> str:
     """Return the type and the text of an exception of foreign code, whose text may not be readable or printable."""
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 import os
 import re
@@ -10,12 +11,13 @@ import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
-from hapticeval.errors import InputError
+from hapticeval.errors import HapticevalError, InputError
 
+T = TypeVar("T")
 SAFE = re.compile(r"[a-z0-9][a-z0-9._-]{0,59}")
 
 
@@ -123,3 +125,64 @@ def without_non_finite(value: Any, place: str = "value") -> tuple[Any, list[str]
             lost += more
         return items, lost
     return value, lost
+
+
+def write_json(path: Path, document: Any) -> Path:
+    """Write a typed `document` as JSON, whole or not at all, and return the path; null stands for non-finite numbers.
+
+    Raises `InputError` for a document that its type would not take, and `HapticevalError` where it cannot be written.
+    """
+    import msgspec
+
+    from hapticeval.documents import convert
+
+    text = msgspec.json.encode(document)
+    convert(json.loads(text), type(document), path.name)
+    try:
+        with replacing(path) as temporary:
+            temporary.write_bytes(msgspec.json.format(text, indent=1) + b"\n")
+    except OSError as error:
+        raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
+    return path
+
+
+def read_json(path: Path, kind: type[T], *, version: int, command: str) -> T:
+    """Read a document of type `kind` that `hapticeval COMMAND -o FOLDER` wrote into its folder.
+
+    Raises `InputError`, naming file and place, for a folder or file that is not there, JSON that is broken, another
+    `format_version` than `version`, and what does not fit the type.
+    """
+    folder = path.parent
+    todo = f"name the folder that `hapticeval {command} -o` wrote"
+    again = f"run `hapticeval {command}` again: the file was cut, damaged or edited"
+    if not folder.is_dir():
+        why = "it is a file" if folder.exists() else "there is no such folder"
+        raise InputError(f"no result folder '{folder}'", why=why, todo=todo)
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_constant)
+    except FileNotFoundError as error:
+        raise InputError(
+            f"'{folder}' holds no {path.name}", why=f"`hapticeval {command}` writes it", todo=todo
+        ) from error
+    except OSError as error:
+        raise InputError(f"cannot read {path}", why=error.strerror or str(error)) from error
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise InputError(f"{path} is not JSON: {place}", why=error.msg, todo=again) from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path} is not JSON text", why=str(error), todo=again) from error
+    found = document.get("format_version") if isinstance(document, dict) else version
+    if found != version:
+        newer = isinstance(found, int) and found > version
+        raise InputError(
+            f"{path} has format {found!r}; this hapticeval reads format {version}",
+            why="a newer hapticeval wrote it" if newer else "no such format was released",
+            todo="update hapticeval" if newer else again,
+        )
+    from hapticeval.documents import convert
+
+    return convert(document, kind, str(path), todo=f"run `hapticeval {command}` again, or mend that entry")
+
+
+def _no_constant(name: str) -> NoReturn:
+    raise ValueError(f"it holds {name}, which is no JSON number")

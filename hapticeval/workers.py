@@ -17,7 +17,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
-from types import TracebackType
 from typing import Any, Generic, NamedTuple, TypeVar, cast
 
 T = TypeVar("T")
@@ -52,7 +51,8 @@ class _Worker:
 class Workers(Generic[T]):
     """Up to `count` processes that call `function`; leaving the `with` ends them, whatever they are at.
 
-    They ignore Ctrl-C, which reaches the whole process group: only the parent decides what it means.
+    They ignore Ctrl-C, which reaches the whole process group: only the parent decides what it means. With a count of 0
+    a call is made here and now: Ctrl-C then ends it as anywhere.
     """
 
     def __init__(self, function: Callable[..., T], count: int) -> None:
@@ -60,27 +60,37 @@ class Workers(Generic[T]):
         self._count = count
         self._idle: list[_Worker] = []
         self._at: dict[int, _Worker] = {}
+        self._here: list[Answer[T]] = []
 
     def __enter__(self) -> Workers[T]:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.stop()
+    def __exit__(self, *_: object) -> None:
+        for worker in self._at.values():
+            _kill(worker)
+        for worker in self._idle:
+            worker.pipe.close()
+        for worker in self._idle:
+            worker.process.join(GRACE)
+            _kill(worker)
+        self._at.clear()
+        self._idle.clear()
 
     @property
     def busy(self) -> int:
         """How many calls have begun, of which no answer has been taken."""
-        return len(self._at)
+        return len(self._at) + len(self._here)
 
     @property
     def free(self) -> int:
         """How many more calls may begin now."""
-        return self._count - len(self._at)
+        return max(self._count, 1) - self.busy
 
     def begin(self, call: int, *arguments: Any) -> None:
         """Have a free process, or a new one, call the function."""
+        if self._count == 0:
+            self._here.append(Answer(call, *_called(self._function, arguments)))
+            return
         while True:
             worker = self._idle.pop() if self._idle else self._new()
             try:
@@ -95,33 +105,21 @@ class Workers(Generic[T]):
             return
 
     def answers(self, timeout: float | None = None) -> list[Answer[T]]:
-        """The answers that there are, after waiting for the first, for at most `timeout` seconds where it is given."""
+        """Return the answers that there are, after waiting for the first, for at most `timeout` seconds if given."""
+        found, self._here = self._here, []
         calls = {worker.pipe: call for call, worker in self._at.items()}
-        found: list[Answer[T]] = []
-        for pipe in multiprocessing.connection.wait(list(calls), timeout):
+        for pipe in multiprocessing.connection.wait(list(calls), timeout) if calls else ():
             call = calls[cast("Connection", pipe)]
             worker = self._at.pop(call)
             try:
-                told = worker.pipe.recv_bytes()
+                answer = worker.pipe.recv_bytes()
             except (EOFError, OSError):  # in the middle of an answer, or before
                 _kill(worker)
                 found.append(Answer(call, None, Ended()))
             else:
                 self._idle.append(worker)
-                found.append(Answer(call, *pickle.loads(told)))
+                found.append(Answer(call, *pickle.loads(answer)))
         return found
-
-    def stop(self) -> None:
-        """End every process: at once those that are at a call, and soon those that are not."""
-        for worker in self._at.values():
-            _kill(worker)
-        for worker in self._idle:
-            worker.pipe.close()
-        for worker in self._idle:
-            worker.process.join(GRACE)
-            _kill(worker)
-        self._at.clear()
-        self._idle.clear()
 
     def _new(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()
@@ -143,22 +141,31 @@ def _serve(pipe: Connection, others: Connection, function: Callable[..., Any]) -
     others.close()  # else this process would keep its own pipe open
     try:
         while True:
-            pipe.send_bytes(_called(function, pipe.recv_bytes()))
+            pipe.send_bytes(_packed(*_called(function, pickle.loads(pipe.recv_bytes()))))
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
 
 
-def _called(function: Callable[..., Any], arguments: bytes) -> bytes:
-    """Value and error, ready to travel. An error that cannot is told by its traceback."""
+def _called(function: Callable[..., T], arguments: tuple[Any, ...]) -> tuple[T | None, Exception | None]:
+    """Return the value, or the error that was raised."""
     try:
-        return pickle.dumps((function(*pickle.loads(arguments)), None))
+        return function(*arguments), None
+    except Exception as error:
+        return None, error
+
+
+def _packed(value: Any, error: Exception | None) -> bytes:
+    """Return value and error, ready to travel; what cannot becomes an error with its traceback as text."""
+    try:
+        if error is None:
+            return pickle.dumps((value, None))
     except Exception as raised:
-        error: Exception = raised
-    told = "".join(traceback.format_exception(error))
-    error.add_note(f"in another process:\n{told}")
+        error = raised
+    text = "".join(traceback.format_exception(error))
+    error.add_note(f"in another process:\n{text}")
     try:
         answer = pickle.dumps((None, error))
         pickle.loads(answer)
     except Exception:
-        answer = pickle.dumps((None, RuntimeError(told)))
+        answer = pickle.dumps((None, RuntimeError(text)))
     return answer

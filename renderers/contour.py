@@ -229,7 +229,7 @@ def _kept_contour(model: Model, shape: tuple[int, int]) -> tuple[Contour, Curve,
                 why=f"of its zero contour: {error.what}; {error.why}",
                 todo=REFINE,
             ) from error
-        curve, standoff = outline.as_curve(), outline.standoff_from(model.curve)
+        curve, standoff = outline, outline.standoff_from(model.curve)
         if standoff > LOST * level_set.cell:
             raise RefusalError(
                 f"model '{model.name}' loses a part on a level set of {shape[0]} by {shape[1]} nodes: the contour is "

@@ -270,7 +270,7 @@ def straight(curve: Curve) -> bool:
 
 
 def _of_polygon(polygon: Polygon) -> Boundary:
-    pieces = for_kernels(polygon.as_curve().pieces)
+    pieces = for_kernels(polygon.pieces)
     count = pieces.shape[0]
     return Boundary(
         pieces,
@@ -421,9 +421,7 @@ def outline_of(model: Model, representation: str, vertices: int = VERTICES) -> O
             kept[key] = Outline(boundary_of(model.polygon()), curve, 0.0, 0.0)
         elif curve.closed and representation == "polygon":
             polygon = model.polygon(vertices)
-            kept[key] = Outline(
-                boundary_of(polygon), polygon.as_curve(), polygon.resolution, polygon.standoff_from(curve)
-            )
+            kept[key] = Outline(boundary_of(polygon), polygon, polygon.resolution, polygon.standoff_from(curve))
         else:
             kept[key] = Outline(boundary_of(curve), curve, 0.0, 0.0)
     return kept[key]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.surface import Surface
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.types import Array, BoolArray
 
 
@@ -31,7 +30,7 @@ class Projection(Protocol):
     standoff: float
 
     @property
-    def surface(self) -> Curve | Surface:
+    def surface(self) -> Boundary:
         """The curve, or surface in space, that is really rendered."""
 
     def reset(self, hip: Array) -> None:

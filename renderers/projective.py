@@ -8,8 +8,7 @@ from operator import sub
 import numpy as np
 
 from hapticeval.errors import RefusalError
-from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.surface import Surface
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.renderer import CompiledLaw, Declaration, Response
 from hapticeval.renderers.projection import Bending, Projection
 from hapticeval.renderers.regulation import Components, Regulation
@@ -41,7 +40,7 @@ class ProjectiveRenderer:
         self._error: list[float] | None = None
 
     @property
-    def surface(self) -> Curve | Surface:
+    def surface(self) -> Boundary:
         """The curve, or surface in space, that is really rendered."""
         return self.projection.surface
 

@@ -34,9 +34,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from hapticeval.errors import RefusalError
-from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.curve import Curve, as_curve
 from hapticeval.geometry.model import Model
-from hapticeval.geometry.polygon_kernels import nearest_many
+from hapticeval.geometry.polygon_kernels import signed_distances
 from hapticeval.renderers.outline import boundary_of
 from hapticeval.renderers.projection import Projected, Projection
 from hapticeval.renderers.table import ASK, CELL, EDGE, HELD, MARKED, TOUCHES, Table, empty, grid_over
@@ -85,16 +85,17 @@ def source_of(projection: Projection) -> Source:
     outline = boundary_of(curve_of(projection))
 
     def distance(points: Array) -> Array:
-        return nearest_many(outline.vertices, outline.tree, points)[2]
+        return signed_distances(outline.vertices, outline.tree, points)
 
     return Source(project=project, distance=distance, stray=outline.stray)
 
 
 def curve_of(projection: Projection) -> Curve:
     """The plane curve that a projection renders. Raises `RefusalError` in space: these tables are of the plane."""
-    if not isinstance(projection.surface, Curve):
+    curve = as_curve(projection.surface)
+    if curve is None:
         raise RefusalError("a table of a surface in space", why="look-up tables are made of plane projections only")
-    return projection.surface
+    return curve
 
 
 def tabulate(projection: Projection, *, cell: float = CELL, everywhere: bool = False) -> Table:

@@ -8,10 +8,11 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hapticeval.quantity import quantity
 from hapticeval.reports.table import Cell, cell_of
+from hapticeval.runner.results import RunEntry, VerdictEntry
 
 if TYPE_CHECKING:
     from hapticeval.closed_forms.form import ClosedForm
@@ -48,7 +49,7 @@ class Measured:
 class CaseTable:
     """One case; `table` is the number of the thesis's, `letters` says what all the formulas mean."""
 
-    case: Mapping[str, Any]
+    case: RunEntry
     letters: str
     times: Sequence[str]
     rows: Sequence[Measured]
@@ -66,35 +67,35 @@ class CaseTable:
 
 
 def closed_form_tables(
-    runs: Sequence[Mapping[str, Any]],
-    verdicts: Sequence[Mapping[str, Any]],
+    runs: Sequence[RunEntry],
+    verdicts: Sequence[VerdictEntry],
     names: Sequence[str],
     anchors: Mapping[int, str],
 ) -> list[CaseTable]:
     """A table for each case that has verdicts of the check; those that cite a table come first, by its number."""
-    cases = {(run["suite"], run["case"]): run for run in runs}
+    cases = {(run.suite, run.case): run for run in runs}
     grouped: dict[tuple[str, str], list[Measured]] = {}
     for verdict in verdicts:
-        if verdict["check"] == CHECK and verdict["outcome"] != "not-applicable":
-            row = _measured(verdict, names.index(verdict["renderer"]), anchors[id(verdict)])
-            grouped.setdefault((verdict["suite"], verdict["case"]), []).append(row)
+        if verdict.check == CHECK and verdict.outcome != "not-applicable":
+            row = _measured(verdict, names.index(verdict.renderer), anchors[id(verdict)])
+            grouped.setdefault((verdict.suite, verdict.case), []).append(row)
     tables = []
     for key, rows in grouped.items():
         run = cases[key]
         meanings = dict.fromkeys(filter(None, (row.letters for row in rows)))
         times = next((row.times for row in rows if row.times), ())
-        cited = re.search(r"Table (\d+\.\d+)", run["citation"] or "")
+        cited = re.search(r"Table (\d+\.\d+)", run.citation or "")
         tables.append(CaseTable(run, " ".join(meanings), times, rows, cited[1] if cited else ""))
     return sorted(tables, key=lambda table: (not table.table, table.table))
 
 
-def _measured(verdict: Mapping[str, Any], column: int, anchor: str) -> Measured:
-    evidence, metric = verdict["evidence"], verdict["metric"]
+def _measured(verdict: VerdictEntry, column: int, anchor: str) -> Measured:
+    evidence, metric = verdict.evidence, verdict.metric
     moments = evidence.get("moments", ())
     law = evidence.get("law", "")
     form = _form(law)
     return Measured(
-        renderer=verdict["renderer"],
+        renderer=verdict.renderer,
         column=column,
         anchor=anchor,
         law=law,
@@ -106,10 +107,10 @@ def _measured(verdict: Mapping[str, Any], column: int, anchor: str) -> Measured:
         places=[
             (f"{moment['time']:.4g} s", _place(moment["measured"]), _place(moment["closed_form"])) for moment in moments
         ],
-        apart="" if metric is None else _small(metric["value"]),
-        tolerance="" if verdict["bound"] is None else _small(verdict["bound"]),
+        apart="" if metric is None else _small(metric.value),
+        tolerance="" if verdict.bound is None else _small(verdict.bound),
         sampled=_small(evidence["sampled_apart_m"]) if "sampled_apart_m" in evidence else "",
-        message="" if moments else verdict["message"],
+        message="" if moments else verdict.message,
         cell=cell_of(verdict),
     )
 

@@ -23,6 +23,7 @@ from hapticeval.types import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 BUCKETS = 140
 
@@ -35,21 +36,33 @@ def figure_svg(
     Of a recording in 3D the two coordinates in which it moves most are drawn, and all three force components.
     """
     with figure(8.0, 3.5, page=True) as made:
-        plane = made.add_axes((0.08, 0.12, 0.405, 0.79))
-        force = made.add_axes((0.59, 0.45, 0.39, 0.46))
-        below = made.add_axes((0.59, 0.12, 0.39, 0.225))
-        ticks = {mark.number: int(np.argmin(np.abs(recording.time - mark.time))) for mark in marks}
-        failed = {mark.number for mark in marks if mark.failed}
-        draw_plane(plane, recording, model, ticks=ticks, failed=failed)
-        _draw_force(force, recording)
-        _draw_below(below, recording)
-        force.tick_params(labelbottom=False)
-        below.set_xlabel("time (s)")
-        force.yaxis.set_label_coords(-0.125, 0.5)
-        below.yaxis.set_label_coords(-0.125, 0.5)
-        for axes in (force, below):
-            _finish_time_axes(axes, recording, marks, numbered=axes is force)
+        _draw(made, recording, model, marks)
         return page_svg(made, prefix=prefix, title=title)
+
+
+def run_figure(recording: Recording, model: Model | None, *, marks: Sequence[Mark] = (), title: str = "") -> Figure:
+    """Return the same as a figure of matplotlib, under a title."""
+    with figure(8.0, 3.7) as made:
+        _draw(made, recording, model, marks)
+        made.suptitle(title, y=0.99, fontsize="medium")
+        return made
+
+
+def _draw(made: Figure, recording: Recording, model: Model | None, marks: Sequence[Mark]) -> None:
+    plane = made.add_axes((0.08, 0.12, 0.405, 0.79))
+    force = made.add_axes((0.59, 0.45, 0.39, 0.46))
+    below = made.add_axes((0.59, 0.12, 0.39, 0.225))
+    ticks = {mark.number: int(np.argmin(np.abs(recording.time - mark.time))) for mark in marks}
+    failed = {mark.number for mark in marks if mark.failed}
+    draw_plane(plane, recording, model, ticks=ticks, failed=failed)
+    _draw_force(force, recording)
+    _draw_below(below, recording)
+    force.tick_params(labelbottom=False)
+    below.set_xlabel("time (s)")
+    force.yaxis.set_label_coords(-0.125, 0.5)
+    below.yaxis.set_label_coords(-0.125, 0.5)
+    for axes in (force, below):
+        _finish_time_axes(axes, recording, marks, numbered=axes is force)
 
 
 def _draw_force(axes: Axes, recording: Recording) -> None:

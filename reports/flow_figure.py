@@ -25,12 +25,12 @@ def write_flow(
     """
     from matplotlib.collections import LineCollection
 
-    xmin, ymin, xmax, ymax = (MM * bound for bound in model.curve.bounds)
+    xmin, ymin, xmax, ymax = (MM * bound for bound in model.boundary.bounds)
     pad = 0.03 * max(xmax - xmin, ymax - ymin)
     tall = 5.5 * (ymax - ymin + 2 * pad) / (xmax - xmin + 2 * pad)
     with figure(6.3, tall + 1.3, settings=BOXED) as made:
         axes = made.add_axes((0.65 / 6.3, 0.85 / (tall + 1.3), 5.5 / 6.3, tall / (tall + 1.3)))
-        outline = MM * model.curve.outline(max(2000, 8 * len(model.curve.corners)))
+        outline = MM * model.boundary.points(max(2000, 8 * len(model.boundary.corners)))
         axes.fill(outline[:, 0], outline[:, 1], facecolor=COLOURS["model"], edgecolor="none")
         axes.plot(outline[:, 0], outline[:, 1], color=INK, linewidth=1.3, zorder=3)
         if flow is not None:

@@ -9,34 +9,31 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
-from typing import Any
 
 from hapticeval.quantity import quantity
 from hapticeval.reports.scene_words import ended_words
 from hapticeval.reports.table import ran
-from hapticeval.runner.results import Results, is_warning, stops
+from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 
 NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def junit(results: Results) -> str:
+def junit(results: ResultsDocument) -> str:
     """The XML text; an incomplete run has a testcase of its own that is in error and says why."""
-    root = ET.Element("testsuites", name="hapticeval", time=f"{results.timing['wall_seconds'] or 0.0:.3f}")
+    root = ET.Element("testsuites", name="hapticeval", time=f"{results.timing.wall_seconds:.3f}")
     suites: dict[tuple[str, str], ET.Element] = {}
-    ended = {(run["suite"], run["case"], run["renderer"]): ended_words(run) for run in results.runs}
-    seen = {(verdict["suite"], verdict["case"], verdict["renderer"]) for verdict in results.verdicts}
+    ended = {run.key: ended_words(run) for run in results.runs}
+    seen = {verdict.key for verdict in results.verdicts}
     for run in results.runs:
         suite = _suite(root, suites, run)
-        suite.set("time", f"{float(suite.get('time', '0')) + (run['wall_seconds'] or 0.0):.3f}")
-        if run["error"] and (run["suite"], run["case"], run["renderer"]) not in seen:
-            error = run["error"]
+        suite.set("time", f"{float(suite.get('time', '0')) + (run.wall_seconds):.3f}")
+        if run.error and run.key not in seen:
+            error = run.error
             case = _case(suite, run, "run")
-            _say(case, "error", error["what"], "\n".join(filter(None, (error["why"], error["todo"]))))
+            _say(case, "error", error.what, "\n".join(filter(None, (error.why, error.todo))))
     for verdict in results.verdicts:
-        key = (verdict["suite"], verdict["case"], verdict["renderer"])
-        case = _case(_suite(root, suites, verdict), verdict, verdict["check"])
-        _tell(case, verdict, ended.get(key, ""), stopped=stops(results, verdict))
+        case = _case(_suite(root, suites, verdict), verdict, verdict.check)
+        _tell(case, verdict, ended.get(verdict.key, ""), stopped=results.stops(verdict))
     if not results.complete:
         suite = ET.SubElement(root, "testsuite", name="hapticeval: completeness", time="0")
         case = ET.SubElement(suite, "testcase", classname="hapticeval", name="every planned verdict ran")
@@ -49,23 +46,23 @@ def junit(results: Results) -> str:
     return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _suite(root: ET.Element, suites: dict[tuple[str, str], ET.Element], of: Mapping[str, Any]) -> ET.Element:
-    key = (of["suite"], of["renderer"])
+def _suite(root: ET.Element, suites: dict[tuple[str, str], ET.Element], of: RunEntry | VerdictEntry) -> ET.Element:
+    key = (of.suite, of.renderer)
     if key not in suites:
-        suites[key] = ET.SubElement(root, "testsuite", name=_clean(f"{of['suite']}: {of['renderer']}"), time="0")
+        suites[key] = ET.SubElement(root, "testsuite", name=_clean(f"{of.suite}: {of.renderer}"), time="0")
     return suites[key]
 
 
-def _case(suite: ET.Element, of: Mapping[str, Any], name: str) -> ET.Element:
+def _case(suite: ET.Element, of: RunEntry | VerdictEntry, name: str) -> ET.Element:
     """The renderer is a part of the name: CI services tell testcases apart by class and name alone."""
-    classname, name = _clean(f"{of['suite']}.{of['case']}"), _clean(f"{name} [{of['renderer']}]")
+    classname, name = _clean(f"{of.suite}.{of.case}"), _clean(f"{name} [{of.renderer}]")
     return ET.SubElement(suite, "testcase", classname=classname, name=name)
 
 
-def _tell(case: ET.Element, verdict: Mapping[str, Any], ended: str, *, stopped: bool) -> None:
-    outcome, published = verdict["outcome"], verdict["published"]
+def _tell(case: ET.Element, verdict: VerdictEntry, ended: str, *, stopped: bool) -> None:
+    outcome, published = verdict.outcome, verdict.published
     figures = measured(verdict)
-    text = verdict["message"] + (f" ({figures})" if figures else "") + (f"; the run {ended}" if ended else "")
+    text = verdict.message + (f" ({figures})" if figures else "") + (f"; the run {ended}" if ended else "")
     if outcome == "error":
         _say(case, "error", text)
     elif stopped:
@@ -74,10 +71,10 @@ def _tell(case: ET.Element, verdict: Mapping[str, Any], ended: str, *, stopped: 
             case, "failure", differs + text, "" if published is None else "The outcome differs from the published one."
         )
     elif outcome in ("inconclusive", "not-applicable"):
-        _say(case, "skipped", f"{'warning: ' * is_warning(verdict)}{outcome}: {text}")
+        _say(case, "skipped", f"{'warning: ' * verdict.warns}{outcome}: {text}")
     elif outcome == "fail":
-        why = "fails, as known" if published else f"fails; level {verdict['level']} stops no gate"
-        why = f"{'warning: ' * is_warning(verdict)}{why}"
+        why = "fails, as known" if published else f"fails; level {verdict.level} stops no gate"
+        why = f"{'warning: ' * verdict.warns}{why}"
         ET.SubElement(case, "system-out").text = _clean(f"{why}: {text}")
 
 
@@ -99,10 +96,10 @@ def _clean(text: str) -> str:
     return NOT_XML.sub("\ufffd", text)
 
 
-def measured(verdict: Mapping[str, Any]) -> str:
+def measured(verdict: VerdictEntry) -> str:
     """Return metric and bound of a verdict document, for instance `IHIP jump 4.1 mm, bound 0.1 mm`; "" without one."""
-    metric = verdict["metric"]
+    metric = verdict.metric
     if metric is None:
         return ""
-    text = f"{metric['name']} {quantity(metric['value'], metric['unit'])}"
-    return text if verdict["bound"] is None else f"{text}, bound {quantity(verdict['bound'], metric['unit'])}"
+    text = f"{metric.name} {quantity(metric.value, metric.unit)}"
+    return text if verdict.bound is None else f"{text}, bound {quantity(verdict.bound, metric.unit)}"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from hapticeval.runner.results import VerdictEntry
 from hapticeval.types import Array
 
 
@@ -20,11 +20,11 @@ class Mark:
     failed: bool
 
 
-def marks_of(verdicts: Sequence[Mapping[str, Any]]) -> dict[str, Mark]:
+def marks_of(verdicts: Sequence[VerdictEntry]) -> dict[str, Mark]:
     """The marks of one run's verdicts, by check; verdicts whose evidence names no time have none."""
-    timed = [verdict for verdict in verdicts if type(verdict["evidence"].get("time")) in (int, float)]
+    timed = [verdict for verdict in verdicts if type(verdict.evidence.get("time")) in (int, float)]
     return {
-        verdict["check"]: Mark(number, float(verdict["evidence"]["time"]), verdict["outcome"] == "fail")
+        verdict.check: Mark(number, float(verdict.evidence["time"]), verdict.outcome == "fail")
         for number, verdict in enumerate(timed, start=1)
     }
 

@@ -62,7 +62,7 @@ def draw_plane(
     if (
         model is not None
         and model.dimension == 2
-        and model.curve.closed
+        and model.boundary.closed
         and view[2] - view[0] < OVERVIEW_BELOW * model.size * MM
     ):
         _draw_overview(axes, corners.pop(0), model, view)
@@ -116,13 +116,14 @@ def solid(model: Model, view: Box) -> Geometry:
 
 
 def _ring(model: Model, view: Box) -> Array:
-    curve = model.curve
-    if curve.closed:
-        points = int(np.clip(curve.length * MM / (view[2] - view[0]) * 400.0, 400, 40_000))
-        return MM * curve.outline(max(points, 8 * len(curve.corners)))
+    boundary = model.boundary
+    if boundary.closed:
+        points = int(np.clip(boundary.girth * MM / (view[2] - view[0]) * 400.0, 400, 40_000))
+        return MM * boundary.points(max(points, 8 * len(boundary.corners)))
     centre = np.array([view[0] + view[2], view[1] + view[3]]) / 2.0
-    point, tangent = MM * curve.position(0.0), curve.tangent(0.0)
-    left = np.array([-tangent[1], tangent[0]])
+    frame = boundary.frame(centre[np.newaxis] / MM)
+    point, left = MM * frame.foot[0], -frame.normal[0]
+    tangent = np.array([left[1], -left[0]])
     far = 3.0 * (np.linalg.norm(centre - point) + view[2] - view[0] + view[3] - view[1])
     return np.array(
         [point - far * tangent, point + far * tangent, point + far * (tangent + left), point + far * (left - tangent)]
@@ -234,7 +235,7 @@ def _draw_overview(axes: Axes, corner: Corner, model: Model, view: Box) -> None:
     from matplotlib.patches import Rectangle
 
     inset = _inset(axes, corner)
-    bounds = MM * np.array(model.curve.bounds)
+    bounds = MM * np.array(model.boundary.bounds)
     whole = box_round(0.5 * (bounds[:2] + bounds[2:]), 1.15 * (bounds[2:] - bounds[:2]), shape_of(axes))
     _draw_body(inset, solid(model, whole), whole, linewidth=0.8)
     width, height = view[2] - view[0], view[3] - view[1]

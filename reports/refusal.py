@@ -10,7 +10,7 @@ from hapticeval.reports.svg import drawn
 
 def refusal_svg(model: Model, position: tuple[float, ...] | None, *, prefix: str = "f", title: str = "") -> str:
     """The model's outline as an SVG element, with a cross at `position` (m) where there is one."""
-    xmin, ymin, xmax, ymax = (MM * bound for bound in model.curve.bounds)
+    xmin, ymin, xmax, ymax = (MM * bound for bound in model.boundary.bounds)
     edge = 0.06 * max(xmax - xmin, ymax - ymin)
     view = (xmin - edge, ymin - edge, xmax + edge, ymax + edge)
     with figure(8.0, 2.8, page=True) as made:

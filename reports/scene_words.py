@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from typing import Any
 
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import make_effect
 from hapticeval.quantity import quantity
+from hapticeval.runner.results import RunEntry, SceneEntry
 
 GAINS = {"stiffness": "N/m", "damping": "N s/m", "mass": "kg", "restitution": ""}
 LOOPS = {
@@ -19,52 +18,52 @@ LOOPS = {
 FIGURES = re.compile(r"Figures? \d+\.\d+(?:(?:,| and| to) \d+\.\d+)*")
 
 
-def scene_words(run: Mapping[str, Any]) -> str:
+def scene_words(run: RunEntry) -> str:
     """The scene of a run document in one line, every number with its unit."""
-    scene = run["scene"]
-    words = [f"{name} {quantity(scene[name], unit)}" for name, unit in GAINS.items() if scene.get(name)]
+    scene = run.scene
+    words = [f"{name} {quantity(getattr(scene, name), unit)}" for name, unit in GAINS.items() if getattr(scene, name)]
     words += _effects(scene, of_surface=True)
-    if scene["sampling_time"]:
-        words.append(f"{1.0 / scene['sampling_time']:.4g} Hz")
-    return ", ".join([*words, "bilateral" if scene["bilateral"] else "unilateral"])
+    if scene.sampling_time:
+        words.append(f"{1.0 / scene.sampling_time:.4g} Hz")
+    return ", ".join([*words, "bilateral" if scene.bilateral else "unilateral"])
 
 
-def robot_words(run: Mapping[str, Any]) -> str:
+def robot_words(run: RunEntry) -> str:
     """The device of an experiment, its dynamics, inner loop and imperfections, in one line; "" where none is told."""
-    scene = run["scene"]
-    device = scene.get("device")
+    scene = run.scene
+    device = scene.device
     if device is None:
         return ""
-    words = [device["kind"]]
+    words = [device.kind]
     # The robot with a locked base has constant inertia: neither choice makes any difference to it.
-    if device["kind"] == "parallelogram-3dof":
+    if device.kind == "parallelogram-3dof":
         dynamics = {"lagrangian": "Lagrangian dynamics", "printed": "dynamics as printed (2.26)"}
-        words += [dynamics.get(device["dynamics"], device["dynamics"]), f"d₀ with {device['base_inertia']}² x₃"]
-    if device["kind"] != "point-mass" and "inner_loop" in scene:
-        words.append(LOOPS[scene["inner_loop"]])
+        words += [dynamics.get(device.dynamics or "", device.dynamics or ""), f"d₀ with {device.base_inertia}² x₃"]
+    if device.kind != "point-mass" and scene.inner_loop is not None:
+        words.append(LOOPS[scene.inner_loop])
     wrong = _effects(scene, of_surface=False)
     return f"{', '.join(words)}; {', '.join(wrong) if wrong else 'no imperfections'}"
 
 
-def _effects(scene: Mapping[str, Any], *, of_surface: bool) -> list[str]:
+def _effects(scene: SceneEntry, *, of_surface: bool) -> list[str]:
     """Describe each effect that the scene calls for, of the surface or of the robot."""
-    turning = scene.get("device", {}).get("kind") != PointMass.name
-    found = (make_effect(each) for each in scene.get("effects", ()))
+    turning = scene.device is not None and scene.device.kind != PointMass.name
+    found = (make_effect(each) for each in scene.effects)
     return [each.describe(turning=turning) for each in found if (each.stage is None) == of_surface]
 
 
-def ended_words(run: Mapping[str, Any]) -> str:
+def ended_words(run: RunEntry) -> str:
     """When and why a run ended before its time, in one sentence; "" where it did not."""
-    ended = run.get("ended")
+    ended = run.ended
     if not ended:
         return ""
-    why = f" ({ended['why']})" if ended["why"] else ""
-    return f"ended early at t = {ended['time']:.4g} s, tick {ended['tick']}: {ended['what']}{why}"
+    why = f" ({ended.why})" if ended.why else ""
+    return f"ended early at t = {ended.time:.4g} s, tick {ended.tick}: {ended.what}{why}"
 
 
-def figures_cited(run: Mapping[str, Any]) -> str:
+def figures_cited(run: RunEntry) -> str:
     """The figures of the thesis that a case's citation names, for instance "Figures 6.22 and 7.3"; "" for none."""
-    found = [each.split(" ", 1)[1] for each in FIGURES.findall(run["citation"] or "")]
+    found = [each.split(" ", 1)[1] for each in FIGURES.findall(run.citation or "")]
     if not found:
         return ""
     several = len(found) > 1 or not re.fullmatch(r"\d+\.\d+", found[0])

@@ -42,5 +42,5 @@ def shadow_of(model: Model, axes: tuple[int, int], scale: float) -> Geometry:
     """The outline that a model in space casts: all of ours are round enough for the hull of their points."""
     import shapely
 
-    hull: Geometry = shapely.MultiPoint(scale * model.surface.points(POINTS)[:, list(axes)]).convex_hull
+    hull: Geometry = shapely.MultiPoint(scale * model.boundary.points(POINTS)[:, list(axes)]).convex_hull
     return hull

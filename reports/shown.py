@@ -13,7 +13,7 @@ from hapticeval.reports.replay_section import Section as ReplaySection
 from hapticeval.reports.replay_section import replay_section
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
 from hapticeval.reports.table import Cell, cell_of
-from hapticeval.runner.results import Results
+from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 
 RunKey = tuple[str, str, str]
 """Suite, case, renderer."""
@@ -37,7 +37,7 @@ class Shown:
     """A verdict as the page shows it; `bar` is metric / (metric + bound), so that the bound is always at one half."""
 
     cell: Cell
-    document: Mapping[str, Any]
+    document: VerdictEntry
     anchor: str
     metric: str
     bound: str
@@ -51,7 +51,7 @@ class Shown:
 class ShownRun:
     """One renderer in one case."""
 
-    document: Mapping[str, Any]
+    document: RunEntry
     anchor: str
     column: int
     drawing: Drawing
@@ -61,21 +61,21 @@ class ShownRun:
     @property
     def judged(self) -> Sequence[Shown]:
         """The verdicts but those that lack a channel."""
-        return [shown for shown in self.verdicts if "lacks" not in shown.document["evidence"]]
+        return [shown for shown in self.verdicts if "lacks" not in shown.document.evidence]
 
     @property
     def lacking(self) -> Mapping[str, Sequence[Shown]]:
         """By channel, the verdicts that could not be reached for want of it: they are told in one line."""
         found: dict[str, list[Shown]] = {}
         for shown in self.verdicts:
-            if "lacks" in shown.document["evidence"]:
-                found.setdefault(shown.document["evidence"]["lacks"], []).append(shown)
+            if "lacks" in shown.document.evidence:
+                found.setdefault(shown.document.evidence["lacks"], []).append(shown)
         return found
 
     @property
     def unexpected(self) -> bool:
         """Whether anything here calls for attention."""
-        return bool(self.document["error"]) or any(not shown.cell.as_expected for shown in self.verdicts)
+        return bool(self.document.error) or any(not shown.cell.as_expected for shown in self.verdicts)
 
     @property
     def failing(self) -> bool:
@@ -91,7 +91,7 @@ class ShownCase:
     """
 
     anchor: str
-    document: Mapping[str, Any]
+    document: RunEntry
     model: str
     scene: str
     robot: str
@@ -103,7 +103,7 @@ class ShownCase:
     @property
     def folded(self) -> bool:
         """Whether its runs are told one by one only on demand: nothing is judged, and one figure shows them all."""
-        return not self.document["judged"] and self.comparison is not None and bool(self.comparison.svg)
+        return not self.document.judged and self.comparison is not None and bool(self.comparison.svg)
 
     @property
     def charted(self) -> bool:
@@ -117,25 +117,25 @@ class ShownCase:
 
 
 def shown_cases(
-    results: Results, names: Sequence[str], drawings: Mapping[RunKey, Drawing], anchors: Mapping[int, str]
+    results: ResultsDocument, names: Sequence[str], drawings: Mapping[RunKey, Drawing], anchors: Mapping[int, str]
 ) -> list[ShownCase]:
     """Every case of the results in the order in which they ran."""
-    verdicts: dict[RunKey, list[Mapping[str, Any]]] = {}
+    verdicts: dict[RunKey, list[VerdictEntry]] = {}
     for verdict in results.verdicts:
-        verdicts.setdefault((verdict["suite"], verdict["case"], verdict["renderer"]), []).append(verdict)
+        verdicts.setdefault((verdict.suite, verdict.case, verdict.renderer), []).append(verdict)
     grouped: dict[tuple[str, str], list[ShownRun]] = {}
     for index, run in enumerate(results.runs):
-        key = (run["suite"], run["case"], run["renderer"])
+        key = (run.suite, run.case, run.renderer)
         given = verdicts.get(key, [])
         marks = marks_of(given)
         grouped.setdefault(key[:2], []).append(
             ShownRun(
                 run,
                 f"r{index}",
-                names.index(run["renderer"]),
+                names.index(run.renderer),
                 drawings.get(key, Drawing(problem="no recording was kept")),
                 ended_words(run),
-                [_shown(verdict, anchors[id(verdict)], marks.get(verdict["check"])) for verdict in given],
+                [_shown(verdict, anchors[id(verdict)], marks.get(verdict.check)) for verdict in given],
             )
         )
     return [
@@ -154,9 +154,9 @@ def shown_cases(
     ]
 
 
-def _shown(verdict: Mapping[str, Any], anchor: str, mark: Mark | None) -> Shown:
-    metric, bound, margin = verdict["metric"] or {}, verdict["bound"], verdict["margin"]
-    unit, value = metric.get("unit", ""), metric.get("value")
+def _shown(verdict: VerdictEntry, anchor: str, mark: Mark | None) -> Shown:
+    metric, bound, margin = verdict.metric, verdict.bound, verdict.margin
+    unit, value = ("", None) if metric is None else (metric.unit, metric.value)
     comparable = value is not None and bound is not None and value >= 0.0 and bound >= 0.0 and value + bound > 0.0
     return Shown(
         cell=cell_of(verdict),
@@ -167,7 +167,7 @@ def _shown(verdict: Mapping[str, Any], anchor: str, mark: Mark | None) -> Shown:
         margin="" if margin is None else quantity(margin, unit),
         bar=value / (value + bound) if comparable else None,
         mark=mark,
-        evidence=[(name, _brief(each)) for name, each in verdict["evidence"].items()],
+        evidence=[(name, _brief(each)) for name, each in verdict.evidence.items()],
     )
 
 
@@ -188,9 +188,8 @@ def _rounded(value: Any) -> Any:
     return value
 
 
-def _model(run: Mapping[str, Any]) -> str:
+def _model(run: RunEntry) -> str:
     """The model in a few words; an imported outline has thousands of numbers."""
-    rest = {name: each for name, each in run["model"].items() if name != "kind"}
-    rest = rest.get("parameters", rest)
-    words = ", ".join(f"{name} {_brief(each)}" for name, each in rest.items())
-    return f"{run['model']['kind']}{f' ({words})' if words else ''}" if len(words) < 120 else run["model"]["kind"]
+    words = ", ".join(f"{name} {_brief(each)}" for name, each in run.model_parameters.items())
+    kind = str(run.model["kind"])
+    return f"{kind} ({words})" if 0 < len(words) < 120 else kind

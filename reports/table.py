@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
 
 from hapticeval.reports.scene_words import ended_words
-from hapticeval.runner.results import Results, is_warning
+from hapticeval.runner.results import ResultsDocument, SuiteEntry, VerdictEntry
 
 SYMBOLS: Mapping[str, str] = MappingProxyType(
     {"pass": "✓", "fail": "✗", "inconclusive": "?", "not-applicable": "-", "error": "!"}
@@ -30,7 +29,7 @@ class Cell:
     outcome: str
     published: str | None
     as_expected: bool
-    verdict: Mapping[str, Any]
+    verdict: VerdictEntry
 
     @property
     def symbol(self) -> str:
@@ -42,7 +41,7 @@ class Cell:
         """How the outcome compares with what was to be expected."""
         if self.published is not None:
             return "as known" if self.outcome == self.published else "differs"
-        if is_warning(self.verdict):
+        if self.verdict.warns:
             return "warning"
         return "" if self.as_expected else "unexpected"
 
@@ -66,38 +65,38 @@ class SummaryRow:
     cells: tuple[tuple[str | None, str | None], ...]
 
 
-def renderers(results: Results) -> list[str]:
+def renderers(results: ResultsDocument) -> list[str]:
     """Every renderer of the results, in the order in which they ran."""
     tables = (name for row in results.table.values() for name in row)
-    return list(dict.fromkeys([*(run["renderer"] for run in results.runs), *_named(results.verdicts), *tables]))
+    return list(dict.fromkeys([*(run.renderer for run in results.runs), *_named(results.verdicts), *tables]))
 
 
-def _named(verdicts: Iterable[Mapping[str, Any]]) -> Iterable[str]:
-    return (verdict["renderer"] for verdict in verdicts)
+def _named(verdicts: Iterable[VerdictEntry]) -> Iterable[str]:
+    return (verdict.renderer for verdict in verdicts)
 
 
-def cell_of(verdict: Mapping[str, Any]) -> Cell:
+def cell_of(verdict: VerdictEntry) -> Cell:
     """A verdict document as a cell."""
-    return Cell(verdict["outcome"], verdict["published"], verdict["as_expected"], verdict)
+    return Cell(verdict.outcome, verdict.published, verdict.as_expected, verdict)
 
 
-def matrix(results: Results) -> list[MatrixRow]:
+def matrix(results: ResultsDocument) -> list[MatrixRow]:
     """Every (suite, case, check) that has a verdict, in the order in which they ran."""
     names = renderers(results)
-    found: dict[tuple[str, str, str], dict[str, Mapping[str, Any]]] = {}
+    found: dict[tuple[str, str, str], dict[str, VerdictEntry]] = {}
     for verdict in results.verdicts:
-        found.setdefault((verdict["suite"], verdict["case"], verdict["check"]), {})[verdict["renderer"]] = verdict
+        found.setdefault((verdict.suite, verdict.case, verdict.check), {})[verdict.renderer] = verdict
     return [
         MatrixRow(
             *key,
-            min((each["level"] for each in given.values()), key=LEVELS.index),
+            min((each.level for each in given.values()), key=LEVELS.index),
             tuple(cell_of(given[name]) if name in given else None for name in names),
         )
         for key, given in found.items()
     ]
 
 
-def summary(results: Results) -> list[SummaryRow]:
+def summary(results: ResultsDocument) -> list[SummaryRow]:
     """The rows that the suites define (Table 6.3), with the printed values where the suites carry them."""
     names = renderers(results)
     return [
@@ -106,29 +105,29 @@ def summary(results: Results) -> list[SummaryRow]:
     ]
 
 
-def suite_names(results: Results) -> list[str]:
+def suite_names(results: ResultsDocument) -> list[str]:
     """Every suite of the results, in the order in which they ran."""
-    return list(dict.fromkeys(each["suite"] for each in (*results.runs, *results.verdicts)))
+    return list(dict.fromkeys(each.suite for each in (*results.runs, *results.verdicts)))
 
 
-def by_suite(results: Results) -> list[tuple[Mapping[str, Any], list[SummaryRow]]]:
-    """The summary's rows in groups, each with the document of its suite; that of rows of no suite is empty."""
+def by_suite(results: ResultsDocument) -> list[tuple[SuiteEntry | None, list[SummaryRow]]]:
+    """The summary's rows in groups, each with the document of its suite; None for rows of no suite."""
     left = {row.title: row for row in summary(results)}
-    groups: list[tuple[Mapping[str, Any], list[SummaryRow]]] = []
+    groups: list[tuple[SuiteEntry | None, list[SummaryRow]]] = []
     for suite in results.suites:
-        rows = [left.pop(title) for title in suite["rows"] if title in left]
+        rows = [left.pop(title) for title in suite.rows if title in left]
         if rows:
             groups.append((suite, rows))
-    return [*groups, ({}, list(left.values()))] if left else groups
+    return [*groups, (None, list(left.values()))] if left else groups
 
 
-def ran(results: Results) -> str:
+def ran(results: ResultsDocument) -> str:
     """How much ran, in one sentence: never fewer than planned without the reason."""
     sentence = f"{results.ran} of {results.planned} planned verdicts ran"
     return sentence if results.complete else f"{sentence}: incomplete, {results.reason}"
 
 
-def markdown(results: Results) -> str:
+def markdown(results: ResultsDocument) -> str:
     """Both tables, for a pull request or a wiki."""
     names = renderers(results)
     parts = ["# hapticeval", f"{ran(results)}; seed {results.seed}."]
@@ -138,8 +137,8 @@ def markdown(results: Results) -> str:
     for suite, group in groups:
         rows = [[row.title, *(_summary_text(*cell) for cell in row.cells)] for row in group]
         if suite:
-            parts.append(f"### {_escape(suite['title'] or suite['name'])}")
-            parts += [f"{_escape(suite['citation'])}."] if suite["citation"] else []
+            parts.append(f"### {_escape(suite.title or suite.name)}")
+            parts += [f"{_escape(suite.citation)}."] if suite.citation else []
         parts.append(_table(["", *names], rows))
     cells = [
         [f"{row.suite}/{row.case}", row.check, *(_cell_text(cell) for cell in row.cells)] for row in matrix(results)
@@ -147,16 +146,12 @@ def markdown(results: Results) -> str:
     if cells:
         parts += ["## Every check", _table(["case", "check", *names], cells)]
     broken = [
-        _escape(f"- {run['renderer']} on {run['suite']}/{run['case']}: {run['error']['what']}")
-        for run in results.runs
-        if run["error"]
+        _escape(f"- {run.renderer} on {run.suite}/{run.case}: {run.error.what}") for run in results.runs if run.error
     ]
     if broken:
         parts += ["## Errors", "\n".join(broken)]
     ended = [
-        _escape(f"- {run['renderer']} on {run['suite']}/{run['case']} {ended_words(run)}")
-        for run in results.runs
-        if run.get("ended")
+        _escape(f"- {run.renderer} on {run.suite}/{run.case} {ended_words(run)}") for run in results.runs if run.ended
     ]
     if ended:
         parts += ["## Ended early", "\n".join(ended)]

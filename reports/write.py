@@ -20,7 +20,7 @@ from hapticeval.reports.marks import Mark, marks_of
 from hapticeval.reports.refusal import refusal_svg
 from hapticeval.reports.shown import Drawing, RunKey
 from hapticeval.reports.table import markdown
-from hapticeval.runner.results import Results, read_results
+from hapticeval.runner.results import ResultsDocument, RunEntry, read_results
 from hapticeval.study.bench.document import FILE as BENCH
 from hapticeval.study.bench.document import BenchResults, read_bench
 from hapticeval.workers import Answer, Ended, Workers
@@ -94,7 +94,7 @@ def _bench(directory: Path) -> BenchResults | None:
 
 def _drawn(
     directory: Path,
-    results: Results,
+    results: ResultsDocument,
     progress: Callable[[int, int], None] | None,
     workers: int,
     stopped: Callable[[], bool] | None,
@@ -130,33 +130,29 @@ def _say_nothing(done: int, total: int) -> None:
     pass
 
 
-def _orders(directory: Path, results: Results) -> Iterator[Order | Comparison]:
+def _orders(directory: Path, results: ResultsDocument) -> Iterator[Order | Comparison]:
     for index, run in enumerate(results.runs):
-        key = (run["suite"], run["case"], run["renderer"])
-        refusal = run.get("refusal")
+        key = run.key
+        refusal = run.refusal
         if refusal is not None:
-            if refusal["position"] is not None:  # else the reason lies in the scene, and an outline shows nothing of it
-                yield Order(key, None, run["model"], (), f"f{index}", tuple(refusal["position"]))
-        elif run["recording"] is not None:
-            given = [
-                verdict
-                for verdict in results.verdicts
-                if (verdict["suite"], verdict["case"], verdict["renderer"]) == key
-            ]
-            yield Order(key, directory / run["recording"], run["model"], tuple(marks_of(given).values()), f"f{index}")
+            if refusal.position is not None:  # else the reason lies in the scene, and an outline shows nothing of it
+                yield Order(key, None, run.model, (), f"f{index}", tuple(refusal.position))
+        elif run.recording is not None:
+            given = results.verdicts_of.get(key, [])
+            yield Order(key, directory / run.recording, run.model, tuple(marks_of(given).values()), f"f{index}")
     yield from _comparisons(directory, results)
 
 
-def _comparisons(directory: Path, results: Results) -> Iterator[Comparison]:
+def _comparisons(directory: Path, results: ResultsDocument) -> Iterator[Comparison]:
     """One for each case in which a constraint holds the tools of several renderers."""
-    cases: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    cases: dict[tuple[str, str], list[RunEntry]] = {}
     for run in results.runs:
-        if run["stimulus"] == "experiment" and run["scene"]["bilateral"] and run["recording"] is not None:
-            cases.setdefault((run["suite"], run["case"]), []).append(run)
+        if run.stimulus == "experiment" and run.scene.bilateral and run.recording is not None:
+            cases.setdefault((run.suite, run.case), []).append(run)
     for index, (key, runs) in enumerate(cases.items()):
         if len(runs) > 1:
-            files = {run["renderer"]: directory / run["recording"] for run in runs}
-            yield Comparison((*key, ""), files, runs[0]["model"], f"c{index}")
+            files = {run.renderer: directory / run.recording for run in runs}
+            yield Comparison((*key, ""), files, runs[0].model, f"c{index}")
 
 
 def draw(order: Order | Comparison) -> Drawing:

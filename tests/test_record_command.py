@@ -15,10 +15,10 @@ import pytest
 from hapticeval.cli import main
 from hapticeval.commands.record import _steps
 from hapticeval.devices.parallelogram import ENCODER_COUNTS
-from hapticeval.hardware import guard, rig, udp
+from hapticeval.hardware import device, udp
 from hapticeval.hardware import live as live_module
 from hapticeval.hardware.live import LiveRun
-from hapticeval.hardware.wiring_file import read_wiring
+from hapticeval.hardware.wiring import read_wiring
 from hapticeval.recordings import recorder as recorder_module
 from hapticeval.recordings.hdf5 import read_recording
 
@@ -158,7 +158,7 @@ counts_per_turn = {ENCODER_COUNTS}
 def here(tmp_path, monkeypatch):
     """A folder with drivers and a wiring; nothing is taken to be gone because the machine is busy."""
     monkeypatch.chdir(tmp_path)
-    for module, name in ((guard, "PATIENCE"), (udp, "SILENCE"), (rig, "UNHEARD")):
+    for module, name in ((device, "PATIENCE"), (udp, "SILENCE"), (udp, "UNHEARD")):
         monkeypatch.setattr(module, name, 60.0)
     (tmp_path / "mycard.py").write_text(DRIVERS)
     (tmp_path / "rig.toml").write_text(RIG)

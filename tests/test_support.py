@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 import hapticeval
 from hapticeval import RefusalError, Response, Scene
@@ -166,7 +167,9 @@ def test_every_renderer_that_comes_along_declares():
 
 def test_the_ideal_contact_is_not_asked_for_a_viscosity_that_it_does_not_have():
     case = next(case for case in load_suite("dynamics-circle").cases if case.name == "circle")
-    case = replace(case, scene={**case.scene, "viscosity": 0.3}, closed_form={}, checks=("tangential-dynamics",))
+    case = structs.replace(
+        case, scene={**case.scene, "viscosity": 0.3}, closed_form={}, checks=("tangential-dynamics",)
+    )
     found = judge(resolve("ideal"), "ideal", "dynamics-circle", case)
     assert [verdict.outcome for verdict in found.verdicts] == [Outcome.NOT_APPLICABLE]
     assert "'viscosity'" in found.verdicts[0].finding.message

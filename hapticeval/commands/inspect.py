@@ -79,7 +79,7 @@ def _foreign(table: Table, file: Path, write_mapping: Path | None) -> int:
     """Show the columns, and a mapping to begin with."""
     from hapticeval.files import creating
     from hapticeval.recordings.formats import formats
-    from hapticeval.recordings.importing.propose import propose
+    from hapticeval.recordings.importing.mapping import propose
 
     text = propose(table, file=file.name)
     parts = [f"{file}: {formats()[table.format].about if table.format in formats() else table.format}", text]
@@ -156,8 +156,7 @@ def _device(recording: Recording) -> Any:
 def _model(recording: Recording, name: str | None) -> Any:
     from hapticeval.commands.arguments import model_named
     from hapticeval.geometry.catalogue import make_model
-    from hapticeval.recordings.provenance import model_of
-    from hapticeval.recordings.wall import LINE
+    from hapticeval.recordings.provenance import LINE, model_of
 
     if name is not None:
         made = model_named(name)
@@ -175,11 +174,11 @@ def _model(recording: Recording, name: str | None) -> Any:
 
 def _not_asked(recording: Recording, damped: str) -> list[Check]:
     """Checks that the recording's own words ask for, and cannot be given."""
-    from hapticeval.recordings.integrity.consistency import KINEMATICS, RELATIONS, SPRING, Check
+    from hapticeval.recordings.integrity.consistency import KINEMATICS, SPRING, Check
 
-    found = [Check(SPRING, RELATIONS[SPRING], why=damped)] if damped else []
+    found = [Check(SPRING, why=damped)] if damped else []
     name = recording.meta.get("device")
     if name is not None and "joint_position" in recording.channels and _device(recording) is None:
         why = f"the device '{name}' is none whose kinematics are known"
-        found.append(Check(KINEMATICS, RELATIONS[KINEMATICS], why=why))
+        found.append(Check(KINEMATICS, why=why))
     return found

@@ -10,7 +10,7 @@ import typer
 
 from hapticeval.commands.arguments import parse_point
 from hapticeval.commands.output import say
-from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.errors import InputError
 
 if TYPE_CHECKING:
     from hapticeval.suite.case import Case
@@ -106,7 +106,4 @@ def _case(scene: str) -> Case:
         raise InputError(
             f"'{scene}' names no case", why="a scene is named SUITE/CASE", todo="see hapticeval list cases"
         )
-    cases = {case.name: case for case in load_suite(suite).cases}
-    if name not in cases:
-        raise UnknownNameError(f"case of {suite}", name, cases)
-    return cases[name]
+    return load_suite(suite).case(name)

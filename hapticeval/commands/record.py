@@ -89,8 +89,8 @@ def record(
     """
     from hapticeval.commands.terminal import Terminal
     from hapticeval.discovery import resolve
-    from hapticeval.hardware.kinematics import CUTOFF
     from hapticeval.hardware.live import channels, run, signals, warm
+    from hapticeval.hardware.wiring import CUTOFF
     from hapticeval.recordings.recorder import Recorder
     from hapticeval.renderer import Renderer
     from hapticeval.runner.judging import built
@@ -213,8 +213,7 @@ def _wiring(hardware: str, robot: str | None, file: Path | None) -> Wiring:
     from hapticeval.devices.catalogue import device_named
     from hapticeval.devices.parallelogram import ENCODER_COUNTS
     from hapticeval.devices.point_mass import PointMass
-    from hapticeval.hardware.wiring import Wiring
-    from hapticeval.hardware.wiring_file import read_wiring
+    from hapticeval.hardware.wiring import Wiring, read_wiring
 
     if file is None:
         device = device_named(robot or ROBOT)
@@ -287,8 +286,8 @@ def _place(name: str, wiring: Wiring, scene: Scene) -> Iterator[Callable[[], Har
 
     joints = wiring.device.dimension
     if name == TWIN:
-        from hapticeval.hardware.demonstration import demonstration
-        from hapticeval.hardware.rig import running
+        from hapticeval.hardware.twin import demonstration
+        from hapticeval.hardware.udp import running
 
         with running(demonstration(wiring, scene)) as address:
             yield lambda: UdpDevice(address, joints)

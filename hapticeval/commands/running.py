@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from hapticeval.commands.terminal import Terminal
     from hapticeval.runner.events import Event
     from hapticeval.runner.interrupts import Interrupts
-    from hapticeval.runner.results import Results
+    from hapticeval.runner.results import ResultsDocument
 
 
-def watch(stream: Iterator[Event], terminal: Terminal) -> Results:
+def watch(stream: Iterator[Event], terminal: Terminal) -> ResultsDocument:
     """Give every event to the terminal, and return the results that the last one brings."""
     from hapticeval.runner.events import RunFinished
 

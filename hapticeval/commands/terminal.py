@@ -8,16 +8,16 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from hapticeval.errors import HapticevalError
-from hapticeval.phenomena.verdict import Outcome, warns
+from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunStarted
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from hapticeval.runner.results import Results
+    from hapticeval.runner.results import Problem, ResultsDocument, RunEntry, VerdictEntry
 
 FEW = 10
 """Figures that are drawn before anyone wonders what goes on."""
@@ -64,10 +64,10 @@ class Terminal:
             if event.error is not None:
                 self.errors.append(event.error)
             if self._stream.isatty():
-                self._advance(self._finished_jobs, self._planned_jobs, f"{event.renderer} on {event.case}")
+                self._advance(self._finished_jobs, self._planned_jobs, f"{event.run.renderer} on {event.run.case}")
             else:
                 count = f"[{self._finished_jobs}/{self._planned_jobs}]"
-                self.line(f"{count} {event.renderer} on {event.suite}/{event.case}: {_told(event)}")
+                self.line(f"{count} {event.run.renderer} on {event.run.suite}/{event.run.case}: {_told(event)}")
         elif isinstance(event, Interrupted):
             self.interrupted = True
             self.stopped = event.at_once
@@ -121,11 +121,11 @@ class Terminal:
 def _told(event: JobFinished) -> str:
     if event.error is not None:
         return f"broke: {event.error.what}"
-    if event.refusal is not None:
-        return f"refuses: {event.refusal.what}"
+    if event.run.refusal is not None:
+        return f"refuses: {event.run.refusal.what}"
     counts = Counter(verdict.outcome for verdict in event.verdicts)
     surprises = sum(not verdict.as_expected for verdict in event.verdicts)
-    warnings = sum(warns(verdict.level, verdict.outcome, verdict.published) for verdict in event.verdicts)
+    warnings = sum(verdict.warns for verdict in event.verdicts)
     notes = [f"{surprises} not as expected"] * bool(surprises) + [_plural(warnings, "warning")] * bool(warnings)
     return _counted(counts) + (f" ({', '.join(notes)})" if notes else "")
 
@@ -149,36 +149,34 @@ def _counted(counts: Counter[Outcome]) -> str:
     return ", ".join(f"{counts[outcome]} {outcome}" for outcome in Outcome if counts[outcome]) or "no verdicts"
 
 
-def exit_code(results: Results, errors: Iterable[HapticevalError]) -> int:
+def exit_code(results: ResultsDocument, errors: Iterable[HapticevalError]) -> int:
     """0 all as it must be; 1 something differs, failed, or did not run, or warns in a run that is strict.
 
     What stopped a job outranks that: 3 where a renderer broke, else 2 where a job's input was not usable or every run
     was refused.
     """
-    from hapticeval.runner.results import all_refused, stops
-
-    stopped = any(stops(results, verdict) for verdict in results.verdicts)
+    stopped = any(map(results.stops, results.verdicts))
     differs = stopped or not results.complete or results.ran < results.planned
-    return max([int(differs), 2 * int(all_refused(results)), *(error.exit_code for error in errors)])
+    return max([int(differs), 2 * int(results.all_refused), *(error.exit_code for error in errors)])
 
 
-def summary(results: Results, written: Sequence[Path]) -> str:
+def summary(results: ResultsDocument, written: Sequence[Path]) -> str:
     """The closing words of a run: the table, what is not as it must be, the counts, the time, the files."""
     parts = [
         *_tables(results),
-        "\n".join(_stopped("broke", run, run["error"]) for run in results.runs if run["error"]),
-        "\n".join(_stopped("refuses", run, run["refusal"]) for run in _refused(results)),
+        "\n".join(_stopped("broke", run, run.error) for run in results.runs if run.error),
+        "\n".join(_stopped("refuses", run, run.refusal) for run in _refused(results) if run.refusal),
         "\n".join(_surprise(verdict) for verdict in _surprising(results)),
-        "\n".join(_surprise(verdict, "warning: ") for verdict in _warning(results)),
+        "\n".join(_surprise(verdict, "warning: ") for verdict in results.verdicts if verdict.warns),
         _totals(results),
         "\n".join(f"wrote {path}" for path in written),
     ]
     return "\n\n".join(part for part in parts if part)
 
 
-def _tables(results: Results) -> Iterator[str]:
+def _tables(results: ResultsDocument) -> Iterator[str]:
     """A table a suite that has rows, each with the renderers that ran there."""
-    titles = [(suite["title"], suite["rows"]) for suite in results.suites if suite["rows"]]
+    titles = [(suite.title, suite.rows) for suite in results.suites if suite.rows]
     told = {title for _, rows in titles for title in rows}
     left = [title for title in results.table if title not in told]
     for name, rows in [*titles, ("", left)]:
@@ -205,66 +203,58 @@ def _cell(found: str, published: str | None) -> str:
     return found if published in (None, found) or found == "-" else f"{found} (published {published})"
 
 
-def _stopped(how: str, run: Mapping[str, Any], said: Mapping[str, Any]) -> str:
-    lines = [f"{how}: {run['renderer']} on {run['suite']}/{run['case']}", f"  {said['what']}"]
-    lines += [f"  {label}: {said[key]}" for label, key in (("why", "why"), ("what to do", "todo")) if said[key]]
+def _stopped(how: str, run: RunEntry, said: Problem) -> str:
+    lines = [f"{how}: {run.renderer} on {run.suite}/{run.case}", f"  {said.what}"]
+    lines += [f"  {label}: {each}" for label, each in (("why", said.why), ("what to do", said.todo)) if each]
     return "\n".join(lines)
 
 
-def _refused(results: Results) -> Iterator[Mapping[str, Any]]:
+def _refused(results: ResultsDocument) -> Iterator[RunEntry]:
     """The first run of each renderer that has refused all that it was given: it has not been judged at all."""
-    judged = {run["renderer"] for run in results.runs if not run.get("refusal")}
+    judged = {run.renderer for run in results.runs if not run.refusal}
     told: set[str] = set()
     for run in results.runs:
-        if run["renderer"] not in judged | told:
-            told.add(run["renderer"])
+        if run.renderer not in judged | told:
+            told.add(run.renderer)
             yield run
 
 
-def _surprising(results: Results) -> Iterator[Mapping[str, Any]]:
+def _surprising(results: ResultsDocument) -> Iterator[VerdictEntry]:
     """The verdicts that are not as expected, less those of runs that broke: these are told as one."""
-    broken = {(run["renderer"], run["suite"], run["case"]) for run in results.runs if run["error"]}
+    broken = {run.key for run in results.runs if run.error}
     for verdict in results.verdicts:
-        stopped = (verdict["renderer"], verdict["suite"], verdict["case"]) in broken
-        if not verdict["as_expected"] and not (stopped and verdict["outcome"] == Outcome.ERROR):
+        if not verdict.as_expected and not (verdict.key in broken and verdict.outcome is Outcome.ERROR):
             yield verdict
 
 
-def _warning(results: Results) -> list[Mapping[str, Any]]:
-    from hapticeval.runner.results import is_warning
-
-    return [verdict for verdict in results.verdicts if is_warning(verdict)]
-
-
-def _surprise(verdict: Mapping[str, Any], mark: str = "") -> str:
+def _surprise(verdict: VerdictEntry, mark: str = "") -> str:
     """A verdict that fails, or differs from what is published, with its measure and its bound."""
-    outcome, published = verdict["outcome"], verdict["published"]
-    place = f"{verdict['renderer']} on {verdict['suite']}/{verdict['case']}/{verdict['check']}"
+    outcome, published = verdict.outcome, verdict.published
+    place = f"{verdict.renderer} on {verdict.suite}/{verdict.case}/{verdict.check}"
     head = f"differs: {place}: {outcome}, published {published}" if published else f"{mark}{outcome}: {place}"
     measured = _measured(verdict)
-    return "\n".join([head, *([f"  {measured}"] if measured else []), f"  {verdict['message']}"])
+    return "\n".join([head, *([f"  {measured}"] if measured else []), f"  {verdict.message}"])
 
 
-def _measured(verdict: Mapping[str, Any]) -> str:
-    metric = verdict["metric"]
-    if metric is None or metric["value"] is None:
+def _measured(verdict: VerdictEntry) -> str:
+    metric = verdict.metric
+    if metric is None or metric.value is None:
         return ""
-    text = f"{metric['name']} = {metric['value']:.4g} {metric['unit']}".rstrip()
-    bound = verdict["bound"]
-    return text if bound is None else f"{text}, bound {bound:.4g} {metric['unit']}".rstrip()
+    text = f"{metric.name} = {metric.value:.4g} {metric.unit}".rstrip()
+    return text if verdict.bound is None else f"{text}, bound {verdict.bound:.4g} {metric.unit}".rstrip()
 
 
-def _totals(results: Results) -> str:
-    counts = Counter(Outcome(verdict["outcome"]) for verdict in results.verdicts)
-    unexpected = sum(not verdict["as_expected"] for verdict in results.verdicts)
-    warnings = len(_warning(results))
-    warned = f", {_plural(warnings, 'warning')}" + (" that count" if results.command.get("strict") else "")
+def _totals(results: ResultsDocument) -> str:
+    counts = Counter(verdict.outcome for verdict in results.verdicts)
+    unexpected = sum(not verdict.as_expected for verdict in results.verdicts)
+    warnings = sum(verdict.warns for verdict in results.verdicts)
+    warned = f", {_plural(warnings, 'warning')}" + (" that count" if results.command.strict else "")
     ran = f"{results.ran} of {_plural(results.planned, 'planned verdict')} ran"
     if not results.complete:
         ran += f" (incomplete: {results.reason})"
     timing = results.timing
     return (
         f"{ran}: {_counted(counts)}; {unexpected or 'none'} not as expected{warned * bool(warnings)}\n"
-        f"simulated {timing['simulated_seconds']:.1f} s in {timing['wall_seconds']:.1f} s: "
-        f"{timing['times_real_time']:.1f} times real time"
+        f"simulated {timing.simulated_seconds:.1f} s in {timing.wall_seconds:.1f} s: "
+        f"{timing.times_real_time:.1f} times real time"
     )

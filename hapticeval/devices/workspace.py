@@ -55,7 +55,6 @@ def holds(device: Device, model: Model | ArrayLike) -> Fit:
     A boundary is sampled at `SAMPLES` points. Of an unbounded line only one point must lie in it. Raises `InputError`
     for a model or points of another dimension than the device's.
     """
-    from hapticeval.geometry.curve import Curve
     from hapticeval.geometry.model import Model
 
     if not isinstance(model, Model):
@@ -65,11 +64,8 @@ def holds(device: Device, model: Model | ArrayLike) -> Fit:
             f"model '{model.name}' has {model.dimension} dimensions, and {device.name} {device.dimension}",
             why="a device feels models of its own space only",
         )
-    boundary = model.boundary
-    if not isinstance(boundary, Curve):
-        return _points_hold(device, boundary.points(SAMPLES))
-    points = boundary.outline(SAMPLES)
-    if boundary.closed:
+    points = model.boundary.points(SAMPLES)
+    if model.boundary.closed:
         return _points_hold(device, points)
     each = [_points_hold(device, point[None]) for point in points]
     index = max(range(len(each)), key=lambda i: each[i].margin)

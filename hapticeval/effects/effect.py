@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
@@ -161,6 +161,14 @@ class Effect:
                 if each.metadata
             }
         )
+
+
+class Calling(Protocol):
+    """What calls for effects: a scene."""
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects that it calls for."""
 
 
 def unit_of(unit: str, *, turning: bool = True) -> str:

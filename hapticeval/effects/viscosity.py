@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from hapticeval.effects.effect import Effect, number
-
-if TYPE_CHECKING:
-    from hapticeval.scene import Scene
+from hapticeval.effects.effect import Calling, Effect, number
 
 
 @dataclass(frozen=True)
@@ -30,7 +27,6 @@ class Viscosity(Effect):
         return self.coefficient == 0.0
 
 
-def viscosity_of(scene: Scene) -> float:
+def viscosity_of(scene: Calling) -> float:
     """Return b_d of a scene's surface, kg/s; zero where the scene calls for none."""
-    found = scene.effect(Viscosity)
-    return 0.0 if found is None else found.coefficient
+    return sum(each.coefficient for each in scene.effects if isinstance(each, Viscosity))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.errors import InputError, UnknownNameError
-from hapticeval.geometry import pieces
+from hapticeval.geometry import kernels as pieces
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import CASSINIAN, COLUMNS, ELLIPSE, UNBOUNDED
 from hapticeval.geometry.model import Model

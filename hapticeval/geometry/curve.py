@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError
 from hapticeval.geometry import curve_kernels, polygon_kernels
-from hapticeval.geometry.frame import Frame
+from hapticeval.geometry.boundary import AHEAD, Boundary, Corner, Frame, march
 from hapticeval.geometry.kernels import (
     ARC,
     CASSINIAN,
@@ -31,46 +32,24 @@ from hapticeval.geometry.kernels import (
     evaluate,
     evaluate_many,
 )
-from hapticeval.geometry.smooth_kernels import BLOCK
-from hapticeval.geometry.validate import checked_points
+from hapticeval.geometry.normal_cone import NormalCone
+from hapticeval.geometry.validate import points_for, refuse_not_finite
 from hapticeval.types import Array, BoolArray
 
 WINDOW = 0.1
 """Half the side (m) of the square in which an unbounded curve is drawn and sampled."""
 
-
-@dataclass(frozen=True, eq=False)
-class Corner:
-    """A joint at which the tangent turns: where it is and the two frames that meet there.
-
-    `u` and `s` (m) are the parameter and the arc length; `position`, the unit tangents and the outward unit
-    normals before and after are (2,); `turn` (rad, between -pi and pi) is positive where the corner is
-    convex.
-    """
-
-    u: float
-    s: float
-    position: Array
-    tangent_pre: Array
-    tangent_post: Array
-    normal_pre: Array
-    normal_post: Array
-    turn: float
-
-    @property
-    def convex(self) -> bool:
-        """Whether the corner points outwards."""
-        return self.turn > 0.0
+MARCH = 1024
+"""Points of a slide that are looked at together where it is longer than `AHEAD`: such slides go far."""
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """The exact boundary of a model, anticlockwise, as rows of pieces that compiled loops can walk (see
-    `kernels`).
+    """The exact plane boundary of a model, anticlockwise, as rows of `pieces` that compiled loops walk (see `kernels`).
 
-    Every method takes one parameter or an array of them; on closed curves u wraps. A closed curve is either
-    one smooth piece (CASSINIAN, ELLIPSE) or LINE and ARC pieces with arc length as parameter; an open one is
-    a single UNBOUNDED piece whose inside is the half-plane to its left.
+    It is a `Boundary`, with a parameter u beside. Methods of u take one parameter or an array of them; on closed curves
+    u wraps. A closed curve is either one smooth piece (CASSINIAN, ELLIPSE) or LINE and ARC pieces with arc length as
+    parameter; an open one is a single UNBOUNDED piece whose inside is the half-plane to its left.
 
     Raises `InputError` for pieces of another shape.
     """
@@ -84,11 +63,9 @@ class Curve:
         if pieces.ndim != 2 or pieces.shape[0] == 0 or pieces.shape[1] != COLUMNS:
             raise InputError(f"curve '{self.name}' has pieces of shape {pieces.shape}, not (n, {COLUMNS})")
         kinds = pieces[:, KIND]
-        bounded = bool(np.all(np.isin(kinds, (LINE, ARC)))) or (
-            pieces.shape[0] == 1 and kinds[0] in (CASSINIAN, ELLIPSE)
-        )
-        unbounded = pieces.shape[0] == 1 and kinds[0] == UNBOUNDED
-        if not (bounded if self.closed else unbounded):
+        alone = pieces.shape[0] == 1
+        bounded = bool(np.all(np.isin(kinds, (LINE, ARC)))) or (alone and kinds[0] in (CASSINIAN, ELLIPSE))
+        if not (bounded if self.closed else alone and kinds[0] == UNBOUNDED):
             raise InputError(
                 f"curve '{self.name}' is {'closed' if self.closed else 'open'} with kinds {set(kinds)}",
                 why="a closed curve is one smooth piece or lines and arcs; an open one is one unbounded line",
@@ -114,28 +91,33 @@ class Curve:
         start, end = self.u_range
         return end - start
 
+    @property
+    def girth(self) -> float:
+        """See `Boundary.girth`: the `length`."""
+        return self.length
+
     def position(self, u: ArrayLike) -> Array:
-        """Points (..., 2), m."""
+        """Return points (..., 2), m."""
         return self._evaluated(u)[..., 0:2]
 
     def tangent(self, u: ArrayLike) -> Array:
-        """Unit tangents (..., 2), anticlockwise; at a corner the one after it."""
+        """Return unit tangents (..., 2), anticlockwise; at a corner the one after it."""
         derivative = self._evaluated(u)[..., 2:4]
         return np.asarray(derivative / np.hypot(derivative[..., 0], derivative[..., 1])[..., np.newaxis])
 
     def normal(self, u: ArrayLike) -> Array:
-        """Outward unit normals (..., 2); at a corner the one after it."""
+        """Return outward unit normals (..., 2); at a corner the one after it."""
         tangent = self.tangent(u)
         return np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
 
     def curvature(self, u: ArrayLike) -> Array:
-        """Signed curvature (...), 1/m, positive where the model is convex; corners carry none."""
+        """Return the signed curvature (...), 1/m, positive where the model is convex; corners carry none."""
         rows = self._evaluated(u)
         dx, dy, ddx, ddy = rows[..., 2], rows[..., 3], rows[..., 4], rows[..., 5]
         return np.asarray((dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3)
 
     def arc_length(self, u: ArrayLike) -> Array:
-        """Arc length (...), m, from the start of the curve to u; beyond one turn it goes on growing."""
+        """Return the arc length (...), m, from the start of the curve to u; beyond one turn it goes on growing."""
         start, end = self.u_range
         u = np.asarray(u, dtype=np.float64)
         if not self.closed:
@@ -148,7 +130,7 @@ class Curve:
         return np.asarray(turns * self.length + lengths)
 
     def parameter(self, s: ArrayLike) -> Array:
-        """The parameter (...) at arc length s (m), which wraps on a closed curve: inverse of `arc_length`."""
+        """Return the parameter (...) at arc length s (m), which wraps on a closed curve: inverse of `arc_length`."""
         s = np.asarray(s, dtype=np.float64)
         if not self.closed:
             return s
@@ -162,54 +144,83 @@ class Curve:
         """The joints that turn by more than 1e-9 rad, in order of u."""
         if not self.closed or self._smooth:
             return ()
-        found = []
-        for k in range(self.pieces.shape[0]):
-            turn = curve_kernels.joint_turn(self._rows, k)
-            if abs(turn) > curve_kernels.STRAIGHT:
-                found.append(self._corner(k, turn))
-        return tuple(found)
+        turns = [float(curve_kernels.joint_turn(self._rows, k)) for k in range(self.pieces.shape[0])]
+        return tuple(self._corner(k, turn) for k, turn in enumerate(turns) if abs(turn) > curve_kernels.STRAIGHT)
 
     def nearest(self, points: ArrayLike) -> Array:
-        """The parameters (n,) of the globally nearest curve points, to rounding, for points (n, 2).
-
-        Raises `InputError`, naming the row, for a point that is not finite.
-        """
+        """Return the parameters (n,) of the globally nearest curve points, to rounding, for points (n, 2)."""
         return self._projected(points)[:, 0]
 
     def signed_distance(self, points: ArrayLike) -> Array:
-        """Distances (n,), m, of points (n, 2) from the curve, negative inside."""
-        rows = self._projected(points)
-        return np.asarray(rows[:, 1] * rows[:, 2])
+        """See `Boundary.signed_distance`."""
+        array = points_for(points, 2)
+        try:
+            return curve_kernels.distances(*self._located_by, array)
+        except ValueError:
+            raise refuse_not_finite(array) from None
 
     def frame(self, points: ArrayLike) -> Frame:
-        """Feet, normals, signed distances and shape operators for points (n, 2): see `Frame`."""
-        rows = self._projected(points)
-        at = self._evaluated(rows[:, 0])
-        dx, dy, ddx, ddy = at[:, 2], at[:, 3], at[:, 4], at[:, 5]
-        speed = np.hypot(dx, dy)
-        tangent = at[:, 2:4] / speed[:, np.newaxis]
-        normal = np.column_stack([tangent[:, 1], -tangent[:, 0]])
-        curvature = (dx * ddy - dy * ddx) / speed**3
-        shape = curvature[:, np.newaxis, np.newaxis] * tangent[:, :, np.newaxis] * tangent[:, np.newaxis, :]
-        return Frame(at[:, 0:2], normal, rows[:, 1] * rows[:, 2], shape)
+        """See `Boundary.frame`: one compiled call."""
+        array = points_for(points, 2)
+        try:
+            return curve_kernels.frames(*self._located_by, array)
+        except ValueError:
+            raise refuse_not_finite(array) from None
 
     def contains(self, points: ArrayLike) -> BoolArray:
-        """Whether each of points (n, 2) lies inside; points on the curve do not."""
+        """Return whether each of points (n, 2) lies inside; points on the curve do not."""
         rows = self._projected(points)
         return np.asarray((rows[:, 2] < 0.0) & (rows[:, 1] > 0.0))
 
+    def first_crossing(self, start: Array, end: Array, *, grain: float) -> Array | None:
+        """See `Boundary.first_crossing`."""
+        return march(self, start, end, grain)
+
+    def normal_cone(self, points: Array, reach: Array) -> Callable[[Array], Array]:
+        """See `Boundary.normal_cone`: the normals are an interval of angles."""
+        return self._normals.around(points, reach)
+
+    def points(self, n: int) -> Array:
+        """See `Boundary.points`: the `outline`."""
+        return self.outline(n)
+
+    def walk(self, start: Array, lengths: Array) -> Frame:
+        """See `Boundary.walk`."""
+        us = np.atleast_1d(self.parameter(self.arc_length(self.nearest(start[np.newaxis])) + lengths))
+        return curve_kernels.framed(self._rows, us, np.zeros(us.size))
+
+    def around(self, point: Array, reach: float) -> Array:
+        """See `Boundary.around`: to either side."""
+        return self.walk(point, reach * np.array([-1.0, 1.0])).foot
+
+    def descend(self, start: Array, goal: Array, *, step: float) -> Array:
+        """See `Boundary.descend`: in steps, on in the direction in which the first of them leads downhill."""
+        s = float(self.arc_length(self.nearest(start[np.newaxis]))[0])
+        found = self.position(self.parameter(s + step * np.array([-1.0, 0.0, 1.0])))
+        back, here, on = np.linalg.norm(found - goal, axis=1)
+        if here <= min(back, on):
+            return np.asarray(found[1])
+        way = step if on <= back else -step
+        gone, count = 0, AHEAD
+        while gone * step < self.length:
+            found = self.position(self.parameter(s + way * np.arange(gone, gone + count + 1)))
+            uphill = np.flatnonzero(np.diff(np.linalg.norm(found - goal, axis=1)) >= 0.0)
+            if uphill.size:
+                return np.asarray(found[uphill[0]])
+            gone, count = gone + count, MARCH
+        return np.asarray(found[-1])
+
     @cached_property
-    def bounds(self) -> tuple[float, float, float, float]:
+    def bounds(self) -> tuple[float, ...]:
         """(xmin, ymin, xmax, ymax), m; for an unbounded line a window of 0.2 m around its point."""
         if not self.closed:
             x, y = self.pieces[0, A], self.pieces[0, B]
             return float(x - WINDOW), float(y - WINDOW), float(x + WINDOW), float(y + WINDOW)
-        points = self._polyline[0] if self._straight else np.vstack([*map(self._extremes, self._rows)])
-        (xmin, ymin), (xmax, ymax) = points.min(axis=0), points.max(axis=0)
-        return float(xmin), float(ymin), float(xmax), float(ymax)
+        points = self._rows[:, A : B + 1] if self.straight else np.vstack([*map(self._extremes, self._rows)])
+        return (*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
 
     def outline(self, n: int) -> Array:
-        """Points (n, 2) to draw, about equally spaced, corners kept; a closed curve ends where it starts."""
+        """Return points (n, 2) to draw, about equally spaced, corners kept; a closed curve ends where it starts."""
         if not self.closed:
             return self.position(np.linspace(-WINDOW, WINDOW, n))
         s = np.linspace(0.0, self.length, n)
@@ -220,22 +231,38 @@ class Curve:
         return points
 
     @cached_property
+    def straight(self) -> bool:
+        """Whether it is made of straight edges alone."""
+        return bool(np.all(self.pieces[:, KIND] == LINE))
+
+    @cached_property
+    def tree(self) -> Array:
+        """The search tree over straight edges, as `polygon_kernels` lays it out: an imported outline has thousands."""
+        return polygon_kernels.build_tree(for_kernels(self.pieces[:, A : B + 1])) if self.straight else np.empty((0, 6))
+
+    @cached_property
+    def samples(self) -> Array:
+        """The table that `curve_kernels.project` needs: empty unless the curve is one smooth piece."""
+        if not self._smooth:
+            return np.empty((0, 8))
+        return curve_kernels.sample_table(self._rows[0], self._panels, curve_kernels.BLOCK)
+
+    @cached_property
     def _rows(self) -> Array:
         return for_kernels(self.pieces)
+
+    @cached_property
+    def _located_by(self) -> tuple[Array, Array, Array, Array]:
+        """What `curve_kernels.located` looks a point up in."""
+        return self._rows, self.samples, for_kernels(self.pieces[:, A : B + 1]), self.tree
+
+    @cached_property
+    def _normals(self) -> NormalCone:
+        return NormalCone(self)
 
     @property
     def _smooth(self) -> bool:
         return bool(self.pieces[0, KIND] in (CASSINIAN, ELLIPSE))
-
-    @cached_property
-    def _straight(self) -> bool:
-        return bool(np.all(self.pieces[:, KIND] == LINE))
-
-    @cached_property
-    def _polyline(self) -> tuple[Array, Array]:
-        """Vertices and search tree of a curve of straight pieces: an imported outline may have thousands."""
-        vertices = for_kernels(self.pieces[:, A : B + 1])
-        return vertices, polygon_kernels.build_tree(vertices)
 
     @cached_property
     def _panels(self) -> Array:
@@ -243,13 +270,6 @@ class Curve:
         piece = self._rows[0]
         count = 8 * int(piece[B]) if piece[KIND] == CASSINIAN else 16
         return curve_kernels.arc_panels(piece, count)
-
-    @cached_property
-    def samples(self) -> Array:
-        """The table that `curve_kernels.project` needs: empty unless the curve is one smooth piece."""
-        if not self._smooth:
-            return np.empty((0, 8))
-        return curve_kernels.sample_table(self._rows[0], self._panels, BLOCK)
 
     def _evaluated(self, u: ArrayLike) -> Array:
         u = np.asarray(u, dtype=np.float64)
@@ -260,31 +280,20 @@ class Curve:
         return evaluate_many(self._rows, for_kernels(np.ravel(u))).reshape((*u.shape, 6))
 
     def _projected(self, points: ArrayLike) -> Array:
-        array = checked_points(points)
-        if not self._straight:
-            return curve_kernels.project_many(self._rows, self.samples, array)
-        vertices, tree = self._polyline
-        edges, along, distances, _ = polygon_kernels.nearest_many(vertices, tree, array)
-        starts, ends = self.pieces[edges, U0], self.pieces[edges, U1]
-        u = starts + along * (ends - starts)
-        return np.column_stack([u, np.abs(distances), np.where(distances < 0.0, -1.0, 1.0)])
+        """Rows (u, distance, side)."""
+        array = points_for(points, 2)
+        try:
+            return curve_kernels.project_many(*self._located_by, array)
+        except ValueError:
+            raise refuse_not_finite(array) from None
 
     def _corner(self, k: int, turn: float) -> Corner:
         before, after = self._rows[k - 1], self._rows[k]
         pre = np.array(evaluate(before, before[U1])[2:4])
         x, y, dx, dy, _, _ = evaluate(after, after[U0])
-        post = np.array([dx, dy])
-        start, _ = self.u_range
-        return Corner(
-            u=float(after[U0]),
-            s=float(after[U0] - start),
-            position=np.array([x, y]),
-            tangent_pre=pre,
-            tangent_post=post,
-            normal_pre=np.array([pre[1], -pre[0]]),
-            normal_post=np.array([post[1], -post[0]]),
-            turn=float(turn),
-        )
+        normal_pre, normal_post = np.array([pre[1], -pre[0]]), np.array([dy, -dx])
+        u, s = float(after[U0]), float(after[U0] - self.pieces[0, U0])
+        return Corner(u, s, np.array([x, y]), pre, np.array([dx, dy]), normal_pre, normal_post, turn)
 
     def _extremes(self, piece: Array) -> Array:
         """Points among which a piece's largest and smallest x and y are."""
@@ -309,3 +318,8 @@ class Curve:
                     u -= value[2 + axis] / value[4 + axis] if value[4 + axis] != 0.0 else 0.0
                 points.append(evaluate(self._rows[0], u)[:2])
         return np.array([*points, *samples[:, 2:4]])
+
+
+def as_curve(boundary: Boundary | None) -> Curve | None:
+    """Return the boundary where it is a plane curve with a parameter, None where it is anything else."""
+    return boundary if isinstance(boundary, Curve) else None

@@ -18,6 +18,7 @@ with the parameter u running from u0 to u1 on the piece, and from one piece into
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -133,3 +134,48 @@ def evaluate_many(pieces: Array, us: Array) -> Array:
         x, y, dx, dy, ddx, ddy = evaluate(pieces[piece_of(pieces, us[i])], us[i])
         out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5] = x, y, dx, dy, ddx, ddy
     return out
+
+
+@compiled
+def check_finite(points: Array) -> None:
+    """Raise `ValueError` for points of which a coordinate is not finite: who calls words it, by row."""
+    for i in range(points.shape[0]):
+        for k in range(points.shape[1]):
+            if not math.isfinite(points[i, k]):
+                raise ValueError("not finite")
+
+
+def closed_polyline(vertices: Array) -> Array:
+    """Return LINE pieces through the vertices (n, 2), m, and back to the first: (n, COLUMNS)."""
+    edges = np.roll(vertices, -1, axis=0) - vertices
+    lengths = np.hypot(edges[:, 0], edges[:, 1])
+    ends = np.cumsum(lengths)
+    pieces = np.zeros((vertices.shape[0], COLUMNS))
+    pieces[:, KIND] = LINE
+    pieces[1:, U0] = ends[:-1]
+    pieces[:, U1] = ends
+    pieces[:, A : B + 1] = vertices
+    pieces[:, C : D + 1] = edges / lengths[:, np.newaxis]
+    return pieces
+
+
+def line(start: Sequence[float], end: Sequence[float]) -> Array:
+    """Return one LINE piece from a point (m) to another, with u from 0."""
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    length = float(np.hypot(dx, dy))
+    return np.array([LINE, 0.0, length, start[0], start[1], dx / length, dy / length, 0.0, 0.0])
+
+
+def arc(centre: Sequence[float], radius: float, start: float, sweep: float) -> Array:
+    """Return one ARC piece from angle `start` through `sweep` (rad, negative is clockwise), with u from 0."""
+    length = abs(sweep) * radius
+    return np.array([ARC, 0.0, length, centre[0], centre[1], radius, start, np.sign(sweep), 0.0])
+
+
+def strung(rows: Sequence[Array]) -> Array:
+    """Return pieces put one after the other: u runs on from each into the next."""
+    pieces = np.array(rows)
+    ends = np.cumsum(pieces[:, U1])
+    pieces[:, U1] = ends
+    pieces[1:, U0] = ends[:-1]
+    return pieces

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hapticeval.errors import InputError, RefusalError
+from hapticeval.types import Array
 
 if TYPE_CHECKING:
-    from hapticeval.geometry.curve import Corner, Curve
+    from hapticeval.geometry.boundary import Boundary
+    from hapticeval.geometry.curve import Curve
     from hapticeval.geometry.level_set import LevelSet
     from hapticeval.geometry.polygon import Polygon
     from hapticeval.geometry.surface import Surface
@@ -19,16 +21,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A closed plane curve (an extruded cross-section), a half-plane, or a closed surface in 3D.
+    """A closed plane curve (an extruded cross-section), a half-plane, or a closed surface in space.
 
-    `parameters` are the JSON values it was made from; `boundary` is the exact boundary, whose `frame(points)` is for
-    the plane and space alike, and `curve` or `surface` is the same for what works in one of them only. Representations
-    are made on first use and kept.
+    `parameters` are the JSON values it was made from; `boundary` is the exact boundary, which answers alike in the
+    plane and in space. `curve` and `surface` are the same for what works on plane curves with a parameter, or on the
+    surfaces with compiled kernels, alone. Representations are made on first use and kept.
     """
 
     name: str
     parameters: Mapping[str, Any]
-    boundary: Curve | Surface
+    boundary: Boundary
     _kept: dict[object, Any] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -38,33 +40,31 @@ class Model:
 
     @property
     def curve(self) -> Curve:
-        """The boundary in the plane. Raises `RefusalError` for a model in space: a plane renderer refuses it."""
-        from hapticeval.geometry.curve import Curve
+        """The boundary as a plane curve. Raises `RefusalError` for a model in space: a plane renderer refuses it."""
+        from hapticeval.geometry.curve import as_curve
 
-        if not isinstance(self.boundary, Curve):
+        curve = as_curve(self.boundary)
+        if curve is None:
             raise RefusalError(
                 f"model '{self.name}' is a surface in space",
                 why="this works on plane curves only, with scene.model.curve",
                 todo="choose a renderer for surfaces: minimum-distance, set-stabilisation; in one of your own use "
                 "scene.model.boundary, whose frame(points) works in the plane and in space",
             )
-        return self.boundary
+        return curve
 
     @property
     def surface(self) -> Surface:
-        """The boundary in space. Raises `RefusalError` for a plane model."""
-        from hapticeval.geometry.surface import Surface
+        """The boundary as a surface with kernels. Raises `RefusalError` for a plane model, and one of another kind."""
+        from hapticeval.geometry.surface import KINDS, Surface
 
         if not isinstance(self.boundary, Surface):
-            raise RefusalError(f"model '{self.name}' is a plane curve", why="this works on surfaces in space only")
+            kind = "a plane curve" if self.dimension == 2 else f"no {' or '.join(KINDS)}"
+            raise RefusalError(
+                f"model '{self.name}' is {kind}",
+                why=f"this works on surfaces in space with compiled kernels only: {', '.join(KINDS)}",
+            )
         return self.boundary
-
-    @property
-    def corners(self) -> tuple[Corner, ...]:
-        """Those of a plane model; a surface in space is smooth and has none."""
-        from hapticeval.geometry.curve import Curve
-
-        return self.boundary.corners if isinstance(self.boundary, Curve) else ()
 
     @property
     def size(self) -> float:
@@ -73,7 +73,7 @@ class Model:
         return max(high - low for low, high in zip(bounds[: self.dimension], bounds[self.dimension :], strict=True))
 
     def polygon(self, n: int = 40) -> Polygon:
-        """The polygon with vertices at n equal steps of the curve's own parameter, and at every corner.
+        """Return the polygon with vertices at n equal steps of the curve's own parameter, and at every corner.
 
         A model of straight edges is its own polygon, whatever n. Raises `InputError` for an unbounded model,
         for n below 3, and if n vertices are so few that the polygon crosses itself.
@@ -87,7 +87,7 @@ class Model:
         return polygon
 
     def level_set(self, shape: tuple[int, int] = (100, 100)) -> LevelSet:
-        """The signed distance on a grid of `shape` = (nx, ny) nodes that covers the model and a margin."""
+        """Return the signed distance on a grid of `shape` = (nx, ny) nodes that covers the model and a margin."""
         key = ("level set", tuple(shape))
         if key not in self._kept:
             from hapticeval.geometry.level_set import sampled
@@ -96,21 +96,25 @@ class Model:
         level_set: LevelSet = self._kept[key]
         return level_set
 
-    def _steps(self, n: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+    def _steps(self, n: int) -> Array:
         """Parameters of the polygon's vertices: corners split the curve into runs of equal steps."""
-        from hapticeval.geometry.kernels import KIND, LINE, U0
+        from hapticeval.geometry.kernels import U0
 
         curve = self.curve
         if not curve.closed:
             raise InputError(f"model '{self.name}' is unbounded", why="a polygon encloses a bounded area")
         if n < 3:
             raise InputError(f"a polygon of {n} vertices", why="it needs at least three", todo="give n >= 3")
-        if np.all(curve.pieces[:, KIND] == LINE):
+        if curve.straight:
             return np.array(curve.pieces[:, U0])
         start, end = curve.u_range
-        cuts = [corner.u for corner in curve.corners] or [start]
-        runs = []
-        for first, last in zip(cuts, [*cuts[1:], cuts[0] + end - start], strict=True):
-            steps = max(1, round(n * (last - first) / (end - start)))
-            runs.append(first + (last - first) * np.arange(steps) / steps)
-        return np.concatenate(runs)
+        return equal_steps([corner.u for corner in curve.corners] or [start], end - start, n)
+
+
+def equal_steps(cuts: list[float], whole: float, n: int) -> Array:
+    """Return about n positions once round a closed way of length `whole`: at every cut, and evenly between."""
+    runs = []
+    for first, last in zip(cuts, [*cuts[1:], cuts[0] + whole], strict=True):
+        steps = max(1, round(n * (last - first) / whole))
+        runs.append(first + (last - first) * np.arange(steps) / steps)
+    return np.concatenate(runs)

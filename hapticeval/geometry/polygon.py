@@ -3,35 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import for_kernels
-from hapticeval.geometry import polygon_kernels
-from hapticeval.geometry.validate import checked_points, checked_vertices
-from hapticeval.types import Array, BoolArray, IntArray
-
-if TYPE_CHECKING:
-    from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.kernels import closed_polyline
+from hapticeval.geometry.validate import checked_vertices
+from hapticeval.types import Array
 
 
-@dataclass(frozen=True, eq=False)
-class Polygon:
+class Polygon(Curve):
     """A simple polygon: `vertices` (n, 2), m, anticlockwise; edge k runs from vertex k to the next.
 
-    Raises `InputError` for vertices that are no such outline (see `checked_vertices`).
+    It is the curve of its edges. Raises `InputError` for vertices that are no such outline (see `checked_vertices`).
     """
 
-    vertices: Array
+    def __init__(self, vertices: ArrayLike) -> None:
+        super().__init__("polygon", closed_polyline(checked_vertices(vertices)), True)
 
-    def __post_init__(self) -> None:
-        vertices = checked_vertices(self.vertices)
-        vertices.flags.writeable = False
-        object.__setattr__(self, "vertices", vertices)
+    @property
+    def vertices(self) -> Array:
+        """The corners (n, 2), m; they cannot be written to."""
+        return self.pieces[:, 3:5]
 
     @cached_property
     def edges(self) -> Array:
@@ -43,61 +38,23 @@ class Polygon:
         """The longest edge (m)."""
         return float(np.max(np.hypot(self.edges[:, 0], self.edges[:, 1])))
 
-    @cached_property
-    def tree(self) -> Array:
-        """The tree that the compiled queries walk, as `polygon_kernels` lays it out."""
-        return polygon_kernels.build_tree(self._rows)
-
-    def nearest(self, points: ArrayLike) -> tuple[IntArray, Array, Array]:
-        """For points (n, 2) the nearest edges (n,), the shares t (n,) along them, and the nearest points (n,
-        2).
-
-        A vertex is given as t = 0 of the edge that it starts. Raises `InputError` for points that are not
-        finite.
-        """
-        edges, along, _, feet = self._nearest(points)
-        return edges, along, feet
-
-    def signed_distance(self, points: ArrayLike) -> Array:
-        """Distances (n,), m, of points (n, 2) from the outline, negative inside."""
-        return self._nearest(points)[2]
-
-    def contains(self, points: ArrayLike) -> BoolArray:
-        """Whether each of points (n, 2) lies inside; points on the outline do not."""
-        return np.asarray(self.signed_distance(points) < 0.0)
-
-    def as_curve(self) -> Curve:
-        """The outline as a curve of LINE pieces, a piece an edge."""
-        from hapticeval.geometry.curve import Curve
-        from hapticeval.geometry.pieces import closed_polyline
-
-        return Curve("polygon", closed_polyline(self.vertices), True)
-
     def standoff_from(self, curve: Curve) -> float:
-        """The largest distance (m) between this outline and a closed curve's: how far apart the two surfaces
-        are.
+        """Return the largest distance (m) between this outline and a closed curve's.
 
         Measured both ways, from a fine sampling whose peaks are then climbed to rounding.
         """
-        corners = [corner.u for corner in curve.corners]
         start, end = curve.u_range
-        feet = curve.nearest(self.vertices)
-        stops = np.unique(np.concatenate([[start, end], corners, np.clip(feet, start, end)]))
-        from_curve = _largest(lambda u: np.abs(self.signed_distance(curve.position(u))), stops)
+        feet = np.clip(curve.nearest(self.vertices), start, end)
+        stops = np.unique(np.concatenate([[start, end], [corner.u for corner in curve.corners], feet]))
         shares = np.arange(self.vertices.shape[0] + 1.0)
-        from_outline = _largest(lambda share: np.abs(curve.signed_distance(self._along(share))), shares)
-        return max(from_curve, from_outline)
-
-    @cached_property
-    def _rows(self) -> Array:
-        return for_kernels(self.vertices)
+        return max(
+            _largest(lambda u: np.abs(self.signed_distance(curve.position(u))), stops),
+            _largest(lambda share: np.abs(curve.signed_distance(self._along(share))), shares),
+        )
 
     def _along(self, share: Array) -> Array:
         edge = np.minimum(share.astype(np.int64), self.vertices.shape[0] - 1)
         return np.asarray(self.vertices[edge] + (share - edge)[:, np.newaxis] * self.edges[edge])
-
-    def _nearest(self, points: ArrayLike) -> tuple[IntArray, Array, Array, Array]:
-        return polygon_kernels.nearest_many(self._rows, self.tree, checked_points(points))
 
 
 def _largest(value: Callable[[Array], Array], stops: Array) -> float:

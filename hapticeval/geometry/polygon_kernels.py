@@ -19,7 +19,7 @@ import math
 import numpy as np
 
 from hapticeval.compiled import compiled
-from hapticeval.types import Array, IntArray
+from hapticeval.types import Array
 
 LEAF = 8
 DEPTH = 128
@@ -322,17 +322,10 @@ def first_crossing_kernel(
 
 
 @compiled
-def nearest_many(vertices: Array, tree: Array, points: Array) -> tuple[IntArray, Array, Array, Array]:
-    """`nearest_kernel` for each row of points (n, 2): edges, shares, signed distances, and nearest points (n, 2)."""
-    n, count = vertices.shape[0], points.shape[0]
-    edges, alongs, distances = np.empty(count, np.int64), np.empty(count), np.empty(count)
-    feet = np.empty((count, 2))
-    for i in range(count):
+def signed_distances(vertices: Array, tree: Array, points: Array) -> Array:
+    """Signed distances (n,), m, negative inside, of points (n, 2) from the outline."""
+    out = np.empty(points.shape[0])
+    for i in range(points.shape[0]):
         edge, along, distance2 = nearest_kernel(vertices, tree, points[i, 0], points[i, 1])
-        side = side_kernel(vertices, edge, along, points[i, 0], points[i, 1])
-        edges[i], alongs[i], distances[i] = edge, along, side * math.sqrt(distance2)
-        following = edge + 1 if edge + 1 < n else 0
-        for axis in range(2):
-            start = vertices[edge, axis]
-            feet[i, axis] = start + along * (vertices[following, axis] - start)
-    return edges, alongs, distances, feet
+        out[i] = side_kernel(vertices, edge, along, points[i, 0], points[i, 1]) * math.sqrt(distance2)
+    return out

@@ -1,18 +1,19 @@
-"""Smooth closed surfaces in space, as models for renderers in 3D (thesis 7.4)."""
+"""The smooth closed surfaces in space that have compiled kernels (thesis 7.4)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.errors import InputError
 from hapticeval.geometry import surface_kernels as kernels
-from hapticeval.geometry.frame import Frame
-from hapticeval.geometry.validate import checked_number, checked_points, checked_size
+from hapticeval.geometry.boundary import Frame, InSpace, spiral
+from hapticeval.geometry.validate import checked_number, checked_size, points_for, refuse_not_finite
 from hapticeval.types import Array
 
 KINDS = {"sphere": (kernels.SPHERE, 1), "ellipsoid": (kernels.ELLIPSOID, 3), "torus": (kernels.TORUS, 2)}
@@ -23,8 +24,8 @@ FLATTEST = 1e6
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
-    """A sphere, an ellipsoid or a torus about the origin; `reals` are its lengths (m).
+class Surface(InSpace):
+    """A sphere, an ellipsoid or a torus about the origin; `reals` are its lengths (m). It is a `Boundary`.
 
     A sphere has its radius, an ellipsoid its semi-axes along x, y and z, and a torus, about the z axis, the radius of
     its core circle and that of its tube. Raises `InputError` for lengths that are not positive and finite, for
@@ -55,14 +56,9 @@ class Surface:
             )
         object.__setattr__(self, "reals", lengths)
 
-    @property
-    def dimension(self) -> int:
-        """Of space: 3."""
-        return 3
-
-    @property
+    @cached_property
     def row(self) -> Array:
-        """What the kernels take, see `surface_kernels`: a new array at each call."""
+        """What the kernels take, see `surface_kernels`."""
         row = np.zeros(kernels.REALS)
         row[0] = KINDS[self.kind][0]
         row[1 : 1 + len(self.reals)] = self.reals
@@ -71,56 +67,47 @@ class Surface:
     @property
     def bounds(self) -> tuple[float, ...]:
         """(xmin, ymin, zmin, xmax, ymax, zmax), m."""
-        if self.kind == "sphere":
-            extents = (self.reals[0],) * 3
-        elif self.kind == "torus":
-            extents = (self.reals[0] + self.reals[1], self.reals[0] + self.reals[1], self.reals[1])
-        else:
-            extents = (self.reals[0], self.reals[1], self.reals[2])
+        extents = tuple(self.reals)  # three semi-axes, or a sphere's one radius
+        if self.kind == "torus":
+            extents = (extents[0] + extents[1], extents[0] + extents[1], extents[1])
+        extents = extents * (3 // len(extents))
         return (*(-each for each in extents), *extents)
 
     def frame(self, points: ArrayLike) -> Frame:
-        """Feet, normals, signed distances and shape operators for points (n, 3): see `Frame`.
+        """See `Boundary.frame`: one compiled call."""
+        array = points_for(points, 3)
+        try:
+            return kernels.frames(self.row, array)
+        except ValueError:
+            raise refuse_not_finite(array) from None
 
-        Raises `InputError`, naming the row, for a point that is not finite.
-        """
-        rows = self._placed(points)
-        return Frame(rows[:, 0:3].copy(), rows[:, 3:6].copy(), rows[:, 6].copy(), kernels.bend_many(self.row, rows))
+    def signed_distance(self, points: ArrayLike) -> Array:
+        """See `Boundary.signed_distance`."""
+        array = points_for(points, 3)
+        try:
+            return kernels.distances(self.row, array)
+        except ValueError:
+            raise refuse_not_finite(array) from None
 
     def medial_distance(self, points: ArrayLike) -> Array:
-        """(n, 2), m: from the foot of each of points (n, 3), how far the medial set lies inwards, and outwards.
+        """Return (n, 2), m: from the foot of each of points (n, 3), how far the medial set lies in- and outwards.
 
         Along the normal, infinite where there is none: between them each point of the normal has this foot, and I + nW
         is positive.
         """
-        return kernels.reach_many(self.row, self._placed(points))
-
-    def signed_distance(self, points: ArrayLike) -> Array:
-        """Distances (n,), m, negative inside, of points (n, 3)."""
-        return self._placed(points)[:, 6].copy()
+        frame = self.frame(points)
+        return kernels.reach_many(self.row, frame.foot, frame.normal)
 
     def points(self, n: int) -> Array:
-        """Points (n, 3) spread over the surface, the same at each call; evenly on the sphere and the torus.
-
-        On a spiral that turns by the golden angle at each step, between equal shares of area; an ellipsoid's are those
-        of the sphere, stretched.
-        """
+        """See `Boundary.points`: evenly on the sphere and the torus; an ellipsoid's are the sphere's, stretched."""
         if checked_number("n", n) != int(n) or n < 1:
             raise InputError(f"{n!r} points", why="it must be a whole number, at least 1")
-        share = (np.arange(n) + 0.5) / n
-        turn = np.arange(n) * (math.pi * (3.0 - math.sqrt(5.0)))
-        if self.kind == "torus":
-            major, minor = self.reals
-            angle = _tube_angle(share, minor / major)
-            out = major + minor * np.cos(angle)
-            return np.column_stack([out * np.cos(turn), out * np.sin(turn), minor * np.sin(angle)])
-        high = 1.0 - 2.0 * share
-        out = np.sqrt(1.0 - high * high)
-        stretch = np.array(self.reals)  # three semi-axes, or a sphere's one radius
-        return np.asarray(np.column_stack([out * np.cos(turn), out * np.sin(turn), high]) * stretch)
-
-    def _placed(self, points: ArrayLike) -> Array:
-        return kernels.place_many(self.row, checked_points(points, dimension=3))
+        if self.kind != "torus":
+            return np.asarray(spiral(n) * np.array(self.reals))
+        major, minor = self.reals
+        angle = _tube_angle((np.arange(n) + 0.5) / n, minor / major)
+        out, turn = major + minor * np.cos(angle), np.arange(n) * (math.pi * (3.0 - math.sqrt(5.0)))
+        return np.column_stack([out * np.cos(turn), out * np.sin(turn), minor * np.sin(angle)])
 
 
 def _tube_angle(share: Array, ratio: float) -> Array:

@@ -19,6 +19,8 @@ from typing import TypeAlias
 import numpy as np
 
 from hapticeval.compiled import compiled
+from hapticeval.geometry.boundary import Frame
+from hapticeval.geometry.kernels import check_finite
 from hapticeval.types import Array
 
 SPHERE, ELLIPSOID, TORUS = 0.0, 1.0, 2.0
@@ -237,34 +239,36 @@ def reach(reals: Array, p: Triple, normal: Triple) -> tuple[float, float]:
 
 
 @compiled
-def place_many(reals: Array, points: Array) -> Array:
-    """`place` a row of `points` (n, 3): foot, normal and distance in rows of seven."""
-    out = np.empty((points.shape[0], 7))
+def distances(reals: Array, points: Array) -> Array:
+    """Signed distances (n,), m, of points (n, 3). Raises as `check_finite` does."""
+    check_finite(points)
+    out = np.empty(points.shape[0])
     for i in range(points.shape[0]):
-        p, normal, distance = place(reals, (points[i, 0], points[i, 1], points[i, 2]))
-        for k in range(3):
-            out[i, k], out[i, 3 + k] = p[k], normal[k]
-        out[i, 6] = distance
+        _, _, out[i] = place(reals, (points[i, 0], points[i, 1], points[i, 2]))
     return out
 
 
 @compiled
-def bend_many(reals: Array, rows: Array) -> Array:
-    """`bend` a row of what `place_many` gives: (n, 3, 3)."""
-    out = np.empty((rows.shape[0], 3, 3))
-    for i in range(rows.shape[0]):
-        w = bend(reals, (rows[i, 0], rows[i, 1], rows[i, 2]), (rows[i, 3], rows[i, 4], rows[i, 5]))
+def frames(reals: Array, points: Array) -> Frame:
+    """The `Frame` of points (n, 3). Raises as `check_finite` does."""
+    check_finite(points)
+    n = points.shape[0]
+    feet, normals, far, shapes = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty((n, 3, 3))
+    for i in range(n):
+        p, normal, far[i] = place(reals, (points[i, 0], points[i, 1], points[i, 2]))
+        w = bend(reals, p, normal)
         for k in range(3):
+            feet[i, k], normals[i, k] = p[k], normal[k]
             unit = (1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0)
-            out[i, k, 0], out[i, k, 1], out[i, k, 2] = times(w, unit)
-    return out
+            shapes[i, k, 0], shapes[i, k, 1], shapes[i, k, 2] = times(w, unit)
+    return Frame(feet, normals, far, shapes)
 
 
 @compiled
-def reach_many(reals: Array, rows: Array) -> Array:
-    """`reach` a row of what `place_many` gives: (n, 2)."""
-    out = np.empty((rows.shape[0], 2))
-    for i in range(rows.shape[0]):
-        p, normal = (rows[i, 0], rows[i, 1], rows[i, 2]), (rows[i, 3], rows[i, 4], rows[i, 5])
+def reach_many(reals: Array, feet: Array, normals: Array) -> Array:
+    """`reach` for each of feet (n, 3) with their normals (n, 3): (n, 2)."""
+    out = np.empty((feet.shape[0], 2))
+    for i in range(feet.shape[0]):
+        p, normal = (feet[i, 0], feet[i, 1], feet[i, 2]), (normals[i, 0], normals[i, 1], normals[i, 2])
         out[i, 0], out[i, 1] = reach(reals, p, normal)
     return out

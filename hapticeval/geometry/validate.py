@@ -23,23 +23,40 @@ COARSEST = 1e-7
 Bounds on IHIPs are some 1e-5 of a model's size at the finest: rounding must stay two digits below them.
 """
 GEOJSON = 'give {"type": "Polygon", "coordinates": [[...]]}'
+WKT = "give POLYGON ((x y, x y, x y, x y)), ring closed"
 
 
-def checked_points(points: object, what: str = "points", *, dimension: int = 2) -> Array:
-    """Points as (n, `dimension`) float64. Raises `InputError`, naming the row, if shape or numbers are unfit."""
+def points_for(points: object, dimension: int) -> Array:
+    """Return points as kernels take them, (n, `dimension`) float64. Raises `InputError` for another shape.
+
+    Whether they are finite is left to the kernel, see `kernels.check_finite`: for one point that costs a tenth.
+    """
     try:
         array = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InputError(f"{what} are not rows of {dimension} numbers", why=str(error)) from error
+        raise InputError(f"points are not rows of {dimension} numbers", why=str(error)) from error
     if array.ndim != 2 or array.shape[1] != dimension:
         axes = "x and y" if dimension == 2 else "x, y and z"
-        raise InputError(f"{what} have the shape {array.shape}", why=f"they must be rows of {axes}: (n, {dimension})")
-    _check_finite(array, what)
-    return np.require(array, requirements=["C", "W"])  # writable too: kernels are compiled for one type of array
+        raise InputError(f"points have the shape {array.shape}", why=f"they must be rows of {axes}: (n, {dimension})")
+    return array if array.flags.carray else np.require(array, requirements=["C", "W"])
+
+
+def checked_points(points: object) -> Array:
+    """Return points of the plane as `points_for` does. Raises `InputError`, naming the row, also if not finite."""
+    array = points_for(points, 2)
+    if not np.isfinite(array).all():
+        raise refuse_not_finite(array)
+    return array
+
+
+def refuse_not_finite(array: Array, what: str = "points: row") -> InputError:
+    """Return the error that names the first row of an array (n, N) with a number that is not finite."""
+    row = int(np.argmin(np.isfinite(array).all(axis=1)))
+    return InputError(f"{what} {row} is ({', '.join(map(str, array[row]))})", why="every number must be finite")
 
 
 def checked_size(size: float, what: str = "size") -> float:
-    """A length in metres that is finite, positive and whose squares stay inside the float range."""
+    """Return a length in metres that is finite, positive and whose squares stay inside the float range."""
     value = checked_number(what, size)
     if value <= 0.0:
         raise InputError(f"{what} = {value!r} m", why="it must be positive")
@@ -53,7 +70,7 @@ def checked_size(size: float, what: str = "size") -> float:
 
 
 def checked_number(what: str, value: object) -> float:
-    """A finite real number. Raises `InputError` otherwise."""
+    """Return a finite real number. Raises `InputError` otherwise."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise InputError(f"{what} = {value!r}", why="it must be a number")
     try:
@@ -66,55 +83,40 @@ def checked_number(what: str, value: object) -> float:
 
 
 def checked_vertices(vertices: object) -> Array:
-    """The corners of one simple anticlockwise polygon, (n, 2) float64, without a closing repetition of the
-    first.
+    """Return the corners of one simple anticlockwise polygon, (n, 2), without a closing repetition of the first.
 
     Raises `InputError`, naming the vertices or the place, for fewer than three vertices, numbers that are not
     finite, points in 3D, repeated points, an outline that crosses itself, no area, clockwise order, and sizes
     outside the float range.
     """
     array = _rows_of_two(vertices)
-    _check_finite(array, "vertex coordinates", row="vertex")
+    if not np.isfinite(array).all():
+        raise refuse_not_finite(array, "vertex coordinates: vertex")
     if array.shape[0] > 1 and np.array_equal(array[0], array[-1]):
         array = array[:-1]
     if array.shape[0] < 3:
-        raise InputError(
-            f"a polygon of {array.shape[0]} vertices",
-            why="it needs at least three",
-            todo="add vertices",
-        )
+        raise InputError(f"a polygon of {array.shape[0]} vertices", why="it needs at least three", todo="add vertices")
     _check_range(array)
-    _check_repeats(array)
-    area = _check_area_and_crossings(array)
-    if area < 0.0:
-        raise InputError(
-            f"the {array.shape[0]} vertices run clockwise",
-            why="outlines run anticlockwise: the inside lies to the left",
-            todo="reverse the order of the vertices",
-        )
+    _check_shape(array)
     return np.ascontiguousarray(array)
 
 
 def vertices_from_wkt(text: str) -> Array:
-    """The vertices of a `POLYGON` in well-known text; see `checked_vertices` for what is refused."""
+    """Return the vertices of a `POLYGON` in well-known text; see `checked_vertices` for what is refused."""
     import shapely
 
     if not isinstance(text, str) or not text.strip():
-        raise InputError("the WKT text is empty", todo="give a POLYGON ((x y, x y, x y, x y))")
+        raise InputError("the WKT text is empty", todo=WKT)
     try:
         with np.errstate(all="ignore"):  # numbers that are not finite are refused below, by vertex
             geometry = shapely.from_wkt(text)
     except shapely.errors.ShapelyError as error:
-        raise InputError(
-            "the WKT text cannot be read",
-            why=str(error),
-            todo="give POLYGON ((x y, ...)), ring closed",
-        ) from error
+        raise InputError("the WKT text cannot be read", why=str(error), todo=WKT) from error
     return _outline_of(geometry)
 
 
 def vertices_from_geojson(document: str | Mapping[str, Any]) -> Array:
-    """The vertices of a GeoJSON Polygon, as text or mapping; see `checked_vertices` for what is refused."""
+    """Return the vertices of a GeoJSON Polygon, as text or mapping; see `checked_vertices` for what is refused."""
     import shapely
 
     if isinstance(document, str):
@@ -127,21 +129,13 @@ def vertices_from_geojson(document: str | Mapping[str, Any]) -> Array:
     if not isinstance(document, Mapping) or "type" not in document:
         raise InputError("the GeoJSON has no 'type'", todo=GEOJSON)
     if document["type"] == "FeatureCollection":
-        raise InputError(
-            "the GeoJSON is a FeatureCollection",
-            why="a model is one outline",
-            todo="give one Feature",
-        )
+        raise InputError("the GeoJSON is a FeatureCollection", why="a model is one outline", todo="give one Feature")
     if document["type"] == "Feature":
         document = document.get("geometry") or {}
     try:
         geometry = shapely.from_geojson(json.dumps(document, allow_nan=False))
     except (shapely.errors.ShapelyError, ValueError, TypeError) as error:
-        raise InputError(
-            "the GeoJSON cannot be read",
-            why=str(error),
-            todo=GEOJSON,
-        ) from error
+        raise InputError("the GeoJSON cannot be read", why=str(error), todo=GEOJSON) from error
     return _outline_of(geometry)
 
 
@@ -183,13 +177,6 @@ def _rows_of_two(vertices: object) -> Array:
     return array.reshape(-1, 2)
 
 
-def _check_finite(array: Array, what: str, *, row: str = "row") -> None:
-    bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
-    if bad.size:
-        numbers = ", ".join(str(each) for each in array[bad[0]])
-        raise InputError(f"{what}: {row} {bad[0]} is ({numbers})", why="every number must be finite")
-
-
 def _check_range(array: Array) -> None:
     span = float(np.max(np.ptp(array / 2.0, axis=0))) * 2.0
     largest = float(np.max(np.abs(array)))
@@ -215,35 +202,25 @@ def _check_range(array: Array) -> None:
         )
 
 
-def _check_repeats(array: Array) -> None:
-    order = np.lexsort((array[:, 1], array[:, 0]))
-    same = np.flatnonzero((array[order[1:]] == array[order[:-1]]).all(axis=1))
-    if same.size:
-        first, second = sorted((int(order[same[0]]), int(order[same[0] + 1])))
-        x, y = array[first]
+def _check_shape(array: Array) -> None:
+    """Refuse outlines that pass a point twice, cross or touch themselves, enclose nothing, or run clockwise."""
+    import shapely
+
+    _, numbers, counts = np.unique(array, axis=0, return_inverse=True, return_counts=True)
+    if counts.max() > 1:
+        first, second = np.flatnonzero(numbers.ravel() == np.argmax(counts > 1))[:2]
         raise InputError(
-            f"vertices {first} and {second} are the same point ({x:g}, {y:g})",
+            f"vertices {first} and {second} are the same point ({array[first, 0]:g}, {array[first, 1]:g})",
             why="an outline passes each point once",
             todo="remove one of them",
         )
-
-
-def _check_area_and_crossings(array: Array) -> float:
-    """The signed area (m^2), after refusing outlines that cross or touch themselves or enclose nothing."""
-    import shapely
-
+    count = f"the {array.shape[0]} vertices"
     x, y = (array - array[0]).T
-    terms = x * np.roll(y, -1) - np.roll(x, -1) * y
     far = int(np.argmax(x * x + y * y))
-    across = np.abs(x * y[far] - y * x[far])
-    if np.max(across) <= 1e-14 * (x[far] ** 2 + y[far] ** 2):
-        raise InputError(
-            f"the {array.shape[0]} vertices lie on one straight line",
-            why="it has zero area and no inside",
-        )
-    polygon = shapely.Polygon(array)
-    if not polygon.is_valid:
-        reason = shapely.is_valid_reason(polygon)
+    if np.max(np.abs(x * y[far] - y * x[far])) <= 1e-14 * (x[far] ** 2 + y[far] ** 2):
+        raise InputError(f"{count} lie on one straight line", why="it has zero area and no inside")
+    reason = shapely.is_valid_reason(shapely.Polygon(array))
+    if reason != "Valid Geometry":
         place = re.search(r"\[(\S+) (\S+)\]", reason)
         where = f" at ({place.group(1)}, {place.group(2)}) m" if place else ""
         raise InputError(
@@ -251,4 +228,9 @@ def _check_area_and_crossings(array: Array) -> float:
             why=reason.split("[")[0].lower(),
             todo="move or reorder the vertices so that edges meet only at shared vertices",
         )
-    return 0.5 * float(terms.sum())
+    if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) < 0.0:
+        raise InputError(
+            f"{count} run clockwise",
+            why="outlines run anticlockwise: the inside lies to the left",
+            todo="reverse the order of the vertices",
+        )

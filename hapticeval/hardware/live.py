@@ -12,10 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticeval.errors import DomainError, HapticevalError
-from hapticeval.hardware.device import HardwareDevice
-from hapticeval.hardware.guard import Guarded
-from hapticeval.hardware.kinematics import CUTOFF, Kinematics, Rates
-from hapticeval.hardware.wiring import Wiring
+from hapticeval.hardware.device import Guarded, HardwareDevice
+from hapticeval.hardware.wiring import CUTOFF, Kinematics, Rates, Wiring
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recorder import Recorder
 from hapticeval.renderer import Renderer
@@ -30,12 +28,12 @@ BESIDE = 1e-3
 
 
 def channels(dimension: int) -> dict[str, int]:
-    """What a live run records, and in how many columns, in the order of `append`."""
+    """Return what a live run records, and in how many columns, in the order of `append`."""
     return dict.fromkeys((*WORLD, *JOINT, "raw"), dimension)
 
 
 def signals(wiring: Wiring) -> dict[str, Signal]:
-    """What `raw` is: encoder counts, or angles as the hardware has them."""
+    """Return the signal of `raw`: encoder counts, or angles as the hardware has them."""
     unit = "rad" if wiring.counts_per_turn is None else "counts"
     return {"raw": Signal(unit, "raw joint positions as the hardware gave them", "joint")}
 
@@ -93,9 +91,8 @@ def run(
     hardware's stamp.
 
     Ctrl-C, a recorder whose writer dies, and a robot or a renderer that is led out of where it is defined, end the run:
-    `ended` says so. Raises
-    `HapticevalError` where the hardware goes or gives nonsense, or stands outside of its workspace at the start, and
-    `RendererError` with the tick when the renderer breaks.
+    `ended` gives the reason. Raises `HapticevalError` where the hardware goes or gives nonsense, or stands outside of
+    its workspace at the start, and `RendererError` with the tick when the renderer breaks.
     """
     loop = _Loop(wiring, renderer, scene, recorder, cutoff)
     ended = ""
@@ -146,7 +143,7 @@ class _Loop:
         """Nanoseconds of each step."""
 
     def step(self, stamp: int, sequence: int, raw: Array, write: Callable[[Array], None]) -> None:
-        """One cycle: from raw positions to motor commands, and a row."""
+        """Run one cycle: from raw positions to motor commands, and a row."""
         begun = time.perf_counter_ns()
         scene, dt = self.scene, self.scene.sampling_time
         late = sequence - self.last - 1 if self.tick else 0

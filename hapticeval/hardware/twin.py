@@ -1,4 +1,4 @@
-"""The simulated robot as hardware: the plant of closed loops behind encoders and motors."""
+"""The simulated robot as hardware: the plant of closed loops behind encoders and motors, and a hand that moves it."""
 
 from __future__ import annotations
 
@@ -6,14 +6,32 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hapticeval.devices.criteria import MOTOR_TORQUE
 from hapticeval.devices.device import Device
 from hapticeval.devices.integration import default_method
+from hapticeval.effects.delay import Delay
 from hapticeval.effects.effect import Effect, Stage
+from hapticeval.effects.joint_friction import JointFriction
+from hapticeval.effects.saturation import Saturation
 from hapticeval.errors import HapticevalError
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.hardware.device import Reading
 from hapticeval.hardware.wiring import Wiring
-from hapticeval.stimulus.stimulus import Hand
+from hapticeval.scene import Scene
+from hapticeval.stimulus.stimulus import Hand, Path
 from hapticeval.types import Array
+
+DEPTH, REACH, PERIOD, LONGEST = 0.005, 0.075, 5.0, 600.0
+"""The hand's path: m inside the surface, m to either side along it, s to and fro, and s until it stands still."""
+
+KNOTS = 40
+"""Points of the path per second."""
+
+DELAY, FRICTION = 2e-4, 2e-3
+"""s between sampling and output; N m of Coulomb friction in each joint."""
+
+GRIP = (250.0, 4.0)
+"""N/m and N s/m of the hand."""
 
 
 class Twin:
@@ -32,7 +50,7 @@ class Twin:
         self._count = 0
 
     def read(self) -> Reading:
-        """The encoders after one more cycle; the first time where it started."""
+        """Return the encoders after one more cycle; the first time where it started."""
         if self._count:
             self._plant.advance(self._count - 1)
         self._count += 1
@@ -40,11 +58,11 @@ class Twin:
         return Reading(round((self._count - 1) * self.dt * 1e9), self._count, raw)
 
     def write(self, command: Array) -> None:
-        """What the motors give from now on, once the delay has passed."""
+        """Set what the motors give from now on, once the delay has passed."""
         self._plant.command(self.wiring.torques(command))
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: nothing is held."""
 
 
 class _Plant:
@@ -90,7 +108,7 @@ class _Plant:
             )
 
     def _move(self, joints: Array, rates: Array, start: float, begin: float, finish: float, torque: Array) -> None:
-        """From `begin` to `finish` seconds into the cycle that starts at `start`."""
+        """Move from `begin` to `finish` seconds into the cycle that starts at `start`."""
         if finish <= begin:
             return
         if self.hand is not None and self._grip is not None:
@@ -98,3 +116,21 @@ class _Plant:
         taken = self._advance(self._motion, 0, begin, finish, joints, rates, torque)
         if taken == 0 or not np.isfinite(joints).all():
             raise HapticevalError("the simulated robot ran away", why="its motors feed energy into it without end")
+
+
+def demonstration(wiring: Wiring, scene: Scene) -> Twin:
+    """Return the simulated robot with this wiring, and a hand that slides to and fro on the scene's model.
+
+    It begins where the surface is nearest to a point 100 mm right of home.
+    """
+    effects = (Saturation(MOTOR_TORQUE), Delay(DELAY), JointFriction(FRICTION))
+    path = _to_and_fro(scene.model.boundary)
+    hand = Hand(path=path, stiffness=GRIP[0], damping=GRIP[1])
+    return Twin(wiring, effects, position=path.points[0], hand=hand, dt=scene.sampling_time)
+
+
+def _to_and_fro(boundary: Boundary) -> Path:
+    time = np.linspace(0.0, LONGEST, round(KNOTS * LONGEST) + 1)
+    start = np.eye(boundary.dimension)[0] * 0.1
+    way = boundary.walk(start, REACH * np.sin(2.0 * np.pi / PERIOD * time))
+    return Path(time, way.foot - DEPTH * way.normal)

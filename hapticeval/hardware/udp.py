@@ -1,6 +1,6 @@
-"""A robot at the other end of a socket, as a Simulink rig is: encoder packets come in, command packets go out.
+"""A robot at the other end of a socket, as a Simulink rig is, and the simulated twin in real time at such a socket.
 
-One datagram a cycle each way, little-endian: the robot sends `HCRD`, its cycle count (u64), its clock (i64, ns) and
+One datagram per cycle each way, little-endian: the robot sends `HCRD`, its cycle count (u64), its clock (i64, ns) and
 three raw positions (f64); the loop sends `HCWR`, the count that it answers (u64) and three commands (f64). A loop
 begins with a command packet of count zero and ends with one of count 2^64 - 1. A robot that stops by itself may say
 why: `HCST` and a text in UTF-8, again and again until the loop has ended, as a loop that was held up has no room for
@@ -10,14 +10,20 @@ packets.
 from __future__ import annotations
 
 import contextlib
+import multiprocessing
 import select
+import signal
 import socket
 import struct
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
 from hapticeval.errors import HapticevalError
 from hapticeval.hardware.device import Reading
+from hapticeval.hardware.twin import Twin
 from hapticeval.types import Array
 
 JOINTS = 3
@@ -29,6 +35,18 @@ LONGEST = 1024
 
 SILENCE = 1.8
 """Seconds without a packet after which the other side is taken to be gone: before the loop's own patience ends."""
+
+SPIN = 200_000
+"""Nanoseconds before a cycle at which waiting turns from sleep to looking at the clock."""
+
+LISTEN = 0.9
+"""Share of a cycle that the twin waits for an answer; a later one is taken at the next cycle."""
+
+UNHEARD = 2.0
+"""Seconds without a command after which the loop is taken to be gone."""
+
+AGAIN = 0.02
+"""Seconds between two times that a twin which has stopped says why."""
 
 
 class UdpDevice:
@@ -58,7 +76,7 @@ class UdpDevice:
             ) from error
 
     def read(self) -> Reading:
-        """The newest packet, waited for if none is there."""
+        """Return the newest packet's reading, waiting for one if none is there."""
         packet = self._newest()
         if packet.startswith(STOPPED):
             raise HapticevalError(f"the robot stopped: {packet[len(STOPPED) :].decode(errors='replace')}")
@@ -84,7 +102,7 @@ class UdpDevice:
             self._socket.close()
 
     def _newest(self) -> bytes:
-        """The last of the packets that have come, or the robot's last word, whichever is first."""
+        """Return the last of the packets that have come, or the robot's last word, whichever is first."""
         packet = b""
         try:
             if not self._arrival.poll(1e3 * SILENCE):
@@ -106,3 +124,88 @@ class UdpDevice:
     def _send(self, count: int, values: list[float]) -> None:
         with contextlib.suppress(ConnectionError, BlockingIOError):  # the next read says that the other side is gone
             self._socket.send(COMMAND.pack(WRITE, count, *values))
+
+
+def serve(twin: Twin, connection: socket.socket) -> None:
+    """Run `twin` in real time at `connection`, from a loop's first packet to its last, or until it has gone silent.
+
+    A stamp is the robot's own clock at the moment of the reading: the start, and one cycle more each time.
+    """
+    connection.settimeout(None)
+    _, loop = connection.recvfrom(COMMAND.size)
+    connection.setblocking(False)
+    cycle = round(twin.dt * 1e9)
+    heard = begun = due = time.monotonic_ns()
+    try:
+        while time.monotonic_ns() - heard < UNHEARD * 1e9:
+            reading = twin.read()
+            raw = [*reading.raw.tolist(), *([0.0] * JOINTS)][:JOINTS]
+            _wait(due)
+            connection.sendto(READING.pack(READ, reading.sequence, begun + reading.nanoseconds, *raw), loop)
+            _wait(due + round(LISTEN * cycle))
+            due += cycle
+            for count, values in _commands(connection):
+                heard = time.monotonic_ns()
+                if count == BYE:
+                    return
+                if count != HELLO:
+                    twin.write(np.array(values[: twin.wiring.device.dimension]))
+    except HapticevalError as error:
+        with contextlib.suppress(ConnectionError):
+            _last_word(connection, loop, STOPPED + error.what.encode())
+    except ConnectionError:
+        return
+
+
+def _last_word(connection: socket.socket, loop: tuple[str, int], packet: bytes) -> None:
+    """Send why it stopped until the loop has ended or gone: one that was held up has no room left for a packet."""
+    until = time.monotonic() + UNHEARD
+    while time.monotonic() < until:
+        with contextlib.suppress(BlockingIOError):
+            connection.sendto(packet, loop)
+        if any(count == BYE for count, _ in _commands(connection)):
+            return
+        time.sleep(AGAIN)
+
+
+def _commands(connection: socket.socket) -> Iterator[tuple[int, list[float]]]:
+    """Yield the command packets that have come, in their order."""
+    try:
+        while True:
+            packet = connection.recv(COMMAND.size + 1)
+            if len(packet) == COMMAND.size and packet.startswith(WRITE):
+                _, count, *values = COMMAND.unpack(packet)
+                yield count, values
+    except BlockingIOError:
+        return
+
+
+def _wait(due: int) -> None:
+    """Wait until `due`, ns of the monotonic clock, asleep for most of it."""
+    left = due - time.monotonic_ns()
+    if left > SPIN:
+        time.sleep((left - SPIN) / 1e9)
+    while time.monotonic_ns() < due:
+        pass
+
+
+@contextmanager
+def running(twin: Twin) -> Iterator[tuple[str, int]]:
+    """Run `twin` in a process of its own, behind a loopback UDP port; give the address to connect to."""
+    connection = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    connection.bind(("127.0.0.1", 0))
+    process = multiprocessing.get_context("fork").Process(target=_served, args=(twin, connection), daemon=True)
+    process.start()
+    try:
+        yield connection.getsockname()
+    finally:
+        process.join(timeout=0.5)
+        if process.is_alive():
+            process.terminate()
+        process.join()
+        connection.close()
+
+
+def _served(twin: Twin, connection: socket.socket) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the loop, which then says good-bye
+    serve(twin, connection)

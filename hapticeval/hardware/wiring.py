@@ -1,26 +1,35 @@
-"""What a robot's raw numbers mean: encoder counts to joint angles, motor commands to torques, and back."""
+"""What a robot's raw numbers mean: encoder counts to joint angles and hand, motor commands to torques, and back.
+
+A wiring stands in the `[device]` table of a TOML file: a mapping's, or one of its own.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hapticeval.devices.catalogue import make_device, parameters_of
-from hapticeval.devices.device import Device
-from hapticeval.errors import InputError
+from hapticeval.devices.device import Device, checked_joints
+from hapticeval.documents import read_toml
+from hapticeval.effects.velocity_filter import blend
+from hapticeval.errors import DomainError, InputError, at
 from hapticeval.types import Array
 
 OWN = ("counts_per_turn", "offsets", "directions", "torque_per_command")
 """Entries of a `[device]` table that are the wiring's; the others but `kind` are the device's."""
 
+CUTOFF = 100.0
+"""Hz of the low-pass of joint velocities: a count per tick of the robot's encoders is 24 mrad/s before it, 11 after."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Wiring:
-    """How the parallelogram (or any other `device`) is wired.
+    """The wiring of the parallelogram (or any other `device`).
 
     `counts_per_turn` of the encoders, None where the raw positions are radians already (or metres, of a device that
     slides); `offsets` (N,) is the raw reading at joint angle zero, 0 where none is given; `directions` (N,) of +1 or
@@ -57,7 +66,7 @@ class Wiring:
 
     @classmethod
     def described(cls, table: Mapping[str, Any]) -> Wiring:
-        """The wiring of a `[device]` table, as mappings and `hapticeval record --wiring` have it.
+        """Return the wiring of a `[device]` table, as mappings and `hapticeval record --wiring` have it.
 
         `kind` is the device, `OWN` entries are the wiring's, and all others override the device's own parameters, those
         of Table A.1. Raises `UnknownNameError` and `InputError` for what neither has.
@@ -65,46 +74,114 @@ class Wiring:
         if not isinstance(table.get("kind"), str):
             raise InputError("[device] lacks its kind", todo='write for instance kind = "parallelogram-2dof"')
         own = {name: table[name] for name in OWN if name in table}
-        rest = {name: value for name, value in table.items() if name not in OWN and name != "kind"}
-        return cls(device=make_device(table["kind"], **rest), **own)
+        return cls(device=make_device(**{name: table[name] for name in table if name not in OWN}), **own)
 
     def description(self) -> dict[str, Any]:
-        """The `[device]` table that `described` makes this wiring of."""
-        constants = {name: getattr(self.device, name, None) for name in parameters_of(self.device.name)}
-        known = getattr(self.device, "constants", None)
-        constants |= {} if known is None else {name: getattr(known, name) for name in type(known).__dataclass_fields__}
-        own = {"offsets": list(self.offsets), "directions": list(self.directions)}
-        counts = {} if self.counts_per_turn is None else {"counts_per_turn": self.counts_per_turn}
-        told = {"kind": self.device.name, **counts, **own, "torque_per_command": self.torque_per_command}
-        return told | {name: str(value) if isinstance(value, str) else value for name, value in constants.items()}
+        """Return the `[device]` table that `described` makes this wiring of."""
+        constants = getattr(self.device, "constants", self.device)
+        known = {
+            name: getattr(constants, name, getattr(self.device, name, None)) for name in parameters_of(self.device.name)
+        }
+        return {
+            "kind": self.device.name,
+            **({} if self.counts_per_turn is None else {"counts_per_turn": self.counts_per_turn}),
+            "offsets": list(self.offsets),
+            "directions": list(self.directions),
+            "torque_per_command": self.torque_per_command,
+            **{name: str(value) if isinstance(value, str) else value for name, value in known.items()},
+        }
 
     @property
     def step(self) -> float:
-        """Radians a raw unit."""
+        """Radians per raw unit."""
         return 1.0 if self.counts_per_turn is None else 2.0 * math.pi / self.counts_per_turn
 
     def joints(self, raw: Array) -> Array:
-        """Joint angles (..., N), rad, from raw positions (..., N)."""
+        """Return joint angles (..., N), rad, from raw positions (..., N)."""
         turned: Array = np.asarray(self.directions) * (np.asarray(raw, dtype=np.float64) - np.array(self.offsets))
         return np.asarray(turned * self.step)
 
     def raw(self, joints: Array) -> Array:
-        """Raw positions (..., N) from joint angles (..., N), rad; whole counts where there are counts."""
+        """Return raw positions (..., N) from joint angles (..., N), rad; whole counts where there are counts."""
         turned = np.asarray(self.directions) * np.asarray(joints, dtype=np.float64)
         raw = np.asarray(turned / self.step + np.array(self.offsets))
         return raw if self.counts_per_turn is None else np.rint(raw)
 
     def torques(self, commands: Array) -> Array:
-        """Joint torques (..., N), N m, from motor commands (..., N)."""
+        """Return joint torques (..., N), N m, from motor commands (..., N)."""
         return np.asarray(
             np.asarray(self.directions) * np.asarray(commands, dtype=np.float64) * self.torque_per_command
         )
 
     def commands(self, torques: Array) -> Array:
-        """Motor commands (..., N) from joint torques (..., N), N m."""
+        """Return motor commands (..., N) from joint torques (..., N), N m."""
         turned = np.asarray(self.directions) * np.asarray(torques, dtype=np.float64)
         return np.asarray(turned / self.torque_per_command)
 
 
 def _number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def read_wiring(path: Path) -> Wiring:
+    """Return the wiring in a TOML file. Raises `InputError`, naming the file, for one that has none or a wrong one."""
+    table = read_toml(path).get("device")
+    if not isinstance(table, dict):
+        raise InputError(f"{path.name} has no table [device]", todo='write for instance [device], and kind = "..."')
+    with at(f"{path.name}: [device]"):
+        return Wiring.described(table)
+
+
+class Rates:
+    """Joint velocities from joint positions: their difference through a first-order low-pass (2.6), from rest on."""
+
+    def __init__(self, dimension: int, cutoff: float = CUTOFF) -> None:
+        self.cutoff = cutoff
+        self._before: Array | None = None
+        self._rates = np.zeros(dimension)
+
+    def after(self, elapsed: float, joints: Array) -> Array:
+        """Return velocities (N,), rad/s, at `joints` (N,), `elapsed` s after the ones before; zero the first time."""
+        if self._before is not None:
+            share = blend(self.cutoff, elapsed)
+            self._rates = self._rates + share * ((joints - self._before) / elapsed - self._rates)
+        self._before = joints
+        return self._rates
+
+
+class Kinematics:
+    """A device's compiled kinematics, callable from Python pose by pose: as closed loops compute them, bit for bit."""
+
+    def __init__(self, device: Device) -> None:
+        from hapticeval.compiled import KINEMATICS, MARGIN, first_class
+
+        self.device = device
+        self._run = first_class(device.kernels.kinematics, KINEMATICS)
+        self._margin = first_class(device.kernels.margin, MARGIN)
+        self._parameters = device.parameters
+        size = device.dimension
+        self._jacobian, self._drift = np.empty((size, size)), np.empty(size)
+
+    def hand(self, joints: Array, rates: Array) -> tuple[Array, Array]:
+        """Return the HIP (N,), m, and its velocity (N,), m/s, by (2.28) and (2.29)."""
+        hip, velocity = np.empty_like(joints), np.empty_like(joints)
+        self._run(self._parameters, joints, rates, hip, velocity, self._jacobian, self._drift)
+        return hip, velocity
+
+    def force(self, joints: Array, torques: Array) -> Array:
+        """Return the force at the hand (N,), N, that joint torques (N,), N m, put there at rest: τ = Jᵀ F (2.8)."""
+        self.hand(joints, np.zeros_like(joints))
+        return np.asarray(np.linalg.solve(self._jacobian.T, torques), dtype=np.float64)
+
+    def inside(self, joints: Array) -> bool:
+        """Return whether joints (N,) lie in the functional configuration space."""
+        return bool(self._margin(self._parameters, joints) > 0.0)
+
+    def check(self, joints: Array) -> None:
+        """Raise `DomainError` for joints outside of the functional configuration space, naming the limit."""
+        if self.inside(joints):
+            return
+        checked_joints(self.device, joints)
+        raise DomainError(
+            f"the {self.device.name} is outside of its functional configuration space: joints {joints.tolist()}"
+        )

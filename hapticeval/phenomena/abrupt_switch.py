@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.corner_crossing import find_crossing
-from hapticeval.phenomena.normal_cone import angle_between
+from hapticeval.phenomena.corner_crossing import angle_between, find_crossing
 from hapticeval.phenomena.sampling import (
     NO_IHIP,
     hip_step,
@@ -26,12 +25,12 @@ REACHED = 0.05
 def judge(runs: Runs, scene: Scene) -> Finding:
     """HIP travel from where the force leaves n_pre for the first time to where it reaches n_post for good."""
     base = runs.base
-    if all(corner.convex for corner in scene.model.corners):
+    if all(corner.convex for corner in scene.model.boundary.corners):
         return Finding(Outcome.NOT_APPLICABLE, "the model has no concave corner")
     if lacks_ihip(base, scene):
         return Finding(Outcome.INCONCLUSIVE, NO_IHIP)
     strong = loaded(base, scene)
-    crossing = find_crossing(base, scene.model.curve, strong, convex=False)
+    crossing = find_crossing(base, scene.model.boundary, strong, convex=False)
     if crossing is None:
         return Finding(Outcome.INCONCLUSIVE, "no force is felt near a concave corner")
     pressed = crossing.first + np.flatnonzero(strong[crossing.first : crossing.end])

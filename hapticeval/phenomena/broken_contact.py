@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.corner_crossing import find_crossing
-from hapticeval.phenomena.normal_cone import angle_between
+from hapticeval.phenomena.corner_crossing import angle_between, find_crossing
 from hapticeval.phenomena.sampling import loaded, place, placement
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.scene import Scene
@@ -20,10 +19,10 @@ HELD = 0.5
 def judge(runs: Runs, scene: Scene) -> Finding:
     """How far from the corner, before or after it, the force stops being what a rigid corner gives."""
     base = runs.base
-    if not any(corner.convex for corner in scene.model.corners):
+    if not any(corner.convex for corner in scene.model.boundary.corners):
         return Finding(Outcome.NOT_APPLICABLE, "the model has no convex corner")
     strong = loaded(base, scene)
-    crossing = find_crossing(base, scene.model.curve, strong, convex=True)
+    crossing = find_crossing(base, scene.model.boundary, strong, convex=True)
     if crossing is None:
         return Finding(Outcome.INCONCLUSIVE, "no force is felt near a convex corner")
     along = (base.hip - crossing.corner.position) @ crossing.ahead

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import lfilter, lfilter_zi
 
 from hapticeval.closed_forms.equations import Gains, transversal
-from hapticeval.geometry.frame import Frame
+from hapticeval.geometry.boundary import Frame
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.sampling import (
     FORCE_DEPTH,

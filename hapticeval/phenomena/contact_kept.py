@@ -142,7 +142,7 @@ def _barred(
             continue
         far = float(np.linalg.norm(hip[tick] - held))
         if far > allowed[tick] and any(
-            tool.barred(other, hip[tick]) is None for other in tool.beside(held, float(reach[tick]))
+            tool.barred(other, hip[tick]) is None for other in tool.boundary.around(held, float(reach[tick]))
         ):
             held = None
             continue

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.normal_cone import off_normals
 from hapticeval.phenomena.sampling import LAG_TICKS, hip_step, loaded, place, resolution, rounding, standoff
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.channels import SIMULATED
@@ -107,7 +106,7 @@ def _error_angle(recording: Recording, scene: Scene) -> dict[str, float]:
     if pressed.size == 0:
         return {}
     reach = _reach(recording, scene)[pressed] + resolution(recording, scene)
-    angles = np.degrees(off_normals(scene.model.boundary, recording.ihip[pressed], reach)(error[pressed]))
+    angles = np.degrees(scene.model.boundary.normal_cone(recording.ihip[pressed], reach)(error[pressed]))
     return {
         "error_vector_angle_median_deg": float(np.median(angles)),
         "error_vector_angle_95_deg": float(np.percentile(angles, 95)),
@@ -132,7 +131,7 @@ def _deviation(recording: Recording, scene: Scene, strong: IntArray, reach: Arra
     A force that is a spring from a late IHIP to the present HIP is tilted by the HIP's travel since; so the spring to
     each of the last three HIPs is looked at too, and the best of them counts.
     """
-    off = off_normals(scene.model.boundary, recording.ihip[strong], reach)
+    off = scene.model.boundary.normal_cone(recording.ihip[strong], reach)
     force = recording.force[strong]
     depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[strong]
     strength = np.linalg.norm(force, axis=1)

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticeval.geometry.curve import Corner, Curve
-from hapticeval.phenomena.normal_cone import angle_between
+from hapticeval.geometry.boundary import Boundary, Corner
 from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array, BoolArray
 
@@ -30,18 +29,18 @@ class Crossing:
     end: int
 
 
-def find_crossing(recording: Recording, curve: Curve, strong: BoolArray, *, convex: bool) -> Crossing | None:
+def find_crossing(recording: Recording, boundary: Boundary, strong: BoolArray, *, convex: bool) -> Crossing | None:
     """The corner of the wanted kind that the HIP comes closest to, and its stay there; None if there is none.
 
     Near means nearer than half of the way to the next corner. The face that the tool comes from is the one whose
     normal the first force above the floor has in that stay; None also if there is no force.
     """
-    wanted = [corner for corner in curve.corners if corner.convex == convex]
+    wanted = [corner for corner in boundary.corners if corner.convex == convex]
     if not wanted or not strong.any():
         return None
     corner = min(wanted, key=lambda c: float(np.min(np.linalg.norm(recording.hip - c.position, axis=1))))
     distance = np.linalg.norm(recording.hip - corner.position, axis=1)
-    near = distance <= 0.5 * _to_next(curve, corner)
+    near = distance <= 0.5 * _to_next(boundary, corner)
     closest = int(np.argmin(distance))
     near[closest] = True
     away = np.flatnonzero(~near)
@@ -59,7 +58,13 @@ def find_crossing(recording: Recording, curve: Curve, strong: BoolArray, *, conv
     return Crossing(corner, corner.normal_post, corner.normal_pre, -corner.tangent_post, turn, first, end)
 
 
-def _to_next(curve: Curve, corner: Corner) -> float:
+def _to_next(boundary: Boundary, corner: Corner) -> float:
     """Arc length from a corner to the nearest other one, m; once round where it is the only one."""
-    gaps = [abs(other.s - corner.s) for other in curve.corners if other is not corner]
-    return min((min(gap, curve.length - gap) for gap in gaps), default=curve.length)
+    gaps = [abs(other.s - corner.s) for other in boundary.corners if other is not corner]
+    return min((min(gap, boundary.girth - gap) for gap in gaps), default=boundary.girth)
+
+
+def angle_between(vectors: Array, direction: Array) -> Array:
+    """Unsigned angle of each of `vectors` (n, 2) to `direction` (2,), rad; zero vectors give zero."""
+    cross = vectors[:, 0] * direction[1] - vectors[:, 1] * direction[0]
+    return np.asarray(np.abs(np.arctan2(cross, vectors @ direction)))

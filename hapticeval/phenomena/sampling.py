@@ -111,9 +111,7 @@ def rounding(scene: Scene) -> float:
 
 def resolution(recording: Recording, scene: Scene) -> float:
     """The declared resolution, m, at most a sixteenth of the outline; in space that of a circle of the model's size."""
-    model = scene.model
-    outline = model.curve.length if model.dimension == 2 else np.pi * model.size
-    return min(recording.resolution, COARSEST * outline)
+    return min(recording.resolution, COARSEST * scene.model.boundary.girth)
 
 
 def placement(recording: Recording, scene: Scene) -> float:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hapticeval.geometry.frame import Frame
+from hapticeval.geometry.boundary import Frame
 from hapticeval.phenomena.sampling import HOLD_TICKS
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene

@@ -63,11 +63,6 @@ UNSATISFIED = (Outcome.FAIL, Outcome.INCONCLUSIVE)
 """What stops a gate at level `must`, and warns at level `should`."""
 
 
-def warns(level: str, outcome: str, published: str | None) -> bool:
-    """Whether a verdict warns: one of level `should` that would stop a gate at level `must`."""
-    return level == Level.SHOULD and outcome in UNSATISFIED and published is None
-
-
 @dataclass(frozen=True)
 class Verdict:
     """A finding with its identity, its weight, and the published outcome where the suite carries one."""

@@ -1,4 +1,4 @@
-"""What a recording may hold, and what it states beside its numbers: its channels, and the keys of its meta."""
+"""Names, units and frames of the channels that a recording may hold, and the known keys of its metadata."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]{0,79}")
 
 
 class Signal(NamedTuple):
-    """What the numbers of a channel are: unit (SI, "1" for a pure number), meaning, frame and sign convention."""
+    """Describes the numbers of a channel: unit (SI, "1" for a pure number), meaning, frame and sign convention."""
 
     unit: str
     meaning: str
@@ -53,34 +53,31 @@ REQUIRED = ("hip", "ihip", "force")
 
 
 def declared(name: str, signals: Mapping[str, Signal]) -> Signal:
-    """What channel `name` is: known, with the sign convention that `signals` may add, or as declared there.
+    """Return what channel `name` is: known, with the sign convention that `signals` may add, or as declared there.
 
-    Raises `InputError` for a name that is neither known nor declared, a declaration that changes a known
-    channel's unit or frame, a frame that is none of `FRAMES`, and a name that files cannot hold.
+    Raises `InputError` for a name that is neither known nor declared or that files cannot hold, for a declaration that
+    changes a known channel's unit or frame, and for a frame that is none of `FRAMES`.
     """
     known, given = CHANNELS.get(name), signals.get(name)
-    if known is None and given is None:
-        raise InputError(
-            f"a recording does not know the channel '{name}'",
-            todo=f"use one of: {', '.join(CHANNELS)}; or declare it: signals={{'{name}': Signal(unit, meaning)}}",
-        )
     if given is None:
-        assert known is not None
+        if known is None:
+            raise InputError(
+                f"a recording does not know the channel '{name}'",
+                todo=f"use one of: {', '.join(CHANNELS)}; or declare it: signals={{'{name}': Signal(unit, meaning)}}",
+            )
         return known
     given = Signal(*given)
     if not all(isinstance(part, str) for part in given) or not given.unit:
         raise InputError(f"channel '{name}' is declared as {tuple(given)}", todo="give it a unit and a meaning")
-    if known is not None:
-        if (given.unit, given.frame) != (known.unit, known.frame):
-            raise InputError(
-                f"channel '{name}' is declared in {given.unit}, frame {given.frame}",
-                why=f"every reader takes it in {known.unit}, frame {known.frame}",
-                todo="convert it, or give it another name",
-            )
-        return given
+    if known is not None and (given.unit, given.frame) != (known.unit, known.frame):
+        raise InputError(
+            f"channel '{name}' is declared in {given.unit}, frame {given.frame}",
+            why=f"every reader takes it in {known.unit}, frame {known.frame}",
+            todo="convert it, or give it another name",
+        )
     if NAME.fullmatch(name) is None:
         raise InputError(
-            f"{name!r} cannot name a channel", todo="use letters, digits, '_', '-' and '.', beginning with a letter"
+            f"{name!r} cannot name a channel", todo="use letters, digits, '_', '-', '.'; begin with a letter"
         )
     if given.frame not in FRAMES:
         raise InputError(f"channel '{name}' is in the frame '{given.frame}'", todo=f"use one of: {', '.join(FRAMES)}")
@@ -113,19 +110,24 @@ METADATA: Mapping[str, tuple[str, str]] = MappingProxyType(
 )
 """Known keys, with the kind of their value and their meaning. Any other key is free."""
 
-
 SIMULATED = ("playback", "experiment", "replay")
 """Sources whose every number is an answer: force and IHIP are as the renderer gave them, and the clock is made."""
 
 
 def check_metadata(meta: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy of `meta`, its tables and lists too. Raises `InputError` for a known key of the wrong kind."""
+    """Return a copy of `meta`, its tables and lists too. Raises `InputError` for a known key of the wrong kind."""
     for key in METADATA.keys() & meta.keys():
         kind, meaning = METADATA[key]
         fits, wanted = KINDS[kind]
         if not fits(meta[key]):
             raise InputError(f"meta: {key} = {meta[key]!r} is not {wanted}", why=f"it is the {meaning}")
     return {str(key): _copied(value) for key, value in meta.items()}
+
+
+def _copied(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _copied(item) for key, item in value.items()}
+    return [_copied(item) for item in value] if isinstance(value, list) else value
 
 
 def _number(value: Any) -> bool:
@@ -135,18 +137,9 @@ def _number(value: Any) -> bool:
 
 def _date(value: Any) -> bool:
     try:
-        datetime.fromisoformat(value)
+        return bool(datetime.fromisoformat(value))
     except (TypeError, ValueError):
         return False
-    return True
-
-
-def _copied(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _copied(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_copied(item) for item in value]
-    return value
 
 
 KINDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {

@@ -9,7 +9,7 @@ wrong byte can keep the HDF5 library reading for ever. A file holds
     /nanoseconds        (n,) int64, `unit` = "ns", `start`, `anchor` (stamp and wall clock), and
     /sequence           (n,) int64
     /valid              (n,) uint8, where some rows are not valid
-    /channels/<name>    (n,) or (n, k) float64, attributes `unit`, `meaning`, `frame`, `sign`: a dataset a signal
+    /channels/<name>    (n,) or (n, k) float64, attributes `unit`, `meaning`, `frame`, `sign`: one dataset per signal
     /events             `time` (s), `kind`, `text` (UTF-8), where there are any
     /meta               (m,) uint8: `Recording.meta` as JSON in UTF-8
 
@@ -22,7 +22,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import struct
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -32,15 +31,9 @@ import numpy as np
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.files import creating, plain, replacing
 from hapticeval.recordings.memory import reserve
-from hapticeval.recordings.recording import CHANNELS, Clock, Event, Recording, Signal, among
+from hapticeval.recordings.recording import CHANNELS, Clock, Event, Recording, Signal
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
-END_OF_FILE = {0: 40, 1: 44, 2: 28, 3: 28}
-"""Where in a superblock of each version the end of the file stands, with offsets of eight bytes."""
-
-WIDTH = {0: 13, 1: 13, 2: 9, 3: 9}
-"""Where the version says how wide an offset is."""
-
 FORMAT = "hapticeval recording"
 FORMAT_VERSION = 2
 ROWS_A_CHUNK = 4096
@@ -49,13 +42,23 @@ ROWS_A_CHUNK = 4096
 GZIP_LEVEL = 1
 """Higher ones save under 1 % of a noisy signal, and read a quarter slower."""
 
-TOLD = ("meaning", "frame", "sign")
+ROW_TYPES = {"time": np.float64, "nanoseconds": np.int64, "sequence": np.int64, "valid": np.uint8}
+"""Datasets beside the channels that have a row per sample, and the type of their numbers."""
+
 DAMAGE = (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, OverflowError, MemoryError)
-"""h5py speaks of one and the same damage in all of these, by where it strikes."""
+"""h5py raises any of these for one and the same damage, by where it strikes."""
 
 
 class DamagedError(InputError):
-    """A recording of ours that is cut short or damaged: what is whole of it `salvage` finds."""
+    """A recording of ours that is cut short or damaged: `salvage` finds what is whole of it."""
+
+
+def metadata_json(meta: Any) -> str:
+    """Return the `meta` of a recording as JSON. Raises `InputError`, naming the key, for what JSON cannot hold."""
+    try:
+        return json.dumps(plain(meta, "meta"), allow_nan=False, sort_keys=True)
+    except ValueError as error:
+        raise InputError(f"the meta of a recording holds a number that is not finite: {error}") from error
 
 
 def write_recording(path: Path, recording: Recording, *, replace: bool = False) -> None:
@@ -68,10 +71,7 @@ def write_recording(path: Path, recording: Recording, *, replace: bool = False) 
     import h5py
 
     path = Path(path)
-    try:
-        meta = json.dumps(plain(recording.meta, "meta"), allow_nan=False, sort_keys=True)
-    except ValueError as error:
-        raise InputError(f"the meta of a recording holds a number that is not finite: {error}") from error
+    meta = np.frombuffer(metadata_json(recording.meta).encode(), dtype=np.uint8)
     try:
         with (
             (replacing if replace else creating)(path) as temporary,
@@ -81,8 +81,10 @@ def write_recording(path: Path, recording: Recording, *, replace: bool = False) 
             file.attrs["format"] = np.bytes_(FORMAT)
             file.attrs["format_version"] = FORMAT_VERSION
             file.attrs["rows"] = len(recording)
-            _create(file, "meta", np.frombuffer(meta.encode(), dtype=np.uint8))
-            _create(file, "events", _event_table(recording.events))
+            _dataset(file, "meta", meta)[...] = meta
+            if recording.events:
+                table = _event_table(recording.events)
+                _dataset(file, "events", table)[...] = table
             signals = _signals(file, recording)
             file.flush()  # so that what names and finds the rows lies before them, where a cut file still has it
             _fill(signals, len(recording))
@@ -92,27 +94,25 @@ def write_recording(path: Path, recording: Recording, *, replace: bool = False) 
 
 
 def _signals(file: Any, recording: Recording) -> list[tuple[Any, Any]]:
-    """The datasets of everything that has rows, still empty, each with its numbers."""
-    made: list[tuple[Any, Any]] = []
-    clock = recording.clock
+    """Make the datasets of everything that has rows, still empty; return each with its numbers."""
+    clock, made = recording.clock, []
     if clock is None:
-        made.append((_reserve(file, "time", recording.time, unit="s"), recording.time))
+        made.append((_dataset(file, "time", recording.time, unit="s"), recording.time))
     else:
-        stamps = _reserve(file, "nanoseconds", clock.nanoseconds, unit="ns")
+        stamps = _dataset(file, "nanoseconds", clock.nanoseconds, unit="ns")
         stamps.attrs["start"] = np.int64(clock.zero)
         if clock.anchor is not None:
             stamps.attrs["anchor"] = np.array(clock.anchor, dtype=np.int64)
         made.append((stamps, clock.nanoseconds))
         if clock.sequence is not None:
-            made.append((_reserve(file, "sequence", clock.sequence, unit="1"), clock.sequence))
+            made.append((_dataset(file, "sequence", clock.sequence, unit="1"), clock.sequence))
     if recording.valid is not None:
         valid = recording.valid.astype(np.uint8)
-        made.append((_reserve(file, "valid", valid, unit="1"), valid))
+        made.append((_dataset(file, "valid", valid, unit="1"), valid))
     group = file.create_group("channels", track_order=True)
     for name, values in recording.channels.items():
-        signal = recording.signals[name]
-        told = {key: value for key, value in signal._asdict().items() if value}
-        made.append((_reserve(group, name, values, **told), values))
+        words = {key: value for key, value in recording.signals[name]._asdict().items() if value}
+        made.append((_dataset(group, name, values, **words), values))
     return made
 
 
@@ -122,7 +122,7 @@ def _fill(datasets: Sequence[tuple[Any, Any]], count: int) -> None:
             dataset[begin : begin + ROWS_A_CHUNK] = values[begin : begin + ROWS_A_CHUNK]
 
 
-def _reserve(holder: Any, name: str, values: Any, **told: str) -> Any:
+def _dataset(holder: Any, name: str, values: Any, **words: str) -> Any:
     dataset = holder.create_dataset(
         name,
         shape=values.shape,
@@ -134,29 +134,23 @@ def _reserve(holder: Any, name: str, values: Any, **told: str) -> Any:
         fletcher32=True,
         track_times=False,
     )
-    for key, value in told.items():
+    for key, value in words.items():
         dataset.attrs[key] = np.bytes_(value.encode())
     return dataset
 
 
-def _create(holder: Any, name: str, values: Any) -> None:
-    if len(values):
-        _reserve(holder, name, values)[...] = values
-
-
 def _event_table(events: Iterable[Event]) -> Any:
     rows = [(event.time, event.kind.encode(), event.text.encode()) for event in events]
-    kind = max([1, *(len(row[1]) for row in rows)])
-    words = max([1, *(len(row[2]) for row in rows)])
-    return np.array(rows, dtype=[("time", "<f8"), ("kind", f"S{kind}"), ("text", f"S{words}")])
+    kind, text = (max([1, *(len(row[column]) for row in rows)]) for column in (1, 2))
+    return np.array(rows, dtype=[("time", "<f8"), ("kind", f"S{kind}"), ("text", f"S{text}")])
 
 
-def read_recording(path: Path, *, channels: Sequence[str] | None = None, rows: slice | None = None) -> Recording:
-    """Read a recording that `write_recording` wrote, or only some of its `channels` and `rows` of it.
+def read_recording(path: Path, *, channels: Sequence[str] | None = None) -> Recording:
+    """Read a recording that `write_recording` wrote, or only some of its `channels`.
 
-    A part is on the time base of the whole, and no more than it is read. Raises `InputError` that says which: the
-    file is missing, is no HDF5 file, is cut short or damaged (and in which rows of which signal), is someone else's
-    HDF5 file, was written by a newer format, lacks a channel that is asked for, or holds one in a unit other than ours.
+    Raises `InputError` that says which: the file is missing, is no HDF5 file, is cut short or damaged (and in which
+    rows of which signal), is someone else's HDF5 file, was written by a newer format, lacks a channel that is asked
+    for, or holds one in a unit other than ours.
     """
     import h5py
 
@@ -165,106 +159,71 @@ def read_recording(path: Path, *, channels: Sequence[str] | None = None, rows: s
     try:
         with h5py.File(path, "r", rdcc_nbytes=0) as file:
             check_format(path, file)
-            return _Reader(path, file, rows).recording(channels)
+            return _read(path, file, channels)
     except HapticevalError:
         raise
     except DAMAGE as error:
         from hapticeval.recordings.salvage import described
 
-        raise damaged(path, described(path) or str(error)) from error
+        raise _damaged(path, described(path) or str(error)) from error
 
 
-class _Reader:
-    """An open file, the rows of it that are wanted, and what is in it."""
+def _read(path: Path, file: Any, wanted: Sequence[str] | None) -> Recording:
+    group, count = file["channels"], int(file.attrs["rows"])
+    known = list(group)
+    for name in wanted or ():
+        if name not in known:
+            raise UnknownNameError(f"channel of {path.name}", name, known)
+    names = known if wanted is None else list(dict.fromkeys(wanted))
+    check_inside(path, file, [group[name] for name in names])
 
-    def __init__(self, path: Path, file: Any, rows: slice | None) -> None:
-        self.path, self.file, self.group = path, file, file["channels"]
-        base = file["nanoseconds" if "nanoseconds" in file else "time"]
-        self.count = int(base.shape[0])
-        if self.count != int(file.attrs["rows"]):
-            raise damaged(path, f"it has {self.count} rows, and says {int(file.attrs['rows'])}")
-        begin, end, step = slice(None).indices(self.count) if rows is None else rows.indices(self.count)
-        if step != 1 or begin >= end:
-            raise InputError(
-                f"{path} has {self.count} rows, and none of them is in {rows}",
-                todo="give rows that follow each other",
-            )
-        self.begin, self.end = begin, end
-
-    def recording(self, wanted: Sequence[str] | None) -> Recording:
-        known = list(self.group)
-        for name in wanted or ():
-            if name not in known:
-                raise UnknownNameError(f"channel of {self.path.name}", name, known)
-        names = known if wanted is None else list(dict.fromkeys(wanted))
-        check_inside(self.path, self.file, (self.group[name] for name in names), self.end - self.begin)
-        signals = {name: read_signal(self.group[name], name) for name in names}
-        values = {name: self.rows(self.group[name], name, np.float64) for name in names}
-        meta = json.loads(bytes(self.file["meta"][:]).decode())
-        clock, time = self.clock()
-        until = np.inf if self.end == self.count else self.time_of(self.end)
-        events = among(self.events(), -np.inf if self.begin == 0 else float(time[0]), until)
-        valid = self.rows(self.file["valid"], "valid", np.uint8) != 0 if "valid" in self.file else None
-        return Recording(time, values, meta, clock=clock, valid=valid, signals=signals, events=events)
-
-    def rows(self, dataset: Any, name: str, dtype: Any) -> Any:
+    def rows(dataset: Any, name: str, dtype: Any) -> Any:
         if dataset.dtype != dtype:
-            raise damaged(self.path, f"'{name}' is of type {dataset.dtype}, not {np.dtype(dtype)}")
-        if dataset.shape[0] != self.count:
-            raise damaged(self.path, f"'{name}' has {dataset.shape[0]} rows of {self.count}")
-        values = dataset[self.begin : self.end]
+            raise _damaged(path, f"'{name}' is of type {dataset.dtype}, not {np.dtype(dtype)}")
+        if dataset.shape[0] != count:
+            raise _damaged(path, f"'{name}' has {dataset.shape[0]} rows of {count}")
+        values = dataset[()]
         values.flags.writeable = False
         return values
 
-    def clock(self) -> tuple[Clock | None, Any]:
-        if "nanoseconds" not in self.file:
-            if text(self.file["time"], "unit") != "s":
-                raise damaged(self.path, "its time is not in seconds")
-            return None, self.rows(self.file["time"], "time", np.float64)
-        stamps = self.file["nanoseconds"]
-        sequence = self.rows(self.file["sequence"], "sequence", np.int64) if "sequence" in self.file else None
-        anchor = tuple(int(x) for x in stamps.attrs["anchor"]) if "anchor" in stamps.attrs else None
-        clock = Clock(
-            self.rows(stamps, "nanoseconds", np.int64),
-            int(stamps.attrs["start"]),
-            anchor if anchor is None else (anchor[0], anchor[1]),
-            sequence,
-        )
-        return clock, clock.seconds
-
-    def time_of(self, row: int) -> float:
-        if "nanoseconds" not in self.file:
-            return float(self.file["time"][row])
-        stamps = self.file["nanoseconds"]
-        return (int(stamps[row]) - int(stamps.attrs["start"])) / 1e9
-
-    def events(self) -> tuple[Event, ...]:
-        return read_events(self.file)
+    beside = {name: rows(file[name], name, dtype) for name, dtype in ROW_TYPES.items() if name in file}
+    signals = {name: read_signal(group[name], name) for name in names}
+    values = {name: rows(group[name], name, np.float64) for name in names}
+    clock = read_clock(file, beside["nanoseconds"], beside.get("sequence")) if "nanoseconds" in beside else None
+    if clock is None and text(file["time"], "unit") != "s":
+        raise _damaged(path, "its time is not in seconds")
+    return Recording(
+        beside["time"] if clock is None else clock.seconds,
+        values,
+        read_meta(file),
+        clock=clock,
+        valid=beside["valid"] != 0 if "valid" in beside else None,
+        signals=signals,
+        events=read_events(file),
+    )
 
 
-def check_inside(path: Path, file: Any, channels: Iterable[Any], rows: int) -> None:
+def check_inside(path: Path, file: Any, channels: Iterable[Any]) -> None:
     """Raise `InputError` for a recording whose numbers lie in another file, or take more memory than is allowed."""
-    beside = [file[name] for name in ("time", "nanoseconds", "sequence", "valid", "events", "meta") if name in file]
     size = 0
-    for dataset in [*channels, *beside]:
+    for dataset in [*channels, *(file[name] for name in (*ROW_TYPES, "events", "meta") if name in file)]:
         if dataset.file.id != file.id or lies_elsewhere(dataset):
             raise InputError(
                 f"{path}: '{dataset.name}' lies in another file",
                 why="hapticeval writes recordings whole, and reads no file that another one names",
                 todo="record it again, or copy the numbers into one file",
             )
-        count = dataset.shape[0] if dataset.name in ("/events", "/meta") else rows
-        size += dataset.dtype.itemsize * count * math.prod(dataset.shape[1:])
+        size += dataset.dtype.itemsize * math.prod(dataset.shape)
     reserve(size, str(path))
 
 
 def lies_elsewhere(dataset: Any) -> bool:
-    """Whether the numbers of an HDF5 data set are taken from other files, by path: any path of the machine."""
+    """Return whether an HDF5 data set takes its numbers from other files, by path: any path of the machine."""
     return bool(dataset.external) or dataset.is_virtual
 
 
 def read_signal(dataset: Any, name: str) -> Signal:
-    """What the attributes of a dataset say it is. Raises `InputError` for a known channel in a unit other than ours."""
+    """Return the signal that a dataset's attributes state. Raises `InputError` for a known channel in other units."""
     unit = text(dataset, "unit")
     if name in CHANNELS and unit != CHANNELS[name].unit:
         raise InputError(
@@ -272,14 +231,27 @@ def read_signal(dataset: Any, name: str) -> Signal:
             why="recordings are in SI units",
             todo="write the file with hapticeval",
         )
-    return Signal(unit or "", *(text(dataset, key) or "" for key in TOLD))
+    return Signal(unit or "", *(text(dataset, key) or "" for key in ("meaning", "frame", "sign")))
+
+
+def read_clock(file: Any, stamps: Any, sequence: Any) -> Clock:
+    """Return the clock of stamps (n,), ns, and cycle numbers (n,) or None, with what the open file states of it."""
+    stated = file["nanoseconds"].attrs
+    anchor = tuple(int(x) for x in stated["anchor"]) if "anchor" in stated else None
+    return Clock(stamps, int(stated["start"]), anchor and (anchor[0], anchor[1]), sequence)
 
 
 def read_events(file: Any) -> tuple[Event, ...]:
-    """The events of an open file."""
+    """Return the events of an open file."""
     if "events" not in file:
         return ()
     return tuple(Event(float(row["time"]), row["kind"].decode(), row["text"].decode()) for row in file["events"][:])
+
+
+def read_meta(file: Any) -> dict[str, Any]:
+    """Return the metadata of an open file."""
+    meta: dict[str, Any] = json.loads(bytes(file["meta"][:]).decode())
+    return meta
 
 
 def check_signature(path: Path) -> None:
@@ -309,45 +281,23 @@ def check_format(path: Path, file: Any) -> None:
         )
     version = int(file.attrs["format_version"])
     if version != FORMAT_VERSION:
+        newer = version > FORMAT_VERSION
         raise InputError(
             f"{path} has recording format {version}; this hapticeval reads format {FORMAT_VERSION}",
-            why="a newer hapticeval wrote it" if version > FORMAT_VERSION else "no such format was released",
-            todo="update hapticeval" if version > FORMAT_VERSION else "record it again",
+            why="a newer hapticeval wrote it" if newer else "no such format was released",
+            todo="update hapticeval" if newer else "record it again",
         )
 
 
 def text(holder: Any, name: str) -> str | None:
-    """A text attribute; None where there is none."""
+    """Return a text attribute; None where there is none."""
     value = holder.attrs.get(name)
     return value.decode() if isinstance(value, bytes) else value
 
 
-def damaged(path: Path, why: str) -> DamagedError:
-    """The error of a file that cannot be read as a run."""
+def _damaged(path: Path, why: str) -> DamagedError:
     return DamagedError(
         f"the recording {path} is cut short or damaged",
         why=why,
         todo=f"copy it again; or take what is whole of it: hapticeval convert {path} --salvage -o {path.stem}-whole.h5",
     )
-
-
-def declared_size(path: Path) -> int:
-    """The length of an HDF5 file by its own superblock, in bytes; zero where that does not state it."""
-    with path.open("rb") as opened:
-        head = opened.read(4096 + 64)
-    at = 0
-    while head[at : at + 8] != SIGNATURE:  # what comes before is the user's: nothing, 512 bytes, or twice as many ...
-        at = max(512, 2 * at)
-        if at >= len(head):
-            return 0
-    version = head[at + 8] if at + 8 < len(head) else None
-    if version not in END_OF_FILE or head[at + WIDTH[version] : at + WIDTH[version] + 1] != b"\x08":
-        return 0
-    told = head[at + END_OF_FILE[version] :][:8]
-    return int(struct.unpack("<Q", told)[0]) if len(told) == 8 else 0
-
-
-def ending(path: Path) -> str:
-    """In words, where a file ends before it should; empty where it does not."""
-    size, told = path.stat().st_size, declared_size(path)
-    return f"the file ends at byte {size} of {told}" if size < told else ""

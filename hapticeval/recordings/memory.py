@@ -1,7 +1,7 @@
 """How much memory the numbers of one file may take: checked before it is taken, whatever the file promises.
 
 A file of a few kilobytes can declare gigabytes: by compression, by a data set that was never written, or by naming one
-part many times. Every reader asks `reserve` first.
+part many times. Every reader calls `reserve` first.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _limit: ContextVar[float] = ContextVar("memory limit", default=LIMIT)
 
 @contextmanager
 def limited(gigabytes: float) -> Iterator[None]:
-    """Within the block, refuse files whose numbers take more than so many gigabytes."""
+    """Refuse, within the block, files whose numbers take more than so many gigabytes."""
     token = _limit.set(gigabytes)
     try:
         yield
@@ -31,20 +31,16 @@ def limited(gigabytes: float) -> Iterator[None]:
 
 
 def allowed() -> int:
-    """Bytes that the numbers of one file may take."""
+    """Return the bytes that the numbers of one file may take."""
     return int(_limit.get() * GIGABYTE)
 
 
 def reserve(size: int, what: str) -> None:
     """Raise `InputError` where `size` bytes, which `what` would take, are beyond the limit."""
     if size > allowed():
+        enough = -(-size // (GIGABYTE // 10)) / 10
         raise InputError(
             f"{what} would take {size / GIGABYTE:.3g} GB of memory",
             why=f"the limit for one file is {_limit.get():g} GB; a small file can declare any amount",
-            todo=f"if the file is trusted, and the memory is there, give --memory-limit {_needed(size):g}",
+            todo=f"if the file is trusted, and the memory is there, give --memory-limit {enough:g}",
         )
-
-
-def _needed(size: int) -> float:
-    """Gigabytes that are enough, rounded up to a tenth."""
-    return -(-size // (GIGABYTE // 10)) / 10

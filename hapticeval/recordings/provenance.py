@@ -1,15 +1,29 @@
-"""What a recording states of how it was made, wherever in its meta that stands: model, scene, gains, force floor."""
+"""How a recording was made, as its metadata states it: model, scene, gains, force floor, and the wall of a 1-DOF run.
+
+A device with one degree of freedom presses along a line. In the plane that line is the y axis and the wall the half
+plane y < 0, with its outward normal along +y: a place x becomes (0, s (x - x0)) and a force f becomes (0, s f), with
+x0 the wall's place and s = 1 or -1 its outward direction on the recorded axis. Both stand in `meta["wall"]`; without
+it the wall is at 0 and free space on the positive side.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from hapticeval.errors import InputError
 from hapticeval.recordings.recording import Recording
+
+LINE = "line"
+"""The model that the wall of a recording in one dimension is."""
 
 
 def model_of(recording: Recording) -> dict[str, Any] | None:
-    """The model that was touched, as a suite gives it (`kind` and parameters): in the scene, or beside it."""
+    """Return the model that was touched, as a suite gives it (`kind` and parameters): in the scene, or beside it."""
     for place in (recording.meta.get("scene"), recording.meta):
         model = place.get("model") if isinstance(place, Mapping) else None
         if isinstance(model, Mapping) and "kind" in model:
@@ -18,7 +32,7 @@ def model_of(recording: Recording) -> dict[str, Any] | None:
 
 
 def scene_of(recording: Recording) -> dict[str, Any]:
-    """The entries of the scene, and the gains that stand beside it, without those that are None."""
+    """Return the entries of the scene, and the gains that stand beside it, without those that are None."""
     found: dict[str, Any] = {}
     for table in (recording.meta.get("gains"), recording.meta.get("scene")):
         if isinstance(table, Mapping):
@@ -27,7 +41,7 @@ def scene_of(recording: Recording) -> dict[str, Any]:
 
 
 def spring_of(recording: Recording) -> tuple[float | None, str]:
-    """K_p, N/m, where the force is that of a spring alone; else None, and the damping in words where there is one."""
+    """Return K_p, N/m, where the force is that of a spring alone; else None, and its damping in words if it has one."""
     why = ""
     for table in (recording.meta.get("gains"), recording.meta.get("scene")):
         if isinstance(table, Mapping) and "stiffness" in table:
@@ -38,11 +52,37 @@ def spring_of(recording: Recording) -> tuple[float | None, str]:
 
 
 def is_bilateral(recording: Recording) -> bool:
-    """Whether the scene holds the tool from both sides."""
+    """Return whether the scene holds the tool from both sides."""
     return bool(scene_of(recording).get("bilateral"))
 
 
 def declared_floor(recording: Recording) -> float | None:
-    """The force that the sensor may read in free motion, N; None where it is not declared."""
+    """Return the force that the sensor may read in free motion, N; None where it is not declared."""
     declared = recording.meta.get("force_floor")
     return float(declared) if isinstance(declared, int | float) else None
+
+
+def before_the_wall(recording: Recording) -> Recording:
+    """Return the same run in the plane, with every channel of the world's frame (n, 1) as (n, 2).
+
+    Raises `InputError` for a recording that is not in one dimension, and for a `wall` that does not give its place as
+    `at` (m) and its outward direction as `outward` (1 or -1).
+    """
+    if recording.dimension != 1:
+        raise InputError(f"the recording is in {recording.dimension} dimensions, and not in one")
+    wall = recording.meta.get("wall", {})
+    at, outward = wall.get("at", 0.0), wall.get("outward", 1)
+    numbers = all(isinstance(each, int | float) and math.isfinite(each) for each in (at, outward))
+    if not numbers or outward not in (1, -1) or wall.keys() - {"at", "outward"}:
+        raise InputError(
+            f"the recording's wall is {wall!r}",
+            why="it is the wall's place on the axis, m, and the direction out of it",
+            todo="in the mapping: [meta] wall = { at = 0.0, outward = 1 }, or -1 where positive points into the wall",
+        )
+    channels = dict(recording.channels)
+    for name, values in recording.channels.items():
+        if recording.signals[name].frame == "world":
+            along = float(outward) * (values[:, 0] - (at if recording.signals[name].unit == "m" else 0.0))
+            # beside the line nothing happens; a row without a number has none in either direction
+            channels[name] = np.column_stack([np.where(np.isfinite(along), 0.0, np.nan), along])
+    return replace(recording, channels=channels)

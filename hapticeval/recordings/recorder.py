@@ -1,14 +1,11 @@
 """The live recorder: rows of a running loop into a journal, without the loop ever waiting for a disk.
 
-The loop puts rows into a ring in shared memory, and a process beside it takes them out and writes them.
+The loop puts rows into a ring in shared memory, which a process beside it empties into the journal; neither ever waits.
+Counters that only grow say how far each is: the loop owns `HEAD`, the writer `TAIL`. A full ring takes no more rows and
+counts them. All of it is allocated, and every page touched, before the loop starts.
 
-The ring is memory that the loop fills with rows and the writer in another process empties; neither ever waits. One
-process puts rows in and owns `HEAD`, the other takes them out and owns `TAIL`: counters that only grow. A full
-ring takes no more rows and counts them. All of it is allocated, and every page touched, before the loop starts.
-
-The writer takes rows out of the ring and adds them to the journal as blocks. It looks ten times a second, and outlives
-the loop: when that ends without a word, what is in the ring is still written. A disk that is full leaves the rows in
-the ring, to be tried again.
+The writer looks ten times a second, and outlives the loop: when that ends without a word, what is in the ring is still
+written. A disk that is full leaves the rows in the ring, to be tried again.
 """
 
 from __future__ import annotations
@@ -43,6 +40,25 @@ from hapticeval.recordings.journal import HEADERS, UNCLOSED, Kind, Layout, block
 EVENTS = 256
 EVENT = np.dtype([("nanoseconds", "<i8"), ("kind", "S32"), ("text", "S216")])
 
+ROWS = 16_384
+"""Rows that the ring holds: 16 s at 1 kHz, for a disk that is busy or full for a while."""
+
+ROWS_A_BLOCK = 256
+LOOK = 0.1
+"""Seconds between two looks of the writer: blocks of about 100 rows at 1 kHz."""
+
+SYNC = 1.0
+"""Seconds between two requests that the disk really has it: what a loss of power costs."""
+
+SETTLE = 0.01
+"""Seconds after which what one process put into memory is there for the other."""
+
+START = STOP = 60.0
+"""Seconds within which the writer must have started, and ended."""
+
+LOOK_ROWS = 256
+"""Rows between two looks at whether the writer still lives: a quarter of a second at 1 kHz, for 2 us."""
+
 
 class State(IntEnum):
     """The counters at the front of the memory, an int64 each."""
@@ -61,7 +77,9 @@ class State(IntEnum):
     ERROR = 11
 
 
+OVERRUN, HEAD, TAIL = int(State.OVERRUN), int(State.HEAD), int(State.TAIL)
 STATE_BYTES = 256
+ROWS_AT = STATE_BYTES + EVENTS * EVENT.itemsize
 
 
 class Ring:
@@ -72,30 +90,22 @@ class Ring:
 
     def __init__(self, size: int, capacity: int, descriptor: int | None = None) -> None:
         self.size, self.capacity = size, capacity
-        self.events_at = STATE_BYTES
-        self.rows_at = self.events_at + EVENTS * EVENT.itemsize
-        length = self.rows_at + capacity * size
+        length = ROWS_AT + capacity * size
         self.descriptor = _shared(length) if descriptor is None else descriptor
-        self._map = mmap.mmap(self.descriptor, length)
-        self.memory = memoryview(self._map)
+        self.memory = memoryview(mmap.mmap(self.descriptor, length))
         if descriptor is None:
             self.memory[:] = bytes(length)
         self.state: Any = self.memory[:STATE_BYTES].cast("q")
-        self.events = np.frombuffer(self.memory, dtype=EVENT, count=EVENTS, offset=self.events_at)
-
-    @property
-    def sequence(self) -> int:
-        """The number of the next cycle: rows put in, rows that found the ring full, and cycles told missed."""
-        return int(self.state[State.HEAD] + self.state[State.OVERRUN] + self.state[State.MISSED])
+        self.events = np.frombuffer(self.memory, dtype=EVENT, count=EVENTS, offset=STATE_BYTES)
 
     def bytes_of(self, first: int, count: int) -> memoryview:
-        """The bytes of `count` rows from counter `first` on, which must not reach over the end of the ring."""
-        begin = self.rows_at + first % self.capacity * self.size
+        """Return the bytes of `count` rows from counter `first` on, which must not reach over the end of the ring."""
+        begin = ROWS_AT + first % self.capacity * self.size
         return self.memory[begin : begin + count * self.size]
 
 
 def _shared(length: int) -> int:
-    """Memory that another process can be handed as a file descriptor: on no disk, where the system can do that."""
+    """Return a descriptor of memory that another process can be handed: on no disk, where the system can do that."""
     try:
         if hasattr(os, "memfd_create"):
             descriptor = os.memfd_create("hapticeval-ring")
@@ -108,88 +118,73 @@ def _shared(length: int) -> int:
     return descriptor
 
 
-LOOK = 0.1
-"""Seconds between two looks: blocks of about 100 rows at 1 kHz."""
-
-SYNC = 1.0
-"""Seconds between two requests that the disk really has it: what a loss of power costs."""
-
-SETTLE = 0.01
-"""Seconds after which what one process put into memory is there for the other."""
-
-ROWS_A_BLOCK = 256
-
-
 class Writer:
     """Empties `ring` into the journal that is open as `descriptor`, from byte `State.BYTES` on."""
 
     def __init__(self, ring: Ring, descriptor: int) -> None:
         self.ring, self.state, self.descriptor = ring, ring.state, descriptor
-        self.told = (0, 0)
+        self.reported = (0, 0)
         self.synced = time.monotonic()
 
     def run(self, parent: int) -> None:
         """Write until the loop closes the recorder or is gone."""
         self.state[State.READY] = 1
         seen = 0
-        while True:
-            gone = bool(select.select([sys.stdin], [], [], LOOK)[0]) or os.getppid() != parent
-            if gone:
-                break
+        while not (select.select([sys.stdin], [], [], LOOK)[0] or os.getppid() != parent):
             # Only rows that were there at the last look: their bytes have long arrived in this process too.
             self.drain(seen)
-            seen = self.state[State.HEAD]
+            seen = self.state[HEAD]
         time.sleep(SETTLE)
         self.finish("closed" if self.state[State.CLOSED] else UNCLOSED)
 
     def finish(self, how: str) -> None:
         """Write what is left, and the end."""
-        self.drain(self.state[State.HEAD])
-        self._tell_overrun()
+        state = self.state
+        self.drain(state[HEAD])
+        self._report_overrun()  # also where rows found no room
         end = {
             "how": how,
-            "next": self.ring.sequence,
-            "unwritten": self.state[State.HEAD] - self.state[State.TAIL],
-            "overrun": self.state[State.OVERRUN],
-            "events_lost": self.state[State.EVENT_OVERRUN],
+            "next": int(state[HEAD] + state[OVERRUN] + state[State.MISSED]),
+            "unwritten": state[HEAD] - state[TAIL],
+            "overrun": state[OVERRUN],
+            "events_lost": state[State.EVENT_OVERRUN],
         }
         self._put(Kind.END, 0, json.dumps(end).encode())
         self._sync(0.0)
 
     def drain(self, until: int) -> None:
         """Write the rows before counter `until`, as far as the disk takes them, the events, and what was lost."""
-        while (tail := self.state[State.TAIL]) < until:
+        while (tail := self.state[TAIL]) < until:
             count = min(until - tail, ROWS_A_BLOCK, self.ring.capacity - tail % self.ring.capacity)
             if not self._put(Kind.ROWS, count, self.ring.bytes_of(tail, count)):
                 return
-            self.state[State.TAIL] = tail + count
+            self.state[TAIL] = tail + count
         while (at := self.state[State.EVENT_TAIL]) < self.state[State.EVENT_HEAD]:
             event = self.ring.events[at % EVENTS]
-            text = [int(event["nanoseconds"]), event["kind"].decode(), event["text"].decode()]
-            if not self._put(Kind.EVENT, 0, json.dumps(text).encode()):
+            if not self._event(int(event["nanoseconds"]), event["kind"].decode(), event["text"].decode()):
                 return
             self.state[State.EVENT_TAIL] = at + 1
-        self._tell_overrun()
+        self._report_overrun()
         self._sync(SYNC)
 
-    def _tell_overrun(self) -> None:
-        lost = (self.state[State.OVERRUN], self.state[State.EVENT_OVERRUN])
-        for count, before, what in zip(lost, self.told, ("rows", "events"), strict=True):
-            if count > before:
-                error = self.state[State.ERROR]
-                why = f"the journal could not be written: {os.strerror(error)}" if error else "the writer was too late"
-                text = [time.monotonic_ns(), "overrun", f"{count - before} {what} were lost: {why}"]
-                if not self._put(Kind.EVENT, 0, json.dumps(text).encode()):
-                    return
-        self.told = lost
+    def _report_overrun(self) -> None:
+        lost = (self.state[OVERRUN], self.state[State.EVENT_OVERRUN])
+        error = self.state[State.ERROR]
+        why = f"the journal could not be written: {os.strerror(error)}" if error else "the writer was too late"
+        for count, before, what in zip(lost, self.reported, ("rows", "events"), strict=True):
+            text = f"{count - before} {what} were lost: {why}"
+            if count > before and not self._event(time.monotonic_ns(), "overrun", text):
+                return
+        self.reported = lost
+
+    def _event(self, stamp: int, kind: str, text: str) -> bool:
+        return self._put(Kind.EVENT, 0, json.dumps([stamp, kind, text]).encode())
 
     def _put(self, kind: Kind, rows: int, payload: memoryview | bytes) -> bool:
         """Add a block; where that fails, the journal ends with the last whole one as before."""
-        end = self.state[State.BYTES]
-        parts = [memoryview(block_head(kind, self.state[State.BLOCKS], rows, payload)), memoryview(payload)]
+        end = at = self.state[State.BYTES]
         try:
-            at = end
-            for part in parts:
+            for part in (memoryview(block_head(kind, self.state[State.BLOCKS], rows, payload)), memoryview(payload)):
                 while part:
                     done = os.pwrite(self.descriptor, part, at)
                     part, at = part[done:], at + done
@@ -212,23 +207,13 @@ class Writer:
 
 
 def write_rows() -> None:
-    """Started by the recorder: the ring's and the journal's descriptors, bytes a row, rows, and the loop's process."""
+    """Run the writer in a process of its own, whose arguments the recorder gives.
+
+    They are the descriptors of the ring and the journal, bytes per row, rows, and the loop's process.
+    """
     ring, journal, size, capacity, parent = (int(argument) for argument in sys.argv[1:6])
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Writer(Ring(size, capacity, ring), journal).run(parent)
-
-
-ROWS = 16_384
-"""Rows that the ring holds: 16 s at 1 kHz, for a disk that is busy or full for a while."""
-
-START = 60.0
-STOP = 60.0
-"""Seconds within which the writer must have started, and ended."""
-
-LOOK_ROWS = 256
-"""Rows between two looks at whether the writer still lives: a quarter of a second at 1 kHz, for 2 us."""
-
-OVERRUN, HEAD, TAIL = int(State.OVERRUN), int(State.HEAD), int(State.TAIL)
 
 
 class LossWarning(UserWarning):
@@ -237,10 +222,10 @@ class LossWarning(UserWarning):
 
 @dataclass(frozen=True)
 class Summary:
-    """How a recorder ended, or stands: `rows` in the journal, and what is not there.
+    """How a recorder stands, or ended: `rows` in the journal, and what is not there.
 
     `waiting` rows are in memory and not in the file: lost, once the recorder is closed. `overrun` rows found the memory
-    full; `missed` cycles the loop itself told of; `events_lost` found no room. `failure` says what went wrong, if
+    full; `missed` cycles were reported by the loop; `events_lost` found no room. `failure` is what went wrong, if
     anything did.
     """
 
@@ -257,12 +242,10 @@ class Summary:
         return self.waiting + self.overrun
 
     def __str__(self) -> str:
-        told = f"{self.rows} rows recorded, {self.lost} lost"
-        if self.events_lost:
-            told += f", {self.events_lost} events lost"
-        if self.missed:
-            told += f", {self.missed} cycles missed by the loop"
-        return told + (f" ({self.failure})" if self.failure else "")
+        parts = [f"{self.rows} rows recorded", f"{self.lost} lost"]
+        parts += [f"{self.events_lost} events lost"] if self.events_lost else []
+        parts += [f"{self.missed} cycles missed by the loop"] if self.missed else []
+        return ", ".join(parts) + (f" ({self.failure})" if self.failure else "")
 
 
 class Recorder:
@@ -291,20 +274,17 @@ class Recorder:
         meta: Mapping[str, Any] | None = None,
         rows: int = ROWS,
     ) -> None:
-        anchor = (monotonic_ns(), time.time_ns())
-        layout = Layout(channels, signals or {}, check_metadata(meta or {}), anchor)
-        self.path = Path(path)
-        self._names = tuple(channels)
-        self._columns = tuple(channels.values())
+        layout = Layout(channels, signals or {}, check_metadata(meta or {}), (monotonic_ns(), time.time_ns()))
         begin = opening(layout)
+        self.path = Path(path)
+        self._names, self._columns = tuple(channels), tuple(channels.values())
         self._ring = Ring(layout.dtype.itemsize, rows)
         self._capacity = rows
         self._state = self._ring.state
         self._numbers = layout.dtype.itemsize // 8
-        self._integers: Any = self._ring.memory[self._ring.rows_at :].cast("q")
-        self._reals: Any = self._ring.memory[self._ring.rows_at :].cast("d")
-        self._head = 0
-        self._sequence = 0
+        self._integers: Any = self._ring.memory[ROWS_AT:].cast("q")
+        self._reals: Any = self._ring.memory[ROWS_AT:].cast("d")
+        self._head = self._sequence = 0
         self._summary: Summary | None = None
         self.failed = ""
         """Why nothing is written any more; empty while all is well."""
@@ -336,9 +316,9 @@ class Recorder:
             start_new_session=True,
         )
         assert process.stdin is not None
-        until = time.monotonic() + START
+        late = time.monotonic() + START
         while not self._state[State.READY]:
-            if process.poll() is not None or time.monotonic() > until:
+            if process.poll() is not None or time.monotonic() > late:
                 process.kill()
                 process.stdin.close()
                 raise HapticevalError(
@@ -385,7 +365,7 @@ class Recorder:
             self._look()
 
     def _look(self) -> None:
-        """Report a writer that has died, when it has and not at the end."""
+        """Warn of a writer that has died as soon as it has."""
         code = self._process.poll()
         if code is None:
             return
@@ -398,7 +378,7 @@ class Recorder:
         )
 
     def missed(self, cycles: int) -> None:
-        """Tell that the loop left out so many cycles since the last row."""
+        """Count cycles that the loop left out since the last row."""
         if cycles < 0:
             raise InputError(f"{cycles} cycles cannot have been missed")
         self._state[State.MISSED] += cycles
@@ -445,7 +425,7 @@ class Recorder:
         )
 
     def close(self) -> Summary:
-        """Have everything written, and say what was recorded and what was lost, which is a `LossWarning` as well.
+        """Have everything written; return what was recorded and what was lost, which is a `LossWarning` as well.
 
         Where the writer has died, this process writes what is still in memory.
         """
@@ -488,35 +468,27 @@ class Recorder:
         if at is not None and not isinstance(at, int | np.integer):
             return InputError(f"append() was given the stamp {at!r}", why="stamps are whole nanoseconds")
         if len(values) != len(self._names):
-            return InputError(
-                f"append() was given {len(values)} channels", why=f"this recorder has: {', '.join(self._names)}"
-            )
+            has = f"this recorder has: {', '.join(self._names)}"
+            return InputError(f"append() was given {len(values)} channels", why=has)
         for name, count, value in zip(self._names, self._columns, values, strict=True):
-            if getattr(value, "shape", None) is None and not isinstance(value, list | tuple | float | int):
-                return InputError(f"append() was given a {type(value).__name__} for '{name}'")
-            given = len(value) if hasattr(value, "__len__") and getattr(value, "shape", True) != () else 0
-            if given != count:
-                return InputError(
-                    f"append() was given {given or 'one number without columns'} for '{name}'",
-                    why=f"the recorder was made for {count or 'one number'}",
-                )
+            given, wanted = np.shape(np.asarray(value, dtype=object)), (count,) if count else ()
+            if given != wanted:
+                what = f"append() was given values of shape {given} for '{name}'"
+                return InputError(what, why=f"the recorder was made for shape {wanted}")
         return InputError(f"append() was given {values!r}", why="not all of it is numbers")
 
 
 def _created(path: Path) -> int:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
     except OSError as error:
+        if path.exists():
+            raise InputError(
+                f"{path} is there already", why="nothing is written over a recording", todo="give another name"
+            ) from None
         raise HapticevalError(
             f"cannot record to {path}",
-            why=f"the folder {path.parent} cannot be made: {error.strerror or error}",
+            why=f"it cannot be made: {error.strerror or error}",
             todo="choose another folder",
         ) from error
-    try:
-        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
-    except FileExistsError:
-        raise InputError(
-            f"{path} is there already", why="nothing is written over a recording", todo="give another name"
-        ) from None
-    except OSError as error:
-        raise HapticevalError(f"cannot record to {path}", why=str(error)) from error

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -13,169 +13,6 @@ import numpy as np
 from hapticeval.errors import InputError
 from hapticeval.recordings.channels import CHANNELS, REQUIRED, Signal, check_metadata, declared
 from hapticeval.types import Array, BoolArray, IntArray
-
-
-def locked(values: Any, dtype: Any) -> Any:
-    """`values` as a read-only array: a copy, unless they are one already that nobody holds a way to write to."""
-    if isinstance(values, np.ndarray) and values.dtype == dtype and not values.flags.writeable:
-        base = values.base
-        if base is None or (isinstance(base, np.ndarray) and not base.flags.writeable):
-            return values
-    array = np.array(values, dtype=dtype)
-    array.flags.writeable = False
-    return array
-
-
-def runs_of(mask: BoolArray) -> list[tuple[int, int]]:
-    """The rows [first, end) over which `mask` (n,) holds, each as long as it goes."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-
-
-def backward_difference(values: Array, time: Array) -> Array:
-    """The causal derivative: (x[k] - x[k-1]) / (t[k] - t[k-1]), and zero at the first sample."""
-    out = np.zeros_like(values)
-    out[1:] = np.diff(values, axis=0) / np.diff(time)[:, None]
-    return out
-
-
-def check_finite(name: str, values: Array, valid: BoolArray | None = None) -> None:
-    """Raise `InputError` with the first row of `values` (of those that are `valid`) that is not finite."""
-    bad = ~np.isfinite(values)
-    if bad.any():
-        rows = bad.any(axis=-1) if values.ndim > 1 else np.atleast_1d(bad)
-        if valid is not None:
-            rows &= valid
-            if not rows.any():
-                return
-        row = int(np.argmax(rows))
-        raise InputError(
-            f"{name} is not finite at row {row}: {np.array2string(np.atleast_1d(values[row]))}",
-            why="a missing or infinite number cannot be judged and must not spread",
-            todo="mend or cut that row",
-        )
-
-
-def check_increasing(name: str, values: Any, valid: BoolArray | None = None, *, unit: str = "s") -> None:
-    """Raise `InputError` with the first row (of those that are `valid`) at which `values` does not increase."""
-    kept = values if valid is None else values[valid]
-    rises = kept[1:] > kept[:-1]
-    if not rises.all():
-        at = int(np.argmin(rises)) + 1
-        row = at if valid is None else int(np.flatnonzero(valid)[at])
-        before, after = (f"{x:.9g}" if isinstance(x, float) else f"{x}" for x in kept[at - 1 : at + 1].tolist())
-        raise InputError(
-            f"{name} does not increase at row {row}: {before} {unit}".rstrip() + f", then {after} {unit}".rstrip(),
-            why="samples must be in the order in which they happened, each at a time of its own",
-            todo="sort the rows, or drop the repeated ones",
-        )
-
-
-class Event(NamedTuple):
-    """Something that happened at `time` (s, on the recording's time base): a kind in one word, and a text."""
-
-    time: float
-    kind: str
-    text: str = ""
-
-
-def among(events: Iterable[Event], since: float, until: float) -> tuple[Event, ...]:
-    """The events from `since` on and before `until`, s."""
-    return tuple(event for event in events if since <= event.time < until)
-
-
-def checked(given: Any) -> Event:
-    """An event, or what is like one. Raises `InputError` unless it has a finite time, a kind and a text."""
-    event = Event(*given)
-    when = isinstance(event.time, int | float | np.floating | np.integer) and np.isfinite(event.time)
-    texts = isinstance(event.kind, str) and isinstance(event.text, str) and "\0" not in event.kind + event.text
-    if not (when and texts and event.kind):
-        raise InputError(f"an event {tuple(event)}", why="it is a finite time (s), a kind and a text")
-    return Event(float(event.time), event.kind, event.text)
-
-
-@dataclass(frozen=True, eq=False)
-class Clock:
-    """Stamps of a monotonic clock, int64 nanoseconds, a row a sample; read-only.
-
-    `start` is the stamp at which a recording's `time` is zero: the first row's, unless given. `anchor` is a stamp
-    and the wall clock at the same instant, both ns, the latter since 1970 UTC; None where it is not known.
-    `sequence` (n,) numbers the cycles of the loop, so that one left out is seen; None where nobody counted.
-
-    Raises `InputError` for stamps that are not whole numbers, and for shapes that do not fit. Whether they
-    increase is the recording's to say, which knows the rows that are not valid.
-    """
-
-    nanoseconds: IntArray
-    start: int | None = None
-    anchor: tuple[int, int] | None = None
-    sequence: IntArray | None = None
-
-    def __post_init__(self) -> None:
-        nanoseconds = _whole("the stamps of a clock", self.nanoseconds)
-        if nanoseconds.ndim != 1 or nanoseconds.size == 0:
-            raise InputError(
-                f"a clock needs stamps of shape (n,), got {nanoseconds.shape}", todo="give one stamp a row"
-            )
-        start = int(nanoseconds[0]) if self.start is None else int(self.start)
-        object.__setattr__(self, "nanoseconds", nanoseconds)
-        object.__setattr__(self, "start", start)
-        if self.anchor is not None:
-            stamp, wall = self.anchor
-            object.__setattr__(self, "anchor", (int(stamp), int(wall)))
-        if self.sequence is not None:
-            sequence = _whole("sequence numbers", self.sequence)
-            if sequence.shape != nanoseconds.shape:
-                raise InputError(
-                    f"there are {sequence.size} sequence numbers for {nanoseconds.size} stamps",
-                    todo="give one a row, or none at all",
-                )
-            object.__setattr__(self, "sequence", sequence)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return Clock, (self.nanoseconds, self.start, self.anchor, self.sequence)
-
-    @property
-    def zero(self) -> int:
-        """`start`, which is there once the clock is made."""
-        assert self.start is not None
-        return self.start
-
-    @cached_property
-    def seconds(self) -> Array:
-        """Time since `start`, s: (n,), each the double nearest to the stamp; read-only."""
-        out = np.empty(self.nanoseconds.shape)
-        np.subtract(self.nanoseconds, self.zero, out=out, dtype=np.int64, casting="unsafe")
-        out /= 1e9
-        out.flags.writeable = False
-        return out
-
-    @property
-    def missed(self) -> int | None:
-        """Cycles between the first row and the last that have no row; None where nobody counted."""
-        if self.sequence is None:
-            return None
-        return int(self.sequence.max() - self.sequence.min()) + 1 - int(self.sequence.size)
-
-    def part(self, rows: slice) -> Clock:
-        """The same clock on some of the rows, its zero where it was."""
-        sequence = None if self.sequence is None else self.sequence[rows]
-        return Clock(self.nanoseconds[rows], self.start, self.anchor, sequence)
-
-
-def _whole(name: str, values: Any) -> IntArray:
-    array = np.asarray(values)
-    if array.dtype.kind not in "iu":
-        raise InputError(
-            f"{name} are of type {array.dtype}",
-            why="a float cannot hold nanoseconds since the computer started",
-            todo="give whole numbers; from seconds: np.rint(1e9 * seconds).astype(np.int64)",
-        )
-    if array.dtype == np.uint64 and array.size and int(array.max()) > np.iinfo(np.int64).max:
-        raise InputError(f"{name} do not fit 64 bits with a sign", todo="count from a later zero")
-    out: IntArray = locked(array, np.int64)
-    return out
-
 
 __all__ = [
     "CHANNELS",
@@ -196,6 +33,166 @@ SINGLE = 2.0**-23
 """Spacing of single-precision numbers around 1: what the coarsest honest renderer computes with."""
 
 
+def locked(values: Any, dtype: Any) -> Any:
+    """Return `values` as a read-only array: a copy, unless nobody holds a way to write to what they are."""
+    if isinstance(values, np.ndarray) and values.dtype == dtype and not values.flags.writeable:
+        base = values.base
+        if base is None or (isinstance(base, np.ndarray) and not base.flags.writeable):
+            return values
+    array = np.array(values, dtype=dtype)
+    array.flags.writeable = False
+    return array
+
+
+def runs_of(mask: BoolArray) -> list[tuple[int, int]]:
+    """Return the rows [first, end) over which `mask` (n,) holds, each run as long as it goes."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def backward_difference(values: Array, time: Array) -> Array:
+    """Return the causal derivative (n, N): (x[k] - x[k-1]) / (t[k] - t[k-1]), and zero at the first sample."""
+    out = np.zeros_like(values)
+    out[1:] = np.diff(values, axis=0) / np.diff(time)[:, None]
+    return out
+
+
+def check_finite(name: str, values: Array, valid: BoolArray | None = None) -> None:
+    """Raise `InputError` with the first row of `values` (of those that are `valid`) that is not finite."""
+    bad = ~np.isfinite(values)
+    if not bad.any():
+        return
+    rows = bad.any(axis=-1) if values.ndim > 1 else np.atleast_1d(bad)
+    if valid is not None:
+        rows &= valid
+    if rows.any():
+        row = int(np.argmax(rows))
+        raise InputError(
+            f"{name} is not finite at row {row}: {np.array2string(np.atleast_1d(values[row]))}",
+            why="a missing or infinite number cannot be judged and must not spread",
+            todo="mend or cut that row",
+        )
+
+
+def check_increasing(name: str, values: Any, valid: BoolArray | None = None, *, unit: str = "s") -> None:
+    """Raise `InputError` with the first row (of those that are `valid`) at which `values` does not increase."""
+    kept = values if valid is None else values[valid]
+    rises = kept[1:] > kept[:-1]
+    if not rises.all():
+        at = int(np.argmin(rises)) + 1
+        row = at if valid is None else int(np.flatnonzero(valid)[at])
+        pair = kept[at - 1 : at + 1].tolist()
+        before, after = (f"{x:.9g} {unit}" if isinstance(x, float) else f"{x} {unit}".rstrip() for x in pair)
+        raise InputError(
+            f"{name} does not increase at row {row}: {before}, then {after}",
+            why="samples must be in the order in which they happened, each at a time of its own",
+            todo="sort the rows, or drop the repeated ones",
+        )
+
+
+class Event(NamedTuple):
+    """Something that happened at `time` (s, on the recording's time base): a kind in one word, and a text."""
+
+    time: float
+    kind: str
+    text: str = ""
+
+
+def among(events: Iterable[Event], since: float, until: float) -> tuple[Event, ...]:
+    """Return the events from `since` on and before `until`, s."""
+    return tuple(event for event in events if since <= event.time < until)
+
+
+def _event(given: Any) -> Event:
+    event = Event(*given)
+    when = isinstance(event.time, int | float | np.floating | np.integer) and np.isfinite(event.time)
+    texts = isinstance(event.kind, str) and isinstance(event.text, str) and "\0" not in event.kind + event.text
+    if not (when and texts and event.kind):
+        raise InputError(f"an event {tuple(event)}", why="it is a finite time (s), a kind and a text")
+    return Event(float(event.time), event.kind, event.text)
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """Stamps of a monotonic clock, (n,) int64 ns, one per sample; read-only.
+
+    `start` is the stamp at which a recording's `time` is zero: the first row's, unless given. `anchor` is a stamp
+    and the wall clock at the same instant, both ns, the latter since 1970 UTC; None where it is not known.
+    `sequence` (n,) numbers the cycles of the loop, so that one left out is seen; None where nobody counted.
+
+    Raises `InputError` for stamps that are not whole numbers, and for shapes that do not fit. The recording checks that
+    stamps increase, since it knows the rows that are not valid.
+    """
+
+    nanoseconds: IntArray
+    start: int | None = None
+    anchor: tuple[int, int] | None = None
+    sequence: IntArray | None = None
+
+    def __post_init__(self) -> None:
+        nanoseconds = _whole("the stamps of a clock", self.nanoseconds)
+        if nanoseconds.ndim != 1 or nanoseconds.size == 0:
+            raise InputError(f"a clock needs stamps of shape (n,), got {nanoseconds.shape}", todo="give one per row")
+        sequence = None if self.sequence is None else _whole("sequence numbers", self.sequence)
+        if sequence is not None and sequence.shape != nanoseconds.shape:
+            raise InputError(
+                f"there are {sequence.size} sequence numbers for {nanoseconds.size} stamps",
+                todo="give one per row, or none at all",
+            )
+        made = {
+            "nanoseconds": nanoseconds,
+            "start": int(nanoseconds[0]) if self.start is None else int(self.start),
+            "anchor": None if self.anchor is None else (int(self.anchor[0]), int(self.anchor[1])),
+            "sequence": sequence,
+        }
+        for name, value in made.items():
+            object.__setattr__(self, name, value)
+
+    def __reduce__(self) -> tuple[object, ...]:  # arrays are made read-only again
+        return Clock, (self.nanoseconds, self.start, self.anchor, self.sequence)
+
+    @property
+    def zero(self) -> int:
+        """`start`, which is known once the clock is made."""
+        assert self.start is not None
+        return self.start
+
+    @cached_property
+    def seconds(self) -> Array:
+        """Time since `start`, s: (n,), each the double nearest to the stamp; read-only."""
+        out = np.empty(self.nanoseconds.shape)
+        np.subtract(self.nanoseconds, self.zero, out=out, dtype=np.int64, casting="unsafe")
+        out /= 1e9
+        out.flags.writeable = False
+        return out
+
+    @property
+    def missed(self) -> int | None:
+        """Cycles between the first row and the last that have no row; None where nobody counted."""
+        if self.sequence is None:
+            return None
+        return int(self.sequence.max() - self.sequence.min()) + 1 - int(self.sequence.size)
+
+    def part(self, rows: slice) -> Clock:
+        """Return the same clock on some of the rows, its zero where it was."""
+        sequence = None if self.sequence is None else self.sequence[rows]
+        return replace(self, nanoseconds=self.nanoseconds[rows], sequence=sequence)
+
+
+def _whole(name: str, values: Any) -> IntArray:
+    array = np.asarray(values)
+    if array.dtype.kind not in "iu":
+        raise InputError(
+            f"{name} are of type {array.dtype}",
+            why="a float cannot hold nanoseconds since the computer started",
+            todo="give whole numbers; from seconds: np.rint(1e9 * seconds).astype(np.int64)",
+        )
+    if array.dtype == np.uint64 and array.size and int(array.max()) > np.iinfo(np.int64).max:
+        raise InputError(f"{name} do not fit 64 bits with a sign", todo="count from a later zero")
+    out: IntArray = locked(array, np.int64)
+    return out
+
+
 class MissingChannelError(InputError):
     """A recording lacks the `channel` that is asked for."""
 
@@ -207,15 +204,13 @@ class Recording:
     """One run, simulated or real: a time base and channels, SI units; arrays are read-only.
 
     `time` (n,), s, and `channels`: those of frame `world` are (n, N) with N = 1, 2 or 3, those of frame `joint`
-    (n, J) with a column a joint, those of the other frames (n,) or (n, k). What the names mean stands in `CHANNELS`;
-    any other channel is declared in `signals`, which may also state the sign convention of a known one. No channel
-    has to be there: hardware may know no IHIP or no force. What checks read is `REQUIRED`; see `require`.
+    (n, J) with one column per joint, those of the other frames (n,) or (n, k). `CHANNELS` gives the meaning of the
+    known names; any other channel is declared in `signals`, which may also state the sign convention of a known one. No
+    channel has to be there: hardware may know no IHIP or no force. Checks read those in `REQUIRED`; see `require`.
 
     `clock` has the stamps of a real run, of which `time` is made: see `Recording.clocked`. `valid` (n,) is False
     where a row is no measurement: its numbers are kept as they came, NaN too, and are never judged; None where every
-    row is sound. `events` are in no particular order.
-
-    `meta` says what cannot be read off the channels: see `METADATA`. Tables in it are copied.
+    row is sound. `events` are in no particular order. `meta` states what the channels do not: see `METADATA`.
 
     Raises `InputError`, naming channel and row, for a time base that does not increase, a shape that does not
     fit, a channel nobody declared, or a number that is not finite; rows that are not valid are exempt.
@@ -240,23 +235,14 @@ class Recording:
         signals: Mapping[str, Signal] | None = None,
         events: Iterable[Event] = (),
     ) -> Recording:
-        """A recording whose `time` is what `clock` says."""
-        return cls(
-            clock.seconds,
-            channels,
-            meta or {},
-            clock=clock,
-            valid=valid,
-            signals=signals or {},
-            events=tuple(events),
-        )
+        """Return a recording whose `time` is that of `clock`."""
+        given = {"clock": clock, "valid": valid, "signals": signals or {}, "events": tuple(events)}
+        return cls(clock.seconds, channels, meta or {}, **given)  # type: ignore[arg-type]
 
     def __post_init__(self) -> None:
         time = locked(self.time, np.float64)
         if time.ndim != 1 or time.size == 0:
-            raise InputError(
-                f"a recording needs a time base of shape (n,), got {time.shape}", todo="give one time a row"
-            )
+            raise InputError(f"a recording needs a time base of shape (n,), got {time.shape}", todo="give one per row")
         valid = _mask(self.valid, time.size)
         check_finite("time", time, valid)
         self._check_clock(time, valid)
@@ -265,19 +251,21 @@ class Recording:
         unused = [name for name in self.signals if name not in self.channels]
         if unused:
             raise InputError(f"a signal '{unused[0]}' is declared, but there is no such channel")
-        channels = {}
-        columns: dict[str, tuple[str, int]] = {}
-        for name, values in self.channels.items():
-            array = locked(values, np.float64)
-            _check_shape(name, array, signals[name].frame, time.size, columns)
+        channels = {name: locked(values, np.float64) for name, values in self.channels.items()}
+        widths: dict[str, tuple[str, int]] = {}
+        for name, array in channels.items():
+            _check_shape(name, array, signals[name].frame, time.size, widths)
             check_finite(name, array, valid)
-            channels[name] = array
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "channels", MappingProxyType(channels))
-        object.__setattr__(self, "meta", MappingProxyType(check_metadata(self.meta)))
-        object.__setattr__(self, "valid", valid)
-        object.__setattr__(self, "signals", MappingProxyType(signals))
-        object.__setattr__(self, "events", tuple(checked(event) for event in self.events))
+        made = {
+            "time": time,
+            "channels": MappingProxyType(channels),
+            "meta": MappingProxyType(check_metadata(self.meta)),
+            "valid": valid,
+            "signals": MappingProxyType(signals),
+            "events": tuple(_event(event) for event in self.events),
+        }
+        for name, value in made.items():
+            object.__setattr__(self, name, value)
 
     def _check_clock(self, time: Array, valid: BoolArray | None) -> None:
         if self.clock is None:
@@ -285,7 +273,7 @@ class Recording:
         if self.clock.seconds is not time and not np.array_equal(self.clock.seconds, time):
             raise InputError(
                 "a recording's time and its clock differ",
-                why="time is what the clock says, and nothing re-times it",
+                why="time is that of the clock, and nothing re-times it",
                 todo="make it with Recording.clocked(clock, channels)",
             )
         check_increasing("the clock", self.clock.nanoseconds, valid, unit="ns")
@@ -293,21 +281,14 @@ class Recording:
             check_increasing("the sequence number", self.clock.sequence, valid, unit="")
 
     def __reduce__(self) -> tuple[object, ...]:
-        return _rebuilt, (
-            self.time,
-            dict(self.channels),
-            dict(self.meta),
-            self.clock,
-            self.valid,
-            dict(self.signals),
-            self.events,
-        )
+        more = {"clock": self.clock, "valid": self.valid, "signals": dict(self.signals), "events": self.events}
+        return partial(Recording, **more), (self.time, dict(self.channels), dict(self.meta))  # type: ignore[arg-type]
 
     def __len__(self) -> int:
         return int(self.time.size)
 
     def part(self, rows: slice) -> Recording:
-        """Some of the rows, one after the other, on the same time base, with the events that fall among them.
+        """Return some of the rows, one after the other, on the same time base, with the events that fall among them.
 
         Events before the first row of all, and after the last, stay with those rows.
         """
@@ -317,13 +298,12 @@ class Recording:
         since = -np.inf if begin == 0 else float(self.time[begin])
         until = np.inf if end == len(self) else float(self.time[end])
         rows = slice(begin, end)
-        return Recording(
-            self.time[rows],
-            {name: values[rows] for name, values in self.channels.items()},
-            self.meta,
+        return replace(
+            self,
+            time=self.time[rows],
+            channels={name: values[rows] for name, values in self.channels.items()},
             clock=None if self.clock is None else self.clock.part(rows),
             valid=None if self.valid is None else self.valid[rows],
-            signals=self.signals,
             events=among(self.events, since, until),
         )
 
@@ -333,10 +313,8 @@ class Recording:
         return np.ones(len(self), dtype=bool) if self.valid is None else self.valid
 
     def sound_rows(self) -> tuple[slice, ...]:
-        """The stretches of rows that are valid, each as long as it goes."""
-        if self.valid is None:
-            return (slice(0, len(self)),)
-        return tuple(slice(first, end) for first, end in runs_of(self.valid))
+        """Return the stretches of rows that are valid, each as long as it goes."""
+        return tuple(slice(first, end) for first, end in runs_of(self.measured))
 
     def require(self, *names: str) -> None:
         """Raise `MissingChannelError` for the first of these channels that was not recorded."""
@@ -351,17 +329,15 @@ class Recording:
                 raise error
 
     def channel(self, name: str) -> Array:
-        """The channel `name`. Raises `MissingChannelError` where it was not recorded."""
+        """Return the channel `name`. Raises `MissingChannelError` where it was not recorded."""
         self.require(name)
         return self.channels[name]
 
     @property
     def dimension(self) -> int:
         """N, the columns of the channels in the world's frame; 0 where there is none."""
-        for name, values in self.channels.items():
-            if self.signals[name].frame == "world":
-                return int(values.shape[1])
-        return 0
+        widths = (values.shape[1] for name, values in self.channels.items() if self.signals[name].frame == "world")
+        return int(next(widths, 0))
 
     @property
     def hip(self) -> Array:
@@ -397,23 +373,19 @@ class Recording:
     @property
     def nanoseconds(self) -> IntArray:
         """Stamps, (n,), ns: the clock's, or `time` in whole nanoseconds where no clock was read."""
-        if self.clock is not None:
-            return self.clock.nanoseconds
-        return np.rint(1e9 * self.time).astype(np.int64)
+        return np.rint(1e9 * self.time).astype(np.int64) if self.clock is None else self.clock.nanoseconds
 
     @property
     def dt(self) -> float:
         """Median sampling time, s."""
         time = self.time if self.valid is None else self.time[self.valid]
-        if time.size < 2:
-            return float(self.meta.get("dt", 1e-3))
-        return float(np.median(np.diff(time)))
+        return float(np.median(np.diff(time))) if time.size > 1 else float(self.meta.get("dt", 1e-3))
 
     @property
     def contact(self) -> BoolArray:
         """Where the tool touches: a force is felt or the IHIP is not the HIP; shape (n,), False where not valid.
 
-        Where one of the two was not recorded, the other tells alone. The HIP in single precision is still the HIP: a
+        Where one of the two was not recorded, the other alone decides. The HIP in single precision is still the HIP: a
         renderer may compute and answer so. Raises `MissingChannelError` where neither was recorded.
         """
         touches = np.zeros(len(self), dtype=bool)
@@ -450,32 +422,18 @@ class Column(NamedTuple):
     values: Array
 
 
-AXES = "xyz"
-
-
 def columns_of(recording: Recording) -> dict[str, Column]:
-    """Every column by name: `hip.x`, `joint_torque.0`, `grip`."""
+    """Return every column by name: `hip.x`, `joint_torque.0`, `grip`."""
     found = {}
     for name, values in recording.channels.items():
         signal = recording.signals[name]
-        for k in range(values.shape[1] if values.ndim > 1 else 0):
-            part = AXES[k] if signal.frame == "world" else f"{k}"
-            found[f"{name}.{part}"] = Column(name, signal.unit, values[:, k])
         if values.ndim == 1:
             found[name] = Column(name, signal.unit, values)
+            continue
+        for k, column in enumerate(values.T):
+            part = "xyz"[k] if signal.frame == "world" else f"{k}"
+            found[f"{name}.{part}"] = Column(name, signal.unit, column)
     return found
-
-
-def _rebuilt(
-    time: Array,
-    channels: Mapping[str, Array],
-    meta: Mapping[str, Any],
-    clock: Clock | None,
-    valid: BoolArray | None,
-    signals: Mapping[str, Signal],
-    events: tuple[Event, ...],
-) -> Recording:
-    return Recording(time, channels, meta, clock=clock, valid=valid, signals=signals, events=events)
 
 
 def _mask(given: Any, count: int) -> BoolArray | None:
@@ -485,24 +443,25 @@ def _mask(given: Any, count: int) -> BoolArray | None:
     if mask.dtype != np.bool_ or mask.shape != (count,):
         raise InputError(
             f"valid is of type {mask.dtype} and shape {mask.shape}",
-            why=f"it says true or false of each of {count} rows",
+            why=f"it is True or False for each of {count} rows",
         )
     return None if mask.all() else locked(mask, np.bool_)
 
 
-def _check_shape(name: str, array: Array, frame: str, count: int, columns: dict[str, tuple[str, int]]) -> None:
+def _check_shape(name: str, array: Array, frame: str, count: int, widths: dict[str, tuple[str, int]]) -> None:
+    """Raise `InputError` for a channel of another shape than the first of its frame, kept in `widths`."""
     if array.shape[:1] != (count,) or array.ndim > 2 or 0 in array.shape:
         raise InputError(
             f"channel '{name}' has shape {array.shape}, not ({count},) or ({count}, columns)",
-            why="every channel has a row a sample",
+            why="every channel has one row per sample",
         )
     if frame not in ("world", "joint"):
         return
-    first, width = columns.setdefault(frame, (name, array.shape[-1] if array.ndim == 2 else 1))
+    first, width = widths.setdefault(frame, (name, array.shape[-1] if array.ndim == 2 else 1))
     if array.shape != (count, width):
         raise InputError(
             f"channel '{name}' has shape {array.shape}, not {(count, width)}",
-            why=f"channels in the {frame} frame have a column a {'joint' if frame == 'joint' else 'dimension'}, "
+            why=f"channels in the {frame} frame have one column per {'joint' if frame == 'joint' else 'dimension'}, "
             f"as '{first}' has",
         )
     if frame == "world" and width > 3:

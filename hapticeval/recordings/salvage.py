@@ -1,10 +1,9 @@
-"""What is whole of a recording that was cut short or damaged: found block by block, and only where it is asked for."""
+"""The whole part of a recording of ours that was cut short or damaged: read block by block, and only on request."""
 
 from __future__ import annotations
 
 import io
-import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,16 +15,24 @@ from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.hdf5 import (
     DAMAGE,
+    ROW_TYPES,
     check_format,
     check_inside,
     check_signature,
-    declared_size,
-    ending,
+    read_clock,
     read_events,
+    read_meta,
     read_signal,
 )
-from hapticeval.recordings.recording import Clock, Event, Recording, runs_of
+from hapticeval.recordings.memory import reserve
+from hapticeval.recordings.recording import Event, Recording, runs_of
 from hapticeval.types import BoolArray
+
+LOST = "lost"
+"""The kind of the events that report losses, so that a recording made of a damaged file goes on reporting them."""
+
+MISSING = ("time out of order", "without a number")
+"""Of what an import leaves out, the rows that the file should have had: gaps are as they were meant."""
 
 
 @dataclass(frozen=True)
@@ -47,42 +54,34 @@ class Loss:
         return f"{self.what}, {self.where}: {self.rows} rows{span}"
 
 
-LOST = "lost"
-"""The kind of the events that tell of losses, so that a recording made of a damaged file goes on saying so."""
+@dataclass(frozen=True)
+class Salvaged:
+    """A recording made of what is whole of a file, and the `losses`; a sound file has none."""
+
+    recording: Recording
+    losses: tuple[Loss, ...]
 
 
 def told_losses(recording: Recording) -> tuple[str, ...]:
-    """What of the file that a recording was made of is lost, in words."""
+    """Return what is lost of the file that a recording was made of, in words."""
     return tuple(event.text for event in recording.events if event.kind == LOST)
 
 
 def told_warnings(recording: Recording) -> tuple[str, ...]:
-    """What the import of a foreign file warned of: rows that are cut off, cells without a number."""
+    """Return the warnings of the import of a foreign file: rows that are cut off, cells without a number."""
     return tuple(str(text) for text in recording.meta.get("import", {}).get("warnings", ()))
 
 
-MISSING = ("time out of order", "without a number")
-"""Of what an import leaves out, the rows that the file should have had: gaps are as they were meant."""
-
-
 def incomplete(recording: Recording) -> bool:
-    """Whether rows of a recording are lost or masked, cycles have no row, the run ended early, or the import warned."""
+    """Return whether rows are lost or masked, cycles have no row, the run ended early, or the import warned."""
     left_out = recording.meta.get("import", {}).get("left out", {})
     ended = any(event.kind == "ended" for event in recording.events)
     missed = recording.clock is not None and recording.clock.missed
     return bool(missed or ended or told_losses(recording) or told_warnings(recording) or left_out.keys() & set(MISSING))
 
 
-@dataclass(frozen=True)
-class Salvaged:
-    """What is whole of a file, as a recording, and the `losses`; of a sound file there are none."""
-
-    recording: Recording
-    losses: tuple[Loss, ...]
-
-
 def salvage(path: Path) -> Salvaged:
-    """The sound part of an HDF5 recording, and what is lost, which its events say as well (kind `lost`).
+    """Return the sound part of an HDF5 recording, and what is lost, which its events report too (kind `lost`).
 
     Rows whose stamps are lost are left out; where single signals are lost, the rows are not valid there; a signal of
     which nothing is left is absent. Raises `InputError` where nothing is whole, and for a file of somebody else's.
@@ -99,75 +98,89 @@ def salvage(path: Path) -> Salvaged:
 
 
 def described(path: Path) -> str:
-    """Where a damaged file is damaged, in words; empty where that cannot be said."""
+    """Return where a damaged file is damaged, in words; empty where that is not known."""
     try:
         with _opened(path) as (file, cut):
-            told = [cut, *(f"{loss.what}, {loss.where}" for loss in _losses(_scan(file), 0.0))]
+            parts = [cut, *(f"{loss.what}, {loss.where}" for loss in _losses(_scan(path, file), 0.0))]
     except (HapticevalError, *DAMAGE):
-        return ending(path)
-    told = [each for each in told if each]
-    return "; ".join(told[:5] + ["and more"] * (len(told) > 5))
+        return _cut(path)[0]
+    parts = [each for each in parts if each]
+    return "; ".join(parts[:5] + ["and more"] * (len(parts) > 5))
 
 
 class _Part(NamedTuple):
-    """What could be read of a signal: its numbers, and which rows of them are whole."""
+    """The readable part of a signal: its numbers (n, ...), and which rows of them are whole, (n,)."""
 
     values: Any
     whole: BoolArray
-    signal: Signal | None
+    signal: Signal | None = None
 
 
-@dataclass
-class _Found:
-    """What a scan could read. None stands for a part of which nothing is whole."""
+class _Found(NamedTuple):
+    """The parts of a file: those `beside` the channels and the `channels`; None where nothing of one is whole.
 
-    count: int
+    `kept` (n,) are the rows with a stamp of the `base` and a number in any channel.
+    """
+
     base: str
-    rows: dict[str, _Part | None]
+    beside: dict[str, _Part | None]
     channels: dict[str, _Part | None]
+    kept: BoolArray
 
-    @property
-    def kept(self) -> BoolArray:
-        """The rows that have a stamp and a number in any channel."""
-        stamps = self.rows[self.base]
-        masks = [part.whole for part in self.channels.values() if part is not None]
-        if stamps is None:
-            return np.zeros(self.count, dtype=bool)
-        return stamps.whole & np.any(masks, axis=0) if masks else stamps.whole
+
+def _scan(path: Path, file: Any) -> _Found:
+    """Read every block of every signal, and note those that cannot be read."""
+    base = "nanoseconds" if "nanoseconds" in file else "time"
+    count, chunk = int(file[base].shape[0]), int(file[base].chunks[0])
+
+    def part(group: Any, name: str, *, channel: bool) -> _Part | None:
+        try:
+            dataset = group[name]
+            signal = read_signal(dataset, name) if channel else None
+            if dataset.shape[:1] != (count,) or dataset.dtype != (np.float64 if channel else ROW_TYPES[name]):
+                return None
+            check_inside(path, file, [dataset])
+            values = np.full(dataset.shape, np.nan if dataset.dtype == np.float64 else 0, dtype=dataset.dtype)
+        except (HapticevalError, *DAMAGE):
+            return None
+        whole = np.zeros(count, dtype=bool)
+        for begin in range(0, count, chunk):
+            rows = slice(begin, begin + chunk)
+            try:
+                values[rows] = dataset[rows]
+            except DAMAGE:
+                continue
+            whole[rows] = True
+        return _Part(values, whole, signal) if whole.any() else None
+
+    beside = {name: part(file, name, channel=False) for name in (base, "sequence", "valid") if name in file}
+    channels = {name: part(file["channels"], name, channel=True) for name in file["channels"]}
+    stamps, masks = beside[base], [each.whole for each in channels.values() if each is not None]
+    kept = np.zeros(count, dtype=bool) if stamps is None else stamps.whole
+    return _Found(base, beside, channels, kept & np.any(masks, axis=0) if masks else kept)
 
 
 def _salvaged(path: Path, file: Any, cut: str) -> Salvaged:
-    found = _scan(file)
-    kept = found.kept
-    stamps = found.rows[found.base]
+    found = _scan(path, file)
+    kept, stamps = found.kept, found.beside[found.base]
     if stamps is None or not kept.any():
-        raise InputError(
-            f"nothing of {path} can be read",
-            why="no row of it is whole" + (f": {cut}" if cut else ""),
-            todo="copy it again",
-        )
-    clock = _clock(file, found, kept) if found.base == "nanoseconds" else None
-    time = clock.seconds if clock is not None else stamps.values[kept]
+        why = "no row of it is whole" + (f": {cut}" if cut else "")
+        raise InputError(f"nothing of {path} can be read", why=why, todo="copy it again")
+    clock = None
+    if found.base == "nanoseconds":
+        sequence = found.beside.get("sequence")
+        counted = sequence.values[kept] if sequence is not None and sequence.whole[kept].all() else None
+        clock = read_clock(file, stamps.values[kept], counted)
+    time = stamps.values[kept] if clock is None else clock.seconds
     parts = {name: part for name, part in found.channels.items() if part is not None and part.whole[kept].any()}
-    valid = np.ones(time.size, dtype=bool)
-    for part in parts.values():
-        valid &= part.whole[kept]
-    if "valid" in found.rows:
-        said = found.rows["valid"]
-        valid &= False if said is None else ((said.values != 0) & said.whole)[kept]
-    losses = _losses(found, float(np.median(np.diff(time))) if time.size > 1 else 0.0)
-    if cut:
-        losses.insert(0, Loss("the end of the file", cut, None, None))
-    events: tuple[Event, ...] = ()
-    meta: dict[str, Any] = {}
-    try:
-        events = read_events(file)
-    except DAMAGE as error:
-        losses.append(Loss("the events", str(error), None, None))
-    try:
-        meta = json.loads(bytes(file["meta"][:]).decode())
-    except DAMAGE as error:
-        losses.append(Loss("the meta", str(error), None, None))
+    valid = np.all([part.whole[kept] for part in parts.values()], axis=0) & np.ones(time.size, dtype=bool)
+    if "valid" in found.beside:
+        marked = found.beside["valid"]
+        valid &= False if marked is None else ((marked.values != 0) & marked.whole)[kept]
+    losses = [Loss("the end of the file", cut, None, None)] if cut else []
+    losses += _losses(found, float(np.median(np.diff(time))) if time.size > 1 else 0.0)
+    events = _readable(lambda: read_events(file), "the events", losses) or ()
+    meta = _readable(lambda: read_meta(file), "the meta", losses) or {}
     recording = Recording(
         time,
         {name: part.values[kept] for name, part in parts.items()},
@@ -180,56 +193,22 @@ def _salvaged(path: Path, file: Any, cut: str) -> Salvaged:
     return Salvaged(recording, tuple(losses))
 
 
-def _clock(file: Any, found: _Found, kept: BoolArray) -> Clock:
-    stamps, sequence = found.rows["nanoseconds"], found.rows.get("sequence")
-    assert stamps is not None
-    told = file["nanoseconds"].attrs
-    anchor = [int(x) for x in told["anchor"]] if "anchor" in told else None
-    return Clock(
-        stamps.values[kept],
-        int(told["start"]),
-        None if anchor is None else (anchor[0], anchor[1]),
-        sequence.values[kept] if sequence is not None and sequence.whole[kept].all() else None,
-    )
-
-
-def _scan(file: Any) -> _Found:
-    """Read every block of every signal, and note those that cannot be read."""
-    base = "nanoseconds" if "nanoseconds" in file else "time"
-    count, chunk = int(file[base].shape[0]), int(file[base].chunks[0])
-    beside = [name for name in (base, "sequence", "valid") if name in file]
-    rows = {name: _part(file, name, count, chunk, described=False) for name in beside}
-    group = file["channels"]
-    return _Found(count, base, rows, {name: _part(group, name, count, chunk, described=True) for name in group})
-
-
-def _part(group: Any, name: str, count: int, chunk: int, *, described: bool) -> _Part | None:
+def _readable(read: Callable[[], Any], what: str, losses: list[Loss]) -> Any:
+    """Return what `read` gives; None, and one loss more, where that is damaged."""
     try:
-        dataset = group[name]
-        signal = read_signal(dataset, name) if described else None
-        if dataset.shape[:1] != (count,) or dataset.dtype not in (np.float64, np.int64, np.uint8):
-            return None
-        check_inside(Path(group.file.filename), group.file, [dataset], count)
-        values = np.full(dataset.shape, np.nan if dataset.dtype == np.float64 else 0, dtype=dataset.dtype)
-    except (HapticevalError, *DAMAGE):
+        return read()
+    except DAMAGE as error:
+        losses.append(Loss(what, str(error), None, None))
         return None
-    whole = np.zeros(count, dtype=bool)
-    for begin in range(0, count, chunk):
-        try:
-            values[begin : begin + chunk] = dataset[begin : begin + chunk]
-        except DAMAGE:
-            continue
-        whole[begin : begin + chunk] = True
-    return _Part(values, whole, signal) if whole.any() else None
 
 
 def _losses(found: _Found, step: float) -> list[Loss]:
-    """First the rows that are lost altogether, then what single signals lack of the others."""
+    """Return first the rows that are lost altogether, then what single signals lack of the others."""
     kept = found.kept
     if not kept.any():
-        return [Loss("every signal", f"all of its {found.count} rows", found.count, found.count * step)]
+        return [Loss("every signal", f"all of its {kept.size} rows", kept.size, kept.size * step)]
     missing = {"every signal": ~kept}
-    for name, part in {**found.rows, **found.channels}.items():
+    for name, part in {**found.beside, **found.channels}.items():
         missing[f"'{name}'"] = kept if part is None else kept & ~part.whole
     alike: dict[tuple[int, int], list[str]] = {}
     for name, rows in missing.items():
@@ -243,40 +222,22 @@ def _losses(found: _Found, step: float) -> list[Loss]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[tuple[Any, str]]:
-    """The file, where its end is missing as far as it goes, and in words how far that is (empty for all of it)."""
+    """Open the file, a cut one filled up with bytes that no checksum takes for data; give it, and where it is cut."""
     import h5py
 
-    cut = ending(path)
-    with path.open("rb") as raw, h5py.File(_Padded(raw, path), "r") if cut else h5py.File(path, "r") as file:
+    cut, lacking = _cut(path)
+    reserve(path.stat().st_size + lacking if cut else 0, str(path))
+    with h5py.File(io.BytesIO(path.read_bytes() + b"\xff" * lacking) if cut else path, "r") as file:
         check_format(path, file)
         yield file, cut
 
 
-class _Padded(io.RawIOBase):
-    """A file that is as long as it should be: where it is cut short, bytes follow that no checksum takes for data."""
+def _cut(path: Path) -> tuple[str, int]:
+    """Return in words where a file of ours ends too early, and how many bytes it lacks; "" and 0 for a whole one.
 
-    def __init__(self, raw: Any, path: Path) -> None:
-        self.raw, self.size, self.at = raw, declared_size(path), 0
-
-    def readable(self) -> bool:
-        return True
-
-    def seekable(self) -> bool:
-        return True
-
-    def tell(self) -> int:
-        return self.at
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        self.at = offset + (0, self.at, self.size)[whence]
-        return self.at
-
-    def readinto(self, buffer: Any) -> int:
-        view = memoryview(buffer).cast("B")
-        self.raw.seek(self.at)
-        got = self.raw.read(len(view))
-        view[: len(got)] = got
-        if len(got) < len(view):
-            view[len(got) :] = b"\xff" * (len(view) - len(got))
-        self.at += len(view)
-        return len(view)
+    Bytes 28 to 35 of the superblock, which is of version 3 in our files, give the end of the file.
+    """
+    with path.open("rb") as opened:
+        head = opened.read(36)
+    size, end = path.stat().st_size, int.from_bytes(head[28:36], "little") if head[8:9] in (b"\x02", b"\x03") else 0
+    return (f"the file ends at byte {size} of {end}", end - size) if size < end else ("", 0)

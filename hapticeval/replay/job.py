@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
@@ -20,6 +19,7 @@ from hapticeval.replay.merge import merged
 from hapticeval.replay.rerender import HandPath, Part, backwards, joined, rerendered
 from hapticeval.replay.sound import Usable, usable
 from hapticeval.replay.subject import SUITE, Subject
+from hapticeval.runner import results
 from hapticeval.runner.judging import Judged, Recorded, built, judge_recorded
 from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.work import Done, kept, seed_all
@@ -101,21 +101,21 @@ class Replay:
 
     def _document(
         self, found: Difference | None, note: str, parts: Sequence[Recording], *, left_out: Sequence[str] = ()
-    ) -> Mapping[str, Any]:
+    ) -> results.Replay:
         path = self.path
         rows = sum(map(len, parts))
-        return {
-            "file": self.subject.file,
-            "note": note,
-            "clock": told(path.recording, path.stretches),
-            "stretches": len(parts),
-            "rows": rows,
-            "rows_left_out": len(path.recording) - rows,
-            "left_out": list(left_out),
-            "suspicious": list(self.suspicious),
-            "seconds": float(sum(part.time[-1] - part.time[0] for part in parts)),
-            "difference": None if found is None else found.document(),
-        }
+        return results.Replay(
+            file=self.subject.file,
+            note=note,
+            clock=told(path.recording, path.stretches),
+            stretches=len(parts),
+            rows=rows,
+            rows_left_out=len(path.recording) - rows,
+            left_out=list(left_out),
+            suspicious=list(self.suspicious),
+            seconds=float(sum(part.time[-1] - part.time[0] for part in parts)),
+            difference=found,
+        )
 
 
 def replay_plan(subject: Subject, renderers: Sequence[str], *, seed: int = 0) -> Plan:

@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from hapticeval.effects.catalogue import short_forms
-from hapticeval.errors import HapticevalError, InputError, UnknownNameError
+from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.files import file_stem
 from hapticeval.phenomena.registry import CHECKS, HELD
-from hapticeval.recordings.provenance import model_of, scene_of
+from hapticeval.recordings.provenance import LINE, before_the_wall, model_of, scene_of
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.wall import LINE, before_the_wall
 from hapticeval.scene import Scene
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
@@ -78,22 +77,13 @@ def subject(
         name=file_stem(file.stem),
         title=f"Replay of {file.name}",
         shows="The hand path of a recording, sample by sample, through other renderers.",
-        citation="",
-        model=touched,
-        depth_of="model",
+        model=dict(touched),
         scene=chosen,
-        trajectory={"kind": "recording"},
-        experiment=None,
         checks=template.checks if template is not None else _checks(recording, chosen),
-        judged=True,
-        published={},
-        closed_form={},
         folder=file.parent,
     )
-    try:
+    with at(file.name):
         built = made.build_scene()
-    except HapticevalError as error:
-        raise InputError(f"{file.name}: {error.what}", why=error.why, todo=error.todo) from error
     if recording.hip.shape[1] == 1 and built.model.name == LINE:
         recording = before_the_wall(recording)
     if built.model.dimension != recording.hip.shape[1]:
@@ -111,10 +101,7 @@ def _case(name: str) -> Case:
         raise InputError(
             f"'{name}' names no case of a suite", todo="write SUITE/CASE, as in thesis/cassinian-deep-slide"
         )
-    found = {each.name: each for each in load_suite(suite).cases}
-    if case not in found:
-        raise UnknownNameError(f"case of {suite}", case, found)
-    return found[case]
+    return load_suite(suite).case(case)
 
 
 def _not_said(file: Path, scene: Mapping[str, str], rest: Mapping[str, str]) -> InputError:

@@ -1,13 +1,13 @@
-"""What a run tells while it goes on: the one stream that terminal, progress bar, JSON and reports drink from."""
+"""What a run reports while it goes on: the one stream that terminal, progress bar, JSON and reports read."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from hapticeval.errors import HapticevalError, RefusalError
-from hapticeval.phenomena.verdict import Verdict
-from hapticeval.runner.results import Results
+from hapticeval.errors import HapticevalError
+from hapticeval.recordings.recording import Recording
+from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 
 
 @dataclass(frozen=True)
@@ -20,16 +20,12 @@ class RunStarted:
 
 @dataclass(frozen=True)
 class JobFinished:
-    """One renderer has gone through one case."""
+    """One renderer has gone through one case; `error` is what stopped it, `recording` its run if no file keeps it."""
 
-    suite: str
-    case: str
-    renderer: str
-    verdicts: tuple[Verdict, ...]
-    error: HapticevalError | None
-    refusal: RefusalError | None
-    simulated_seconds: float
-    wall_seconds: float
+    run: RunEntry
+    verdicts: tuple[VerdictEntry, ...]
+    error: HapticevalError | None = None
+    recording: Recording | None = None
 
 
 @dataclass(frozen=True)
@@ -44,7 +40,7 @@ class Interrupted:
 class RunFinished:
     """After the last job, or after the user's interrupt: the results as they stand on disk."""
 
-    results: Results
+    results: ResultsDocument
 
 
 Event: TypeAlias = RunStarted | JobFinished | Interrupted | RunFinished

@@ -21,40 +21,40 @@ PATIENCE = 0.1
 """Seconds after which an interrupt is seen at the latest."""
 
 
-def execute(
-    plan: Plan,
-    directory: Path,
-    *,
-    workers: int = 2,
-    work: Work | None = None,
-    interrupts: Interrupts | None = None,
-) -> Iterator[Event]:
-    """Run the plan, in `workers` processes, and keep results.json in `directory` up to date while it goes on.
+def execute(plan: Plan, directory: Path | None, *, workers: int = 2, work: Work = run_job) -> Iterator[Event]:
+    """Run the plan in `workers` processes, and keep results.json in `directory` up to date while it goes on.
 
-    Each job is run and judged as its case says, or by `work` where that is given.
+    Each job is run and judged as its case says, or by another `work`. Without a directory nothing is written, and the
+    events bring the recordings. With 0 workers jobs run in this process.
 
     Events come in the order of the plan. A renderer that ends its process makes its own verdicts errors. On Ctrl-C no
-    further job begins, those that have begun are finished, and `Interrupted` tells so; on a second one they are killed.
-    What has finished is kept, the results say that they are incomplete and why, and `RunFinished` is still the last
-    event. Whoever goes on after that gives the `interrupts` in which both are counted.
+    further job begins, those that have begun are finished, and `Interrupted` reports it; on a second one, or in this
+    process, they are given up. What has finished is kept, the results say that they are incomplete and why, and
+    `RunFinished` is still the last event.
     """
     waiting = iter(enumerate(plan.jobs))
     finished: dict[int, Done] = {}
-    told = 0
+    added = 0
     warned = False
-    with Interrupts() if interrupts is None else nullcontext(interrupts) as interrupts:
-        directory.mkdir(parents=True, exist_ok=True)
-        shutil.rmtree(directory / "recordings", ignore_errors=True)  # of an earlier run, whose results go as well
+    with Interrupts() as interrupts:
+        if directory is not None:
+            directory.mkdir(parents=True, exist_ok=True)
+            shutil.rmtree(directory / "recordings", ignore_errors=True)  # of an earlier run, whose results go as well
         yield RunStarted(plan.planned, len(plan.jobs))
         progress = Progress(plan, directory)
-        with Workers(work or run_job, workers) as crew:
+        with Workers(work, workers) as crew:
             while True:
                 if not interrupts.count:
-                    for number, job in islice(waiting, crew.free):
-                        crew.begin(number, job, directory, plan.seed)
-                while told in finished:
-                    yield progress.add(plan.jobs[told], *finished.pop(told))
-                    told += 1
+                    try:
+                        with nullcontext() if workers else interrupts.raised():
+                            for number, job in islice(waiting, crew.free):
+                                crew.begin(number, job, directory, plan.seed)
+                    except KeyboardInterrupt:
+                        yield Interrupted(1, at_once=True)
+                        break
+                while added in finished:
+                    yield progress.add(plan.jobs[added], *finished.pop(added))
+                    added += 1
                 if interrupts.count and not warned:
                     yield Interrupted(crew.busy)
                     warned = True
@@ -67,8 +67,8 @@ def execute(
                     break
         for number in sorted(finished):
             yield progress.add(plan.jobs[number], *finished[number])
-            told += 1
-        yield RunFinished(progress.finish("interrupted by the user" if told < len(plan.jobs) else None))
+            added += 1
+        yield RunFinished(progress.finish("interrupted by the user" if added < len(plan.jobs) else None))
 
 
 def _done(answer: Answer[Done], job: Job) -> Done:

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from hapticeval.errors import HapticevalError, RefusalError, RendererError, described, renderer_errors
-from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.surface import Surface
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
 from hapticeval.recordings.recording import MissingChannelError, Recording
 from hapticeval.renderer import Renderer, RendererFactory, SelfDriven, check_support, stated, supported
+from hapticeval.runner.results import Replay
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import drive
 from hapticeval.simulation.playback import Closeup, compare_batch, play
@@ -39,8 +39,7 @@ class Judged:
     simulated_seconds: float
     wall_seconds: float
     ended: Mapping[str, Any] | None = None
-    replay: Mapping[str, Any] | None = None
-    """What a replay has to say beside the verdicts: see `hapticeval.replay`."""
+    replay: Replay | None = None
 
 
 class _Bench:
@@ -113,10 +112,10 @@ def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
     with renderer_errors("factory"):
         renderer = factory(scene)
     surface = stated(renderer, "surface")
-    if surface is not None and not isinstance(surface, Curve | Surface):
+    if surface is not None and not isinstance(surface, Boundary):
         raise RendererError(
             f"the renderer's surface is a {type(surface).__name__}",
-            todo="give the hapticeval.geometry Curve or Surface that it renders, or leave surface out",
+            todo="give the Boundary of hapticeval.geometry that it renders, or leave surface out",
         )
     if not isinstance(renderer, Renderer | SelfDriven):
         raise RendererError(
@@ -171,7 +170,7 @@ class Recorded:
 
     whole: Recording
     runs: tuple[Runs, ...]
-    replay: Mapping[str, Any]
+    replay: Replay
     simulated_seconds: float = 0.0
 
 
@@ -229,7 +228,7 @@ def _verdicts(findings: Sequence[Finding], renderer: str, suite: str, case: Case
             check=check,
             level=(finding.level or CHECKS[check].level) if case.judged else Level.INFO,
             finding=finding,
-            published=case.published.get(renderer, {}).get(check),
+            published=Outcome(case.published[renderer][check]) if check in case.published.get(renderer, {}) else None,
         )
         for check, finding in zip(case.checks, findings, strict=True)
     )

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
+from msgspec.structs import replace
+
 from hapticeval.discovery import own_renderers, resolve
-from hapticeval.errors import InputError, NothingSelectedError
+from hapticeval.errors import InputError, NothingSelectedError, at
+from hapticeval.renderer import RendererFactory
 from hapticeval.suite.case import Case
 from hapticeval.suite.installed import suites_named
 from hapticeval.suite.reading import load_suite
@@ -21,6 +24,8 @@ class Job:
     suite: str
     case: Case
     renderer: str
+    factory: RendererFactory | None = None
+    """What makes the renderer, where its name does not say it."""
 
 
 @dataclass(frozen=True)
@@ -44,38 +49,50 @@ class Plan:
 
 
 def plan(
-    suites: Sequence[str], renderers: Sequence[str], *, select: Sequence[str] = (), seed: int = 0, strict: bool = False
+    suites: Sequence[str | Suite],
+    renderers: Sequence[str] = (),
+    *,
+    factories: Mapping[str, RendererFactory] | None = None,
+    select: Sequence[str] = (),
+    seed: int = 0,
+    strict: bool = False,
 ) -> Plan:
     """Load the suites, see that every renderer can be found, and apply the selection.
 
     A suite's name may be that of a group: `dynamics` for `dynamics-line` and the others. Where no `renderers` are named
-    each suite runs its own, or those that come with the package. `select` holds globs on case names, on `suite/case`,
-    or on `case/check`; what any of them matches is run, and everything where there are none. Raises
-    `NothingSelectedError` when nothing is left, and what `load_suite` and `resolve` raise.
+    each suite runs its own, or those that come with the package; `factories` make those whose names say nothing of it.
+    `select` holds globs on case names, on `suite/case`, or on `case/check`; what any of them matches is run, and
+    everything where there are none. Raises `NothingSelectedError` for a glob that matches nothing and where nothing is
+    left, and what `load_suite` and `resolve` raise.
     """
-    members = dict.fromkeys(name for given in suites for name in suites_named(given))
-    loaded = tuple(load_suite(name) for name in members)
+    given = factories or {}
+    members = {name: None for each in suites if isinstance(each, str) for name in suites_named(each)}
+    loaded = (*map(load_suite, members), *(each for each in suites if not isinstance(each, str)))
     _refuse_namesakes(loaded)
     chosen = {suite.name: tuple(dict.fromkeys(renderers or suite.renderers or own_renderers())) for suite in loaded}
     names = tuple(dict.fromkeys(name for each in chosen.values() for name in each))
     for name in names:
-        resolve(name)
+        if name not in given:
+            resolve(name)
+    for glob in select:
+        if not any(_selected(case, suite.name, [glob]) for suite in loaded for case in suite.cases):
+            raise NothingSelectedError(
+                f"nothing matches -k {glob!r}",
+                why=f"the cases are: {', '.join(sorted({case.name for suite in loaded for case in suite.cases}))}",
+                todo="a glob is matched against the whole name: try -k '*slide*' or -k '*/memoryless'",
+            )
     jobs = tuple(
-        Job(suite.name, selected, name)
+        Job(suite.name, selected, name, given.get(name))
         for suite in loaded
         for case in suite.cases
-        for selected in _selected(case, suite.name, select)
+        if (selected := _selected(case, suite.name, select))
         for name in chosen[suite.name]
     )
     if not jobs:
-        cases = sorted({case.name for suite in loaded for case in suite.cases})
-        raise NothingSelectedError(
-            f"nothing matches -k {' -k '.join(map(repr, select))}" if select else "no suites or no renderers are named",
-            why=f"the cases are: {', '.join(cases)}" if cases else "",
-            todo="a glob is matched against the whole name: try -k '*slide*' or -k '*/memoryless'",
-        )
-    for case in {(job.suite, job.case.name): job.case for job in jobs}.values():
-        case.check_stimulus()
+        raise NothingSelectedError("no suites or no renderers are named")
+    for (suite, _), case in {(job.suite, job.case.name): job.case for job in jobs}.items():
+        with at(f"suite '{suite}'"):
+            case.check_stimulus()
     return Plan(loaded, names, jobs, tuple(select), seed, strict)
 
 
@@ -87,10 +104,9 @@ def _refuse_namesakes(suites: Sequence[Suite]) -> None:
             raise InputError(f"two suites are named '{name}'", todo="rename one of the files, or run them apart")
 
 
-def _selected(case: Case, suite: str, select: Sequence[str]) -> Iterator[Case]:
+def _selected(case: Case, suite: str, select: Sequence[str]) -> Case | None:
+    """Return the case with the checks that any glob selects, None where none does."""
     if not select or any(fnmatchcase(f"{suite}/{case.name}" if "/" in glob else case.name, glob) for glob in select):
-        yield case
-        return
+        return case
     checks = tuple(check for check in case.checks if any(fnmatchcase(f"{case.name}/{check}", glob) for glob in select))
-    if checks:
-        yield replace(case, checks=checks)
+    return replace(case, checks=checks) if checks else None

@@ -1,235 +1,384 @@
-"""The results document: what ran, what was found, and whether that is all of it; the one input of every report."""
+"""The results document: what ran, what was found, and whether that is all of it; the one input of every report.
+
+The types below are its only definition: `schema` is generated from them, reading checks a file against them, and
+writing gives what reading takes.
+"""
 
 from __future__ import annotations
 
-import json
 import os
 import platform
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from functools import cache
-from importlib import metadata, resources
+from dataclasses import asdict
+from functools import cached_property
+from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from hapticeval.errors import HapticevalError, InputError
-from hapticeval.files import file_stem, plain, replacing, without_non_finite
-from hapticeval.phenomena.verdict import Verdict, warns
+import msgspec
+from msgspec import Meta
 
-__all__ = [
-    "FILE",
-    "Results",
-    "environment",
-    "file_stem",
-    "read_results",
-    "to_json",
-    "validate",
-    "verdict_document",
-    "write_results",
-]
+from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.errors import HapticevalError, RefusalError
+from hapticeval.files import plain, read_json, without_non_finite, write_json
+from hapticeval.phenomena.verdict import UNSATISFIED, Level, Outcome, Verdict
+from hapticeval.recordings.compare.difference import Difference
 
 FILE = "results.json"
 FORMAT_VERSION = 1
-Document = Mapping[str, Any]
+
+RunKey = tuple[str, str, str]
+"""Suite, case, renderer."""
+
+Count = Annotated[int, Meta(ge=0)]
+Table = dict[str, dict[str, Literal["Yes", "No"]]]
+"""Title of a row, then renderer, then Yes or No."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Results:
-    """Everything that a report needs, as JSON values; `results.schema.json` says what each entry holds.
+class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
+    """Base of the document's objects: a field with a default is left out of the file where it has that value."""
 
-    `planned` and `ran` count verdicts; an incomplete run says the `reason`. `runs` has an entry a (suite, case,
-    renderer), `verdicts` one a check of it. `table` maps row titles to renderers to "Yes" or "No", and
-    `published_table` is the same as printed, where the suites carry it. `suites` says of each suite that ran its
-    `name`, `title` and `citation`, and the titles of its `rows`.
+
+class SuiteEntry(Entry, kw_only=True):
+    """A suite that ran, and the titles of the rows of the table that its cases fill."""
+
+    name: str
+    title: str
+    citation: str
+    rows: list[str]
+
+
+class Command(Entry, kw_only=True):
+    """What was asked for; in a strict run a warning stops a gate."""
+
+    suites: list[str]
+    renderers: list[str]
+    select: list[str]
+    strict: bool
+
+
+class Timing(Entry, kw_only=True):
+    """Seconds simulated, seconds taken, and their ratio."""
+
+    simulated_seconds: float
+    wall_seconds: float
+    times_real_time: float
+
+
+class Environment(Entry, kw_only=True):
+    """What the numbers may depend on; `versions` maps distributions to theirs, None for one that is not installed."""
+
+    python: str
+    platform: str
+    cpu_count: int | None
+    versions: dict[str, str | None]
+
+
+class Problem(Entry, kw_only=True):
+    """An error that stopped a run."""
+
+    what: str
+    why: str
+    todo: str
+
+    @classmethod
+    def of(cls, error: HapticevalError) -> Problem:
+        """Return the entry of an error."""
+        return cls(what=error.what, why=error.why, todo=error.todo)
+
+
+class Refusal(Problem, kw_only=True):
+    """Why the renderer refused the scene, and at which `position` (m) on the model that was seen, if at one."""
+
+    position: list[float] | None
+
+    @classmethod
+    def of(cls, error: HapticevalError) -> Refusal:
+        """Return the entry of a `RefusalError`."""
+        assert isinstance(error, RefusalError)
+        position = None if error.position is None else [float(each) for each in error.position]
+        return cls(what=error.what, why=error.why, todo=error.todo, position=position)
+
+
+class Ended(Entry, kw_only=True):
+    """When (s) and why a run ended before its time, because device or law left its domain."""
+
+    tick: Count
+    time: float
+    what: str
+    why: str
+
+
+class Robot(Entry, kw_only=True):
+    """The device of an experiment; the choices of dynamics and base inertia where it offers them."""
+
+    kind: str
+    dynamics: str | None = None
+    base_inertia: str | None = None
+
+
+class SceneEntry(Entry, kw_only=True):
+    """A scene's numbers in SI units and its effects; device and inner loop only of an experiment."""
+
+    stiffness: float
+    damping: float
+    mass: float
+    bilateral: bool
+    restitution: float
+    sampling_time: float
+    device: Robot | None = None
+    inner_loop: InnerLoop | None = None
+    effects: list[dict[str, Any]] = []
+
+
+class Replay(Entry, kw_only=True):
+    """Of a replay: the recording, how its clock was kept, what was left out, and how far this renderer is from it.
+
+    `difference` (m, N, s) is None for the recorded run itself.
     """
 
-    planned: int
-    ran: int
+    file: str
+    note: str
+    clock: str
+    stretches: int
+    rows: int
+    rows_left_out: int
+    left_out: list[str]
+    suspicious: list[str]
+    seconds: float
+    difference: Difference | None
+
+
+class RunEntry(Entry, kw_only=True):
+    """One renderer in one case. `closed_form` is the one that the case names for this renderer."""
+
+    suite: str
+    case: str
+    renderer: str
+    recording: (
+        Annotated[
+            str,
+            Meta(
+                pattern=r"^recordings/(?!(.*/)?\.\.(/|$))[^\\]+$",
+                description="path of the recording below the result folder",
+            ),
+        ]
+        | None
+    )
+    simulated_seconds: float
+    wall_seconds: float
+    stimulus: Literal["trajectory", "experiment"]
+    title: str
+    shows: str | None
+    citation: str | None
+    model: Annotated[
+        dict[str, Any],
+        Meta(
+            extra_json_schema={"required": ["kind"]},
+            description="a model of the catalogue: its kind and its parameters",
+        ),
+    ]
+    depth_of: str | None
+    judged: bool
+    scene: SceneEntry
+    closed_form: str | None
+    ended: Ended | None
+    error: Problem | None
+    refusal: Refusal | None
+    replay: Replay | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.model.get("kind"), str):
+            raise ValueError("the model has no kind")
+
+    @property
+    def key(self) -> RunKey:
+        """Suite, case and renderer."""
+        return self.suite, self.case, self.renderer
+
+    @property
+    def is_recorded(self) -> bool:
+        """Return whether this is the recorded run of a replay, which is no renderer's."""
+        return self.replay is not None and self.replay.difference is None
+
+    @property
+    def model_parameters(self) -> dict[str, Any]:
+        """The model's parameters by name."""
+        rest = {name: each for name, each in self.model.items() if name != "kind"}
+        return dict(rest.get("parameters", rest))
+
+
+class Measure(Entry, kw_only=True):
+    """A measured number; None where it was not finite."""
+
+    name: str
+    value: float | None
+    unit: str
+
+
+class VerdictEntry(Entry, kw_only=True):
+    """A verdict: `evidence` holds where and when, time (s), hip and ihip (m), and what else was measured.
+
+    `bound` and `margin` are in the metric's unit; the margin, bound less metric, is negative for a failure.
+    """
+
+    renderer: str
+    suite: str
+    case: str
+    check: str
+    level: Level
+    outcome: Outcome
+    metric: Measure | None
+    bound: float | None
+    margin: float | None
+    evidence: dict[str, Any]
+    message: str
+    published: Outcome | None
+    as_expected: bool
+
+    @classmethod
+    def of(cls, verdict: Verdict) -> VerdictEntry:
+        """Return the entry of a verdict.
+
+        A number that JSON cannot hold becomes None, and `evidence["not_finite"]` then names it, so that an infinite
+        metric is never lost without a trace. Raises `InputError`, naming the place, for evidence that JSON cannot hold.
+        """
+        finding = verdict.finding
+        measured, lost = without_non_finite(
+            plain(
+                {
+                    "metric": None if finding.metric is None else asdict(finding.metric),
+                    "bound": finding.bound,
+                    "evidence": finding.evidence,
+                },
+                "verdict",
+            ),
+            "verdict",
+        )
+        margin = without_non_finite(plain(finding.margin))[0]
+        if lost:
+            measured["evidence"]["not_finite"] = [what.removeprefix("verdict.") for what in lost]
+        return cls(
+            renderer=verdict.renderer,
+            suite=verdict.suite,
+            case=verdict.case,
+            check=verdict.check,
+            level=verdict.level,
+            outcome=verdict.outcome,
+            metric=None if measured["metric"] is None else Measure(**measured["metric"]),
+            bound=measured["bound"],
+            margin=margin,
+            evidence=measured["evidence"],
+            message=finding.message,
+            published=verdict.published,
+            as_expected=verdict.as_expected,
+        )
+
+    @property
+    def key(self) -> RunKey:
+        """Suite, case and renderer: the run that was judged."""
+        return self.suite, self.case, self.renderer
+
+    @property
+    def warns(self) -> bool:
+        """Return whether a verdict of level `should` would stop a gate at level `must`."""
+        return self.level is Level.SHOULD and self.outcome in UNSATISFIED and self.published is None
+
+    @property
+    def standing(self) -> str:
+        """Compare the outcome with what was expected.
+
+        "as known" and "differs" compare with what is published; "unexpected" is an error, or a check of level `must`
+        that failed or could not decide; "warning" one of level `should` that did; "" needs no remark.
+        """
+        if self.published is not None:
+            return "as known" if self.outcome == self.published else "differs"
+        if self.warns:
+            return "warning"
+        return "" if self.as_expected else "unexpected"
+
+
+class ResultsDocument(Entry, kw_only=True, omit_defaults=False, dict=True):
+    """Everything that a report needs. `planned` and `ran` count verdicts; an incomplete run has a `reason`.
+
+    `runs` has one entry per suite, case and renderer, `verdicts` one per check of it. `table` holds what was found,
+    `published_table` what is in print.
+    """
+
+    format_version: Literal[1] = FORMAT_VERSION
+    planned: Count
+    ran: Count
     complete: bool
     reason: str | None
-    environment: Document
+    environment: Environment
     seed: int
-    command: Document
-    runs: Sequence[Document]
-    verdicts: Sequence[Document]
-    table: Mapping[str, Mapping[str, str]]
-    timing: Document
-    published_table: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    suites: Sequence[Document] = field(default_factory=list)
-    format_version: int = FORMAT_VERSION
+    command: Command
+    runs: list[RunEntry]
+    verdicts: list[VerdictEntry]
+    table: Table
+    timing: Timing
+    published_table: Table = {}
+    suites: list[SuiteEntry] = []
+
+    def __post_init__(self) -> None:
+        if not self.complete and not self.reason:
+            raise ValueError("it is incomplete and gives no reason")
+        if self.ran > self.planned or (self.complete and self.ran != self.planned):
+            state = "complete" if self.complete else "incomplete"
+            raise ValueError(
+                f"{self.ran} of {self.planned} planned verdicts ran, and it is {state}: a complete run has as many "
+                "verdicts as were planned, and no run has more"
+            )
+
+    @cached_property
+    def renderers(self) -> list[str]:
+        """Every renderer, in the order in which they ran."""
+        tables = (name for row in self.table.values() for name in row)
+        return list(dict.fromkeys([*(each.renderer for each in (*self.runs, *self.verdicts)), *tables]))
+
+    @cached_property
+    def verdicts_of(self) -> dict[RunKey, list[VerdictEntry]]:
+        """The verdicts of each run."""
+        found: dict[RunKey, list[VerdictEntry]] = {}
+        for verdict in self.verdicts:
+            found.setdefault(verdict.key, []).append(verdict)
+        return found
+
+    @property
+    def all_refused(self) -> bool:
+        """Return whether every renderer refused every case: then nothing was judged. A recorded run is no renderer."""
+        runs = [run for run in self.runs if not run.is_recorded]
+        return bool(runs) and all(run.refusal for run in runs)
+
+    def stops(self, verdict: VerdictEntry) -> bool:
+        """Return whether a verdict stops a gate: it is not as expected, or a warning of a run that is strict."""
+        return not verdict.as_expected or (self.command.strict and verdict.warns)
 
 
-def is_recorded(run: Document) -> bool:
-    """Whether an entry of `runs` is the recorded run of a replay, which is no renderer's."""
-    replay = run.get("replay")
-    return replay is not None and replay["difference"] is None
+def schema() -> dict[str, Any]:
+    """Return the JSON schema of results.json."""
+    return msgspec.json.schema(ResultsDocument)
 
 
-def all_refused(results: Results) -> bool:
-    """Whether every renderer refused every case: then nothing was judged. A recorded run is no renderer."""
-    runs = [run for run in results.runs if not is_recorded(run)]
-    return bool(runs) and all(run.get("refusal") for run in runs)
+def write_results(directory: Path, results: ResultsDocument) -> Path:
+    """Write `directory`/results.json, whole or not at all, and return its path; null stands for non-finite numbers.
 
-
-def is_warning(verdict: Document) -> bool:
-    """Whether a verdict document is a warning: see `hapticeval.phenomena.verdict.warns`."""
-    return warns(verdict["level"], verdict["outcome"], verdict["published"])
-
-
-def stops(results: Results, verdict: Document) -> bool:
-    """Whether a verdict stops a gate: it is not as expected, or a warning of a run that is strict."""
-    return not verdict["as_expected"] or (bool(results.command.get("strict")) and is_warning(verdict))
-
-
-def verdict_document(verdict: Verdict) -> dict[str, Any]:
-    """A verdict as JSON values.
-
-    A number that JSON cannot hold becomes null, and `evidence["not_finite"]` then says what it was, so that an
-    infinite metric is never lost without a trace.
-    """
-    finding = verdict.finding
-    metric = finding.metric
-    measured, lost = without_non_finite(
-        plain(
-            {
-                "metric": None if metric is None else {"name": metric.name, "value": metric.value, "unit": metric.unit},
-                "bound": finding.bound,
-                "evidence": finding.evidence,
-            },
-            "verdict",
-        ),
-        "verdict",
-    )
-    margin = finding.margin
-    if lost:
-        measured["evidence"]["not_finite"] = [what.removeprefix("verdict.") for what in lost]
-        margin = without_non_finite(plain(margin))[0]
-    return {
-        "renderer": verdict.renderer,
-        "suite": verdict.suite,
-        "case": verdict.case,
-        "check": verdict.check,
-        "level": verdict.level.value,
-        "outcome": verdict.outcome.value,
-        "metric": measured["metric"],
-        "bound": measured["bound"],
-        "margin": plain(margin),
-        "evidence": measured["evidence"],
-        "message": finding.message,
-        "published": None if verdict.published is None else verdict.published.value,
-        "as_expected": verdict.as_expected,
-    }
-
-
-def to_json(results: Results) -> str:
-    """The document as JSON text that any reader takes: no NaN, no infinity; null stands for them."""
-    return json.dumps(_document(results), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _document(results: Results) -> dict[str, Any]:
-    names = [each.name for each in fields(Results)]
-    ordered = ["format_version", *(name for name in names if name != "format_version")]
-    document, _ = without_non_finite(plain({name: getattr(results, name) for name in ordered}, "results"))
-    return dict(document)
-
-
-def write_results(directory: Path, results: Results) -> Path:
-    """Write `directory`/results.json, whole or not at all, and return its path.
-
-    Raises `InputError` for results that do not fit the schema, and `HapticevalError` where the file cannot be
+    Raises `InputError` for results that `read_results` would not take, and `HapticevalError` where the file cannot be
     written.
     """
-    validate(_document(results))
-    path = Path(directory) / FILE
-    try:
-        with replacing(path) as temporary:
-            temporary.write_text(to_json(results), encoding="utf-8")
-    except OSError as error:
-        raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
-    return path
+    return write_json(Path(directory) / FILE, results)
 
 
-def read_results(directory: Path) -> Results:
+def read_results(directory: Path) -> ResultsDocument:
     """Read `directory`/results.json.
 
     Raises `InputError`, naming file and place, for a folder or file that is not there, JSON that is broken, a
-    format version other than ours, and a document that does not fit the schema.
+    format version other than ours, and a document that does not fit the types.
     """
-    directory = Path(directory)
-    path = directory / FILE
-    if not directory.is_dir():
-        raise InputError(
-            f"no result folder '{directory}'",
-            why="it is a file" if directory.exists() else "there is no such folder",
-            todo="name the folder that `hapticeval run -o` wrote",
-        )
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_constant)
-    except FileNotFoundError as error:
-        raise InputError(
-            f"'{directory}' holds no {FILE}",
-            why="a run writes it",
-            todo="name the folder that `hapticeval run -o` wrote",
-        ) from error
-    except OSError as error:
-        raise InputError(f"cannot read {path}", why=error.strerror or str(error)) from error
-    except json.JSONDecodeError as error:
-        raise InputError(
-            f"{path} is not JSON: line {error.lineno}, column {error.colno}",
-            why=error.msg,
-            todo="run again: the file was cut or edited",
-        ) from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(
-            f"{path} is not JSON text", why=str(error), todo="run again: the file was damaged or edited"
-        ) from error
-    validate(document, place=str(path))
-    return Results(**document)
-
-
-def _no_constant(name: str) -> Any:
-    raise ValueError(f"it holds {name}, which is no JSON number")
-
-
-def validate(document: Any, *, place: str = "results") -> None:
-    """Raise `InputError`, naming the entry, for a document that is not results of this format."""
-    from jsonschema.exceptions import best_match
-
-    version = document.get("format_version") if isinstance(document, Mapping) else None
-    if isinstance(version, int) and version != FORMAT_VERSION:
-        newer = version > FORMAT_VERSION
-        raise InputError(
-            f"{place} has results format {version}; this hapticeval reads format {FORMAT_VERSION}",
-            why="a newer hapticeval wrote it" if newer else "no such format was released",
-            todo="update hapticeval" if newer else "run again",
-        )
-    worst = best_match(_validator().iter_errors(document))
-    if worst is not None:
-        where = worst.json_path.removeprefix("$").removeprefix(".") or "the document"
-        raise InputError(
-            f"{place} does not fit the results format at {where}",
-            why=worst.message if len(worst.message) < 300 else worst.message[:300] + " ...",
-            todo="run again, or mend that entry",
-        )
-    if document["ran"] > document["planned"] or (document["complete"] and document["ran"] != document["planned"]):
-        raise InputError(
-            f"{place} says that {document['ran']} of {document['planned']} planned verdicts ran, "
-            f"and that it is {'complete' if document['complete'] else 'incomplete'}",
-            why="a complete run has as many verdicts as were planned, and no run has more",
-        )
-
-
-@cache
-def _validator() -> Any:
-    """Compiled once: a run writes its results every second."""
-    from jsonschema import Draft202012Validator
-
-    schema = resources.files("hapticeval.runner").joinpath("results.schema.json").read_text(encoding="utf-8")
-    return Draft202012Validator(json.loads(schema))
+    return read_json(Path(directory) / FILE, ResultsDocument, version=FORMAT_VERSION, command="run")
 
 
 def environment() -> dict[str, Any]:
-    """What the numbers may depend on: versions and the kind of machine, no names of hosts, users or folders."""
+    """Return what the numbers may depend on: versions and the kind of machine, no names of hosts, users or folders."""
     versions: dict[str, str | None] = {}
     for name in ("hapticeval", "numpy", "scipy", "numba", "shapely", "h5py"):
         try:

@@ -12,24 +12,25 @@ import numpy as np
 
 from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import read_effects
+from hapticeval.files import file_stem
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
 from hapticeval.runner.judging import Judged, judge
 from hapticeval.runner.planning import Job
-from hapticeval.runner.results import file_stem
 from hapticeval.scene import Scene
 
 Done: TypeAlias = tuple[Judged, Path | None]
 """A judged job and where its recording lies below the result folder."""
 
-Work: TypeAlias = Callable[[Job, Path, int], Done]
-"""What is done with a job, given it, the result folder and the seed."""
+Work: TypeAlias = Callable[[Job, Path | None, int], Done]
+"""What is done with a job, given it, the result folder, if there is one, and the seed."""
 
 
-def run_job(job: Job, directory: Path, seed: int) -> Done:
+def run_job(job: Job, directory: Path | None, seed: int) -> Done:
     """Run and judge a job as its case says."""
     seed_all(seed)
-    return kept(judge(resolve(job.renderer), job.renderer, job.suite, job.case), job, directory)
+    factory = resolve(job.renderer) if job.factory is None else job.factory
+    return kept(judge(factory, job.renderer, job.suite, job.case), job, directory)
 
 
 def seed_all(seed: int) -> None:
@@ -38,12 +39,18 @@ def seed_all(seed: int) -> None:
     np.random.seed(seed)  # noqa: NPY002 - the global generator
 
 
-def kept(judged: Judged, job: Job, directory: Path) -> Done:
-    """Write a job's recording, which says where it comes from; the verdicts alone travel on."""
+def kept(judged: Judged, job: Job, directory: Path | None) -> Done:
+    """Write a job's recording, which says where it comes from, and let the verdicts alone travel on.
+
+    Without a directory it travels with them.
+    """
     if judged.recording is None:
         return judged, None
+    recording = _labelled(judged.recording, job)
+    if directory is None:
+        return replace(judged, recording=recording), None
     file = recording_file(job)
-    write_recording(directory / file, _labelled(judged.recording, job), replace=True)
+    write_recording(directory / file, recording, replace=True)
     return replace(judged, recording=None), file
 
 

@@ -19,8 +19,7 @@ from hapticeval.errors import (
     described,
     renderer_errors,
 )
-from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.surface import Surface
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.recordings.recording import REQUIRED, SINGLE, Recording, backward_difference
 from hapticeval.renderer import Batch, Declaration, Feeling, Renderer, SelfDriven, Spring, stated
 from hapticeval.scene import Scene
@@ -102,7 +101,7 @@ def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
     none = np.empty((0, hips.shape[1]))
     if scene is None or scene.bilateral:
         return none
-    boundary: Curve | Surface = stated(renderer, "surface") or scene.model.boundary
+    boundary: Boundary = stated(renderer, "surface") or scene.model.boundary
     start = hips[0]
     frame = boundary.frame(start[np.newaxis])
     depth = -float(frame.distance[0])

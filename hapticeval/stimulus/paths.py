@@ -5,57 +5,220 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import Meta, Struct, field
 
-from hapticeval.errors import InputError
-from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.surface import Surface
+from hapticeval.documents import convert
+from hapticeval.errors import InputError, at
+from hapticeval.geometry.boundary import Boundary
+from hapticeval.geometry.curve import Curve, as_curve
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array
 
 WAYPOINTS = 32_768
 """Points on a built path: four a tick for eight seconds at 1 kHz, so that refined runs see its true shape."""
 
+LAP_POINTS = 4096
+"""Points on a circle that the hand is led round."""
 
-def build_path(spec: Mapping[str, Any], surface: Curve | Surface, folder: FilePath) -> Path:
-    """The path that a suite's `trajectory` table asks for.
+Positive = Annotated[float, Meta(gt=0)]
+Point = Annotated[list[float], Meta(min_length=2, max_length=3)]
+"""Coordinates in m."""
 
-    `kind` is one of
 
-    - `scaled`: (1 - depth / R) y(s) with R the surface's largest radius about the origin, between the polar angles
-      `from_angle` and `to_angle` (degrees): `depth` (m) under the tips, less in the valleys;
-    - `arc`: round the origin, `depth` (m) inside the surface's largest radius, between two polar angles (degrees);
-    - `corner`: parallel to the faces of the surface's corner number `corner`, `depth` (m) under them, from `before`
-      to `after` metres from the corner; round a concave corner on an arc, straight on past a convex one;
-    - `points`: straight lines between `points` (m);
-    - `loop`: from `start` (m) straight to the circle of `radius` (m) about `centre` (m), `laps` times round it
-      anticlockwise and as often clockwise, each in `lap` seconds, and straight back: `approach` seconds each way;
-    - `file`: a CSV file or a recording, see `read_path`, relative to the suite's folder.
+class Trajectory(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind"):
+    """Base of what a suite's `trajectory` table may be, by its `kind`."""
 
-    Those with a `duration` are run through in so many seconds at constant speed. Raises `InputError` for a kind that
-    is built on a plane curve and a surface in space, and for what cannot be built or read.
+    def path(self, surface: Boundary, folder: FilePath) -> Path:
+        """Return the path on a `surface`; files count from `folder`.
+
+        Raises `InputError` for a kind that is built on a plane curve where the surface is in space, and for what cannot
+        be built or read.
+        """
+        raise NotImplementedError
+
+
+class OnCurve(Trajectory):
+    """Base of trajectories that are built on a plane curve and run through in `duration` (s) at constant speed."""
+
+    duration: Positive
+
+    def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
+        """Return the path; see `Trajectory.path`."""
+        curve = as_curve(surface)
+        if curve is None:
+            raise InputError(
+                f"a trajectory of kind '{self.__struct_config__.tag}' is built on a plane curve, and the model is a "
+                "surface in space",
+                todo="use kind = 'points' or 'file'",
+            )
+        return _at_constant_speed(self.points_on(curve), self.duration)
+
+    def points_on(self, curve: Curve) -> Array:
+        """Return the points (n, 2), m, that the path goes through."""
+        raise NotImplementedError
+
+
+class Scaled(OnCurve, tag="scaled"):
+    """(1 - depth / R) y(s), with R the surface's largest radius about the origin, between two polar angles (degrees).
+
+    That is `depth` (m) under the tips, less in the valleys.
     """
-    kind = spec["kind"]
-    if kind == "file":
-        return read_path(below(folder, str(spec["path"])))
-    if kind == "points":
-        return _at_constant_speed(np.array(spec["points"], dtype=np.float64), spec["duration"])
-    if kind == "loop":
-        return _loop(**{name: value for name, value in spec.items() if name != "kind"})
-    if not isinstance(surface, Curve):
-        raise InputError(
-            f"a trajectory of kind '{kind}' is built on a plane curve, and the model is a surface in space",
-            todo="use kind = 'points' or 'file'",
-        )
-    if kind == "scaled":
-        points = _scaled(surface, spec["depth"], spec["from_angle"], spec["to_angle"])
-    elif kind == "arc":
-        points = _arc(surface, spec["depth"], spec["from_angle"], spec["to_angle"])
-    else:
-        points = _past_corner(surface, spec["corner"], spec["depth"], spec["before"], spec["after"])
-    return _at_constant_speed(points, spec["duration"])
+
+    from_angle: float
+    to_angle: float
+    depth: Positive | None = None
+
+    def points_on(self, curve: Curve) -> Array:
+        """Return the scaled outline between the two angles."""
+        u, outline = self._outline(curve)
+        angle = np.unwrap(np.arctan2(outline[:, 1], outline[:, 0]))
+        if np.any(np.diff(angle) <= 0.0):
+            raise InputError(
+                "a 'scaled' trajectory needs a model that every ray from the origin meets once",
+                todo="use kind = 'points' or 'file'",
+            )
+        inside = angle[0] + (self._angles() - angle[0]) % (2.0 * np.pi)
+        position = np.asarray(curve.position(np.interp(inside, angle, u)))
+        radius, depth = self._radius(outline)
+        return (1.0 - depth / radius) * position
+
+    def _angles(self) -> Array:
+        return np.linspace(math.radians(self.from_angle), math.radians(self.to_angle), WAYPOINTS)
+
+    def _outline(self, curve: Curve) -> tuple[Array, Array]:
+        """Parameters (n,) once round the surface, and its points (n, 2), m."""
+        if not curve.closed:
+            kind = self.__struct_config__.tag
+            raise InputError(
+                f"a trajectory of kind '{kind}' needs a closed model", todo="use kind = 'points' on a line"
+            )
+        u = np.linspace(*curve.u_range, 4 * WAYPOINTS)
+        return u, np.asarray(curve.position(u))
+
+    def _radius(self, outline: Array) -> tuple[float, float]:
+        """The outline's largest distance from the origin and the depth, m, refused if that does not fit into it."""
+        radius = float(np.max(np.linalg.norm(outline, axis=1)))
+        if self.depth is None:
+            raise InputError(
+                f"a '{self.__struct_config__.tag}' trajectory needs a depth", todo="give depth, or a sweep"
+            )
+        if self.depth >= radius:
+            raise InputError(
+                f"a trajectory of depth {self.depth} m", why=f"the surface's largest radius is {radius:.4g} m"
+            )
+        return radius, self.depth
+
+
+class Arc(Scaled, tag="arc"):
+    """Round the origin, `depth` (m) inside the surface's largest radius, between two polar angles (degrees)."""
+
+    def points_on(self, curve: Curve) -> Array:
+        """Return the points of the arc."""
+        angle = self._angles()
+        radius, depth = self._radius(self._outline(curve)[1])
+        return (radius - depth) * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+class PastCorner(OnCurve, tag="corner"):
+    """Parallel to the faces of the surface's corner number `corner`, `depth` (m) under them.
+
+    From `before` to `after` metres from the corner: round a concave one on an arc, straight on past a convex one.
+    """
+
+    corner: Annotated[int, Meta(ge=0)]
+    depth: Positive
+    before: Positive
+    after: Positive
+
+    def points_on(self, curve: Curve) -> Array:
+        """Return the points past the corner."""
+        if self.corner >= len(curve.corners):
+            raise InputError(
+                f"the model has no corner {self.corner}",
+                why=f"it has {len(curve.corners)}",
+                todo="count corners from 0 along the curve",
+            )
+        corner, depth = curve.corners[self.corner], self.depth
+        start = corner.position - self.before * corner.tangent_pre - depth * corner.normal_pre
+        if corner.convex:
+            return np.array([start, corner.position + self.after * corner.tangent_pre - depth * corner.normal_pre])
+        first = math.atan2(-corner.normal_pre[1], -corner.normal_pre[0])
+        angles = np.linspace(first, first + corner.turn, 2048)
+        arc = corner.position + depth * np.column_stack([np.cos(angles), np.sin(angles)])
+        end = corner.position + self.after * corner.tangent_post - depth * corner.normal_post
+        return np.vstack([start, arc, end])
+
+
+class Points(Trajectory, tag="points"):
+    """Straight lines between `points` (m), in `duration` (s) at constant speed."""
+
+    points: Annotated[list[Point], Meta(min_length=2)]
+    duration: Positive
+
+    def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
+        """Return the path; see `Trajectory.path`."""
+        return _at_constant_speed(as_array(self.points, "the points of the trajectory"), self.duration)
+
+
+class Loop(Trajectory, tag="loop"):
+    """From `start` (m) to the circle of `radius` (m) about `centre` (m), round it, and back.
+
+    `laps` times anticlockwise and as often clockwise, as only one way may gain energy, each in `lap` seconds, a whole
+    number of ticks, so that laps pass the same HIPs again; straight there and back in `approach` seconds each.
+    """
+
+    start: Point
+    centre: Point
+    radius: Positive
+    laps: Annotated[int, Meta(ge=2)]
+    lap: Positive
+    approach: Positive
+
+    def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
+        """Return the path; see `Trajectory.path`."""
+        start, centre, radius = np.array(self.start), np.array(self.centre), self.radius
+        if not (start.size == centre.size == 2 and np.linalg.norm(start - centre) > radius):
+            raise InputError(
+                f"a loop from {list(self.start)} m round {list(self.centre)} m with a radius of {radius:g} m",
+                why="its start lies outside of its circle, in the plane",
+                todo="start in free space, and put the circle inside the model",
+            )
+        away = start - centre
+        turn = math.atan2(away[1], away[0]) + np.linspace(0.0, 2.0 * np.pi, LAP_POINTS, endpoint=False)
+        circle = centre + radius * np.column_stack([np.cos(turn), np.sin(turn)])
+        there = np.vstack([np.tile(circle, (self.laps, 1)), circle[:1]])
+        points = np.vstack([there, there[-2::-1]])
+        time = self.approach + np.arange(len(points)) * (self.lap / LAP_POINTS)
+        return Path(np.concatenate([[0.0], time, [time[-1] + self.approach]]), np.vstack([start, points, start]))
+
+
+class FromFile(Trajectory, tag="file"):
+    """A CSV file or a recording below the suite's folder: see `read_path`."""
+
+    file: str = field(name="path")
+
+    def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
+        """Return the path; see `Trajectory.path`."""
+        return read_path(below(folder, self.file))
+
+
+AnyTrajectory = Scaled | Arc | PastCorner | Points | Loop | FromFile
+
+
+def build_path(spec: Mapping[str, Any], surface: Boundary, folder: FilePath) -> Path:
+    """Return the path of a `trajectory` table as a suite has it; see `Trajectory.path`."""
+    return convert(spec, AnyTrajectory, "trajectory").path(surface, folder)
+
+
+def as_array(rows: Sequence[Sequence[float]], what: str) -> Array:
+    """Return rows of numbers (n, k). Raises `InputError`, naming `what`, where they differ in length."""
+    try:
+        return np.array(rows, dtype=np.float64)
+    except ValueError as error:
+        raise InputError(f"{what} differ in dimension", why="all have as many numbers as the first") from error
 
 
 def below(folder: FilePath, name: str) -> FilePath:
@@ -88,10 +251,8 @@ def read_path(file: FilePath) -> Path:
         time, points = values[:, 0], values[:, 1:]
     if time.size < 2:
         raise InputError(f"{file} has {time.size} rows", why="a trajectory needs at least two")
-    try:
+    with at(str(file)):
         return Path(time, points)
-    except InputError as error:
-        raise InputError(f"{file}: {error.what}", why=error.why, todo=error.todo) from None
 
 
 def read_rows(file: FilePath, what: str, meaning: str, header: tuple[str, str, str, str]) -> Array:
@@ -126,86 +287,6 @@ def read_rows(file: FilePath, what: str, meaning: str, header: tuple[str, str, s
             raise InputError(f"{file}, row {row}, column {name}: {table[name].iloc[row]!r} is not a number")
         table[name] = numbers
     return table.to_numpy(dtype=np.float64)
-
-
-def _scaled(surface: Curve, depth: float, from_angle: float, to_angle: float) -> Array:
-    u, outline = _outline(surface, "scaled")
-    angle = np.unwrap(np.arctan2(outline[:, 1], outline[:, 0]))
-    if np.any(np.diff(angle) <= 0.0):
-        raise InputError(
-            "a 'scaled' trajectory needs a model that every ray from the origin meets once",
-            todo="use kind = 'points' or 'file'",
-        )
-    start, stop = math.radians(from_angle), math.radians(to_angle)
-    wanted = np.linspace(start, stop, WAYPOINTS)
-    turn = 2.0 * np.pi
-    inside = angle[0] + (wanted - angle[0]) % turn
-    position = np.asarray(surface.position(np.interp(inside, angle, u)))
-    return (1.0 - depth / _radius(outline, depth)) * position
-
-
-def _arc(surface: Curve, depth: float, from_angle: float, to_angle: float) -> Array:
-    _, outline = _outline(surface, "arc")
-    angle = np.linspace(math.radians(from_angle), math.radians(to_angle), WAYPOINTS)
-    return (_radius(outline, depth) - depth) * np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-def _outline(surface: Curve, kind: str) -> tuple[Array, Array]:
-    """Parameters (n,) once round the surface, and its points (n, 2), m."""
-    if not surface.closed:
-        raise InputError(f"a trajectory of kind '{kind}' needs a closed model", todo="use kind = 'points' on a line")
-    u = np.linspace(*surface.u_range, 4 * WAYPOINTS)
-    return u, np.asarray(surface.position(u))
-
-
-def _radius(outline: Array, depth: float) -> float:
-    """The outline's largest distance from the origin, m, refused if `depth` does not fit into it."""
-    radius = float(np.max(np.linalg.norm(outline, axis=1)))
-    if depth >= radius:
-        raise InputError(f"a trajectory of depth {depth} m", why=f"the surface's largest radius is {radius:.4g} m")
-    return radius
-
-
-def _past_corner(surface: Curve, number: int, depth: float, before: float, after: float) -> Array:
-    corners = surface.corners
-    if not 0 <= number < len(corners):
-        raise InputError(
-            f"the model has no corner {number}",
-            why=f"it has {len(corners)}",
-            todo="count corners from 0 along the curve",
-        )
-    corner = corners[number]
-    start = corner.position - before * corner.tangent_pre - depth * corner.normal_pre
-    if corner.convex:
-        return np.array([start, corner.position + after * corner.tangent_pre - depth * corner.normal_pre])
-    first = math.atan2(-corner.normal_pre[1], -corner.normal_pre[0])
-    angles = np.linspace(first, first + corner.turn, 2048)
-    arc = corner.position + depth * np.column_stack([np.cos(angles), np.sin(angles)])
-    end = corner.position + after * corner.tangent_post - depth * corner.normal_post
-    return np.vstack([start, arc, end])
-
-
-LAP_POINTS = 4096
-"""Points on a circle that the hand is led round."""
-
-
-def _loop(
-    start: Sequence[float], centre: Sequence[float], radius: float, laps: int, lap: float, approach: float
-) -> Path:
-    """Laps of whole ticks pass the same HIPs again, which is how they are told; both ways, as only one may gain."""
-    away = np.subtract(start, centre)
-    if away.size != 2 or not np.linalg.norm(away) > radius:
-        raise InputError(
-            f"a loop from {list(start)} m round {list(centre)} m with a radius of {radius:g} m",
-            why="its start lies outside of its circle, in the plane",
-            todo="start in free space, and put the circle inside the model",
-        )
-    turn = math.atan2(away[1], away[0]) + np.linspace(0.0, 2.0 * np.pi, LAP_POINTS, endpoint=False)
-    circle = np.asarray(centre) + radius * np.column_stack([np.cos(turn), np.sin(turn)])
-    there = np.vstack([np.tile(circle, (laps, 1)), circle[:1]])
-    points = np.vstack([there, there[-2::-1]])
-    time = approach + np.arange(len(points)) * (lap / LAP_POINTS)
-    return Path(np.concatenate([[0.0], time, [time[-1] + approach]]), np.vstack([start, points, start]))
 
 
 def _at_constant_speed(points: Array, duration: float) -> Path:

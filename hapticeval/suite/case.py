@@ -3,66 +3,79 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta, Struct
 
 from hapticeval.closed_forms.form import CLOSED_FORMS
-from hapticeval.errors import InputError
+from hapticeval.errors import InputError, at
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.model import Model
-from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderer import stated
 from hapticeval.scene import Scene
-from hapticeval.stimulus.experiments import build_experiment, build_scene, check_workspace
-from hapticeval.stimulus.paths import build_path
+from hapticeval.stimulus.experiments import ExperimentTable
+from hapticeval.stimulus.paths import AnyTrajectory
 from hapticeval.stimulus.stimulus import Experiment, Stimulus
+from hapticeval.suite.scene import build_scene, check_workspace
 
-Published = Mapping[str, Mapping[str, Outcome]]
+Published = dict[str, dict[str, Literal["pass", "fail"]]]
+"""Renderer, then check, then the outcome in print."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Case:
-    """One scene with one stimulus and the checks that read its recording.
+class CaseEntries(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What a case and the `[[case]]` table of a suite file have in common.
 
     `depth_of` says whose surface a trajectory's depth counts from: the `model`'s, or that of the renderer's own
     `representation`, which may lie deeper than the trajectory. An unjudged case is shown and never counts.
-    `published` maps renderer and check to the outcome in print, and `closed_form` the renderer to the name of its
-    closed form.
+    `closed_form` maps the renderer to the name of its closed form.
     """
 
-    name: str
+    name: Annotated[str, Meta(pattern=r"^[a-z0-9][a-z0-9.-]*$")]
     title: str
-    shows: str
-    citation: str
-    model: Mapping[str, Any]
-    depth_of: str
-    scene: Mapping[str, Any]
-    trajectory: Mapping[str, Any] | None
-    experiment: Mapping[str, Any] | None
-    checks: tuple[str, ...]
-    judged: bool
-    published: Published
-    closed_form: Mapping[str, str]
-    folder: FilePath = field(repr=False)
+    model: dict[str, Any]
+    checks: Annotated[tuple[str, ...], Meta(min_length=1)]
+    shows: str = ""
+    citation: str = ""
+    depth_of: Literal["model", "representation"] = "model"
+    scene: dict[str, Any] = {}
+    trajectory: AnyTrajectory | None = None
+    experiment: ExperimentTable | None = None
+    judged: bool = True
+    published: Published = {}
+    closed_form: dict[str, str] = {}
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.model.get("kind"), str):
+            raise ValueError("the model has no kind")
+
+
+class Case(CaseEntries, frozen=True, kw_only=True):
+    """One scene with one stimulus and the checks that read its recording; files count from `folder`."""
+
+    folder: FilePath = FilePath()
 
     @property
-    def stimulus_kind(self) -> str:
+    def stimulus_kind(self) -> Literal["trajectory", "experiment"]:
         """ "trajectory" (playback) or "experiment" (closed loop)."""
-        return "experiment" if self.trajectory is None else "trajectory"
+        return "trajectory" if self.experiment is None else "experiment"
 
     def build_scene(self) -> Scene:
-        """The scene, its model built once a process."""
+        """Return the scene, its model built once in each process."""
         return build_scene(_model(json.dumps(self.model, sort_keys=True)), self.scene)
 
     def build_stimulus(self, scene: Scene, renderer: object) -> Stimulus:
-        """The path or the experiment; the renderer's own surface counts where `depth_of` says so.
+        """Return the path or the experiment; the renderer's own surface counts where `depth_of` says so.
 
         Raises `InputError` when the stimulus has another dimension than the model.
         """
-        stimulus = self._stimulus(scene, renderer)
+        if self.experiment is not None:
+            stimulus: Stimulus = self.experiment.experiment(self.folder)
+        else:
+            assert self.trajectory is not None
+            own = stated(renderer, "surface") if self.depth_of == "representation" else None
+            stimulus = self.trajectory.path(own or scene.model.boundary, self.folder)
         dimension = scene.model.dimension
         if stimulus.dimension != dimension:
             raise InputError(
@@ -79,23 +92,13 @@ class Case:
 
         Nor may the robot be unable to reach it (Assumption 7.1), or a closed form be about something else.
         """
-        try:
+        with at(f"case '{self.name}'"):
             scene = self.build_scene()
             stimulus = self.build_stimulus(scene, None)
             if isinstance(stimulus, Experiment):
                 check_workspace(scene, stimulus)
             for name in self.closed_form.values():
                 CLOSED_FORMS[name].check(scene)
-        except InputError as error:
-            raise InputError(f"case '{self.name}': {error.what}", why=error.why, todo=error.todo) from error
-
-    def _stimulus(self, scene: Scene, renderer: object) -> Stimulus:
-        if self.trajectory is None:
-            return build_experiment(self.experiment or {}, self.folder)
-        surface = scene.model.boundary
-        if self.depth_of == "representation":
-            surface = stated(renderer, "surface") or surface
-        return build_path(self.trajectory, surface, self.folder)
 
 
 @lru_cache(maxsize=64)

@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated, Literal
 
+from msgspec import Meta, Struct
+
+from hapticeval.errors import UnknownNameError
 from hapticeval.suite.case import Case
 
+Names = Annotated[tuple[str, ...], Meta(min_length=1)]
 
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    """A row of the summary table: Yes where `checks` pass in all `cases` (globs), with what is in print."""
+
+class Row(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A row of the summary table: Yes where each `check` passes in all `cases` (globs), with what is in print."""
 
     title: str
-    checks: tuple[str, ...]
-    cases: tuple[str, ...]
-    published: Mapping[str, str]
+    check: str | Names
+    cases: Names
+    published: dict[str, Literal["Yes", "No"]] = {}
+
+    @property
+    def checks(self) -> tuple[str, ...]:
+        """The ids of its checks."""
+        return (self.check,) if isinstance(self.check, str) else self.check
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,3 +37,10 @@ class Suite:
     cases: tuple[Case, ...]
     rows: tuple[Row, ...]
     renderers: tuple[str, ...] = ()
+
+    def case(self, name: str) -> Case:
+        """Return the case of that name. Raises `UnknownNameError`, with the closest, where there is none."""
+        found = {case.name: case for case in self.cases}
+        if name not in found:
+            raise UnknownNameError(f"case of {self.name}", name, found)
+        return found[name]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -25,6 +26,7 @@ from hapticeval.geometry.catalogue import circle, line
 from hapticeval.renderer import Response
 from hapticeval.reports.scene_words import robot_words
 from hapticeval.runner.judging import built
+from hapticeval.runner.results import Robot, SceneEntry
 from hapticeval.runner.work import scene_document
 from hapticeval.scene import Scene, requirements
 from hapticeval.simulation.closed_loop import drive
@@ -110,8 +112,8 @@ def test_one_more_effect_takes_a_class_and_a_line(tmp_path, monkeypatch, written
 
     document = json.loads(json.dumps(scene_document(scene)))
     assert document["effects"] == [{"kind": "weak-motors", "share": 0.25}]
-    robot = {**document, "device": {"kind": "parallelogram-2dof"}, "inner_loop": "static"}
-    assert robot_words({"scene": robot}).endswith("; motors of 0.25 of their torque")
+    entry = SceneEntry(**document, device=Robot(kind=scene.robot.name), inner_loop=scene.inner_loop)
+    assert robot_words(SimpleNamespace(scene=entry)).endswith("; motors of 0.25 of their torque")
     with pytest.raises(RefusalError, match=r"'weak' \(the motors are weak\)"):
         built(type("Strong", (Pushing,), {"supports": {"bilateral"}}), scene)
 

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 
 from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError
-from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
+from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, star
+from hapticeval.geometry.kernels import U0
 from hapticeval.geometry.polygon import Polygon
-from hapticeval.geometry.polygon_kernels import first_crossing_kernel, nearest_kernel
+from hapticeval.geometry.polygon_kernels import first_crossing_kernel
 
 NOTCHED = [[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [4, 3], [4, 4], [0, 4]]
 SLIVER = [[0.0, 0.0], [1.0, -1e-6], [2.0, 0.0], [1.0, 1e-6]]
@@ -44,104 +45,69 @@ def around(polygon: Polygon, shares: np.ndarray) -> np.ndarray:
     return low + (np.asarray(shares) * 5.0 / 3.0 - 1.0 / 3.0) * (high - low)
 
 
-@pytest.fixture(params=list(POLYGONS))
-def polygon(request) -> Polygon:
-    return POLYGONS[request.param]
+every = pytest.mark.parametrize("polygon", POLYGONS.values(), ids=POLYGONS)
 
 
-@pytest.fixture
-def points(polygon) -> np.ndarray:
+def scattered(polygon: Polygon) -> np.ndarray:
+    """Points all around, every vertex, and points on the edges."""
     rng = np.random.default_rng(11)
     edge = rng.integers(len(polygon.vertices), size=300)
     on = polygon.vertices[edge] + rng.random((300, 1)) * polygon.edges[edge]
     return np.vstack([around(polygon, rng.random((1500, 2))), polygon.vertices, on])
 
 
-class TestNearest:
-    def test_equals_brute_force_and_shapely(self, polygon, points):
-        rounding = 1e-15 * np.max(np.abs(polygon.vertices))
-        distance = np.abs(polygon.signed_distance(points))
-        assert distance == pytest.approx(brute(polygon, points), rel=1e-12, abs=rounding)
-        ring = shapely.Polygon(polygon.vertices).exterior
-        assert distance == pytest.approx(shapely.distance(ring, shapely.points(points)), rel=1e-12, abs=rounding)
-
-    def test_edge_share_and_point_belong_together(self, polygon, points):
-        edge, t, nearest = polygon.nearest(points)
-        assert edge.dtype == np.int64
-        assert np.all((t >= 0.0) & (t < 1.0))
-        rounding = 1e-15 * np.max(np.abs(polygon.vertices))
-        assert np.hypot(*(nearest - points).T) == pytest.approx(
-            np.abs(polygon.signed_distance(points)), rel=1e-9, abs=4 * rounding
-        )
-
-    def test_vertices_are_their_own_nearest(self, polygon):
-        edge, t, nearest = polygon.nearest(polygon.vertices)
-        assert np.array_equal(nearest, polygon.vertices)
-        assert np.array_equal(edge, np.arange(len(polygon.vertices)))
-        assert not t.any()
-
-    def test_far_points(self, polygon):
-        far = polygon.vertices[0] + np.array([[1e9, 3e8], [-1e9, 0.0]])
-        assert np.abs(polygon.signed_distance(far)) == pytest.approx(brute(polygon, far), rel=1e-14)
-
-    def test_no_run_of_edges_leaves_its_capsule(self, polygon):
-        tree, vertices = polygon.tree, polygon.vertices
-        n, leaves = len(vertices), len(tree) // 2
-        for row in range(1, 2 * leaves):
-            level = 2 ** int(math.log2(row))
-            j = row - level
-            run = np.arange(j * n // level, (j + 1) * n // level + 1) % n
-            start, chord, inverse, radius = tree[row, 0:2], tree[row, 2:4], tree[row, 4], tree[row, 5]
-            assert np.array_equal(start, vertices[run[0]])
-            offset = vertices[run] - start
-            t = np.clip(offset @ chord * inverse, 0.0, 1.0)
-            assert np.max(np.hypot(*(offset - t[:, None] * chord).T)) <= radius
-
-    def test_the_work_grows_no_faster_than_log_n(self):
-        """Ten times the edges cost the same number of further runs each time, counted by the rule of the query."""
-        points = np.random.default_rng(2).uniform(-0.12, 0.12, (60, 2))
-        counts = []
-        for n in (600, 6_000, 60_000):
-            polygon = cassinian().polygon(n)
-            best = np.abs(polygon.signed_distance(points))
-            tree = polygon.tree[1:]
-            offset = points[:, None] - tree[:, 0:2]
-            t = np.clip(np.sum(offset * tree[:, 2:4], axis=2) * tree[:, 4], 0.0, 1.0)
-            chord = np.hypot(*(offset - t[..., None] * tree[:, 2:4]).transpose(2, 0, 1))
-            counts.append(np.mean(np.sum(chord <= best[:, None] + tree[:, 5], axis=1)))
-        first, second = np.diff(counts)
-        assert second <= 1.5 * first
-        assert counts[-1] < 40
-
-    def test_refuses_points_that_are_not_finite(self, polygon):
-        with pytest.raises(InputError, match="row 0"):
-            polygon.nearest([[math.inf, 0.0]])
+@every
+def test_distances_and_sides_equal_brute_force_and_shapely(polygon):
+    points, size = scattered(polygon), np.max(np.abs(polygon.vertices))
+    distance = np.abs(polygon.signed_distance(points))
+    assert distance == pytest.approx(brute(polygon, points), rel=1e-12, abs=1e-15 * size)
+    filled = shapely.Polygon(polygon.vertices)
+    assert distance == pytest.approx(
+        shapely.distance(filled.exterior, shapely.points(points)), rel=1e-12, abs=1e-15 * size
+    )
+    clear = distance > 1e-12 * size
+    assert np.array_equal(polygon.contains(points)[clear], shapely.contains_xy(filled, points)[clear])
+    far = polygon.vertices[0] + np.array([[1e9, 3e8], [-1e9, 0.0]])
+    assert np.abs(polygon.signed_distance(far)) == pytest.approx(brute(polygon, far), rel=1e-14)
+    assert np.array_equal(polygon.nearest(polygon.vertices), polygon.pieces[:, U0])
 
 
-class TestSide:
-    def test_equals_shapely(self, polygon, points):
-        clear = np.abs(polygon.signed_distance(points)) > 1e-12 * np.max(np.abs(polygon.vertices))
-        expected = shapely.contains_xy(shapely.Polygon(polygon.vertices), points)
-        assert np.array_equal(polygon.contains(points)[clear], expected[clear])
+@every
+def test_no_run_of_edges_leaves_its_capsule(polygon):
+    tree, vertices = polygon.tree, polygon.vertices
+    n, leaves = len(vertices), len(tree) // 2
+    for row in range(1, 2 * leaves):
+        level = 2 ** int(math.log2(row))
+        j = row - level
+        run = np.arange(j * n // level, (j + 1) * n // level + 1) % n
+        start, chord, inverse, radius = tree[row, 0:2], tree[row, 2:4], tree[row, 4], tree[row, 5]
+        assert np.array_equal(start, vertices[run[0]])
+        offset = vertices[run] - start
+        t = np.clip(offset @ chord * inverse, 0.0, 1.0)
+        assert np.max(np.hypot(*(offset - t[:, None] * chord).T)) <= radius
 
-    def test_points_on_the_outline_are_not_inside(self):
-        square = Polygon([[0, 0], [1, 0], [1, 1], [0, 1]])
-        assert not square.contains([[0.5, 0.0], [1.0, 0.25], [0.0, 0.0], [1.0, 1.0]]).any()
 
-    def test_a_vertex_on_a_straight_edge_tells_nothing(self):
-        square = Polygon([[0, 0], [0.5, 0], [1, 0], [1, 1], [0, 1]])
-        assert square.signed_distance([[0.5, 0.1], [0.5, -0.1]]) == pytest.approx([-0.1, 0.1])
+def test_the_work_grows_no_faster_than_log_n():
+    """Ten times the edges cost the same number of further runs each time, counted by the rule of the query."""
+    points = np.random.default_rng(2).uniform(-0.12, 0.12, (60, 2))
+    counts = []
+    for n in (600, 6_000, 60_000):
+        polygon = cassinian().polygon(n)
+        best = np.abs(polygon.signed_distance(points))
+        tree = polygon.tree[1:]
+        offset = points[:, None] - tree[:, 0:2]
+        t = np.clip(np.sum(offset * tree[:, 2:4], axis=2) * tree[:, 4], 0.0, 1.0)
+        chord = np.hypot(*(offset - t[..., None] * tree[:, 2:4]).transpose(2, 0, 1))
+        counts.append(np.mean(np.sum(chord <= best[:, None] + tree[:, 5], axis=1)))
+    first, second = np.diff(counts)
+    assert second <= 1.5 * first
+    assert counts[-1] < 40
 
-    @settings(max_examples=50)
-    @given(st.sampled_from(list(POLYGONS)), share, share)
-    def test_kernels_are_what_the_methods_answer(self, name, a, b):
-        polygon = POLYGONS[name]
-        x, y = around(polygon, [a, b])
-        vertices = for_kernels(polygon.vertices)
-        edge, t, distance2 = nearest_kernel(vertices, polygon.tree, x, y)
-        edges, ts, _ = polygon.nearest([[x, y]])
-        assert (edge, t) == (edges[0], ts[0])
-        assert math.sqrt(distance2) == abs(polygon.signed_distance([[x, y]])[0])
+
+def test_points_on_the_outline_are_not_inside_and_straight_vertices_decide_nothing():
+    square = Polygon([[0, 0], [0.5, 0], [1, 0], [1, 1], [0, 1]])
+    assert not square.contains([[0.25, 0.0], [1.0, 0.25], [0.0, 0.0], [1.0, 1.0]]).any()
+    assert square.signed_distance([[0.5, 0.1], [0.5, -0.1]]) == pytest.approx([-0.1, 0.1])
 
 
 def first_crossing(polygon: Polygon, start: ArrayLike, end: ArrayLike) -> tuple[int, float, float] | None:
@@ -266,76 +232,52 @@ class TestFirstCrossing:
             found = first_crossing(polygon, start, start - 1e-4 * outward)
             assert found == (edge, pytest.approx(0.3), 0.0)
 
-    def test_none_is_edge_minus_one_in_the_kernel(self):
-        polygon = POLYGONS["triangle"]
-        assert first_crossing_kernel(for_kernels(polygon.vertices), polygon.tree, 2.0, 2.0, 3.0, 3.0)[0] == -1
+
+@pytest.mark.parametrize(("n", "millimetres"), [(40, 1.17), (80, 0.29), (160, 0.074)])
+def test_standoff_of_the_cassinian(n, millimetres):
+    model = cassinian()
+    assert model.polygon(n).standoff_from(model.curve) * 1e3 == pytest.approx(millimetres, abs=0.006)
 
 
-class TestRepresentation:
-    @pytest.mark.parametrize(("n", "millimetres"), [(40, 1.17), (80, 0.29), (160, 0.074)])
-    def test_standoff_of_the_cassinian(self, n, millimetres):
-        model = cassinian()
-        assert model.polygon(n).standoff_from(model.curve) * 1e3 == pytest.approx(millimetres, abs=0.006)
+@pytest.mark.parametrize("model", [cassinian(), ellipse(), dumbbell()], ids=lambda model: model.name)
+def test_standoff_is_of_second_order(model):
+    errors = [model.polygon(n).standoff_from(model.curve) for n in (160, 640)]
+    assert math.log(errors[0] / errors[1], 4) == pytest.approx(2.0, abs=0.15)
 
-    @pytest.mark.parametrize("make", [cassinian, ellipse, dumbbell])
-    def test_standoff_is_of_second_order(self, make):
-        model = make()
-        errors = [model.polygon(n).standoff_from(model.curve) for n in (160, 640)]
-        assert math.log(errors[0] / errors[1], 4) == pytest.approx(2.0, abs=0.15)
 
-    def test_standoff_of_a_circle_is_its_sagitta(self):
-        for n in (7, 40, 1000):
-            sagitta = 0.1 * (1.0 - math.cos(math.pi / n))
-            assert circle().polygon(n).standoff_from(circle().curve) == pytest.approx(sagitta, abs=1e-12)
+def test_standoff_of_a_circle_is_its_sagitta_and_is_measured_both_ways():
+    for n in (7, 40, 1000):
+        sagitta = 0.1 * (1.0 - math.cos(math.pi / n))
+        assert circle().polygon(n).standoff_from(circle().curve) == pytest.approx(sagitta, abs=1e-12)
+    spiked = Polygon([[0, 0], [1, 0], [1, 1], [0.51, 1], [0.5, 2], [0.49, 1], [0, 1]])
+    square = Polygon([[0, 0], [1, 0], [1, 1], [0, 1]])
+    assert spiked.standoff_from(square) == square.standoff_from(spiked) == pytest.approx(1.0)
 
-    def test_standoff_is_measured_both_ways(self):
-        spiked = Polygon([[0, 0], [1, 0], [1, 1], [0.51, 1], [0.5, 2], [0.49, 1], [0, 1]])
-        square = from_vertices([[0, 0], [1, 0], [1, 1], [0, 1]])
-        assert spiked.standoff_from(square.curve) == pytest.approx(1.0)
-        assert square.polygon().standoff_from(spiked.as_curve()) == pytest.approx(1.0)
 
-    def test_straight_models_are_their_own_polygon(self):
-        model = star()
-        assert np.array_equal(model.polygon(7).vertices, [corner.position for corner in model.curve.corners])
-        assert model.polygon().standoff_from(model.curve) < 1e-16
+def test_polygons_of_models():
+    model = star()
+    assert np.array_equal(model.polygon(7).vertices, [corner.position for corner in model.curve.corners])
+    assert model.polygon().standoff_from(model.curve) < 1e-16
+    u = 2.0 * math.pi * np.arange(40) / 40
+    assert np.array_equal(cassinian().polygon(40).vertices, cassinian().curve.position(u))
+    assert len(dumbbell().polygon(60).vertices) == 60
+    assert POLYGONS["notched"].resolution == 4.0
+    assert model.polygon(40) is model.polygon(40)
+    assert not model.polygon(40).vertices.flags.writeable
+    assert (cassinian(size=0.3).size, line().size) == (pytest.approx(0.3), 0.2)
+    with pytest.raises(InputError, match="unbounded"):
+        line().polygon()
+    with pytest.raises(InputError, match="2 vertices"):
+        circle().polygon(2)
 
-    def test_steps_are_equal_in_the_parameter(self):
-        u = 2.0 * math.pi * np.arange(40) / 40
-        assert np.array_equal(cassinian().polygon(40).vertices, cassinian().curve.position(u))
-        assert len(dumbbell().polygon(60).vertices) == 60
 
-    def test_as_curve_and_back(self, polygon):
-        curve = polygon.as_curve()
-        assert np.array_equal(curve.position(curve.pieces[:, 1]), polygon.vertices)
-        points = around(polygon, np.random.default_rng(0).random((200, 2)))
-        assert np.array_equal(curve.signed_distance(points), polygon.signed_distance(points))
-
-    def test_resolution_is_the_longest_edge(self):
-        assert POLYGONS["notched"].resolution == 4.0
-
-    def test_representations_are_made_once(self):
-        model = cassinian()
-        assert model.polygon(40) is model.polygon(40)
-        assert model.level_set((20, 20)) is model.level_set((20, 20))
-        assert not model.polygon(40).vertices.flags.writeable
-
-    def test_size_is_the_largest_extent(self):
-        assert cassinian(size=0.3).size == pytest.approx(0.3)
-        assert line().size == 0.2
-
-    @pytest.mark.parametrize("size", [1e-99, 1e99])
-    def test_extreme_sizes_keep_their_digits(self, size):
-        for make in (star, cassinian, circle, ellipse, dumbbell):
-            extreme, usual = make(size=size).polygon(), make(size=1.0).polygon()
-            points = np.random.default_rng(1).uniform(-0.6, 0.6, (100, 2))
-            distance = extreme.signed_distance(points * size) / size
-            assert distance == pytest.approx(usual.signed_distance(points), rel=1e-12, abs=1e-15)
-            assert first_crossing(extreme, [size, 0.9 * size], [0.0, 0.0]) == pytest.approx(
-                first_crossing(usual, [1.0, 0.9], [0.0, 0.0]), rel=1e-9
-            )
-
-    def test_what_has_no_polygon(self):
-        with pytest.raises(InputError, match="unbounded"):
-            line().polygon()
-        with pytest.raises(InputError, match="2 vertices"):
-            circle().polygon(2)
+@pytest.mark.parametrize("size", [1e-99, 1e99])
+@pytest.mark.parametrize("make", [star, cassinian, circle, ellipse, dumbbell])
+def test_extreme_sizes_keep_their_digits(make, size):
+    extreme, usual = make(size=size).polygon(), make(size=1.0).polygon()
+    points = np.random.default_rng(1).uniform(-0.6, 0.6, (100, 2))
+    distance = extreme.signed_distance(points * size) / size
+    assert distance == pytest.approx(usual.signed_distance(points), rel=1e-12, abs=1e-15)
+    assert first_crossing(extreme, [size, 0.9 * size], [0.0, 0.0]) == pytest.approx(
+        first_crossing(usual, [1.0, 0.9], [0.0, 0.0]), rel=1e-9
+    )

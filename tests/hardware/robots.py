@@ -10,9 +10,8 @@ from hapticeval.devices.parallelogram import ENCODER_COUNTS
 from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import read_effects
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.hardware.demonstration import DELAY, FRICTION
 from hapticeval.hardware.live import channels, run, signals
-from hapticeval.hardware.twin import Twin
+from hapticeval.hardware.twin import DELAY, FRICTION, Twin
 from hapticeval.hardware.wiring import Wiring
 from hapticeval.recordings.journal import recover
 from hapticeval.recordings.recorder import Recorder

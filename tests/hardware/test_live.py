@@ -12,7 +12,7 @@ import pytest
 from robots import scene_of, twin_of, wired
 
 from hapticeval.errors import DomainError, HapticevalError, RendererError
-from hapticeval.hardware import guard
+from hapticeval.hardware import device as guard
 from hapticeval.hardware.device import HardwareDevice, Reading
 from hapticeval.hardware.live import channels, run, signals
 from hapticeval.recordings.journal import recover

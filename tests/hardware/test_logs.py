@@ -121,7 +121,7 @@ def test_a_row_outside_is_marked(tmp_path):
     [
         (("kind = \"parallelogram-2dof\"", "kind = \"parallelogram-3dof\""), "joints"),
         (("l1 = 0.3\n", "l9 = 0.3\n"), "unknown parameter"),
-        (("directions = [1, 1]", "directions = [1, 0]"), "does not fit"),
+        (("directions = [1, 1]", "directions = [1, 0]"), "directions"),
         (("counts_per_turn = 262144\n", ""), "'counts' is no rad"),
     ],
 )  # fmt: skip

@@ -14,7 +14,7 @@ from robots import recorded, twin_of
 from hapticeval.discovery import load
 from hapticeval.errors import InputError
 from hapticeval.hardware.device import HardwareDevice
-from hapticeval.hardware.wiring_file import read_wiring
+from hapticeval.hardware.wiring import read_wiring
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -10,9 +10,8 @@ from hapticeval.devices.parallelogram import ENCODER_STEP
 from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import read_effects
 from hapticeval.errors import HapticevalError
-from hapticeval.hardware.demonstration import demonstration
-from hapticeval.hardware.kinematics import CUTOFF
-from hapticeval.hardware.twin import Twin
+from hapticeval.hardware.twin import Twin, demonstration
+from hapticeval.hardware.wiring import CUTOFF
 from hapticeval.simulation.closed_loop import drive
 from hapticeval.stimulus.stimulus import Experiment
 

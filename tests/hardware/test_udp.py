@@ -11,11 +11,10 @@ import pytest
 from robots import DT, twin_of, wired
 
 from hapticeval.errors import HapticevalError
-from hapticeval.hardware import rig, udp
+from hapticeval.hardware import udp
 from hapticeval.hardware.device import Reading
-from hapticeval.hardware.rig import running
 from hapticeval.hardware.twin import Twin
-from hapticeval.hardware.udp import BYE, COMMAND, HELLO, READ, READING, STOPPED, WRITE, UdpDevice
+from hapticeval.hardware.udp import BYE, COMMAND, HELLO, READ, READING, STOPPED, WRITE, UdpDevice, running
 
 
 @pytest.fixture
@@ -31,7 +30,7 @@ def robot():
 def patient(monkeypatch):
     """Neither side takes the other to be gone because the machine is busy."""
     monkeypatch.setattr(udp, "SILENCE", 60.0)
-    monkeypatch.setattr(rig, "UNHEARD", 60.0)
+    monkeypatch.setattr(udp, "UNHEARD", 60.0)
 
 
 def greeted(robot):
@@ -139,7 +138,7 @@ def test_a_loop_that_was_held_up_still_hears_why_the_robot_stopped(robot):
     """Its buffer holds a few packets, and the first last word finds it full."""
     device, twin = UdpDevice(robot.getsockname(), 2), Stopping()
     device._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
-    thread = threading.Thread(target=rig.serve, args=(twin, robot))
+    thread = threading.Thread(target=udp.serve, args=(twin, robot))
     thread.start()
     assert twin.stopped.wait(60.0)
     time.sleep(0.1)

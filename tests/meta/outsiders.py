@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import honest
@@ -20,6 +19,7 @@ from honest import Spring
 from letting_go import free, wrapping
 
 from hapticeval.discovery import resolve
+from hapticeval.documents import convert
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
 from hapticeval.suite.case import Case
@@ -49,22 +49,7 @@ class Strays(letting_go.Wrapped):
 
 
 def case(name: str, model: Mapping[str, Any], checks: tuple[str, ...], **stimulus: Any) -> Case:
-    return Case(
-        name=name,
-        title=name,
-        shows="",
-        citation="",
-        model=model,
-        depth_of="model",
-        scene=stimulus.pop("scene", {}),
-        trajectory=stimulus.get("trajectory"),
-        experiment=stimulus.get("experiment"),
-        checks=checks,
-        judged=True,
-        published={},
-        closed_form={},
-        folder=Path(),
-    )
+    return convert({"name": name, "title": name, "model": model, "checks": checks, **stimulus}, Case, name)
 
 
 def _round(start: float, stop: float, depth: float) -> list[list[float]]:

@@ -129,7 +129,7 @@ def test_a_hand_that_goes_round_a_plate_is_free():
 def test_contact_may_end_at_a_sharp_tip_far_from_the_hand():
     """Under a face and past the tip the hand is 10 mm from the tool when its way opens, and outside long before."""
     scene = Scene(model=star())
-    corner = scene.model.corners[0]
+    corner = scene.model.boundary.corners[0]
     start = corner.position - 0.03 * corner.tangent_pre - 0.01 * corner.normal_pre
     path = along(start, start + 0.05 * corner.tangent_pre, duration=1.0)
     assert found(resolve("constraint"), star(), path).outcome is Outcome.PASS
@@ -283,13 +283,13 @@ def test_a_rigid_tool_is_held_outside_of_the_solid_and_nowhere_else(angle, depth
     hand = (0.12 - depth) * ahead + aside * np.array([-ahead[1], ahead[0]])
     tool = HeldTool(model.boundary, 2e-5)
     held = tool.follow(start, hand)
-    inside = float(model.boundary.signed_distance(hand[np.newaxis])[0]) < 0.0
+    inside = float(model.boundary.signed_distance(hand[np.newaxis])[0]) < -1e-9
     if inside:
         assert held is not None
     if held is None:
         return
     assert abs(float(model.boundary.signed_distance(held[np.newaxis])[0])) < 1e-9
-    for other in tool.beside(held, tool.grain):
+    for other in tool.boundary.around(held, tool.grain):
         assert np.linalg.norm(other - hand) > np.linalg.norm(held - hand) - 1e-9
 
 

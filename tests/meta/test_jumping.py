@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from honest import Spring
 from jumping import BROKEN, HONEST, Bends, Handle, InStep, Late, Moved, OffStep, Switches, Uncopied, single
+from msgspec.structs import replace
 
 from hapticeval.geometry.catalogue import circle, star
 from hapticeval.phenomena.check import Runs
@@ -167,9 +168,9 @@ def test_a_place_costs_a_small_multiple_of_the_path(depth, share):
     """Without steep places, with nothing else, and with a jump: on the thesis's path at several depths, in 2 s."""
     case = next(case for case in load_suite("thesis").cases if case.name == "cassinian-shallow-slide")
     scene = case.build_scene()
-    spec = {**case.trajectory, "depth": depth, "duration": 2.0}
+    trajectory = replace(case.trajectory, depth=depth, duration=2.0)
     renderer = Counted(scene)
-    finding = found(renderer, scene, build_path(spec, scene.model.boundary, FilePath()))
+    finding = found(renderer, scene, trajectory.path(scene.model.boundary, FilePath()))
     assert finding.outcome is (Outcome.FAIL if depth > 0.03 else Outcome.PASS)
     assert renderer.count[0] <= share * 2001 + (0 if share == 1.1 else 4000)
 

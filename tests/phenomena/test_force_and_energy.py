@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import replace
 from functools import cache
 from pathlib import Path as FilePath
 
@@ -13,6 +12,7 @@ import pytest
 import sympy
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 sys.path.insert(0, str(FilePath(__file__).parents[1] / "meta"))
 import honest
@@ -222,7 +222,7 @@ def test_without_a_closed_way_nothing_is_known():
 @pytest.mark.parametrize("late", ["late-2", "late-3"])
 def test_a_late_spring_is_not_blamed_where_the_hand_turns_within_its_lag(late, duration):
     slide = outsiders.CASES["slide"]
-    fast = replace(slide, checks=("passivity",), trajectory={**slide.trajectory, "duration": duration})
+    fast = replace(slide, checks=("passivity",), trajectory=replace(slide.trajectory, duration=duration))
     (verdict,) = judge(honest.factory(late, outsiders.Spring), late, "mine", fast).verdicts
     assert verdict.outcome in (Outcome.PASS, Outcome.INCONCLUSIVE), verdict.finding.message
 

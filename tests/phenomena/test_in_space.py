@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.geometry.catalogue import circle, ellipsoid, sphere, torus
+from hapticeval.geometry.catalogue import circle, sphere
+from hapticeval.geometry.normal_cone import SAMPLES
 from hapticeval.phenomena import (
     abrupt_switch,
     broken_contact,
@@ -16,7 +17,6 @@ from hapticeval.phenomena import (
     impulsive_collision,
 )
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.normal_cone import SAMPLES, off_normals
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -24,7 +24,6 @@ from hapticeval.scene import Scene
 RADIUS = 0.1
 PLANE = Scene(model=circle(2.0 * RADIUS), stiffness=1000.0, mass=0.1)
 SPACE = Scene(model=sphere(2.0 * RADIUS), stiffness=1000.0, mass=0.1)
-BODIES = {"sphere": sphere().surface, "ellipsoid": ellipsoid().surface, "torus": torus().surface}
 
 turns = st.tuples(*[st.floats(-1.0, 1.0)] * 6)
 
@@ -107,39 +106,3 @@ def test_a_smooth_surface_has_no_corner_to_judge(check):
     finding = check.judge(Runs(in_space(slide(), np.eye(2, 3))), SPACE)
     assert finding.outcome is Outcome.NOT_APPLICABLE
     assert "corner" in finding.message
-
-
-@given(angle=st.floats(0.0, 3.0), reach=st.floats(0.0, 0.05), drawn=turns)
-def test_on_a_sphere_the_cone_is_as_wide_as_the_arc(angle, reach, drawn):
-    radial, along = tilted(drawn)
-    direction = np.cos(angle) * radial + np.sin(angle) * along
-    off = off_normals(BODIES["sphere"], 0.1 * radial[None], np.array([reach]))(3.0 * direction[None])[0]
-    assert off == pytest.approx(max(0.0, angle - reach / 0.1), abs=1e-9)
-
-
-@given(
-    name=st.sampled_from(sorted(BODIES)),
-    number=st.integers(0, 499),
-    way=st.floats(0.0, 6.3),
-    reach=st.floats(0.0, 2e-3),
-)
-@settings(max_examples=200)
-def test_a_true_normal_in_reach_is_inside_the_cone(name, number, way, reach):
-    body = BODIES[name]
-    foot = body.points(500)[number : number + 1]
-    normal = body.frame(foot).normal[0]
-    one, other = np.linalg.svd(normal[None])[2][1:]
-    # Where the surface is concave, the foot lies a little farther along than the point on the tangent plane.
-    there = body.frame(foot + 0.9 * reach * (np.cos(way) * one + np.sin(way) * other))
-    assert off_normals(body, foot, np.array([reach]))(there.normal)[0] <= 1e-9
-
-
-@given(name=st.sampled_from(sorted(BODIES)), number=st.integers(0, 499), reach=st.floats(0.0, 1e-3))
-def test_the_cone_is_no_wider_than_the_surface_turns(name, number, reach):
-    body = BODIES[name]
-    foot = body.points(500)[number : number + 1]
-    frame = body.frame(foot)
-    tangent = np.linalg.svd(frame.normal)[2][1:2]
-    off = off_normals(body, foot, np.array([reach]))(tangent)[0]
-    steepest = {"sphere": 10.0, "ellipsoid": 0.1 / 0.05**2, "torus": 1.0 / 0.03}[name]
-    assert off >= np.pi / 2 - reach * steepest - 1e-9

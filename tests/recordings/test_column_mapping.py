@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.recordings.formats import Table, read_table
 from hapticeval.recordings.hdf5 import read_recording
-from hapticeval.recordings.importing.convert import convert, export, is_recording, load
-from hapticeval.recordings.importing.mapping import parse_mapping, read_mapping
-from hapticeval.recordings.importing.propose import propose
+from hapticeval.recordings.importing.convert import convert, export, is_ours, load
+from hapticeval.recordings.importing.mapping import parse_mapping, propose, read_mapping
 from hapticeval.recordings.importing.units import UNITS, parse_quantity, parse_unit
 from hapticeval.recordings.recording import Recording, Signal
 
@@ -76,12 +75,12 @@ def test_a_torque_at_a_lever_is_a_force_and_an_angle_a_length():
         ({"hip__unit": "deg"}, "'deg' is no m"),
         ({"hip__unit": "N"}, "'N' is no m"),
         ({"hip__unit": "furlong"}, "unknown unit 'furlong'"),
-        ({"hip__sign": 2}, "does not fit"),
-        ({"hip__sign": None}, "'sign' is a required property"),
+        ({"hip__sign": 2}, "unknown choice '2'"),
+        ({"hip__sign": None}, "missing required field `sign`"),
         ({"hip__sign": [1]}, "2 columns, 1 signs"),
         ({"time__unit": "?"}, r"\[time\]: the unit"),
         ({"time__unit": "mm"}, "'mm' is no s"),
-        ({"hip__colour": "red"}, "unknown key 'colour'"),
+        ({"hip__colour": "red"}, "unknown entry 'colour'"),
         ({"hip__becomes": "mm"}, "is in m, frame world"),
         ({"hip__scale": "much"}, "is no quantity"),
     ],
@@ -155,7 +154,7 @@ def test_another_clock_is_refused_or_brought_over_as_said():
         said = {**document(), "channels": {"hip": channels["hip"], "force": {**force, **how}}}
         return convert(table(**slow), parse_mapping(said))
 
-    with pytest.raises(InputError, match="has 16 rows, the time has 40"):
+    with pytest.raises(InputError, match="'f' has 16 rows, 't' has 40 rows"):
         made()
     with pytest.raises(InputError, match="on the clock 't2'"):
         made(time="t2")
@@ -215,7 +214,7 @@ def test_an_exported_recording_comes_back_bit_for_bit(tmp_path, suffix):
 def test_our_own_format_keeps_everything(tmp_path):
     path = export(tmp_path / "run.h5", recording())
     assert dict(read_recording(path).meta) == dict(recording().meta)
-    assert is_recording(path)
+    assert is_ours(path)
     assert dict(load(path).meta)["device"] == "Größe"
 
 
@@ -270,13 +269,13 @@ def test_the_errors_are_the_users(tmp_path):
     (tmp_path / "m.toml").write_text("this is = = not toml")
     with pytest.raises(HapticevalError, match="is not TOML"):
         read_mapping(tmp_path / "m.toml")
-    with pytest.raises(HapticevalError, match="cannot read the mapping"):
+    with pytest.raises(HapticevalError, match=r"cannot read .*none.toml"):
         read_mapping(tmp_path / "none.toml")
 
 
 def test_a_misspelt_key_is_named_with_the_right_one():
     table = {"time": {"rate": 1000}, "channels": {"hip": {"columns": ["x"], "unit": "mm", "sgn": 1}}}
-    with pytest.raises(InputError, match="unknown key 'sgn'") as caught:
+    with pytest.raises(InputError, match="unknown entry 'sgn'") as caught:
         parse_mapping(table)
     assert caught.value.todo == "did you mean sign?"
 

@@ -18,8 +18,7 @@ from scipy.io import savemat
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.formats import Table, read_table
 from hapticeval.recordings.importing.convert import convert
-from hapticeval.recordings.importing.mapping import parse_mapping
-from hapticeval.recordings.importing.propose import propose
+from hapticeval.recordings.importing.mapping import parse_mapping, propose
 
 T = np.arange(12) * 0.5e-3
 POSITIONS = np.column_stack([np.arange(12.0), -np.arange(12.0)])

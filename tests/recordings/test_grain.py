@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hapticeval.recordings.integrity.consistency import spring
+from hapticeval.recordings.integrity.consistency import inverse_checks
 from hapticeval.recordings.quantization import grain
 from hapticeval.recordings.recording import Recording
 
@@ -64,6 +64,6 @@ def test_a_spring_written_with_few_digits_is_still_one(digits):
     channels = {"hip": hip, "ihip": ihip, "force": 800.0 * (ihip - hip)}
     kept = {name: written(values[:, 0], f"{{:.{digits - 1}e}}")[:, None] for name, values in channels.items()}
     recording = Recording(1e-3 * np.arange(500), kept)
-    assert spring(recording, 800.0).faults == ()
+    assert inverse_checks(recording, stiffness=800.0)[0].faults == ()
     if digits > 4:
-        assert spring(recording, 792.0).faults
+        assert inverse_checks(recording, stiffness=792.0)[0].faults

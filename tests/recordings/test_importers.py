@@ -9,8 +9,8 @@ import pytest
 
 from hapticeval.cli import main
 from hapticeval.errors import InputError
+from hapticeval.recordings import formats as registry_module
 from hapticeval.recordings.formats import formats, read_table
-from hapticeval.recordings.formats import registry as registry_module
 
 MINE = """
 import json
@@ -52,7 +52,7 @@ def line_of(text):
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     formats()  # those of ours are known before what is known is put back
-    monkeypatch.setattr(registry_module, "_KNOWN", dict(registry_module._KNOWN))
+    monkeypatch.setattr(registry_module, "KNOWN", dict(registry_module.KNOWN))
     monkeypatch.setattr(sys, "path", list(sys.path))
     (tmp_path / "stick.py").write_text(MINE)
     (tmp_path / "run.acme").write_text("0 one\n")
@@ -90,10 +90,10 @@ def test_what_an_importer_raises_is_told_with_its_line(here, capsys, name, words
         ("rowless", "the importer stick:rowless gave no row"),
         ("unequal", "the importer stick:unequal gave a column 'x' of 2 rows that no other column fits"),
         ("longer", "the importer stick:longer gave a column 'y' of 4 rows that no other column fits"),
-        ("stranger", "the importer stick:stranger gave a unit of the column 'y', which is not there"),
-        ("noted", "the importer stick:noted gave a note of the column 'y', which is not there"),
-        ("furlong", "the importer stick:furlong gave the column 'x' an unknown unit 'furlong'"),
-        ("unitless", "the importer stick:unitless: of the column 'x' a unit is missing"),
+        ("stranger", "the importer stick:stranger gave a unit or a note of the column 'y', which is not there"),
+        ("noted", "the importer stick:noted gave a unit or a note of the column 'y', which is not there"),
+        ("furlong", "the importer stick:furlong, unit of the column 'x': unknown unit 'furlong'"),
+        ("unitless", "the importer stick:unitless, unit of the column 'x': a unit is missing"),
     ],
 )
 def test_what_is_no_table_is_refused(here, name, words):
@@ -119,9 +119,9 @@ def test_a_file_that_is_not_there_is_no_fault_of_the_importer(here):
     ("name", "words"),
     [
         ("stick:nothing", "has no attribute 'nothing'"),
-        ("stick:number", "it is of type int"),
+        ("stick:number", "is of type int"),
         ("stick:", "does not name an importer"),
-        ("broken:read", "ZeroDivisionError: division by zero (in broken.py, line 2"),
+        ("broken:read", "ZeroDivisionError: division by zero\n  why: in broken.py, line 2"),
     ],
 )
 def test_what_cannot_be_loaded_says_why(here, capsys, name, words):

@@ -271,14 +271,13 @@ def test_appending_takes_no_memory_beyond_what_was_there_at_the_start(tmp_path):
 
 MISFITS = [
     (((0.0, 0.0),), r"given 1 channels"),
-    (((0.0, 0.0), (0.0, 0.0, 0.0)), r"given 3 for 'force'"),
-    (((0.0,), (0.0, 0.0)), r"given 1 for 'hip'"),
-    ((np.zeros(1), np.zeros(2)), r"given 1 for 'hip'"),
-    ((np.zeros((1, 2)), np.zeros(2)), r"given 1 for 'hip'"),
-    ((np.zeros((2, 1)), np.zeros(2)), r"append\(\) was given"),
-    ((1.0, (0.0, 0.0)), r"given one number without columns for 'hip'"),
+    (((0.0, 0.0), (0.0, 0.0, 0.0)), r"shape \(3,\) for 'force'"),
+    (((0.0,), (0.0, 0.0)), r"shape \(1,\) for 'hip'"),
+    ((np.zeros((1, 2)), np.zeros(2)), r"shape \(1, 2\) for 'hip'"),
+    ((np.zeros((2, 1)), np.zeros(2)), r"shape \(2, 1\) for 'hip'"),
+    ((1.0, (0.0, 0.0)), r"shape \(\) for 'hip'"),
     ((("x", "y"), (0.0, 0.0)), r"append\(\) was given .*'x'"),
-    ((None, (0.0, 0.0)), r"a NoneType for 'hip'"),
+    ((None, (0.0, 0.0)), r"shape \(\) for 'hip'"),
 ]
 
 
@@ -299,7 +298,7 @@ def test_values_that_are_too_long_reach_no_other_row(tmp_path):
     recorder = Recorder(tmp_path / "run.journal", CHANNELS, rows=10)
     stop(recorder)
     feed(recorder, 9)
-    with pytest.raises(InputError, match="given 500 for 'force'"):
+    with pytest.raises(InputError, match=r"shape \(500,\) for 'force'"):
         recorder.append((9.0, -9.0), [7.0] * 500)
     feed(recorder, 1, 9)
     os.kill(recorder.writer, signal.SIGCONT)

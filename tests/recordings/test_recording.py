@@ -147,7 +147,7 @@ def test_rows_that_are_no_measurement_are_kept_as_they_came_and_never_judged():
     [
         (np.array([1, 1, 1, 0, 0, 1], bool), "hip is not finite at row 2"),
         (np.array([1, 1, 0, 1, 1, 1], bool), "time does not increase at row 4: 2 s, then 1.5 s"),
-        (np.array([1, 1, 0, 1, 0], bool), "of each of 6 rows"),
+        (np.array([1, 1, 0, 1, 0], bool), "for each of 6 rows"),
         (np.array([1, 1, 0, 1, 0, 1]), "valid is of type int64"),
     ],
 )

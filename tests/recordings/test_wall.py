@@ -12,8 +12,8 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.integrity.report import examine
+from hapticeval.recordings.provenance import before_the_wall
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.wall import before_the_wall
 from hapticeval.runner.results import read_results
 
 ROOT = Path(__file__).parents[2]

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from hapticeval.discovery import resolve
-from hapticeval.geometry import pieces
+from hapticeval.geometry import kernels as pieces
 from hapticeval.geometry.catalogue import cassinian, dumbbell, ellipse, ellipsoid, from_vertices, sphere, star, torus
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import ARC, KIND, U0, U1, A, B, C, D, E

@@ -1,36 +1,50 @@
 """The conformal map of the inside of a curve to the unit disk: a global transformation for any genus-0 model (8.2.1).
 
 Curve shortening flow sees a curve locally, and splits at necks. The map here comes from an integral equation that sees
-the whole shape at once (`conformal_solver`): it exists for every shape without holes, is one-to-one, meets smooth
-boundaries at right angles, and has one singular point for the projection, its centre. What it cannot escape is
-crowding: long necks and sharp tips shrink on the circle like powers or exponentials, until no digits are left.
+the whole shape at once: it exists for every shape without holes, is one-to-one, meets smooth boundaries at right
+angles, and has one singular point for the projection, its centre. What it cannot escape is crowding: long necks and
+sharp tips shrink on the circle like powers or exponentials, until no digits are left.
+
+Let Θ be the boundary angle of the map f with f(c) = 0 and f'(c) > 0. Its mass on the boundary is the harmonic measure
+seen from c: the charge on the boundary whose field outside is that of a unit charge at c. Equating the two fields'
+normal components outside gives an equation of the second kind, whose kernel is the adjoint double layer,
+
+    (1/2) Θ'(t) + (1/2π) ∫ Im(z'(t) / (z(t) - z(τ))) Θ'(τ) dτ = Im(z'(t) / (z(t) - c)),
+
+solved by Nyström's method. Its unknown is a density that is positive and small where the boundary crowds, and so it is
+found there with far more digits than if it were the difference of angles of order one.
+
+The centre c is the conformal barycentre of the boundary's arc length: the one point from which the mean of exp(iΘ) over
+the arc length is zero (Douady and Earle, Acta Math. 157, 1986). It minimises the relative entropy of the harmonic
+measure seen from c to the arc length, so it balances the crowding of all parts of the boundary. It is defined by the
+shape alone, without coordinates. A function that is convex along hyperbolic lines has one minimum: there is no tie to
+break, as there is between the two lobes of a dumbbell for the pole of inaccessibility or the largest conformal radius.
+So the centre moves with the shape under turns, mirror images, shifts and changes of size.
+
+The integral is sampled at equal steps of a smooth curve. At a corner the map behaves like a broken power of the
+distance, which no rule of equal steps resolves: on a curve of pieces each one is run through by Kress's substitution
+of order GRADING (SIAM J. Numer. Anal. 27, 1990), whose first derivatives vanish at both ends. In the new parameter the
+periodic trapezoidal rule converges fast. Nodes crowd so close to a corner that their coordinates agree in most digits,
+and are kept as offsets from it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import lu_factor, lu_solve
 
 from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.kernels import ARC, KIND, U0, U1, C, D, E, evaluate_many
 from hapticeval.geometry.maps import conformal_kernels as kernels
-from hapticeval.geometry.maps.conformal_nodes import smooth
-from hapticeval.geometry.maps.conformal_solver import (
-    ARCS,
-    FINE,
-    ROUNDING,
-    Correspondence,
-    balanced,
-    change,
-    correspondence,
-    system_of,
-)
+from hapticeval.geometry.maps.conformal_kernels import Complex
 from hapticeval.geometry.validate import checked_points
-from hapticeval.types import Array
+from hapticeval.types import Array, IntArray
 
 SMOOTH, PIECE, MOST = 256, 16, 2560
 """Nodes of a smooth curve, or of one piece of several, to start from; and of a whole curve to stop at."""
@@ -46,6 +60,27 @@ OUTLINE = 513
 
 DEEP_ENOUGH = 0.01
 """Depth of the outline's centroid, as a share of the greatest depth, from which on the search starts there."""
+
+FINE = 8
+"""Steps of the table of boundary angles from one node to the next."""
+
+ROUNDING = 4e-15
+"""Error (rad) of a boundary angle in double precision; against the Cassinian's closed form it is about 2e-15."""
+
+ARCS = 1024
+"""Equal arcs of the boundary over which densities are averaged: at a corner the density itself is zero or infinite."""
+
+NOISE = 100.0 * ROUNDING
+"""Change (rad) of an arc's share of the circle that may be rounding: the arc is at the end of many sums."""
+
+STEPS = 100
+"""Newton steps to the centre after which it is where it is: ten are common."""
+
+FARTHEST = 0.8
+"""Longest step to the centre, on the disk: there the formula of the way back still has all digits it needs."""
+
+SETTLED, SLOW = 1e-17, 1e-9
+"""Step, as a share of the length, that is rounding; and that on the disk below which steps that do not halve are."""
 
 
 class CrowdingError(RefusalError):
@@ -73,8 +108,8 @@ class ConformalMap:
 
     It has `nodes` on the boundary. `error` is the share by which boundary densities changed from half as many: a bound
     on what is left. `crowding` is the ratio of the largest to the smallest boundary density |f'|, each averaged over
-    1/1024 of the length, and `crowded_at` (2,), m, where the smallest is. `blur` (m) is the greatest length of boundary
-    that rounding makes one, and `blurred_at` (2,), m, where. Made by `conformal_map`.
+    1/1024 of the length. `blur` (m) is the greatest length of boundary that rounding makes one, and `blurred_at` (2,),
+    m, where. Made by `conformal_map`.
     """
 
     curve: Curve
@@ -82,7 +117,6 @@ class ConformalMap:
     nodes: int
     error: float
     crowding: float
-    crowded_at: Array
     blur: float
     blurred_at: Array
     _disk: kernels.Disk = field(repr=False)
@@ -107,28 +141,24 @@ class ConformalMap:
         return kernels.parameter(self._disk, x, y)
 
 
-def conformal_map(curve: Curve, *, nodes: int | None = None, centre: Sequence[float] | None = None) -> ConformalMap:
-    """The conformal map of a closed curve's inside.
+def conformal_map(curve: Curve, *, nodes: int | None = None) -> ConformalMap:
+    """Return the conformal map of a closed curve's inside, its centre the conformal barycentre of the arc length.
 
     The `nodes` on the boundary are doubled until densities change by less than a twentieth of themselves, or are as
-    many as given (rounded down to a multiple of four on each piece). The `centre` (m) is the one singular point of the
-    projection; without it, it is the conformal barycentre of the boundary's arc length, which moves with the shape
-    wherever it is and however it is turned (see `conformal_solver`). Given numbers of nodes are used even where they
+    many as given (rounded down to a multiple of four on each piece). Given numbers of nodes are used even where they
     resolve little; `error` and `blur` then show it.
 
     Raises `CrowdingError` where double precision is exhausted, `RefusalError` for outlines of more detail than 2560
-    nodes resolve, and `InputError` for an unbounded curve, for a centre that is not inside, and for numbers of nodes
-    that are no use.
+    nodes resolve, and `InputError` for an unbounded curve and for numbers of nodes that are no use.
     """
     if not curve.closed:
         raise InputError(f"curve '{curve.name}' is unbounded", why="its inside is a half-plane and not a disk")
     counts = _counts(curve, nodes)
-    given = None if centre is None else _inside(curve, centre)
-    start = _start(curve) if given is None else given
+    start = _start(curve)
     coarse = system_of(curve, counts[0] // 2)
     for n in counts:
         fine = system_of(curve, n)
-        found = balanced(fine, start) if given is None else correspondence(fine, given)
+        found = balanced(fine, start)
         best = _measured(curve, correspondence(coarse, found.centre), found)
         if best.error <= TOLERANCE:
             break
@@ -167,27 +197,17 @@ def _measured(curve: Curve, coarse: Correspondence, found: Correspondence) -> Co
     cuts = curve.length * np.arange(ARCS + 1) / ARCS
     masses = np.diff(np.interp(cuts, along, turns))
     blurs = np.interp(angles + ROUNDING, turns, along) - np.interp(angles - ROUNDING, turns, along)
-    thinnest, widest = int(np.argmin(masses)), int(np.argmax(blurs))
-    middle, blurred = 0.5 * (cuts[thinnest] + cuts[thinnest + 1]), lengths[widest]
+    widest = int(np.argmax(blurs))
     return ConformalMap(
         curve=curve,
         centre=found.centre,
         nodes=found.z.size,
         error=change(coarse, found),
-        crowding=float(np.max(masses) / max(masses[thinnest], ROUNDING)),
-        crowded_at=curve.position(curve.parameter(middle)),
+        crowding=float(np.max(masses) / max(np.min(masses), ROUNDING)),
         blur=float(blurs[widest]),
-        blurred_at=curve.position(curve.parameter(blurred)),
+        blurred_at=curve.position(curve.parameter(lengths[widest])),
         _disk=disk,
     )
-
-
-def _inside(curve: Curve, centre: Sequence[float]) -> Array:
-    """The given centre (2,), m, which must be inside."""
-    point = checked_points([centre], "centre")[0]
-    if not curve.contains([point])[0]:
-        raise InputError(f"centre ({point[0]:g}, {point[1]:g}) m is not inside curve '{curve.name}'")
-    return np.asarray(point)
 
 
 def _start(curve: Curve) -> Array:
@@ -229,3 +249,178 @@ def _counts(curve: Curve, nodes: int | None) -> list[int]:
             todo="simplify the outline, or use the minimum-distance or constraint renderer",
         )
     return [fewest * 2**k for k in range(int(np.log2(MOST / fewest)) + 1)]
+
+
+class Nodes(NamedTuple):
+    """Boundary nodes at the integers of a parameter t that runs over `n` once around.
+
+    `anchors` + `offsets` (n,) are the positions and `steps` (n,) their derivatives by t, complex, m. `per_piece` is
+    the number of nodes on each piece of a graded curve, whose first node lies half a step after its start; it is
+    zero on a smooth curve, whose first node lies at the start.
+    """
+
+    anchors: Complex
+    offsets: Complex
+    steps: Complex
+    per_piece: int
+
+
+def smooth(curve: Curve) -> bool:
+    """Whether a closed curve is one piece without a corner where its end meets its start."""
+    return bool(curve.pieces.shape[0] == 1 and not curve.corners)
+
+
+def nodes_of(curve: Curve, n: int) -> Nodes:
+    """`n` nodes on a closed curve; on one of pieces n is a multiple of their number."""
+    pieces = for_kernels(curve.pieces)
+    if smooth(curve):
+        start, end = curve.u_range
+        rows = evaluate_many(pieces, start + (end - start) * np.arange(n) / n)
+        positions, derivatives = rows[:, 0] + 1j * rows[:, 1], rows[:, 2] + 1j * rows[:, 3]
+        slopes: Complex = np.asarray(derivatives * ((end - start) / n), dtype=complex)
+        return Nodes(np.zeros(n, dtype=complex), positions, slopes, 0)
+    per = n // pieces.shape[0]
+    after, before, slope = np.array([kernels.graded((i + 0.5) / per) for i in range(per)]).T
+    early = np.arange(per) < per // 2
+    starts = evaluate_many(pieces, for_kernels(pieces[:, U0]))
+    joints = starts[:, 0] + 1j * starts[:, 1]
+    anchors, offsets, steps = [], [], []
+    for k, row in enumerate(pieces):
+        length = row[U1] - row[U0]
+        signed = np.where(early, after, -before) * length
+        if row[KIND] == ARC:
+            radius, turn = row[C], row[E]
+            ends = row[D] + turn * np.where(early, 0.0, length / radius)
+            swept = turn * signed / radius
+            offset = radius * np.exp(1j * ends) * (1j * np.sin(swept) - 2.0 * np.sin(swept / 2.0) ** 2)
+            tangent = 1j * turn * np.exp(1j * (ends + swept))
+        else:
+            tangent = np.full(per, complex(row[C], row[D]))
+            offset = signed * tangent
+        anchors.append(np.where(early, joints[k], joints[(k + 1) % joints.size]))
+        offsets.append(offset)
+        steps.append(tangent * (slope * length / per))
+    return Nodes(np.concatenate(anchors), np.concatenate(offsets), np.concatenate(steps), per)
+
+
+class Correspondence(NamedTuple):
+    """Where the boundary goes: a table of FINE steps from each node to the next, and the first again after one turn.
+
+    `z` (n,) are the nodes, complex, m, relative to the `centre` (2,), m; `angles` (m + 1,), rad, never fall; `slopes`
+    (m + 1,) are their derivatives by table step, `density` (n,) those at the nodes by node, and `lengths`
+    (m + 1,), m, the arc lengths of the entries.
+    """
+
+    nodes: Nodes
+    centre: Array
+    z: Complex
+    angles: Array
+    slopes: Array
+    density: Array
+    lengths: Array
+
+
+class System(NamedTuple):
+    """The integral equation of a closed curve on its `nodes`: the `factors` of its matrix serve every centre.
+
+    `lengths` (m + 1,), m, are the arc lengths of the entries of the tables of boundary angles.
+    """
+
+    curve: Curve
+    nodes: Nodes
+    factors: tuple[Array, IntArray]
+    lengths: Array
+
+
+def system_of(curve: Curve, n: int) -> System:
+    """The integral equation on `n` nodes, its matrix factored."""
+    nodes = nodes_of(curve, n)
+    steps = np.arange(n * FINE) / FINE
+    lengths = np.append(
+        curve.arc_length(kernels.parameters_at(for_kernels(curve.pieces), n, nodes.per_piece, steps)), 0.0
+    )
+    lengths[1:][lengths[1:] <= lengths[0]] += curve.length  # the last half step of a graded curve is on its first piece
+    return System(curve, nodes, lu_factor(kernels.matrix(nodes.anchors, nodes.offsets, nodes.steps)), lengths)
+
+
+def correspondence(system: System, centre: Array) -> Correspondence:
+    """The integral equation solved for the centre (2,), m."""
+    nodes = system.nodes
+    z = nodes.anchors - complex(*centre) + nodes.offsets
+    density = lu_solve(system.factors, (nodes.steps / z).imag)
+    return Correspondence(nodes, centre, z, *_integrated(density, z), density, system.lengths)
+
+
+def balanced(system: System, start: Array) -> Correspondence:
+    """The integral equation solved for the conformal barycentre of the arc length, looked for from `start` (2,), m.
+
+    Newton's method on the disk, shortened until the relative entropy falls and the centre is inside. It ends where
+    steps are rounding; or where they no longer shrink, on shapes that crowd so much that no map will come of it.
+    """
+    weights = np.abs(system.nodes.steps) / np.sum(np.abs(system.nodes.steps))
+    tiny = SETTLED * system.curve.length
+    found, last = correspondence(system, start), np.inf
+    for _ in range(STEPS):
+        circle = np.exp(1j * found.angles[:-1:FINE])
+        first, second = np.sum(weights * circle), np.sum(weights * circle**2)
+        w = (first + np.conj(first) * second) / (1.0 - abs(second) ** 2)
+        w *= min(1.0, FARTHEST / max(abs(w), FARTHEST))
+        while abs(w) > SLOW and np.sum(weights * np.log(np.abs(circle - w) ** 2 / (1.0 - abs(w) ** 2))) > 0.0:
+            w *= 0.5
+        if abs(w) < SLOW and abs(w) >= 0.5 * last:
+            break
+        harmonic = np.maximum(found.density, 0.0)
+        seen = harmonic * circle / (circle - w)
+        move = np.sum(seen * found.z) / np.sum(seen) - np.sum(harmonic * found.z) / np.sum(harmonic)
+        while abs(move) > tiny and not system.curve.contains([_moved(found.centre, move)])[0]:
+            move *= 0.5
+        if abs(move) <= tiny:
+            break
+        found, last = correspondence(system, _moved(found.centre, move)), abs(w)
+    return found
+
+
+def _moved(point: Array, move: complex) -> Array:
+    return np.asarray(point + np.array([move.real, move.imag]))
+
+
+def _integrated(density: Array, z: Complex) -> tuple[Array, Array]:
+    """The table of Θ and Θ' from Θ' at the nodes, by trigonometric interpolation.
+
+    Where Θ' is as good as zero, at sharp tips, the waves of the rest do not cancel to it: there Θ rises between two
+    nodes by no less than half of the smaller and no more than twice the larger of the Θ' at them, evenly. Θ is free
+    by a constant. Im log((z - c) / f) is harmonic and zero at the centre where f' > 0: so is its mean by harmonic
+    measure.
+    """
+    n = density.size
+    modes = np.fft.rfft(density)
+    modes[-1] *= 0.5
+    waves = modes * n / (2j * np.pi * np.maximum(np.arange(modes.size), 1))
+    waves[0] = waves[-1] = 0.0
+    periodic = np.fft.irfft(waves, FINE * n) * FINE
+    rises = (np.roll(periodic, -1) - periodic + modes[0].real / n / FINE).reshape(n, FINE)
+    ends = np.maximum(np.stack([density, np.roll(density, -1)]), 0.0)
+    bounded = np.clip(rises.sum(axis=1), 0.5 * ends.min(axis=0), 2.0 * ends.max(axis=0))
+    mended = (bounded != rises.sum(axis=1)) | (rises.min(axis=1) < 0.0)
+    rises[mended] = bounded[mended, np.newaxis] / FINE
+    angles = np.concatenate([[0.0], np.cumsum(rises)])
+    angles *= 2.0 * np.pi / angles[-1]
+    angles += np.average(np.unwrap(np.angle(z)) - angles[:-1:FINE], weights=ends[0])
+    rises = np.diff(angles)
+    steepest = 3.0 * np.minimum(np.append(rises, rises[0]), np.insert(rises, 0, rises[-1]))
+    slopes = np.fft.irfft(modes, FINE * n)
+    # Fritsch and Carlson: no cubic between two entries turns back
+    return angles, np.clip(np.append(slopes, slopes[0]), 0.0, steepest)
+
+
+def change(coarse: Correspondence, fine: Correspondence) -> float:
+    """By what share of themselves the densities change, at most, of arcs of 1/1024 of the boundary or more.
+
+    `fine` has twice the nodes of `coarse`. Arcs that rounding alone may change so are left out.
+    """
+    first, whole = coarse.lengths[0], coarse.lengths[-1] - coarse.lengths[0]
+    cuts = np.unique(np.searchsorted(coarse.lengths, first + whole * np.arange(1, ARCS) / ARCS))
+    shift = FINE // 2 if coarse.nodes.per_piece else 0
+    before, after = np.diff(coarse.angles[cuts]), np.diff(fine.angles[2 * cuts + shift])
+    changes = np.abs(after - before)
+    return float(np.max(np.where(changes > NOISE, changes / np.maximum(np.maximum(before, after), NOISE), 0.0)))

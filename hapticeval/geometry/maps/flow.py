@@ -16,7 +16,7 @@ import numpy as np
 
 from hapticeval.errors import InputError, RefusalError, UnknownNameError
 from hapticeval.geometry.maps import flow_kernels as kernels
-from hapticeval.geometry.model import Model
+from hapticeval.geometry.model import Model, equal_steps
 from hapticeval.types import Array
 
 INSTEAD = "use the renderer 'conformal', which maps every model without holes"
@@ -79,7 +79,7 @@ class FlowSettings:
 
     `velocity` one of `VELOCITIES`; `cells` along the model's longer side and a margin; `lines` transversal lines, twice
     as many as cells if None; `levels` steps in the root of the area from the whole model to nothing, two for five cells
-    if None; `cap` is K_cap (1/m) of (5.13), the average curvature of the model if None.
+    if None. K_cap of (5.13) is the average curvature of the model.
 
     `gap` is the least distance of neighbouring lines as a share of their mean distance on the same level. Where a flow
     drives lines closer together, on the bisectors of sharp tips, they are held this far apart, or they would cross. The
@@ -94,7 +94,6 @@ class FlowSettings:
     lines: int | None = None
     levels: int | None = None
     gap: float = 1e-6
-    cap: float | None = None
 
     def __post_init__(self) -> None:
         if self.velocity not in VELOCITIES:
@@ -115,10 +114,6 @@ class FlowSettings:
                 f"{self.level_count} levels on {self.cells} cells",
                 why="levels closer than a cell apart cannot be told apart",
                 todo="take at most half as many levels as cells",
-            )
-        if self.cap is not None and not (math.isfinite(self.cap) and self.cap > 0.0):
-            raise InputError(
-                f"cap = {self.cap!r} 1/m", why="it must be finite and positive, so that the front advances"
             )
 
     @property
@@ -159,17 +154,8 @@ def flow(model: Model, settings: FlowSettings) -> Flow:
     if not model.curve.closed:
         raise InputError(f"model '{model.name}' is unbounded", why="its surface does not shrink to a point")
     front = Front(model, settings)
-    records = list(_levels(front, settings))
-    times, lengths, areas, held, points = zip(*records, strict=True)
-    return Flow(
-        np.array(points),
-        front.u,
-        np.array(times),
-        np.array(lengths),
-        np.array(areas),
-        np.array(held),
-        front.h,
-    )
+    times, lengths, areas, held, points = map(np.array, zip(*_levels(front, settings), strict=True))
+    return Flow(points, front.u, times, lengths, areas, held, front.h)
 
 
 class Front:
@@ -193,7 +179,7 @@ class Front:
         self.points = model.curve.position(self.u)
         self.time = 0.0
         self.held = 0
-        self._cap = settings.cap if settings.cap is not None else 2.0 * math.pi / model.curve.length
+        self._cap = 2.0 * math.pi / model.curve.length
         self._speed = 1.0 / h if self.kind in (kernels.CURVATURE, kernels.CAP) else 1.0
         self._measure()
 
@@ -212,7 +198,7 @@ class Front:
         self._speed = max(
             kernels.carry(self.values, self.h, self.x0, self.y0, self.kind, scale, steps * dt, self.points), 1e-3
         )
-        kernels.advance_many(self.values, self._spare, self.h, self.kind, scale, True, dt, steps)
+        kernels.advance_many(self.values, self._spare, self.h, self.kind, scale, dt, steps)
         kernels.pull_back(self.values, self.h, self.x0, self.y0, self.points)
         self.time += steps * dt
         self._measure()
@@ -239,11 +225,12 @@ class Front:
 
     def parts(self) -> tuple[int, tuple[float, float]]:
         """How many parts the inside has, and the middle (m) between the two nearest nodes of the first two."""
-        labels = np.zeros(self.values.shape, dtype=np.int64)
-        count = kernels.components(self.values, labels)
+        from scipy.ndimage import label
+        from scipy.spatial import cKDTree
+
+        labels, count = label(self.values < 0.0, np.ones((3, 3)))
         if count < 2:
             return count, (math.nan, math.nan)
-        from scipy.spatial import cKDTree
 
         first, second = (np.argwhere(labels == k)[:, ::-1] * self.h + (self.x0, self.y0) for k in (1, 2))
         distances, matches = cKDTree(first).query(second)
@@ -256,11 +243,7 @@ def starts(model: Model, lines: int) -> Array:
     """Where lines start: parameters at every corner, and at equal arc lengths between."""
     curve = model.curve
     cuts = [corner.s for corner in curve.corners] or [0.0]
-    runs = []
-    for first, last in zip(cuts, [*cuts[1:], cuts[0] + curve.length], strict=True):
-        count = max(1, round(lines * (last - first) / curve.length))
-        runs.append(first + (last - first) * np.arange(count) / count)
-    return np.unique(curve.parameter(np.concatenate(runs)))
+    return np.unique(curve.parameter(equal_steps(cuts, curve.length, lines)))
 
 
 def _levels(front: Front, settings: FlowSettings) -> Iterator[tuple[float, float, float, int, Array]]:

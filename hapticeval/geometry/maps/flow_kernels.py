@@ -1,11 +1,8 @@
-"""Compiled loops of the curve shortening flow: the level set step (5.4), and its contour.
+"""Compiled loops of the curve shortening flow: the level set step (5.4), its contour, and the particles on it (5.16).
 
-`values` (ny, nx) are gamma at square cells of side `h`, negative inside; node (j, i) is at origin + h (i, j). The front
-is the zero level, moves towards gamma < 0, and leaves positive values behind.
-
-Compiled loops over the particles of the flow (5.16): they go with the front, come back onto it, and keep apart.
-
-`values`, `h` and the origin (`x0`, `y0`) are the grid of `flow_kernels`.
+`values` (ny, nx) are gamma at square cells of side `h`, negative inside; node (j, i) is at the origin (`x0`, `y0`) +
+h (i, j). The front is the zero level, moves towards gamma < 0, and leaves positive values behind. The particles go with
+the front, come back onto it, and keep apart.
 """
 
 from __future__ import annotations
@@ -96,37 +93,30 @@ def spans(values: Array, h: float) -> IntArray:
 
 
 @compiled
-def advance(
-    values: Array, out: Array, active: IntArray, h: float, kind: int, scale: float, upwind: bool, dt: float
-) -> None:
+def advance(values: Array, out: Array, active: IntArray, h: float, kind: int, scale: float, dt: float) -> None:
     """One explicit step of (5.4) from `values` into `out`, in the columns of each row that `active` (ny, 2) gives.
 
-    The two agree elsewhere and stay so. With `upwind` the parts of constant speed (UNIT, and CAP where it is at K_cap)
-    take Godunov's slope; what depends on the curvature takes central differences, but for nodes on a kink (the medial
-    axis of the model), which they would leave behind.
+    The two agree elsewhere and stay so. The parts of constant speed (UNIT, and CAP where it is at K_cap) take Godunov's
+    slope; what depends on the curvature takes central differences, but for nodes on a kink (the medial axis of the
+    model), which they would leave behind.
     """
     ny, nx = values.shape
-    behind = BEHIND * h
     for j in range(1, ny - 1):
         low, high = active[j, 0], active[j, 1]
-        if low >= high:
-            continue
-        if kind == ARC and upwind:
-            reach = slice(low - 1, high + 1)
-            _arc_row(values[j - 1, reach], values[j, reach], values[j + 1, reach], out[j, low:high], h, scale, dt)
+        if kind == ARC:
+            if low < high:
+                reach = slice(low - 1, high + 1)
+                _arc_row(values[j - 1, reach], values[j, reach], values[j + 1, reach], out[j, low:high], h, scale, dt)
             continue
         for i in range(low, high):
             here = values[j, i]
-            if here > behind:
-                out[j, i] = here
-                continue
-            gx, gy, kappa = derivatives(values, h, j, i)
-            slope = math.sqrt(gx * gx + gy * gy)
-            if upwind:
-                steep = upwind_slope(values, h, j, i)
+            out[j, i] = here
+            if here <= BEHIND * h:
+                gx, gy, kappa = derivatives(values, h, j, i)
+                slope, steep = math.sqrt(gx * gx + gy * gy), upwind_slope(values, h, j, i)
                 if kind == UNIT or (kind == CAP and kappa <= scale) or slope < KINK * steep:
                     slope = steep
-            out[j, i] = here + dt * velocity(kind, scale, kappa) * slope
+                out[j, i] = here + dt * velocity(kind, scale, kappa) * slope
     for i in range(nx):
         out[0, i] = 2.0 * out[1, i] - out[2, i]
         out[ny - 1, i] = 2.0 * out[ny - 2, i] - out[ny - 3, i]
@@ -167,14 +157,12 @@ def _arc_row(south: Array, here: Array, north: Array, out: Array, h: float, scal
 
 
 @compiled
-def advance_many(
-    values: Array, spare: Array, h: float, kind: int, scale: float, upwind: bool, dt: float, steps: int
-) -> None:
+def advance_many(values: Array, spare: Array, h: float, kind: int, scale: float, dt: float, steps: int) -> None:
     """`advance` by an even number of `steps`, in place; `spare` is of the same shape and starts as a copy."""
     active = spans(values, h)
     for _ in range(0, steps, 2):
-        advance(values, spare, active, h, kind, scale, upwind, dt)
-        advance(spare, values, active, h, kind, scale, upwind, dt)
+        advance(values, spare, active, h, kind, scale, dt)
+        advance(spare, values, active, h, kind, scale, dt)
 
 
 @compiled
@@ -182,74 +170,34 @@ def front(values: Array, h: float) -> tuple[float, float]:
     """Length (m) of the zero contour, and the area (m^2) where values < 0, cell by cell with straight segments."""
     ny, nx = values.shape
     length, area = 0.0, 0.0
-    px, py = np.empty(4), np.empty(4)
     corner_x, corner_y = (0.0, 1.0, 1.0, 0.0), (0.0, 0.0, 1.0, 1.0)
-    v = np.empty(4)
+    v, px, py, cut_x, cut_y = np.empty(4), np.empty(8), np.empty(8), np.empty(4), np.empty(4)
     for j in range(ny - 1):
         for i in range(nx - 1):
             v[0], v[1], v[2], v[3] = values[j, i], values[j, i + 1], values[j + 1, i + 1], values[j + 1, i]
-            below = 0
-            for k in range(4):
-                below += v[k] < 0.0
-            if below == 4:
-                area += h * h
-            if below in (0, 4):
-                continue
-            count = 0
-            covered = 0.0  # twice the area below, by the shoelace rule round the part of the cell that is below
-            first_x, first_y, last_x, last_y, started = 0.0, 0.0, 0.0, 0.0, False
+            # the corners and the cuts round the part of the cell that is below
+            count, cuts = 0, 0
             for k in range(4):
                 after = (k + 1) % 4
-                for part in range(2):
-                    if part == 0:
-                        if v[k] >= 0.0:
-                            continue
-                        x, y = corner_x[k], corner_y[k]
-                    else:
-                        if (v[k] < 0.0) == (v[after] < 0.0):
-                            continue
-                        t = v[k] / (v[k] - v[after])
-                        x = corner_x[k] + t * (corner_x[after] - corner_x[k])
-                        y = corner_y[k] + t * (corner_y[after] - corner_y[k])
-                        px[count], py[count] = x, y
-                        count += 1
-                    if started:
-                        covered += last_x * y - x * last_y
-                    else:
-                        first_x, first_y, started = x, y, True
-                    last_x, last_y = x, y
-            covered += last_x * first_y - first_x * last_y
+                if v[k] < 0.0:
+                    px[count], py[count] = corner_x[k], corner_y[k]
+                    count += 1
+                if (v[k] < 0.0) != (v[after] < 0.0):
+                    t = v[k] / (v[k] - v[after])
+                    px[count] = cut_x[cuts] = corner_x[k] + t * (corner_x[after] - corner_x[k])
+                    py[count] = cut_y[cuts] = corner_y[k] + t * (corner_y[after] - corner_y[k])
+                    count, cuts = count + 1, cuts + 1
+            if cuts == 0:
+                area += h * h if count else 0.0
+                continue
+            covered = 0.0
+            for k in range(count):
+                after = k + 1 if k + 1 < count else 0
+                covered += px[k] * py[after] - px[after] * py[k]
             area += 0.5 * covered * h * h
-            for k in range(0, count, 2):
-                length += h * math.hypot(px[k + 1] - px[k], py[k + 1] - py[k])
+            for k in range(0, cuts, 2):
+                length += h * math.hypot(cut_x[k + 1] - cut_x[k], cut_y[k + 1] - cut_y[k])
     return length, area
-
-
-@compiled
-def components(values: Array, labels: IntArray) -> int:
-    """How many parts, joined along sides or corners of cells, nodes below zero form; `labels` gets their numbers."""
-    ny, nx = values.shape
-    labels[:] = 0
-    stack = np.empty(ny * nx, np.int64)
-    found = 0
-    for start in range(ny * nx):
-        if labels[start // nx, start % nx] != 0 or values[start // nx, start % nx] >= 0.0:
-            continue
-        found += 1
-        labels[start // nx, start % nx] = found
-        stack[0] = start
-        top = 1
-        while top > 0:
-            top -= 1
-            j, i = stack[top] // nx, stack[top] % nx
-            for dj in range(-1, 2):
-                for di in range(-1, 2):
-                    y, x = j + dj, i + di
-                    if 0 <= y < ny and 0 <= x < nx and labels[y, x] == 0 and values[y, x] < 0.0:
-                        labels[y, x] = found
-                        stack[top] = y * nx + x
-                        top += 1
-    return found
 
 
 @compiled
@@ -308,14 +256,11 @@ def keep_apart(points: Array, least: float) -> int:
     """Slide the points (n, 2) along their closed polyline until each is `least` (m) past the one before.
 
     The points keep their order, and move as little as that takes in the sense of least squares: pools of equal shift
-    (isotonic regression), starting after the widest gap. Returns how
-    many gaps were too small.
+    (isotonic regression), starting after the widest gap. Returns how many gaps were too small.
     """
     n = points.shape[0]
-    gaps = np.empty(n)
-    tangents = np.empty((n, 2))
+    gaps, tangents = np.empty(n), np.empty((n, 2))
     for k in range(n):
-        before, after = (k - 1) % n, (k + 1) % n
         # a wide chord about the point: neighbours may have crossed
         for reach in range(1, n // 8):
             before, after = (k - reach) % n, (k + reach) % n
@@ -324,7 +269,6 @@ def keep_apart(points: Array, least: float) -> int:
                 break
         size = math.hypot(dx, dy)
         tangents[k, 0], tangents[k, 1] = dx / size, dy / size
-    small, widest = 0, 0
     for k in range(n):
         after = (k + 1) % n
         tx, ty = tangents[k, 0] + tangents[after, 0], tangents[k, 1] + tangents[after, 1]
@@ -332,33 +276,26 @@ def keep_apart(points: Array, least: float) -> int:
         dx, dy = points[after, 0] - points[k, 0], points[after, 1] - points[k, 1]
         along = (dx * tx + dy * ty) / size
         gaps[k] = along if along < 2.0 * least else math.hypot(dx, dy)
-        small += gaps[k] < least
-        if gaps[k] > gaps[widest]:
-            widest = k
+    small, first = int(np.sum(gaps < least)), int(np.argmax(gaps)) + 1
     if small == 0:
         return 0
-    first = (widest + 1) % n
-    mean, weight, size_of = np.empty(n), np.empty(n), np.empty(n, np.int64)
-    at, pools = 0.0, 0
-    places = np.empty(n)
+    mean, weight, pools = np.empty(n), np.empty(n), 0
+    places, at = np.empty(n), 0.0
     for m in range(n):
         places[m] = at
         at += gaps[(first + m) % n] - least
-    for m in range(n):
-        mean[pools], weight[pools], size_of[pools] = places[m], 1.0, 1
+        mean[pools], weight[pools] = places[m], 1.0
         pools += 1
         while pools > 1 and mean[pools - 2] > mean[pools - 1]:
             total = weight[pools - 2] + weight[pools - 1]
             mean[pools - 2] = (mean[pools - 2] * weight[pools - 2] + mean[pools - 1] * weight[pools - 1]) / total
             weight[pools - 2] = total
-            size_of[pools - 2] += size_of[pools - 1]
             pools -= 1
     m = 0
     for pool in range(pools):
-        for _ in range(size_of[pool]):
+        for _ in range(int(weight[pool])):
             k = (first + m) % n
-            shift = mean[pool] - places[m]
-            points[k, 0] += shift * tangents[k, 0]
-            points[k, 1] += shift * tangents[k, 1]
+            points[k, 0] += (mean[pool] - places[m]) * tangents[k, 0]
+            points[k, 1] += (mean[pool] - places[m]) * tangents[k, 1]
             m += 1
     return small

@@ -3,6 +3,11 @@
 Levels and lines of the flow correspond to circles and radii of the disk. Forward, a point goes by barycentric
 coordinates in its cell (5.18)-(5.20); backwards only the surface is needed, and goes by the parameter of the exact
 curve, linear between the lines' starts.
+
+A cell has the corners a, b on a level and d, e on the next, a and d on one line and b and e on the following one, so
+that a, b, e, d run anticlockwise. Where its diagonals cross it is cut into four triangles at the crossing
+(Figure 5.13); a cell that is not convex has no crossing and is cut into two along the diagonal inside it. Buckets of
+equal squares list the cells that touch them: a lookup costs the same wherever the point is.
 """
 
 from __future__ import annotations
@@ -10,21 +15,56 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from hapticeval.compiled import compiled
 from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
-from hapticeval.geometry.maps import flow_locator as locator
 from hapticeval.geometry.maps.flow import Flow, FlowSettings, FoldedGridError, flow
-from hapticeval.geometry.maps.flow_locator import Chart
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.validate import checked_points
 from hapticeval.types import Array, BoolArray, IntArray
 
+Pair: TypeAlias = tuple[float, float]
+
 KEPT = 16
 """Maps kept in a process: the most recently used ones."""
+
+OFF = -1
+"""The level of a point that lies in no cell."""
+
+SLACK = 1e-9
+"""Share of its size by which a cell is widened, so that rounding leaves no gaps between cells."""
+
+
+class Chart(NamedTuple):
+    """A grid for the compiled lookup.
+
+    `points` and `disk` (m, n, 2): where level and line cross in the model (m) and on the disk, from the outermost level
+    inwards; the first is the model's own, and has radius 1. `angles` (n + 1,) of the lines, from 0, and `us`
+    (n + 1,) the curve's parameters there, both one turn longer at the end; the curve's own range is from `start` to
+    `end`. `heads` (buckets + 1,) and `cells` list the
+    cells of each bucket, numbered k * n + i; buckets are `across` by `up` squares of side `side` (m) from (`x0`,
+    `y0`). `inner` (n,) are the directions (rad, increasing) of the last level's points from the `centre`.
+    """
+
+    points: Array
+    disk: Array
+    angles: Array
+    us: Array
+    heads: IntArray
+    cells: IntArray
+    x0: float
+    y0: float
+    side: float
+    across: int
+    up: int
+    centre: tuple[float, float]
+    inner: Array
+    start: float
+    end: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,29 +79,15 @@ class FlowMap:
     flow: Flow
     chart: Chart
 
-    @property
-    def centre(self) -> Array:
-        """The singular point (2,), m: where the front vanished."""
-        return np.array(self.chart.centre)
-
     @cached_property
     def spacing(self) -> float:
         """The largest distance of two neighbouring lines on the surface (m): the map is linear over as much."""
         return float(np.max(np.diff(self.curve.arc_length(self.chart.us))))
 
-    def to_disk(self, points: ArrayLike) -> Array:
-        """Points (n, 2), m, to the disk (n, 2), by (5.20). Raises `InputError`, naming the row, for one off the map."""
-        array = checked_points(points)
-        levels, out = locator.to_disk_many(self.chart, array)
-        off = np.flatnonzero(levels == locator.OFF)
-        angles = self._beside(array[off], off)
-        out[off] = np.column_stack([np.cos(angles), np.sin(angles)])
-        return out
-
     def to_angle(self, points: Array) -> Array:
         """Angles (n,), rad, on the disk, of points (n, 2), m; raises as `to_disk` does."""
         array = checked_points(points)
-        out = locator.angles_many(self.chart, array)
+        out = angles_many(self.chart, array)
         off = np.flatnonzero(np.isnan(out))
         if off.size:
             out[off] = self._beside(array[off], off)
@@ -69,11 +95,11 @@ class FlowMap:
 
     def surface(self, angles: Array) -> Array:
         """The curve's parameters (n,) at angles (n,), rad, of any turn: the inverse on the surface."""
-        return locator.surface_parameters(self.chart, np.ascontiguousarray(angles, dtype=np.float64))
+        return surface_parameters(self.chart, np.ascontiguousarray(angles, dtype=np.float64))
 
     def parameter(self, x: float, y: float) -> float:
         """The parameter of the surface point that (x, y), m, is projected to (5.17)."""
-        u = locator.projected(self.chart, x, y)
+        u = projected(self.chart, x, y)
         return u if not math.isnan(u) else float(self.surface(self.to_angle(np.array([[x, y]])))[0])
 
     def _beside(self, points: Array, rows: IntArray) -> Array:
@@ -125,27 +151,12 @@ def chart_of(model: Model, made: Flow) -> Chart:
     _check_cells(model, points, times)
     centre = points[-1].mean(axis=0)
     inner = _directions(model, points[-1], centre, times[-1])
-    (x0, y0), (x1, y1) = points.min(axis=(0, 1)), points.max(axis=(0, 1))
-    side = made.cell
-    across, up = math.floor((x1 - x0) / side) + 1, math.floor((y1 - y0) / side) + 1
-    heads, cells = locator.fill_buckets(points, x0, y0, side, across, up)
-    return Chart(
-        points,
-        disk,
-        angles,
-        us,
-        heads,
-        cells,
-        float(x0),
-        float(y0),
-        side,
-        across,
-        up,
-        (float(centre[0]), float(centre[1])),
-        inner,
-        start,
-        end,
-    )
+    low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
+    x0, y0 = low.tolist()
+    across, up = (math.floor(extent / made.cell) + 1 for extent in high - low)
+    heads, cells = fill_buckets(points, x0, y0, made.cell, across, up)
+    middle = (float(centre[0]), float(centre[1]))
+    return Chart(points, disk, angles, us, heads, cells, x0, y0, made.cell, across, up, middle, inner, start, end)
 
 
 def folded_cells(points: Array) -> BoolArray:
@@ -192,3 +203,194 @@ def _directions(model: Model, ring: Array, centre: Array, time: float) -> Array:
             why="directions from the centre do not tell its points apart",
         )
     return np.asarray(angles)
+
+
+@compiled
+def cross(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> float:
+    """Twice the area of the triangle a, b, p: positive where p is left of a to b."""
+    return (bx - ax) * (py - ay) - (by - ay) * (px - ax)
+
+
+@compiled
+def crossing(a: Pair, b: Pair, e: Pair, d: Pair) -> float:
+    """How far along the diagonal from a to e it meets the one from b to d; outside [0, 1] or NaN where it does not."""
+    before, after = cross(b[0], b[1], d[0], d[1], a[0], a[1]), cross(b[0], b[1], d[0], d[1], e[0], e[1])
+    t = before / (before - after)
+    left, right = cross(a[0], a[1], e[0], e[1], b[0], b[1]), cross(a[0], a[1], e[0], e[1], d[0], d[1])
+    return t if before > 0.0 > after and left < 0.0 < right else np.nan
+
+
+@compiled
+def _in_triangle(
+    p: Pair, q: Pair, c: Pair, v: Pair, w: Pair, z: Pair, x: float, y: float
+) -> tuple[float, float, float]:
+    """Barycentric map (5.20) of (x, y) from the triangle p, q, c to v, w, z; and its least coordinate."""
+    area = cross(p[0], p[1], q[0], q[1], c[0], c[1])
+    third = cross(p[0], p[1], q[0], q[1], x, y) / area
+    first = cross(q[0], q[1], c[0], c[1], x, y) / area
+    second = 1.0 - first - third
+    out_x = first * v[0] + second * w[0] + third * z[0]
+    out_y = first * v[1] + second * w[1] + third * z[1]
+    return out_x, out_y, min(first, second, third)
+
+
+@compiled
+def _pair(grid: Array, k: int, i: int) -> Pair:
+    return grid[k, i, 0], grid[k, i, 1]
+
+
+@compiled
+def in_cell(points: Array, disk: Array, cell: int, x: float, y: float) -> tuple[float, float, float]:
+    """Where a point goes on the disk by the triangle of the cell nearest to it, and its least coordinate there.
+
+    The coordinate is negative outside the cell.
+    """
+    n = points.shape[1]
+    k, i = cell // n, cell % n
+    after = i + 1 if i + 1 < n else 0
+    a, b, d, e = _pair(points, k, i), _pair(points, k, after), _pair(points, k + 1, i), _pair(points, k + 1, after)
+    v, w, z, s = _pair(disk, k, i), _pair(disk, k, after), _pair(disk, k + 1, i), _pair(disk, k + 1, after)
+    t = crossing(a, b, e, d)
+    over_ae = cross(a[0], a[1], e[0], e[1], x, y) > 0.0
+    if not math.isnan(t):
+        c = (a[0] + t * (e[0] - a[0]), a[1] + t * (e[1] - a[1]))
+        r = crossing(v, w, s, z)
+        middle = (v[0] + r * (s[0] - v[0]), v[1] + r * (s[1] - v[1]))
+        if cross(b[0], b[1], d[0], d[1], x, y) >= 0.0:
+            if over_ae:
+                return _in_triangle(d, a, c, z, v, middle, x, y)
+            return _in_triangle(a, b, c, v, w, middle, x, y)
+        if over_ae:
+            return _in_triangle(e, d, c, s, z, middle, x, y)
+        return _in_triangle(b, e, c, w, s, middle, x, y)
+    if cross(a[0], a[1], b[0], b[1], e[0], e[1]) > 0.0 and cross(a[0], a[1], e[0], e[1], d[0], d[1]) > 0.0:
+        if over_ae:
+            return _in_triangle(e, d, a, s, z, v, x, y)
+        return _in_triangle(a, b, e, v, w, s, x, y)
+    if cross(b[0], b[1], d[0], d[1], x, y) > 0.0:
+        return _in_triangle(d, a, b, z, v, w, x, y)
+    return _in_triangle(b, e, d, w, s, z, x, y)
+
+
+@compiled
+def to_disk(chart: Chart, x: float, y: float) -> tuple[int, float, float]:
+    """The level just outside a point, and the point on the disk by (5.20).
+
+    Within the last level the point on the disk is that of this level in the direction from the centre. (OFF, 0, 0) for
+    a point that is in no cell.
+    """
+    n, m = chart.points.shape[1], chart.points.shape[0]
+    i, j = math.floor((x - chart.x0) / chart.side), math.floor((y - chart.y0) / chart.side)
+    if 0 <= i < chart.across and 0 <= j < chart.up:
+        bucket = j * chart.across + i
+        best, best_x, best_y, best_cell = -SLACK, 0.0, 0.0, -1
+        for entry in range(chart.heads[bucket], chart.heads[bucket + 1]):
+            cell = chart.cells[entry]
+            disk_x, disk_y, least = in_cell(chart.points, chart.disk, cell, x, y)
+            if least >= best:
+                best, best_x, best_y, best_cell = least, disk_x, disk_y, cell
+                if least > 0.0:
+                    break
+        if best_cell >= 0:
+            return best_cell // n, best_x, best_y
+    line, share, within = towards(chart.points[m - 1], chart.inner, chart.centre, x, y)
+    if not within:
+        return OFF, 0.0, 0.0
+    level = m - 1
+    v, w = chart.disk[level, line], chart.disk[level, line + 1 if line + 1 < n else 0]
+    return level, v[0] + share * (w[0] - v[0]), v[1] + share * (w[1] - v[1])
+
+
+@compiled
+def towards(ring: Array, polar: Array, centre: tuple[float, float], x: float, y: float) -> tuple[int, float, bool]:
+    """Where the ray from the centre to a point meets a ring (n, 2): line, share of the way to the next, and whether the
+    point lies within the ring."""
+    n = ring.shape[0]
+    cx, cy = centre
+    angle = math.atan2(y - cy, x - cx)
+    angle -= 2.0 * math.pi * math.floor((angle - polar[0]) / (2.0 * math.pi))
+    line = min(max(np.searchsorted(polar, angle, "right") - 1, 0), n - 1)
+    p, q = ring[line], ring[line + 1 if line + 1 < n else 0]
+    first, second = cross(x, y, q[0], q[1], cx, cy), cross(p[0], p[1], x, y, cx, cy)
+    total = first + second
+    share = second / total if total > 0.0 else 0.0
+    return line, min(max(share, 0.0), 1.0), total <= cross(p[0], p[1], q[0], q[1], cx, cy)
+
+
+@compiled
+def surface_parameter(chart: Chart, angle: float) -> float:
+    """The curve's parameter at an angle on the disk: linear between the lines' starts, the inverse in (5.17)."""
+    n = chart.points.shape[1]
+    turn = 2.0 * math.pi
+    angle -= turn * math.floor(angle / turn)
+    line = min(int(angle / turn * n), n - 1)
+    while line > 0 and chart.angles[line] > angle:
+        line -= 1
+    while line < n - 1 and chart.angles[line + 1] <= angle:
+        line += 1
+    share = (angle - chart.angles[line]) / (chart.angles[line + 1] - chart.angles[line])
+    u = chart.us[line] + share * (chart.us[line + 1] - chart.us[line])
+    return float(u if u < chart.end else max(u - (chart.end - chart.start), chart.start))
+
+
+@compiled
+def angles_many(chart: Chart, points: Array) -> Array:
+    """The angles on the disk of rows of points (k, 2); NaN for one in no cell."""
+    out = np.empty(points.shape[0])
+    for row in range(points.shape[0]):
+        level, x, y = to_disk(chart, points[row, 0], points[row, 1])
+        out[row] = math.atan2(y, x) if level != OFF else np.nan
+    return out
+
+
+@compiled
+def fill_buckets(points: Array, x0: float, y0: float, side: float, across: int, up: int) -> tuple[IntArray, IntArray]:
+    """The cells that touch each bucket by their bounding boxes: heads (buckets + 1,) and cells."""
+    m, n = points.shape[0], points.shape[1]
+    heads = np.zeros(across * up + 1, np.int64)
+    boxes = np.empty((4, (m - 1) * n), np.int64)
+    for k in range(m - 1):
+        for i in range(n):
+            after = i + 1 if i + 1 < n else 0
+            low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
+            for row, column in ((k, i), (k, after), (k + 1, i), (k + 1, after)):
+                x, y = points[row, column, 0], points[row, column, 1]
+                low_x, high_x = min(low_x, x), max(high_x, x)
+                low_y, high_y = min(low_y, y), max(high_y, y)
+            pad = 1e-6 * side
+            cell = k * n + i
+            boxes[0, cell] = max(math.floor((low_x - pad - x0) / side), 0)
+            boxes[1, cell] = min(math.floor((high_x + pad - x0) / side), across - 1)
+            boxes[2, cell] = max(math.floor((low_y - pad - y0) / side), 0)
+            boxes[3, cell] = min(math.floor((high_y + pad - y0) / side), up - 1)
+            for j in range(boxes[2, cell], boxes[3, cell] + 1):
+                for h in range(boxes[0, cell], boxes[1, cell] + 1):
+                    heads[j * across + h + 1] += 1
+    for bucket in range(across * up):
+        heads[bucket + 1] += heads[bucket]
+    cells = np.empty(heads[-1], np.int64)
+    filled = heads[:-1].copy()
+    for cell in range(boxes.shape[1]):
+        for j in range(boxes[2, cell], boxes[3, cell] + 1):
+            for h in range(boxes[0, cell], boxes[1, cell] + 1):
+                cells[filled[j * across + h]] = cell
+                filled[j * across + h] += 1
+    return heads, cells
+
+
+@compiled
+def projected(chart: Chart, x: float, y: float) -> float:
+    """The parameter of the surface point that a point is projected to by (5.17); NaN for one in no cell."""
+    level, disk_x, disk_y = to_disk(chart, x, y)
+    if level == OFF:
+        return np.nan
+    return surface_parameter(chart, math.atan2(disk_y, disk_x))
+
+
+@compiled
+def surface_parameters(chart: Chart, angles: Array) -> Array:
+    """`surface_parameter` of each angle."""
+    out = np.empty(angles.shape[0])
+    for row in range(angles.shape[0]):
+        out[row] = surface_parameter(chart, angles[row])
+    return out

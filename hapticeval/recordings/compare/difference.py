@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,10 +33,6 @@ class Difference:
     force: Apart | None
     rows: int
     contact: float | None
-
-    def document(self) -> Mapping[str, Any]:
-        """The same as JSON values."""
-        return asdict(self)
 
 
 def difference(recording: Recording, reference: Recording) -> Difference:

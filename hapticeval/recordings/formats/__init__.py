@@ -1,6 +1,6 @@
-"""Other people's files, read as tables of raw columns: one module a format.
+"""Other people's files, read as tables of raw columns: which formats there are, and which of them a file is of.
 
-A format of your own is a function that takes a path and gives a `Table`, told to `importer`:
+A format of your own is a function that takes a path and gives a `Table`, marked with `importer`:
 
     from hapticeval.recordings.formats import Table, importer
 
@@ -12,15 +12,396 @@ A format of your own is a function that takes a path and gives a `Table`, told t
             units={"t": "ms"},
         )
 
-It says what the file says and no more: a unit that the file does not state is left out, and the mapping gives it.
+It gives what the file states and no more: a unit that the file does not state is left out, and the mapping gives it.
 Columns have a number in each row, nan where the file has none; of signals on several clocks each has its clock, and
-`topics` tells which columns were taken together. On the command line it is named `--format mymodule:read_acme`, which
+`topics` names which columns were taken together. On the command line it is named `--format mymodule:read_acme`, which
 no mapping may do; an installed package offers it by an entry point of the group `hapticeval.formats`.
 """
 
 from __future__ import annotations
 
-from hapticeval.recordings.formats.registry import Format, formats, importer, read_table
-from hapticeval.recordings.formats.table import Table
+import inspect
+import sys
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, field, replace
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path, PurePath
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hapticeval.errors import HapticevalError, InputError, UnknownNameError, described
+from hapticeval.recordings.importing.units import parse_unit
+from hapticeval.recordings.memory import reserve
 
 __all__ = ["Format", "Table", "formats", "importer", "read_table"]
+
+GROUP = "hapticeval.formats"
+"""Entry points of this group are functions of other packages, marked with `importer`."""
+
+OWN = ("matlab5", "matlab73", "hdf5", "npz", "rosbag", "svc", "devicelog", "hdurecord", "csv")
+"""The formats of this package, the most particular first: delimited text fits much."""
+
+HEAD = 1 << 16
+"""Bytes by which a format is recognised: a header of a thousand columns is shorter."""
+
+FOLDER = b"folder\n"
+MOST_SIGNALS = 64
+"""A matrix of more columns than these that has fewer rows than columns holds its signals in rows."""
+
+SIGNATURES: tuple[tuple[bytes, str], ...] = (
+    (b"\x89PNG\r\n\x1a\n", "a PNG picture"),
+    (b"\xff\xd8\xff", "a JPEG picture"),
+    (b"%PDF-", "a PDF document"),
+    (b"PK\x03\x04", "a ZIP archive (an .npz, .xlsx or .zip)"),
+    (b"\x1f\x8b", "a gzip archive: unpack it first"),
+    (b"BZh", "a bzip2 archive: unpack it first"),
+    (b"\xfd7zXZ\x00", "an xz archive: unpack it first"),
+    (b"7z\xbc\xaf\x27\x1c", "a 7z archive: unpack it first"),
+    (b"\x28\xb5\x2f\xfd", "a zstd archive: unpack it first"),
+    (b"PAR1", "a Parquet file"),
+    (b"ARROW1", "an Arrow file"),
+    (b"\x93NUMPY", "a single NumPy array (.npy): save with numpy.savez and names"),
+    (b"\x89HDF\r\n\x1a\n", "an HDF5 file"),
+    (b"MATLAB 7.3 MAT-file", "a MATLAB 7.3 file"),
+    (b"MATLAB 5.0 MAT-file", "a MATLAB 5 file"),
+    (b"\x89MCAP0\r\n", "an MCAP file: give the folder of the ROS 2 bag, with its metadata.yaml"),
+    (b"SQLite format 3\x00", "an SQLite database: give the folder of the ROS 2 bag, with its metadata.yaml"),
+    (b"#ROSBAG V", "a ROS 1 bag"),
+    (b"\x80\x04", "a Python pickle, which is never opened: it can run code"),
+    (b"\x80\x05", "a Python pickle, which is never opened: it can run code"),
+    (b"\xd0\xcf\x11\xe0", "an old Office document"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Columns of numbers, each (n,), float64 or int64; they may differ in length, as topics of a bag do.
+
+    `units` holds only what the file or its format states; `notes` is the file's text about a column, a scope's label;
+    `attributes` are single numbers and texts of the file; `warnings` name what is missing or damaged, `remarks` what
+    is whole but no column of numbers. `cells` are those of the warnings that report cells without a number, which a
+    recording counts itself. `topics` names, for columns of a file that holds several streams, the stream of each: rows
+    of different streams are at different times, however many there are.
+    Integers stay integers: nanoseconds of a wall clock do not fit into a float.
+
+    Raises `InputError`, naming the column, for one that is not a row of numbers, and where all of them take more memory
+    than `memory.limited` allows.
+    """
+
+    columns: Mapping[str, ArrayLike]
+    units: Mapping[str, str] = field(default_factory=dict)
+    notes: Mapping[str, str] = field(default_factory=dict)
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+    format: str = ""
+    cells: tuple[str, ...] = ()
+    topics: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        reserve(8 * sum(np.size(values) for values in self.columns.values()), "the columns of the file")
+        object.__setattr__(self, "columns", {name: _column(name, values) for name, values in self.columns.items()})
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """Return a column, (n,). Raises `UnknownNameError`, which suggests the closest, for one that is not there."""
+        if name in self.columns:
+            return np.asarray(self.columns[name])
+        raise UnknownNameError("column", name, self.columns)
+
+    def rows(self, name: str) -> int:
+        """Return how many numbers a column has."""
+        return int(self[name].size)
+
+
+def _column(name: str, values: ArrayLike) -> NDArray[Any]:
+    array = np.asarray(values)
+    if array.ndim != 1 or array.dtype.kind not in "fiub":
+        raise InputError(
+            f"column '{name}' is of shape {array.shape} and type {array.dtype}",
+            why="a column is one number per row",
+            todo="split an array of several columns into one each: see `spread`",
+        )
+    kept = np.array(array, dtype=np.float64 if array.dtype.kind == "f" else np.int64)
+    kept.flags.writeable = False
+    return kept
+
+
+def spread(name: str, values: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """Return the columns of an array (n, ...): itself where it is one column, else `name[0]`, `name[1]`, ..."""
+    if values.ndim == 1:
+        return {name: values}
+    flat = values.reshape(len(values), -1)
+    return {name if flat.shape[1] == 1 else f"{name}[{k}]": column for k, column in enumerate(flat.T)}
+
+
+def lies(shape: tuple[int, ...]) -> bool:
+    """Return whether a matrix of this shape has its signals in rows and its samples in columns."""
+    return len(shape) == 2 and shape[1] > max(MOST_SIGNALS, shape[0])
+
+
+def lying(name: str, shape: tuple[int, ...]) -> str:
+    """Return the remark on a matrix whose rows and columns are swapped."""
+    return f"{name} is {shape[0]} x {shape[1]}: its {shape[0]} rows are taken for the signals, its columns for samples"
+
+
+def upright(name: str, values: NDArray[Any], remarks: list[str]) -> NDArray[Any]:
+    """Return an array with its samples along the first axis, as far as its shape alone shows it.
+
+    A single row is a column that lies down. A matrix of many more columns than any device has signals, and of fewer
+    rows than columns, has its signals in rows: a remark names that they were swapped.
+    """
+    if values.ndim != 2 or (values.shape[0] > 1 and not lies(values.shape)):
+        return values
+    if values.shape[0] > 1:
+        remarks.append(lying(name, values.shape))
+    return values.T
+
+
+def damaged(path: Path, why: str) -> InputError:
+    """Return the error of a foreign file that is not whole."""
+    return InputError(f"{path} is cut short or damaged", why=why, todo="copy it again from where it was recorded")
+
+
+def is_text(head: bytes) -> bool:
+    """Return whether the first bytes of a file look like text."""
+    if head.startswith((b"\xff\xfe", b"\xfe\xff", b"\xef\xbb\xbf")):
+        return True
+    control = any(byte < 32 and byte not in b"\t\n\f\r" for byte in head)
+    return bool(head) and not control and _kind(head) is None
+
+
+def _kind(head: bytes) -> str | None:
+    """Return what the first bytes show a file to be, in words; None where they show nothing."""
+    start = head.lstrip()[:200].lower()
+    if start.startswith((b"<!doctype html", b"<html")):
+        return "a web page"
+    if start.startswith(b"<?xml"):
+        return "an XML file"
+    if start[:1] in (b"{", b"[") and b'"' in start:
+        return "a JSON file"
+    return next((words for signature, words in SIGNATURES if head.startswith(signature)), None)
+
+
+Read = Callable[[Path], Table]
+Recognise = Callable[[bytes], bool]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format: its name, what it is, the function that reads it, and how its files are recognised."""
+
+    name: str
+    about: str
+    read: Read
+    suffixes: tuple[str, ...] = ()
+    recognises: Recognise | None = None
+
+    def fits(self, path: Path, head: bytes) -> bool:
+        """Return whether a file is of this format, by its first bytes where the format knows them, else by its name."""
+        if self.recognises is None:
+            return path.suffix.lower() in self.suffixes
+        with nullcontext() if self.ours else blaming(f"what recognises the format '{self.name}'", self.recognises):
+            return bool(self.recognises(head))
+
+    @property
+    def ours(self) -> bool:
+        """Whether it is one of this package's."""
+        return getattr(self.read, "__module__", "").startswith(f"{__name__}.")
+
+
+KNOWN: dict[str, Format] = {}
+"""The formats that were registered in this process."""
+
+
+def importer(
+    name: str, *, about: str, suffixes: Iterable[str] = (), recognises: Recognise | None = None
+) -> Callable[[Read], Read]:
+    """Register a function `read(path) -> Table` as the format `name`.
+
+    `recognises(first bytes)`, or where it is absent `suffixes` (".acme"), decide which files are of it; with neither
+    the format is chosen by its name only. Raises `InputError` for a name that another function has.
+    """
+
+    def register(read: Read) -> Read:
+        known = KNOWN.get(name)
+        if known is not None and called(known.read) != called(read):
+            raise InputError(
+                f"the format '{name}' is there already",
+                why=f"{known.read.__module__} registered it",
+                todo="choose another name",
+            )
+        KNOWN[name] = Format(name, about, read, tuple(suffix.lower() for suffix in suffixes), recognises)
+        return read
+
+    return register
+
+
+def formats() -> Mapping[str, Format]:
+    """Return every format by name, in the order in which a file is offered to them: other people's before ours."""
+    for module in ("arrays", "rosbag", "text"):
+        import_module(f"{__name__}.{module}")
+    for entry in entry_points(group=GROUP):
+        with blaming(f"the format '{entry.name}' of an installed package ({entry.value})"):
+            entry.load()
+    others = [each for each in KNOWN.values() if not each.ours]
+    return MappingProxyType({each.name: each for each in (*others, *(KNOWN[name] for name in OWN))})
+
+
+def read_table(path: Path | str, *, format: str | None = None) -> Table:
+    """Return the columns of a file, as they stand in it.
+
+    `format` names one of `formats()`, or `package.module:function` of one that is not installed, which runs that code:
+    it is for names that a user gives, never for names that a file gives. Without it the file's first bytes and its name
+    decide. Raises `InputError` where the file is missing, empty, damaged, larger than `memory.limited` allows, or
+    something else, and then names what it is; and for an importer of somebody else's that cannot be loaded, that raises
+    anything, or gives what is no sound table, with the line in its own file.
+    """
+    path = Path(path)
+    chosen = _detected(path) if format is None else _named(format)
+    files = (each for each in path.rglob("*") if each.is_file()) if path.is_dir() else (path,)
+    reserve(sum(file.stat().st_size for file in files if file.exists()), str(path))
+    with nullcontext() if chosen.ours else blaming(f"the importer {called(chosen.read)}", chosen.read):
+        try:
+            table = chosen.read(path)
+        except OSError as error:
+            if not chosen.ours and str(error.filename) != str(path):
+                raise
+            raise InputError(f"cannot read {path}", why=error.strerror or str(error), todo="check the path") from error
+    if not chosen.ours:
+        _check(table, f"the importer {called(chosen.read)}")
+    if not table.columns:
+        raise InputError(
+            f"{path} holds no column of numbers",
+            why="; ".join(table.warnings) or f"it was read as {chosen.about}",
+            todo="name another format with --format",
+        )
+    return replace(table, format=format or chosen.name)
+
+
+def first_bytes(path: Path) -> bytes:
+    """Return the first `HEAD` bytes of a file; of a folder `FOLDER` and the names in it, one per line.
+
+    Raises `InputError` for a file that is missing or empty.
+    """
+    if path.is_dir():
+        return FOLDER + "\n".join(sorted(file.name for file in path.iterdir())).encode()
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+    except OSError as error:
+        raise InputError(f"cannot read {path}", why=error.strerror or str(error), todo="check the path") from error
+    if not head:
+        raise InputError(f"{path} is empty", why="a recording has at least one row", todo="record or copy it again")
+    return head
+
+
+def _detected(path: Path) -> Format:
+    head, known = first_bytes(path), formats()
+    for found in known.values():
+        if found.fits(path, head):
+            return found
+    if is_text(head) and path.suffix.lower() in known["csv"].suffixes and len(head) == HEAD:
+        return known["csv"]  # a header longer than what was looked at
+    words = _kind(head) or ("text without a row of numbers" if is_text(head) else None)
+    why = f"its name ends in '{path.suffix}', its first bytes are {head[:16]!r}"
+    if head.startswith(FOLDER):
+        words, inside = "a folder", head.decode(errors="replace").splitlines()[1:]
+        why = f"it holds: {', '.join(inside[:5]) or 'nothing'}{', ...' if len(inside) > 5 else ''}"
+    raise InputError(
+        f"{path} is {words}, no recording" if words else f"{path} is in no format that is known",
+        why=why,
+        todo=f"known formats: {', '.join(known)}; choose one with --format, or write an importer",
+    )
+
+
+def _named(name: str) -> Format:
+    if ":" not in name:
+        known = formats()
+        if name not in known:
+            raise UnknownNameError("format", name, known)
+        return known[name]
+    module, _, function = name.partition(":")
+    if not module or not function:
+        raise InputError(f"'{name}' does not name an importer", todo="name it package.module:function")
+    if str(Path.cwd()) not in sys.path:
+        sys.path.insert(0, str(Path.cwd()))
+    with blaming(f"loading the format '{name}'"):
+        read = getattr(import_module(module), function)
+    if not callable(read):
+        raise InputError(f"'{name}' is of type {type(read).__name__}", todo="name a function from a path to a Table")
+    return next((each for each in KNOWN.values() if each.read is read), None) or Format(
+        name, f"the format {name}", read
+    )
+
+
+def called(read: Any) -> str:
+    """Return a function's module and name, as `--format` takes it."""
+    name = getattr(read, "__qualname__", type(read).__qualname__)
+    return f"{getattr(read, '__module__', type(read).__module__)}:{name}"
+
+
+@contextmanager
+def blaming(what: str, function: Any = None) -> Iterator[None]:
+    """Turn whatever foreign code raises in the block into an `InputError` of `what`, with the line of `function`."""
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        place = _place(error, function)
+        if isinstance(error, HapticevalError):
+            why = "; ".join(filter(None, (error.why, place)))
+            raise InputError(f"{what}: {error.what}", why=why, todo=error.todo) from error
+        raise InputError(f"{what} raised {described(error)}", why=place, todo="mend it there") from error
+
+
+def _place(error: BaseException, function: Any) -> str:
+    """Return where an error came from: the innermost line in the file of `function`, else the innermost of all."""
+    frames = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if frame.filename != __file__ and "importlib" not in frame.filename
+    ]
+    code = getattr(inspect.unwrap(function), "__code__", None) if callable(function) else None
+    own = [frame for frame in frames if code is not None and frame.filename == code.co_filename]
+    for last in (own or frames)[-1:]:
+        return f"in {PurePath(last.filename).name}, line {last.lineno}, in {last.name}: {last.line}"
+    return ""
+
+
+def _check(table: Any, who: str) -> None:
+    """Raise `InputError` for what is no `Table`, and for columns, units and notes of it that do not fit together."""
+    if not isinstance(table, Table):
+        raise InputError(
+            f"{who} gave {'None' if table is None else f'a {type(table).__name__}'}",
+            why="it must give a hapticeval.recordings.formats.Table",
+            todo='end it with for instance: return Table({"t": times, "x": positions}, units={"t": "ms"})',
+        )
+    rows = {name: table.rows(name) for name in table.columns}
+    sizes = Counter(rows.values())
+    for name, size in reversed(rows.items()):
+        if not isinstance(name, str):
+            raise InputError(f"{who} named a column {name!r}", why="a name is a text")
+        if sizes[size] == 1 < len(rows):
+            raise InputError(
+                f"{who} gave a column '{name}' of {size} rows that no other column fits",
+                why=f"the others have {', '.join(str(each) for each in sorted(sizes) if each != size)} rows",
+                todo="give a number in each row, nan where there is none; of signals on several clocks each its clock",
+            )
+    if rows and not any(sizes):
+        raise InputError(f"{who} gave no row", why="a recording has at least one")
+    for name in (*table.units, *table.notes):
+        if name not in rows:
+            raise InputError(
+                f"{who} gave a unit or a note of the column '{name}', which is not there",
+                why=f"its columns are: {', '.join(rows)}",
+                todo="check the name",
+            )
+    for name, unit in table.units.items():
+        with blaming(f"{who}, unit of the column '{name}'"):
+            parse_unit(str(unit))

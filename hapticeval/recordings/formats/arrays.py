@@ -1,75 +1,107 @@
-"""Files of named arrays: HDF5 of any origin, and NumPy's .npz. Every numeric array is a column, or several.
+"""Files of named arrays: HDF5 of any origin, NumPy's .npz, and MATLAB's .mat. Every numeric array is columns.
 
 What a file names outside of itself is never opened: external links, external storage and virtual data sets of HDF5 can
 read any path of the machine, and pickled objects of NumPy can run code.
+
+MATLAB files of version 5 to 7.2 are read by scipy, variable by variable, so that an object which scipy cannot read
+costs that variable and no other. Those of version 7.3 are HDF5 files: arrays lie transposed, texts as numbers. Columns
+are named alike in both, by their path from the variable on, counting from zero: `scope.signals[1].values[0]`.
 """
 
 from __future__ import annotations
 
 import io
+import math
+import struct
+import warnings
 import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hapticeval.errors import HapticevalError, InputError
-from hapticeval.recordings.formats.registry import importer
-from hapticeval.recordings.formats.table import Table, spread, upright
-from hapticeval.recordings.hdf5 import SIGNATURE, ending, lies_elsewhere
-from hapticeval.recordings.memory import reserve
-
-UNIT_NAMES = ("unit", "units", "Unit", "Units")
+from hapticeval.recordings.formats import Table, damaged, importer, lies, lying, spread, upright
+from hapticeval.recordings.hdf5 import SIGNATURE, lies_elsewhere
+from hapticeval.recordings.memory import allowed, reserve
 
 H5_DAMAGE = (OSError, KeyError, RuntimeError, ValueError)
-"""h5py speaks of one and the same damage in all of these, by where it strikes."""
+"""h5py raises any of these for one and the same damage, by where it strikes."""
 
 NPZ_DAMAGE = (ValueError, RuntimeError, zipfile.BadZipFile, zlib.error, EOFError, TokenError, MemoryError)
-"""So does NumPy."""
+"""NumPy and zipfile do so, too."""
 
+UNIT_NAMES = ("unit", "units", "Unit", "Units")
 DEEPEST = 32
 """Groups within groups; a file nested deeper holds no log, and takes minutes to walk through."""
 
 MOST = 100_000
 """Objects in a file."""
 
-
-@contextmanager
-def opened(path: Path) -> Iterator[Any]:
-    """An HDF5 file; whatever h5py raises for one that is cut short or damaged becomes an `InputError`."""
-    import h5py
-
-    try:
-        with h5py.File(path, "r") as file:
-            yield file
-    except HapticevalError:
-        raise
-    except H5_DAMAGE as error:
-        raise damaged(path, ending(path) or str(error)) from error
+FEW = 9
+"""A MATLAB array of as many numbers at the most is a parameter (a 3 x 3 matrix), no signal."""
 
 
-def damaged(path: Path, why: str) -> InputError:
-    """The error of a foreign file that is not whole."""
-    return InputError(f"{path} is cut short or damaged", why=why, todo="copy it again from where it was recorded")
+class Arrays:
+    """Takes the arrays of a file one after the other, each by its path: columns of numbers, or attributes."""
+
+    def __init__(self) -> None:
+        self.columns: dict[str, NDArray[Any]] = {}
+        self.units: dict[str, str] = {}
+        self.notes: dict[str, str] = {}
+        self.attributes: dict[str, Any] = {}
+        self.warnings: list[str] = []
+        self.remarks: list[str] = []
+
+    def add(self, name: str, values: NDArray[Any]) -> None:
+        """Add an array, or each field of a structured one."""
+        if values.dtype.names:
+            for part in values.dtype.names:
+                self.add(f"{name}.{part}", values[part])
+        elif values.dtype.kind in "US" and values.size == 1:
+            self.attributes[name] = str(values.ravel()[0])
+        elif values.dtype.kind not in "fiub":
+            self.remarks.append(f"'{name}' is of type {values.dtype}, which is left out")
+        elif values.size == 1:
+            self.attributes[name] = values.ravel()[0].item()
+        elif values.size:
+            self.columns |= spread(name, upright(f"'{name}'", values, self.remarks))
+
+    def table(self) -> Table:
+        """Return all of them as a table."""
+        return Table(
+            self.columns,
+            units=self.units,
+            notes=self.notes,
+            attributes=self.attributes,
+            warnings=tuple(self.warnings),
+            remarks=tuple(self.remarks),
+        )
+
+
+# HDF5
 
 
 class Nodes:
-    """The groups and data sets of an HDF5 file, each once, as far as they lie in the file itself.
+    """The groups and data sets of an HDF5 file, as far as they lie in the file itself.
 
-    `elsewhere` collects what does not. Raises `InputError` for a file that is nested too deep or has too many parts.
+    `elsewhere` collects what does not. Raises `InputError` for a file that is nested too deep, has too many parts, or
+    whose numbers take more memory than is allowed.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, file: Any) -> None:
+        self.path, self.file = path, file
         self.elsewhere: list[str] = []
-        self._count = 0
+        self._count = self._size = 0
 
     def members(self, group: Any, depth: int) -> Iterator[tuple[str, Any]]:
-        """The names in a group, which lies `depth` groups deep, and what they name in this file."""
+        """Yield the names in a group, which lies `depth` groups deep, and what they name in this file."""
         import h5py
 
         for name in group:
@@ -92,93 +124,77 @@ class Nodes:
                 todo="write the recording's data sets into a file of their own",
             )
 
+    def read(self, node: Any, name: str, parts: list[str] | None = None) -> Any:
+        """Return the numbers of a data set, or those of its fields `parts`; none where they lie in another file."""
+        if lies_elsewhere(node):
+            self.elsewhere.append(name)
+            return np.empty(0)
+        self._size += max(8, node.dtype.itemsize) * math.prod(node.shape or ())
+        reserve(self._size, str(self.path))
+        return node.fields(parts)[()] if parts else node[()]
+
     def warnings(self) -> list[str]:
-        """What was left out for lying in another file."""
+        """Return what was left out for lying in another file."""
         return [f"'{name}' lies in another file, which is not opened: it is left out" for name in self.elsewhere]
 
 
-def _is_hdf5(head: bytes) -> bool:
-    return head.startswith(SIGNATURE)
+@contextmanager
+def opened(path: Path) -> Iterator[Nodes]:
+    """Open an HDF5 file; whatever h5py raises for one that is cut short or damaged becomes an `InputError`."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            yield Nodes(path, file)
+    except HapticevalError:
+        raise
+    except H5_DAMAGE as error:
+        raise damaged(path, str(error)) from error
 
 
-@importer("hdf5", about="an HDF5 file", suffixes=(".h5", ".hdf5", ".hdf"), recognises=_is_hdf5)
+@importer(
+    "hdf5",
+    about="an HDF5 file",
+    suffixes=(".h5", ".hdf5", ".hdf"),
+    recognises=lambda head: head.startswith(SIGNATURE),
+)
 def read_hdf5(path: Path) -> Table:
-    """Columns `group/dataset`, with the unit that the attribute `unit` or `units` states; attributes as `path@name`."""
-    with opened(path) as file:
-        return _Hdf5(path, file).table()
+    """Return columns `group/dataset`, with the unit of the attribute `unit` or `units`; attributes as `path@name`."""
+    import h5py
+
+    found = Arrays()
+    with opened(path) as nodes:
+        seen = {hash(nodes.file["/"].id)}
+
+        def walk(place: str, node: Any, depth: int) -> None:
+            stated = {f"{place}@{key}": _plain(node.attrs[key]) for key in node.attrs}
+            found.attributes.update(stated)
+            if isinstance(node, h5py.Dataset):
+                before = set(found.columns)
+                _add_dataset(nodes, found, place, node)
+                unit = next((each for key in UNIT_NAMES if (each := stated.get(f"{place}@{key}"))), None)
+                found.units.update({name: str(unit) for name in found.columns.keys() - before if unit})
+            elif isinstance(node, h5py.Group):
+                for name, part in nodes.members(node, depth):
+                    if hash(part.id) not in seen:  # neither a second name of an object, nor a group in itself
+                        seen.add(hash(part.id))
+                        walk(f"{place}/{name}".lstrip("/"), part, depth + 1)
+
+        walk("", nodes.file, 1)
+        found.warnings += nodes.warnings()
+        return found.table()
 
 
-class _Hdf5:
-    """One pass that finds the data sets and their size, and a second one that reads them."""
-
-    def __init__(self, path: Path, file: Any) -> None:
-        self.nodes = Nodes(path)
-        self.columns: dict[str, Any] = {}
-        self.units: dict[str, str] = {}
-        self.attributes: dict[str, Any] = {}
-        self.remarks: list[str] = []
-        self.datasets: list[tuple[str, Any, list[str]]] = []
-        self.seen = {hash(file["/"].id)}
-        self.size = 0
-        self._note("", file)
-        self._find(file, "", 1)
-        reserve(self.size, str(path))
-
-    def table(self) -> Table:
-        """The columns."""
-        for name, node, parts in self.datasets:
-            read = node.fields(parts)[()] if parts else node[()]
-            for path_ in [f"{name}.{part}" for part in parts] if parts else [name]:
-                values = np.asarray(read[path_.removeprefix(f"{name}.")] if parts else read)
-                if values.size == 1:
-                    self.attributes[path_] = values.ravel()[0].item()
-                    continue
-                found = spread(path_, upright(f"'{path_}'", values, self.remarks))
-                self.columns |= found
-                said = (self.attributes.get(f"{name}@{key}") for key in UNIT_NAMES)
-                unit = next((unit for unit in said if unit), None)
-                self.units.update({column: str(unit) for column in found if unit})
-        return Table(
-            self.columns,
-            units=self.units,
-            attributes=self.attributes,
-            warnings=tuple(self.nodes.warnings()),
-            remarks=tuple(self.remarks),
-        )
-
-    def _find(self, group: Any, path: str, depth: int) -> None:
-        import h5py
-
-        for name, node in self.nodes.members(group, depth):
-            place = f"{path}/{name}".lstrip("/")
-            if hash(node.id) in self.seen:  # a second name of the same object, or a group that holds itself
-                continue
-            self.seen.add(hash(node.id))
-            self._note(place, node)
-            if isinstance(node, h5py.Group):
-                self._find(node, place, depth + 1)
-            elif isinstance(node, h5py.Dataset):
-                self._dataset(place, node)
-
-    def _dataset(self, name: str, node: Any) -> None:
-        names = node.dtype.names
-        kinds = {part: node.dtype[part].base for part in names} if names else {"": node.dtype}
-        found = [part for part, kind in kinds.items() if kind.kind in "fiub"]
-        self.remarks += [
-            f"'{name}{'.' * bool(part)}{part}' is of type {kind}, which is left out"
-            for part, kind in kinds.items()
-            if part not in found
-        ]
-        if not found or not node.size:
-            return
-        if lies_elsewhere(node):
-            self.nodes.elsewhere.append(name)
-            return
-        self.size += 8 * node.size * sum(int(np.prod(node.dtype[part].shape)) if part else 1 for part in found)
-        self.datasets.append((name, node, found if names else []))
-
-    def _note(self, name: str, node: Any) -> None:
-        self.attributes.update({f"{name}@{key}".lstrip("/"): _plain(node.attrs[key]) for key in node.attrs})
+def _add_dataset(nodes: Nodes, found: Arrays, name: str, node: Any) -> None:
+    kinds = {part: node.dtype[part].base for part in node.dtype.names or ()} or {"": node.dtype}
+    numeric = [part for part, kind in kinds.items() if kind.kind in "fiub"]
+    for part, kind in kinds.items():
+        if part not in numeric:
+            found.remarks.append(f"'{name}{'.' * bool(part)}{part}' is of type {kind}, which is left out")
+    if numeric and node.size:
+        values = np.asarray(nodes.read(node, name, numeric if node.dtype.names else None))
+        for part in numeric if values.size else ():
+            found.add(f"{name}.{part}" if part else name, values[part] if part else values)
 
 
 def _plain(value: Any) -> Any:
@@ -187,54 +203,291 @@ def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
-def _is_npz(head: bytes) -> bool:
-    return head.startswith(b"PK\x03\x04") and b".npy" in head[:300]
+# NumPy
 
 
-@importer("npz", about="NumPy arrays (.npz)", suffixes=(".npz",), recognises=_is_npz)
+@importer(
+    "npz",
+    about="NumPy arrays (.npz)",
+    suffixes=(".npz",),
+    recognises=lambda head: head.startswith(b"PK\x03\x04") and b".npy" in head[:300],
+)
 def read_npz(path: Path) -> Table:
-    """Columns by the arrays' names; single numbers and texts as attributes; a unit of `x` is the text `unit:x`."""
-    columns: dict[str, Any] = {}
-    attributes: dict[str, Any] = {}
-    warnings: list[str] = []
-    remarks: list[str] = []
+    """Return columns by the arrays' names; single numbers and texts as attributes; the unit of `x` is text `unit:x`."""
+    found = Arrays()
     place = "its index, which stands at its end"
     try:
         with zipfile.ZipFile(path) as archive:
-            found = archive.infolist()
-            if min((entry.header_offset for entry in found), default=0):
+            entries = archive.infolist()
+            if min((entry.header_offset for entry in entries), default=0):
                 raise zipfile.BadZipFile("it is that of another archive inside of it")
-            reserve(sum(entry.file_size for entry in found), str(path))
-            for entry in found:
+            reserve(sum(entry.file_size for entry in entries), str(path))
+            for entry in entries:
                 name = entry.filename.removesuffix(".npy")
                 place = f"the array '{name}', from byte {entry.header_offset} on"
-                data = archive.read(entry)
+                data = archive.read(entry)  # all of it, which has its checksum compared
                 if not data.startswith(np.lib.format.MAGIC_PREFIX):
-                    remarks.append(f"'{name}' is no array, and is left out")
+                    found.remarks.append(f"'{name}' is no array, and is left out")
                     continue
                 try:
-                    array = np.load(io.BytesIO(data), allow_pickle=False)
+                    found.add(name, np.load(io.BytesIO(data), allow_pickle=False))
                 except ValueError as error:
                     if "allow_pickle" not in str(error):
                         raise
-                    warnings.append(f"the array '{name}' is left out: it holds pickled objects, which can run code")
-                    continue
-                _sort(name, array, columns, attributes, remarks)
+                    what = f"the array '{name}' is left out: it holds pickled objects, which can run code"
+                    found.warnings.append(what)
     except NPZ_DAMAGE as error:
         raise damaged(path, f"{place}: {error}") from error
-    units = {name.removeprefix("unit:"): str(text) for name, text in attributes.items() if name.startswith("unit:")}
-    return Table(columns, units=units, attributes=attributes, warnings=tuple(warnings), remarks=tuple(remarks))
+    units = {name: str(found.attributes.get(f"unit:{name}", "")) for name in found.columns}
+    found.units = {name: unit for name, unit in units.items() if unit}
+    return found.table()
 
 
-def _sort(name: str, array: Any, columns: dict[str, Any], attributes: dict[str, Any], remarks: list[str]) -> None:
-    """Put an array, or each field of a structured one, among the columns or the attributes."""
-    names = array.dtype.names
-    for part, values in {f"{name}.{part}": array[part] for part in names}.items() if names else [(name, array)]:
-        if values.dtype.kind in "US" and values.size == 1:
-            attributes[part] = str(values.ravel()[0])
-        elif values.dtype.kind not in "fiub":
-            remarks.append(f"the array '{part}' is of type {values.dtype}, which is left out")
-        elif values.size == 1:
-            attributes[part] = values.ravel()[0].item()
-        elif values.size:
-            columns |= spread(part, upright(f"'{part}'", values, remarks))
+# MATLAB
+
+
+class Variables(Arrays):
+    """The arrays of a MATLAB file, each by its path, as MATLAB orders them (rows first)."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.objects: list[str] = []
+        """Variables that are objects of MATLAB's own, which nothing else reads."""
+
+    def add(self, name: str, values: NDArray[Any]) -> None:
+        """Add an array: text, a few numbers, or columns."""
+        if values.dtype.kind == "c":
+            self.warnings.append(f"'{name}' holds complex numbers, which are left out")
+        elif values.dtype.kind in "fiub" and values.size > FEW:
+            self.columns |= spread(name, self._upright(name, values))
+        elif values.dtype.kind in "US":
+            self.attributes[name] = "\n".join(str(row) for row in values.ravel())
+        elif values.dtype.kind in "fiub" and values.size:
+            self.attributes[name] = values.ravel()[0].item() if values.size == 1 else values.tolist()
+
+    def _upright(self, name: str, values: NDArray[Any]) -> NDArray[Any]:
+        """Return an array with its samples along the first axis, by the time vector beside it or by its shape.
+
+        Signals that are matrices have their samples along the last axis, as Simulink logs them.
+        """
+        if values.ndim == 3:
+            return np.moveaxis(values, -1, 0)
+        if values.ndim != 2 or values.shape[0] == 1:
+            return values.T
+        samples = self._samples(name)
+        if samples == values.shape[1] != values.shape[0] or (samples not in values.shape and lies(values.shape)):
+            self.remarks.append(lying(f"'{name}'", values.shape))
+            return values.T
+        return values
+
+    def _samples(self, name: str) -> int | None:
+        """Return the length of the time vector of the structure that holds an array, where one stands before it."""
+        while name:
+            name = name.rpartition(".")[0]
+            for leaf in ("time", "Time", "t"):
+                found = self.columns.get(f"{name}.{leaf}".lstrip("."))
+                if found is not None:
+                    return int(found.size)
+        return None
+
+    def table(self) -> Table:
+        """Return the columns, with a scope's label as the note of each signal, and the units of files of ours."""
+        for column in self.columns:
+            stem, _, leaf = column.rpartition(".")
+            label = self.attributes.get(f"{stem}.label") or self.attributes.get(f"{stem}.title")
+            if label and leaf.startswith("values"):
+                self.notes[column] = f"label: {label}"
+            unit = self.attributes.get("units." + column.removeprefix("recording.").partition("[")[0])
+            if unit and "hapticeval" in self.attributes:
+                self.units[column] = unit
+        if self.objects:
+            self.remarks.append(
+                f"left out, as objects that only MATLAB reads: {', '.join(self.objects)}; to have one, save its "
+                f"numbers in MATLAB: s = struct({self.objects[0].partition(' ')[0]}), or Time and Data of a timeseries"
+            )
+        return super().table()
+
+
+HEADER = 128
+COMPRESSED, MATRIX, OPAQUE = 15, 14, 17
+
+
+@importer(
+    "matlab5",
+    about="a MATLAB 5 to 7.2 file (.mat)",
+    suffixes=(".mat",),
+    recognises=lambda head: head[124:128] in (b"\x00\x01IM", b"\x01\x00MI"),
+)
+def read_matlab5(path: Path) -> Table:
+    """Return every numeric array of two rows or more, as columns; numbers and texts as attributes."""
+    from scipy.io import loadmat
+
+    data = path.read_bytes()
+    if len(data) < HEADER:
+        raise damaged(path, f"its header has {HEADER} bytes, and {len(data)} are there")
+    order = "<" if data[126:128] == b"IM" else ">"
+    (subsystem,) = struct.unpack(order + "Q", data[116:124])  # where data of objects lie, which are no variable
+    found, taken = Variables(), 0
+    for offset, element in _elements5(path, data, order):
+        if offset == subsystem and subsystem:
+            continue
+        matrix = _unpacked(path, offset, element, order, taken)
+        taken += len(matrix)
+        _check_depth(path, offset, matrix, order)
+        name, opaque = _name5(matrix, order)
+        if opaque:
+            found.objects.append(f"{name} ({opaque})")
+            continue
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                stream: Any = io.BytesIO(data[:HEADER] + matrix)
+                read = loadmat(stream, struct_as_record=True)
+        except Exception as error:  # scipy raises anything on what it does not know
+            found.warnings.append(f"the variable '{name or '?'}' cannot be read: {error}")
+            continue
+        for variable, value in read.items():
+            if not str(variable).startswith("__"):
+                _walk5(found, str(variable), value)
+    return found.table()
+
+
+def _walk5(found: Variables, name: str, value: Any) -> None:
+    """Add a value as scipy gives it, and all that it holds."""
+    if isinstance(value, np.ndarray) and (value.dtype.names is not None or value.dtype == object):
+        fields = value.dtype.names
+        for place, item in enumerate(value.ravel(order="F")):
+            bracket = "" if value.size == 1 else f"[{place}]" if fields else f"{{{place}}}"
+            for part in fields or ("",):
+                _walk5(found, f"{name}{bracket}.{part}" if part else f"{name}{bracket}", item[part] if part else item)
+    elif isinstance(value, np.ndarray):
+        found.add(name, value)
+    elif value is not None:
+        found.warnings.append(f"'{name}' is a {type(value).__name__}, which is left out")
+
+
+def _elements5(path: Path, data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+    """Yield where each variable starts, and its bytes. Raises `InputError` where the file ends within one."""
+    offset = HEADER
+    while offset < len(data):
+        kind, size = struct.unpack(order + "II", data[offset : offset + 8].ljust(8, b"\0"))
+        if kind not in (COMPRESSED, MATRIX):
+            raise damaged(path, f"at byte {offset} a variable should start, with {MATRIX} or {COMPRESSED}, not {kind}")
+        end = offset + 8 + size
+        if end > len(data):
+            raise damaged(
+                path,
+                f"it ends at byte {len(data)}, within the variable that starts at byte {offset}: of its {size} bytes "
+                f"{max(0, len(data) - offset - 8)} are there",
+            )
+        yield offset, data[offset:end]
+        offset = end + (-size % 8 if kind == MATRIX else 0)
+
+
+def _unpacked(path: Path, offset: int, element: bytes, order: str, taken: int) -> bytes:
+    """Return the bytes of a matrix, no more than the limit allows beside those `taken` by the ones before it."""
+    if struct.unpack(order + "I", element[:4])[0] == MATRIX:
+        return element
+    unpacking = zlib.decompressobj()
+    try:
+        matrix = unpacking.decompress(element[8:], max(1, allowed() - taken + 1))
+    except zlib.error as error:
+        raise damaged(path, f"the variable at byte {offset} cannot be unpacked: {error}") from error
+    reserve(taken + len(matrix), f"{path}, as far as it was counted,")
+    if not unpacking.eof:
+        raise damaged(path, f"the variable at byte {offset} breaks off")
+    return matrix
+
+
+def _parts5(data: bytes, begin: int, end: int, order: str) -> Iterator[tuple[int, int, int]]:
+    """Yield the kind, first byte and end of each element from `begin` to `end`, short ones within their own tags."""
+    while begin + 8 <= end:
+        kind, size = struct.unpack_from(order + "II", data, begin)
+        short = kind >> 16
+        start = begin + (4 if short else 8)
+        yield kind & 0xFFFF, start, start + (short or size)
+        begin += 8 if short else 8 + size + (-size % 8)
+
+
+def _check_depth(path: Path, offset: int, matrix: bytes, order: str) -> None:
+    """Raise `InputError` for structures nested too deep, for which scipy has no limit but the end of the stack."""
+    pending = [(0, len(matrix), 0)]
+    while pending:
+        begin, end, depth = pending.pop()
+        if depth > DEEPEST:
+            raise InputError(
+                f"{path} has structures {depth} deep, in the variable at byte {offset}",
+                why=f"at most {DEEPEST} levels are read",
+                todo="save the signals as variables of their own",
+            )
+        pending += [(a, min(b, end), depth + 1) for kind, a, b in _parts5(matrix, begin, end, order) if kind == MATRIX]
+
+
+def _name5(matrix: bytes, order: str) -> tuple[str, str]:
+    """Return the name of a matrix, and the class of an object of MATLAB's own; "" where the bytes hold none."""
+    parts = [matrix[a:b] for _, a, b in islice(_parts5(matrix, 8, len(matrix), order), 4)]
+    try:
+        if struct.unpack(order + "I", parts[0][:4])[0] & 0xFF == OPAQUE:  # flags, name, system and class
+            return parts[1].decode(), parts[3].decode()
+        return parts[2].decode(), ""  # flags, dimensions, name
+    except (IndexError, struct.error, UnicodeDecodeError):
+        return "", ""  # scipy names what is wrong
+
+
+NUMERIC = {"", "double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
+
+
+@importer(
+    "matlab73",
+    about="a MATLAB 7.3 file (.mat)",
+    suffixes=(".mat",),
+    recognises=lambda head: head.startswith(b"MATLAB 7.3 MAT-file"),
+)
+def read_matlab73(path: Path) -> Table:
+    """Return what `read_matlab5` does, with the same names of columns.
+
+    Cells and arrays of structures are references into the same file.
+    """
+    import h5py
+
+    found = Variables()
+    with opened(path) as nodes:
+
+        def refers(node: Any) -> bool:
+            return isinstance(node, h5py.Dataset) and h5py.check_ref_dtype(node.dtype) is not None
+
+        def follow(node: Any, name: str, brackets: str, after: str, depth: int) -> None:
+            for place, reference in enumerate(nodes.read(node, name).ravel()):
+                target = nodes.file[reference]
+                nodes.enter(target, depth)
+                numbered = "" if node.size == 1 else f"{brackets[0]}{place}{brackets[1]}"
+                add(f"{name}{numbered}{after}", target, depth)
+
+        def add(name: str, node: Any, depth: int) -> None:
+            kind = _plain(node.attrs.get("MATLAB_class", b""))
+            if "MATLAB_object_decode" in node.attrs:
+                found.objects.append(f"{name} ({kind})")
+            elif isinstance(node, h5py.Group):
+                parts = dict(nodes.members(node, depth + 1))
+                several = bool(parts) and all(map(refers, parts.values()))  # structures: each field holds references
+                for part, item in parts.items():
+                    if several:
+                        follow(item, name, "[]", f".{part}", depth + 1)
+                    else:
+                        add(f"{name}.{part}", item, depth + 1)
+            elif refers(node):
+                follow(node, name, "{}", "", depth + 1)
+            elif "MATLAB_empty" in node.attrs:
+                return
+            elif kind == "char":
+                found.add(name, np.array(["".join(map(chr, np.asarray(nodes.read(node, name)).T.ravel()))]))
+            elif kind in NUMERIC:
+                found.add(name, np.asarray(nodes.read(node, name)).T)
+            else:
+                found.warnings.append(f"the variable '{name}' of class '{kind}' is left out")
+
+        for name, node in nodes.members(nodes.file, 1):
+            if not name.startswith("#"):
+                add(name, node, 1)
+        found.warnings += nodes.warnings()
+        return found.table()

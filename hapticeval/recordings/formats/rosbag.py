@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from hapticeval.errors import HapticevalError, InputError
-from hapticeval.recordings.formats.registry import FOLDER, importer
-from hapticeval.recordings.formats.table import Table
+from hapticeval.recordings.formats import FOLDER, Table, importer
 from hapticeval.recordings.memory import reserve
 
 NUMBER = 40

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
-from hapticeval.files import creating, plain
-from hapticeval.recordings.formats import Table, formats, read_table
-from hapticeval.recordings.formats.registry import first_bytes
-from hapticeval.recordings.hdf5 import DAMAGE, FORMAT, SIGNATURE, DamagedError, read_recording, write_recording
+from hapticeval.files import creating
+from hapticeval.recordings.formats import Table, first_bytes, formats, read_table
+from hapticeval.recordings.hdf5 import (
+    DAMAGE,
+    FORMAT,
+    SIGNATURE,
+    DamagedError,
+    metadata_json,
+    read_recording,
+    write_recording,
+)
 from hapticeval.recordings.importing.mapping import FileMapping, Source, TimeBase, read_mapping
 from hapticeval.recordings.journal import MAGIC, MARK, recover
 from hapticeval.recordings.recording import Clock, Recording, columns_of
@@ -25,7 +31,7 @@ from hapticeval.types import Array, BoolArray, IntArray
 def load(
     path: Path | str, *, mapping: Path | str | None = None, format: str | None = None, salvaging: bool = False
 ) -> Recording:
-    """Read the recording in a file of any kind: ours, the journal of a recorder, or a foreign one through its mapping.
+    """Return the recording in a file of any kind: ours, the journal of a recorder, or a foreign one by its mapping.
 
     A journal gives what is whole of it. So does one of our files that is cut short or damaged where `salvaging` is
     asked for; otherwise it is an error. Either way the recording's events of kind `lost` report what is missing. Raises
@@ -37,7 +43,7 @@ def load(
         return _foreign(path, mapping, format)
     if mapping is not None:
         raise InputError(f"{path} is a recording already", why="it needs no mapping", todo="leave --mapping out")
-    if is_journal(path):
+    if _is_journal(first_bytes(path)):
         return recover(path).recording
     try:
         return read_recording(path)
@@ -51,128 +57,110 @@ def _foreign(path: Path, mapping: Path | str | None, format: str | None) -> Reco
     if mapping is None:
         raise InputError(
             f"{path} is no recording of hapticeval's",
-            why="which column is what, in which unit and with which sign, does not stand in it",
+            why="it does not state which column is what, in which unit and with which sign",
             todo=f"write a mapping: hapticeval inspect {path.name} --write-mapping mapping.toml; then give --mapping",
         )
-    said = read_mapping(mapping)
-    if format is None and said.format is not None:
-        _check_format(path, said.format, Path(mapping).name)
-    return convert(read_table(path, format=format or said.format), said, file=path.name)
-
-
-def _check_format(path: Path, wanted: str, mapping: str) -> None:
-    """Raise `InputError` for a file that is plainly in another format than its mapping says."""
+    made = read_mapping(mapping)
+    wanted = format or made.document.format
     known, head = formats(), first_bytes(path)
-    if wanted not in known or known[wanted].recognises is None or known[wanted].fits(path, head):
-        return
-    found = next((each for each in known.values() if each.fits(path, head)), None)
-    if found is not None:
-        raise InputError(
-            f"{path} is in the format '{found.name}' ({found.about}), and the mapping {mapping} is for '{wanted}'",
-            why="its columns have other names there",
-            todo=f"propose a mapping of its own: hapticeval inspect {path.name} --write-mapping mapping.toml",
-        )
+    if format is None and wanted in known and known[wanted].recognises and not known[wanted].fits(path, head):
+        found = next((each for each in known.values() if each.fits(path, head)), None)
+        if found is not None:
+            raise InputError(
+                f"{path} is in the format '{found.name}' ({found.about}), and the mapping {Path(mapping).name} is for "
+                f"'{wanted}'",
+                why="its columns have other names there",
+                todo=f"propose a mapping of its own: hapticeval inspect {path.name} --write-mapping mapping.toml",
+            )
+    return convert(read_table(path, format=wanted), made, file=path.name)
 
 
 def is_ours(path: Path | str) -> bool:
-    """Whether a file is a recording or a journal that hapticeval wrote, and so says itself what is in it.
+    """Return whether a file is a recording or a journal that hapticeval wrote, and so states itself what is in it.
 
     Raises `InputError` where it is missing or empty.
     """
-    return is_journal(Path(path)) or is_recording(Path(path))
-
-
-def is_journal(path: Path) -> bool:
-    """Whether a file begins as journals do, or its first block does: one wrong byte hides no journal.
-
-    Raises `InputError` where it is missing or empty.
-    """
-    head = first_bytes(path)
-    return head.startswith(MAGIC) or head[len(MAGIC) :].startswith(MARK)
-
-
-def is_recording(path: Path) -> bool:
-    """Whether a file is a recording that hapticeval wrote. Raises `InputError` where it is missing or empty."""
-    if not first_bytes(path).startswith(SIGNATURE):
-        return False
+    head = first_bytes(Path(path))
+    if not head.startswith(SIGNATURE):
+        return _is_journal(head)
     import h5py
 
     try:
         with h5py.File(path, "r") as file:
-            said = file.attrs.get("format", b"")
+            stated = file.attrs.get("format", b"")
     except DAMAGE:
-        with path.open("rb") as raw:
-            return FORMAT.encode() in raw.read(1 << 16)
-    return (said.decode(errors="replace") if isinstance(said, bytes) else str(said)) == FORMAT
+        return FORMAT.encode() in head
+    return (stated.decode(errors="replace") if isinstance(stated, bytes) else str(stated)) == FORMAT
+
+
+def _is_journal(head: bytes) -> bool:
+    """Return whether a file begins as journals do, or its first block does: one wrong byte hides no journal."""
+    return head.startswith(MAGIC) or head[len(MAGIC) :].startswith(MARK)
 
 
 def convert(table: Table, mapping: FileMapping, *, file: str = "") -> Recording:
-    """The recording that a mapping makes of a table.
+    """Return the recording that a mapping makes of a table.
 
     Rows without a number in a mapped column, and those of `[gaps]`, are kept and marked as not valid; `meta["import"]`
     counts them. Raises `UnknownNameError` for a column that is not there, with the closest, and `InputError` for
     a table without a row, columns of different length or of different topics, a time that does not increase, and a
     channel on another clock.
     """
+    document = mapping.document
     first = next(iter(mapping.channels.values())).columns[0]
-    stamps, valid = _stamps(table, mapping.time, table.rows(first))
+    stamps, valid = _stamps(table, document.time, mapping.factor, table.rows(first))
     if not stamps.size:
         raise InputError(
             f"{file or 'the file'} has no row",
-            why=f"the column '{mapping.time.column or first}' is empty",
+            why=f"the column '{document.time.column or first}' is empty",
             todo="record or copy it again",
         )
-    counts = {"time out of order": int(np.sum(~valid))}
-    channels, signals = {}, {}
+    counts = {"time out of order": int(np.sum(~valid)), "without a number": 0}
+    channels = {}
     for name, source in mapping.channels.items():
-        values = _values(table, mapping, name, source, stamps)
-        empty = ~np.isfinite(values).reshape(len(values), -1).all(axis=1)
-        counts["without a number"] = counts.get("without a number", 0) + int(np.sum(empty & valid))
+        channels[name] = _values(table, mapping, name, source, stamps)
+        empty = ~np.isfinite(channels[name]).reshape(stamps.size, -1).all(axis=1)
+        counts["without a number"] += int(np.sum(empty & valid))
         valid &= ~empty
-        channels[name] = values
-        signals[name] = source.signal
-    if mapping.gaps is not None:
-        column, where = mapping.gaps
-        gap = table[column] == where
-        _same_clock(table, mapping.time, column, stamps)
+    if document.gaps is not None:
+        _same_clock(table, document.time, document.gaps.column, stamps)
+        gap = table[document.gaps.column] == document.gaps.where
         counts["in a gap"] = int(np.sum(gap & valid))
         valid &= ~gap
     if not valid.any():
-        raise InputError("not one row is valid", why=str(counts), todo="see the columns: hapticeval inspect FILE")
-    start = int(stamps[valid][0]) if mapping.time.from_zero else 0
+        raise InputError("not one row is valid", why=str(counts), todo="look at the columns: hapticeval inspect FILE")
     notes: dict[str, Any] = {
         "format": table.format,
-        "mapping": mapping.title,
+        "mapping": document.title,
         "rows": int(stamps.size),
         "left out": {key: count for key, count in counts.items() if count},
         "columns": {name: list(source.columns) for name, source in mapping.channels.items()},
     }
-    warnings = [text for text in table.warnings if text not in table.cells]
-    if warnings:
-        notes["warnings"] = warnings
-    if table.cells:
-        notes["cells"] = list(table.cells)
-    resampled = {name: source.resample for name, source in mapping.channels.items() if source.resample}
-    if resampled:
-        notes["resampled"] = resampled
-    meta = {"source": "file", **({"file": file} if file else {}), **mapping.meta, "import": notes}
-    if mapping.device is not None:
-        known = {key: value for key, value in mapping.device.items() if key != "kind"}
-        meta |= {"device": mapping.device["kind"], "device_parameters": known}
-    clock = Clock(stamps, start=start)
+    more = {
+        "warnings": [text for text in table.warnings if text not in table.cells],
+        "cells": list(table.cells),
+        "resampled": {name: source.resample for name, source in mapping.channels.items() if source.resample},
+    }
+    notes |= {key: value for key, value in more.items() if value}
+    meta = {"source": "file", **({"file": file} if file else {}), **document.meta, "import": notes}
+    if document.device is not None:
+        known = {key: value for key, value in document.device.items() if key != "kind"}
+        meta |= {"device": document.device["kind"], "device_parameters": known}
+    clock = Clock(stamps, start=int(stamps[valid][0]) if document.time.start == "zero" else 0)
+    signals = {name: source.signal for name, source in mapping.channels.items()}
     return Recording.clocked(clock, channels, meta, valid=valid, signals=signals)
 
 
-def _stamps(table: Table, time: TimeBase, rows: int) -> tuple[IntArray, BoolArray]:
-    """Stamps, ns, and which of them are in order."""
+def _stamps(table: Table, time: TimeBase, factor: float, rows: int) -> tuple[IntArray, BoolArray]:
+    """Return stamps, ns, and which of them are in order."""
     if time.column is None:
         assert time.rate is not None
         return np.rint(np.arange(rows) * (1e9 / time.rate)).astype(np.int64), np.ones(rows, dtype=bool)
-    stamps, known = nanoseconds(table[time.column], time.factor)
+    stamps, known = nanoseconds(table[time.column], factor)
     latest = np.maximum.accumulate(np.where(known, stamps, np.iinfo(np.int64).min))
     ordered = known.copy()
     ordered[1:] &= stamps[1:] > latest[:-1]
-    if not ordered.all() and not time.mask_disorder:
+    if not ordered.all() and time.disorder == "refuse":
         row = int(np.argmin(ordered))
         before = f"{1e-9 * stamps[row - 1]:.9g} s, then " if row else ""
         raise InputError(
@@ -184,7 +172,7 @@ def _stamps(table: Table, time: TimeBase, rows: int) -> tuple[IntArray, BoolArra
 
 
 def nanoseconds(values: NDArray[Any], factor: float) -> tuple[IntArray, BoolArray]:
-    """Times in units of `factor` seconds as whole nanoseconds, and which of them are numbers; integers stay exact."""
+    """Return times in units of `factor` seconds as whole ns, and which of them are numbers; integers stay exact."""
     scale = factor * 1e9
     if values.dtype.kind == "i" and abs(scale - round(scale)) < 1e-9 * scale:
         return values.astype(np.int64) * round(scale), np.ones(values.size, dtype=bool)
@@ -193,36 +181,36 @@ def nanoseconds(values: NDArray[Any], factor: float) -> tuple[IntArray, BoolArra
 
 
 def _values(table: Table, mapping: FileMapping, name: str, source: Source, stamps: IntArray) -> Array:
-    columns = [table[column] for column in source.columns]
-    for column, values in zip(source.columns, columns, strict=True):
+    """Return a channel (n,) or (n, k) in SI, on the clock of the recording."""
+    own: IntArray | None = None
+    for column in source.columns:
         if source.time is None:
-            _same_clock(table, mapping.time, column, stamps)
-        elif table.topics.get(column) != table.topics.get(source.time) or values.size != table.rows(source.time):
+            _same_clock(table, mapping.document.time, column, stamps)
+        elif table.topics.get(column) != table.topics.get(source.time) or table.rows(column) != table.rows(source.time):
             raise InputError(
                 f"the clock '{source.time}' of '{name}' is not that of its column '{column}'",
-                why=_lengths(table, column, source.time),
+                why=f"{_described(table, column)}, {_described(table, source.time)}",
                 todo="name the clock of the same topic",
             )
-    made = [
-        factor * values.astype(np.float64) + offset
-        for values, factor, offset in zip(columns, source.factor, source.offset, strict=True)
-    ]
     if source.time is not None:
-        own, known = nanoseconds(table[source.time], mapping.time.factor)
-        if not (own.size == stamps.size and known.all() and np.array_equal(own, stamps)):
-            made = [_resampled(name, source, own, values, stamps) for values in made]
+        stated, known = nanoseconds(table[source.time], mapping.factor)
+        own = None if known.all() and np.array_equal(stated, stamps) else stated
+    made = []
+    for column, factor, offset in zip(source.columns, source.factor, source.offset, strict=True):
+        values = factor * table[column].astype(np.float64) + offset
+        made.append(values if own is None else _resampled(name, source, own, values, stamps))
     if len(made) == 1 and source.signal.frame not in ("world", "joint"):
         return made[0]
     return np.column_stack(made)
 
 
 def _resampled(name: str, source: Source, own: IntArray, values: Array, stamps: IntArray) -> Array:
-    """Values on another clock, brought onto the recording's as the mapping says, NaN outside of what was measured."""
+    """Return values on another clock brought onto the recording's, NaN outside of what was measured."""
     if source.resample is None:
         raise InputError(
             f"the channel '{name}' is on the clock '{source.time}', which is not the recording's",
             why="nothing is re-timed silently",
-            todo='say how: resample = "hold" (the latest value) or "linear"',
+            todo='choose how: resample = "hold" (the latest value) or "linear"',
         )
     if not own.size or np.any(np.diff(own) <= 0):
         raise InputError(f"the clock '{source.time}' of '{name}' is empty, or does not increase")
@@ -236,24 +224,25 @@ def _resampled(name: str, source: Source, own: IntArray, values: Array, stamps: 
 
 def _same_clock(table: Table, time: TimeBase, column: str, stamps: IntArray) -> None:
     """Raise `InputError` for a column whose rows are not those of the time: by their number, or by their topic."""
-    rows = table.rows(column)
-    topics = table.topics.get(column), table.topics.get(time.column or "")
-    if rows == stamps.size and (time.column is None or topics[0] == topics[1]):
+    if table.rows(column) == stamps.size and time.column is None:
         return
-    raise InputError(
-        f"the column '{column}' is not on the clock of the time"
-        + (f" '{time.column}'" if time.column is not None else ""),
-        why=f"it has {rows} rows, the time has {stamps.size}"
-        if rows != stamps.size
-        else f"it is of the topic '{topics[0]}', the time of '{topics[1]}'; as many rows are not the same times",
-        todo='give the channel its own: time = "COLUMN", and resample = "hold" or "linear"',
-    )
+    if time.column is None:
+        raise InputError(
+            f"the column '{column}' is not on the clock of the time",
+            why=f"it has {table.rows(column)} rows, the time has {stamps.size}",
+            todo='give the channel its own: time = "COLUMN", and resample = "hold" or "linear"',
+        )
+    if table.rows(column) != stamps.size or table.topics.get(column) != table.topics.get(time.column):
+        raise InputError(
+            f"the column '{column}' is not on the clock of the time '{time.column}'",
+            why=f"{_described(table, column)}, {_described(table, time.column)}; as many rows are not the same times",
+            todo='give the channel its own: time = "COLUMN", and resample = "hold" or "linear"',
+        )
 
 
-def _lengths(table: Table, column: str, clock: str) -> str:
-    each = (f"'{name}' has {table.rows(name)} rows" for name in (column, clock))
-    topics = (f"of the topic '{table.topics[name]}'" if name in table.topics else "" for name in (column, clock))
-    return ", ".join(f"{rows} {topic}".strip() for rows, topic in zip(each, topics, strict=True))
+def _described(table: Table, column: str) -> str:
+    topic = f" of the topic '{table.topics[column]}'" if column in table.topics else ""
+    return f"'{column}' has {table.rows(column)} rows{topic}"
 
 
 LONGEST_NAME = 31
@@ -294,16 +283,12 @@ def refuse_existing(path: Path) -> None:
 
 
 def _exported(recording: Recording) -> dict[str, tuple[Array, str]]:
-    """Every column by name, with its unit: `hip.x`, `joint_torque.0`, `grip`."""
+    """Return every column by name, with its unit: `hip.x`, `joint_torque.0`, `grip`."""
     found: dict[str, tuple[Array, str]] = {"time": (recording.time, "s")}
     found |= {name: (each.values, each.unit) for name, each in columns_of(recording).items()}
     if recording.valid is not None:
         found["valid"] = (recording.valid.astype(np.float64), "1")
     return found
-
-
-def _meta(recording: Recording) -> str:
-    return json.dumps(plain(recording.meta, "meta"), sort_keys=True)
 
 
 def _csv(path: Path, recording: Recording) -> None:
@@ -315,16 +300,15 @@ def _csv(path: Path, recording: Recording) -> None:
 
 
 def _npz(path: Path, recording: Recording) -> None:
-    arrays: dict[str, Any] = {"hapticeval": np.array(_meta(recording))}
+    arrays: dict[str, Any] = {"hapticeval": np.array(metadata_json(recording.meta))}
     for name, (values, unit) in _exported(recording).items():
-        arrays[name] = values
-        arrays[f"unit:{name}"] = np.array(unit)
+        arrays |= {name: values, f"unit:{name}": np.array(unit)}
     with path.open("wb") as file:
         np.savez_compressed(file, **arrays)
 
 
 def _mat(path: Path, recording: Recording) -> None:
-    """A structure `recording` with `time`, a field a channel, `units` of the same fields, and `meta` as JSON."""
+    """Write a structure `recording` with `time`, a field per channel, `units` of the same fields, and meta as JSON."""
     from scipy.io import savemat
 
     for name in recording.channels:
@@ -338,14 +322,10 @@ def _mat(path: Path, recording: Recording) -> None:
     if recording.valid is not None:
         fields["valid"] = recording.valid.astype(np.uint8)[:, None]
     units = {"time": "s", **{name: recording.signals[name].unit for name in recording.channels}}
+    contents = {"recording": fields, "units": units, "hapticeval": metadata_json(recording.meta)}
     with path.open("wb") as file:
         stream: Any = file
-        savemat(
-            stream,
-            {"recording": fields, "units": units, "hapticeval": _meta(recording)},
-            do_compression=True,
-            oned_as="column",
-        )
+        savemat(stream, contents, do_compression=True, oned_as="column")
 
 
 WRITERS: Mapping[str, Callable[[Path, Recording], None]] = {

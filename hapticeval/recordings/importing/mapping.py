@@ -1,4 +1,4 @@
-"""Mappings: TOML files that say which column of a foreign file is which channel, in what unit and with what sign.
+"""Mappings: TOML files that state which column of a foreign file is which channel, with unit and sign; and proposals.
 
     title = "rig 7, stroke along the wall"
 
@@ -10,7 +10,7 @@
     [channels.hip]
     columns = ["px", "pz"]
     unit = "mm"
-    sign = [1, -1]                          # of each component, into the frame of the model
+    sign = [1, -1]                          # for each component, into the frame of the model
 
     [channels.force]                        # on the hand
     columns = ["tau"]
@@ -18,7 +18,7 @@
     divide = "0.075 m"                      # the lever: N m / m is N, and so it is checked
     sign = -1
 
-    [channels.raw]                          # encoders, and motors, of the robot that [device] says
+    [channels.raw]                          # encoders, and motors, of the robot of [device]
     columns = ["enc1", "enc2"]
     unit = "counts"                         # an angle where [device] has no counts_per_turn
     sign = 1                                # turned by directions, below
@@ -43,224 +43,341 @@
     device = "rig 7"
 
 A channel's value is sign * column * unit * scale / divide + offset, and its dimension has to come out as the
-channel's. Channels that hapticeval does not know say what they are: `becomes` (an SI unit), `meaning`, `frame`. Of a
+channel's. Channels that hapticeval does not know state what they are: `becomes` (an SI unit), `meaning`, `frame`. Of a
 log with a `[device]`, HIP, velocity and force follow from its joints and motors, where no column is mapped to them.
+
+`propose` makes a first mapping from the names of columns. What it does not know is `?`, which no conversion accepts.
 """
 
 from __future__ import annotations
 
 import json
-import tomllib
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from difflib import get_close_matches
-from importlib import resources
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from hapticeval.errors import HapticevalError, InputError
+import msgspec
+import numpy as np
+
+from hapticeval.documents import convert, read_toml
+from hapticeval.errors import HapticevalError, InputError, at
 from hapticeval.recordings.channels import CHANNELS, Signal
-from hapticeval.recordings.importing.units import Unit, parse_quantity, parse_unit
+from hapticeval.recordings.importing.units import parse_quantity, parse_unit
+
+if TYPE_CHECKING:
+    from hapticeval.recordings.formats import Table
 
 UNKNOWN = "?"
 
 WIRED = {"raw": "raw joint positions as the hardware gave them", "command": "motor commands"}
-"""Channels that are known where there is a `[device]`: what the numbers mean is for that to say."""
+"""Channels that are known where there is a `[device]`, which gives the meaning of their numbers."""
+
+Sign = Literal[1, -1, "?"]
+Quantity = float | str
+Positive = Annotated[float, msgspec.Meta(gt=0.0)]
+
+
+class TimeBase(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """The time: a `column` in some `unit`, or else `rate` (Hz) and the number of the row."""
+
+    column: str | None = None
+    unit: str | None = None
+    scale: Quantity | None = None
+    rate: Positive | None = None
+    start: Literal["file", "zero"] = "zero"
+    disorder: Literal["refuse", "mask"] = "refuse"
+
+    def factor(self) -> float:
+        """Return the seconds of one unit of the column. Raises `InputError` where neither column nor rate is whole."""
+        if self.rate is not None and self.column is None:
+            return 0.0
+        if self.rate is not None or self.column is None or self.unit is None:
+            raise InputError("it needs either a column and its unit, or a rate", todo='as in column = "t", unit = "ms"')
+        return _factor(self.unit, "s", scale=self.scale)
+
+
+class Channel(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A channel as it stands in the file: a value is sign * column * unit * scale / divide + offset."""
+
+    columns: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
+    unit: str
+    sign: Sign | Annotated[tuple[Sign, ...], msgspec.Meta(min_length=1)]
+    scale: Quantity | None = None
+    divide: Quantity | None = None
+    offset: Quantity | Annotated[tuple[Quantity, ...], msgspec.Meta(min_length=1)] = 0.0
+    time: str | None = None
+    resample: Literal["hold", "linear"] | None = None
+    becomes: str | None = None
+    meaning: str | None = None
+    frame: Literal["world", "joint", "device", "none"] | None = None
+
+
+class Gaps(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """Rows that are no data: those in which `column` is `where`."""
+
+    column: str
+    where: float
+
+
+class Document(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A mapping as it stands in the file."""
+
+    time: TimeBase
+    channels: Annotated[dict[str, Channel], msgspec.Meta(min_length=1)]
+    title: str = ""
+    format: str | None = None
+    gaps: Gaps | None = None
+    device: dict[str, Any] | None = None
+    meta: dict[str, Any] = {}
 
 
 @dataclass(frozen=True)
 class Source:
-    """Where a channel comes from: `factor` turns its columns into SI, component by component."""
+    """Where a channel comes from: `factor` and `offset` turn its columns into SI, component by component."""
 
     columns: tuple[str, ...]
     factor: tuple[float, ...]
     offset: tuple[float, ...]
     signal: Signal
-    time: str | None = None
-    resample: str | None = None
-
-
-@dataclass(frozen=True)
-class TimeBase:
-    """Where the time comes from: a column of `factor` seconds a unit, or else `rate` (Hz) and the number of the row."""
-
-    column: str | None
-    factor: float
-    rate: float | None
-    from_zero: bool
-    mask_disorder: bool
+    time: str | None
+    resample: str | None
 
 
 @dataclass(frozen=True)
 class FileMapping:
     """A mapping that is complete: every unit and sign is known, and every dimension fits."""
 
-    title: str
-    format: str | None
-    time: TimeBase
+    document: Document
+    factor: float
+    """Seconds of one unit of the time column."""
     channels: Mapping[str, Source]
-    gaps: tuple[str, float] | None = None
-    meta: Mapping[str, Any] = field(default_factory=dict)
-    device: Mapping[str, Any] | None = None
 
 
 def read_mapping(path: Path | str) -> FileMapping:
-    """The mapping in a TOML file. Raises `InputError`, naming file and place, for one that is not complete."""
-    path = Path(path)
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot read the mapping {path}", why=error.strerror or str(error)) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path.name} is not TOML", why=str(error)) from error
-    return parse_mapping(document, name=path.name)
+    """Return the mapping in a TOML file. Raises `InputError`, naming file and place, for one that is not complete."""
+    return parse_mapping(read_toml(Path(path)), name=Path(path).name)
 
 
 def parse_mapping(document: Mapping[str, Any], *, name: str = "the mapping") -> FileMapping:
-    """The mapping of a document as TOML gives it. Raises `InputError`, naming the place, for one not complete."""
-    _validate(document, name)
-    _check_format(document.get("format"), name)
-    gaps, device = document.get("gaps"), document.get("device")
-    return FileMapping(
-        title=document.get("title", ""),
-        format=document.get("format"),
-        time=_placed(f"{name}: [time]", _time, document["time"]),
-        channels={
-            channel: _placed(f"{name}: [channels.{channel}]", _source, _wired(spec, channel, device), channel)
-            for channel, spec in document["channels"].items()
-        },
-        gaps=None if gaps is None else (gaps["column"], float(gaps["where"])),
-        meta=document.get("meta", {}),
-        device=device,
-    )
-
-
-def _check_format(wanted: str | None, name: str) -> None:
-    """Raise `InputError` for a format that is not installed: a file that is read never names code to run."""
-    if wanted is not None and ":" in wanted:
+    """Return the mapping of a document as TOML gives it. Raises `InputError`, naming the place, if not complete."""
+    made: Document = convert(document, Document, name, todo="see the head of a proposed mapping")
+    if made.format is not None and ":" in made.format:
         raise InputError(
-            f"{name}: format = '{wanted}' names code",
+            f"{name}: format = '{made.format}' names code",
             why="a mapping is data: it may name an installed format, and never a function to run",
-            todo=f"take it out of the mapping; if you trust that function, give --format {wanted} yourself",
+            todo=f"take it out of the mapping; if you trust that function, give --format {made.format} yourself",
         )
+    with at(f"{name}: [time]"):
+        factor = made.time.factor()
+    sources = {}
+    for channel, spec in made.channels.items():
+        with at(f"{name}: [channels.{channel}]"):
+            sources[channel] = _source(spec, channel, made.device)
+    if made.device is not None and not isinstance(made.device.get("kind"), str):
+        raise InputError(f"{name}: [device] lacks its kind", todo='write for instance kind = "parallelogram-2dof"')
+    return FileMapping(made, factor, sources)
 
 
-def _validate(document: Mapping[str, Any], name: str) -> None:
-    import jsonschema
-
-    schema = json.loads(
-        resources.files("hapticeval.recordings.importing").joinpath("mapping.schema.json").read_text(encoding="utf-8")
-    )
-    errors = list(jsonschema.Draft202012Validator(schema).iter_errors(document))
-    # a misspelt key is both unknown and missing: the unknown one is what was written
-    unknown = next((error for error in errors if error.validator == "additionalProperties"), None)
-    if unknown is not None:
-        place = ".".join(str(part) for part in unknown.absolute_path) or "the file"
-        known = [key for key in unknown.schema["properties"] if key not in unknown.instance]
-        wrong = next(key for key in unknown.instance if key not in unknown.schema["properties"])
-        close = get_close_matches(wrong, known, n=1)
-        raise InputError(
-            f"{name}: {place} has the unknown key '{wrong}'",
-            todo=f"did you mean {close[0]}?" if close else f"known here: {', '.join(unknown.schema['properties'])}",
-        )
-    error = jsonschema.exceptions.best_match(errors)
-    if error is not None:
-        place = ".".join(str(part) for part in error.absolute_path) or "the file"
-        raise InputError(f"{name}: {place} does not fit: {error.message}", todo="see the head of a proposed mapping")
-
-
-def _placed(place: str, make: Any, *arguments: Any) -> Any:
-    """What `make` gives; its error names the place."""
-    try:
-        return make(*arguments)
-    except HapticevalError as error:
-        raise InputError(f"{place}: {error.what}", why=error.why, todo=error.todo) from error
-
-
-def _time(spec: Mapping[str, Any]) -> TimeBase:
-    factor = 0.0
-    if "column" in spec:
-        unit = parse_unit(spec["unit"])
-        if "scale" in spec:
-            unit = unit * parse_quantity(spec["scale"])
-        factor = _to(unit, "s")
-    return TimeBase(
-        column=spec.get("column"),
-        factor=factor,
-        rate=spec.get("rate"),
-        from_zero=spec.get("start", "zero") == "zero",
-        mask_disorder=spec.get("disorder") == "mask",
-    )
-
-
-def _wired(spec: Mapping[str, Any], channel: str, device: Mapping[str, Any] | None) -> Mapping[str, Any]:
-    """A channel of `WIRED` with what its unit becomes: counts or an angle of encoders, and of motors what it is."""
-    if device is None or channel not in WIRED:
-        return spec
-    encoders = "counts" if "counts_per_turn" in device else "rad"
-    becomes = encoders if channel == "raw" else spec["unit"]
-    return {"becomes": becomes, "meaning": WIRED[channel], "frame": "joint", **spec}
-
-
-def _source(spec: Mapping[str, Any], channel: str) -> Source:
-    signs = spec["sign"] if isinstance(spec["sign"], list) else [spec["sign"]] * len(spec["columns"])
+def _source(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> Source:
+    count = len(spec.columns)
+    signs = spec.sign if isinstance(spec.sign, tuple) else (spec.sign,) * count
     if UNKNOWN in signs:
         raise InputError(
             "the sign is not known",
             why="a sign is never guessed: a force on the hand and a force of the hand differ by it alone",
             todo=f"write 1 or -1; the channel is: {CHANNELS[channel].meaning if channel in CHANNELS else channel}",
         )
-    signal = _signal(spec, channel)
-    unit = parse_unit(spec["unit"])
-    if "scale" in spec:
-        unit = unit * parse_quantity(spec["scale"])
-    if "divide" in spec:
-        unit = unit / parse_quantity(spec["divide"])
-    factor = _to(unit, signal.unit)
-    offsets = spec.get("offset", 0.0)
-    offsets = offsets if isinstance(offsets, list) else [offsets] * len(spec["columns"])
-    if not len(signs) == len(offsets) == len(spec["columns"]):
+    signal = _signal(spec, channel, device)
+    factor = _factor(spec.unit, signal.unit, scale=spec.scale, divide=spec.divide)
+    offsets = spec.offset if isinstance(spec.offset, tuple) else (spec.offset,) * count
+    if not len(signs) == len(offsets) == count:
         raise InputError(
-            f"there are {len(spec['columns'])} columns, {len(signs)} signs and {len(offsets)} offsets",
-            todo="give one for all, or one a column",
+            f"there are {count} columns, {len(signs)} signs and {len(offsets)} offsets",
+            todo="give one for all, or one per column",
         )
-    return Source(
-        columns=tuple(spec["columns"]),
-        factor=tuple(sign * factor for sign in signs),
-        offset=tuple(0.0 if value == 0.0 else _to(parse_quantity(value), signal.unit) for value in offsets),
-        signal=signal,
-        time=spec.get("time"),
-        resample=spec.get("resample"),
-    )
+    offset = tuple(0.0 if value == 0.0 else parse_quantity(value).to(signal.unit) for value in offsets)
+    return Source(spec.columns, tuple(int(sign) * factor for sign in signs), offset, signal, spec.time, spec.resample)
 
 
-def _signal(spec: Mapping[str, Any], channel: str) -> Signal:
+def _factor(unit: str, wanted: str, *, scale: Quantity | None = None, divide: Quantity | None = None) -> float:
+    """Return the factor from a unit, scaled and divided, to another. Raises `InputError` if the dimensions differ."""
+    made = parse_unit(unit)
+    made = made if scale is None else made * parse_quantity(scale)
+    return (made if divide is None else made / parse_quantity(divide)).to(wanted)
+
+
+def _signal(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> Signal:
     known = CHANNELS.get(channel)
-    words = "sign as mapped: " + str(spec["sign"])
+    sign = "sign as mapped: " + str(list(spec.sign) if isinstance(spec.sign, tuple) else spec.sign)
     if known is not None:
-        if spec.get("becomes", known.unit) != known.unit or spec.get("frame", known.frame) != known.frame:
+        if (spec.becomes or known.unit, spec.frame or known.frame) != (known.unit, known.frame):
             raise InputError(
                 f"'{channel}' is in {known.unit}, frame {known.frame}, for every reader",
                 todo="leave out becomes and frame, or give the channel another name",
             )
-        return known._replace(sign=words)
-    if "becomes" not in spec or "meaning" not in spec:
+        return known._replace(sign=sign)
+    becomes, meaning, frame = spec.becomes, spec.meaning, spec.frame or "none"
+    if device is not None and channel in WIRED:  # counts or an angle of encoders, and of motors what they take
+        encoders = "counts" if "counts_per_turn" in device else "rad"
+        becomes = becomes or (encoders if channel == "raw" else spec.unit)
+        meaning, frame = meaning or WIRED[channel], spec.frame or "joint"
+    if becomes is None or meaning is None:
         raise InputError(
             f"'{channel}' is no channel that hapticeval knows",
             why=f"it knows: {', '.join(CHANNELS)}",
-            todo='use one of these, or say what it is: becomes = "N", meaning = "force of the wall on the tool"',
+            todo='use one of these, or describe it: becomes = "N", meaning = "force of the wall on the tool"',
         )
-    parse_unit(spec["becomes"])
-    return Signal(spec["becomes"], spec["meaning"], spec.get("frame", "none"), words)
+    return Signal(becomes, meaning, frame, sign)
 
 
-def _to(unit: Unit, wanted: str) -> float:
-    """The factor from `unit` to the SI unit `wanted`. Raises `InputError` where their dimensions differ."""
-    target = parse_unit(wanted)
-    if unit.dimension != target.dimension:
-        raise InputError(
-            f"'{unit.text}' is no {wanted}",
-            why="the dimensions differ, an angle being one of its own",
-            todo='give the factor between them with its unit, as in scale = "0.075 m/rad" or divide = "0.075 m"',
-        )
-    return unit.factor / target.factor
+# Proposals
+
+CLOCK = re.compile(r"(t|time|zeit|timestamp|stamp|sec|seconds|clock|received|tick|tout)", re.IGNORECASE)
+PART = re.compile(r"(?P<stem>.*?)[._ \[]?(?P<part>[xyz]|\d+)\]?$", re.IGNORECASE)
+BRACKETS = re.compile(r"\s*[\[(][^\])]*[A-Za-z°][^\])]*[\])]\s*$")
+"""A unit that a header states after the name."""
+
+STATED = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
+"""A unit that a label ends with."""
+
+RULES: tuple[tuple[str, str], ...] = (
+    ("ihip", r"ihip|proxy|god.?object|virtual.?tool"),
+    ("operator_force", r"operator.?force|hand.?force|f_?h\b"),
+    ("joint_torque", r"torque|tau|effort"),
+    ("joint_velocity", r"joint.*vel|qd|omega"),
+    ("joint_position", r"joint.*pos|theta|angle|encoder|\bq\b"),
+    ("velocity", r"vel|speed|\bv\b"),
+    ("force", r"force|wrench|\bf\b"),
+    ("hip", r"hip|pos|\bp\b|^$|\bx\b|endeff|tool|stylus"),
+)
+"""Words in names and labels, and the channel that they may mean; the first that fits."""
+
+DIRECTED = {"force", "operator_force", "measured_force", "joint_torque"}
+"""Channels whose sign depends on who pushes whom, which no name tells."""
+
+
+def propose(table: Table, *, file: str = "FILE") -> str:
+    """Return a mapping as TOML text, with a remark on all that the file does not state.
+
+    Units stand in it where the file states them. A position's sign is 1, which makes the file's axes the frame; the
+    sign of a force is `?`. A file that hapticeval wrote states everything, and its proposal can be used as it is.
+    """
+    ours = bool(table.attributes.get("hapticeval"))
+    found = clocks(table)
+    clock = found[0] if found else None
+    lines = [
+        f'# Proposed for {file} ({table.format}). Replace each "?"; lines after # are remarks.',
+        f"# Channels: {', '.join(CHANNELS)}.",
+        '# Any other name is described: becomes = "N", meaning = "force of the wall", frame = "world" or "none".',
+        f"title = {_quoted(file)}",
+        f"# Its format is code of yours, which no mapping names: give --format {table.format} beside the mapping."
+        if ":" in table.format
+        else f"format = {_quoted(table.format)}",
+        "",
+        "[time]",
+        *_time(table, found),
+    ]
+    rows = table.rows(clock) if clock else max(table.rows(name) for name in table.columns)
+    used = {clock}
+    for channel, columns in _channels(table, rows, found).items():
+        used |= set(columns)
+        lines += ["", *_channel(table, channel, columns, ours=ours)]
+    valid = next((name for name in table.columns if ours and name.rpartition(".")[2] == "valid"), None)
+    if valid is not None:
+        used.add(valid)
+        lines += ["", "[gaps]", f"column = {_quoted(valid)}", "where = 0"]
+    left = [name for name in table.columns if name not in used]
+    if left:
+        lines += ["", "# Columns that no channel is proposed for:"]
+        lines += [f"#   {_quoted(name)}: {_remark(table, name)}" for name in left]
+    lines += ["", "[meta]", '# device = "", who = "", when = "2025-01-31T14:05:00+01:00"', ""]
+    return "\n".join(lines)
+
+
+def _quoted(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def clocks(table: Table) -> list[str]:
+    """Return the columns that may be a clock, by name and because they increase; the one with most companions first."""
+    found = []
+    for name, values in table.columns.items():
+        leaf = re.split(r"[./]", BRACKETS.sub("", name))[-1].strip()
+        steps = np.diff(np.asarray(values))
+        if CLOCK.fullmatch(leaf) and steps.size and float(np.mean(steps > 0)) > 0.9:
+            found.append(name)
+    sizes = [np.size(values) for values in table.columns.values()]
+    return sorted(found, key=lambda name: -sizes.count(table.rows(name)))
+
+
+def _time(table: Table, found: list[str]) -> list[str]:
+    if not found:
+        return ["rate = 0  # Hz: the file has no column that looks like a clock; or give column and unit"]
+    clock, *others = found
+    lines = [f"column = {_quoted(clock)}  # {_remark(table, clock)}"]
+    others = [name for name in others if table.rows(name) == table.rows(clock)]
+    if others:
+        lines.append(f"# also increasing: {', '.join(others[:6])}")
+    unit = table.units.get(clock, UNKNOWN)
+    if clock == "tick" and unit == UNKNOWN:
+        lines += ['unit = "ticks"', 'scale = "?"  # "0.001 s/tick" at 1000 Hz, if that was the scheduler\'s rate']
+    else:
+        lines.append(f"unit = {_quoted(unit)}")
+    return [*lines, 'start = "zero"']
+
+
+def _channels(table: Table, rows: int, found: list[str]) -> dict[str, list[str]]:
+    """Return channels with the first group of at most three columns that their words fit."""
+    topic = table.topics.get(found[0]) if found else None
+    groups: dict[str, list[str]] = {}
+    for name in table.columns:
+        if name not in found and table.rows(name) == rows and table.topics.get(name) == topic:
+            plain = BRACKETS.sub("", name).removesuffix(f"/{table.units.get(name)}")
+            part = PART.fullmatch(plain)
+            groups.setdefault(part["stem"] if part else plain, []).append(name)
+    channels: dict[str, list[str]] = {}
+    for stem, columns in groups.items():
+        channel = stem.rpartition(".")[2]
+        if channel not in CHANNELS:
+            words = f"{re.split(r'[./]', stem)[-1]} {' '.join(table.notes.get(name, '') for name in columns)}"
+            words = words.strip().lower() if stem else ""
+            channel = next((name for name, rule in RULES if re.search(rule, words)), "")
+        if channel and len(columns) <= 3:
+            channels.setdefault(channel, columns)
+    return channels
+
+
+def _channel(table: Table, channel: str, columns: list[str], *, ours: bool) -> list[str]:
+    units = {_unit(table, name) for name in columns}
+    sign = 'sign = "?"  # 1 or -1'
+    if ours or channel not in DIRECTED:
+        sign = "sign = 1" if ours else "sign = 1  # the axes of the file are taken for those of the model"
+    return [
+        f"[channels.{channel}]  # {CHANNELS[channel].meaning} ({CHANNELS[channel].unit})",
+        *(f"#   {_quoted(name)}: {_remark(table, name)}" for name in columns),
+        f"columns = {_quoted(columns)}",
+        f"unit = {_quoted(units.pop() if len(units) == 1 else UNKNOWN)}",
+        sign,
+    ]
+
+
+def _unit(table: Table, name: str) -> str:
+    """Return the unit that the file states, or that the label of a column ends with in brackets."""
+    found = STATED.search(table.notes.get(name, ""))
+    unit = table.units.get(name) or (found[1].strip() if found else UNKNOWN)
+    try:
+        parse_unit(unit)
+    except HapticevalError:
+        return table.units.get(name, UNKNOWN)
+    return unit
+
+
+def _remark(table: Table, name: str) -> str:
+    """Return the rows, the range and the file's own words about a column."""
+    values = table[name]
+    finite = values[np.isfinite(values)]
+    span = f"{finite.min():.6g} to {finite.max():.6g}" if finite.size else "no number"
+    note = f"; {table.notes[name]}" if name in table.notes else ""
+    return " ".join(f"{values.size} rows, {span}{note}".split())

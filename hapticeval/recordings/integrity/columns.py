@@ -9,202 +9,163 @@ rest in a notch while the hand moves inside.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from hapticeval.recordings.channels import SIMULATED
-from hapticeval.recordings.integrity.issue import Fault, Severity, plural
+from hapticeval.recordings.integrity.issue import Fault, Severity, found, plural
 from hapticeval.recordings.provenance import declared_floor
 from hapticeval.recordings.quantization import quantum
 from hapticeval.recordings.recording import Column, Recording, columns_of, runs_of
 from hapticeval.recordings.stretches import GAP_STEPS
-from hapticeval.types import Array, BoolArray, IntArray
+from hapticeval.types import Array, BoolArray
 
-STUCK_ROWS = 10
-"""So many equal values in a row may be a frozen sensor, where the value jumps when it wakes."""
-
-CLIPPED_ROWS = 5
-"""So many equal values at the extreme of a column, reached at speed, are clipped."""
-
-SPIKE = 20.0
-"""A spike stands out of the noise by so many standard deviations of the second difference."""
-
-ABOVE = 4.0
-"""... and of what all rows but a hundredth bend by so many times: signals have quiet and busy stretches."""
-
-FEW = 8
-"""At least so many rows are not counted then: a spike bends three."""
-
-QUANTA = 6.0
-"""... and is so many quanta, or so many usual steps from row to row, high: an encoder at rest dithers by one."""
-
-BESIDE = 8
-"""Steps on either side of a jump, all of which it exceeds by `SPIKE` times."""
-
-AGREE = 0.25
-"""The rows beside a spike are on one line up to this share of it: otherwise the signal itself has moved."""
+STUCK_ROWS = 10  # so many equal values in a row may be a frozen sensor, where the value jumps when it wakes
+CLIPPED_ROWS = 5  # so many equal values at the extreme of a column, reached at speed, are clipped
+BESIDE = 8  # steps on either side of a jump, all of which it exceeds by SPIKE times
+SPIKE = 20.0  # a spike stands out of the noise by so many standard deviations of the second difference,
+ABOVE = 4.0  # and of what all rows but a hundredth bend by so many times: signals have quiet and busy stretches,
+FEW = 8  # at least so many rows not counted, as a spike bends three,
+QUANTA = 6.0  # and is so many quanta, or so many usual steps, high: an encoder at rest dithers by one
+AGREE = 0.25  # the rows beside a spike are on one line up to this share of it: otherwise the signal itself has moved
 
 PLACES = np.array([-2.0, -1.0, 1.0, 2.0])
 TREND = PLACES / np.dot(PLACES, PLACES)
 """Two rows on either side of a spike, and the weights that give their slope."""
 
+HELD = ("N", "N m")
+"""Units of what jumps by nature: forces and torques are zero for long, and are hit in one tick."""
 
-def runs(values: Array, shortest: int) -> list[tuple[int, int]]:
-    """The rows [first, end) over which a column keeps one value, of as many rows at least."""
-    edges = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1], [True]]))
-    long = np.flatnonzero(np.diff(edges) >= shortest)
-    return [(int(edges[k]), int(edges[k + 1])) for k in long]
+Span = tuple[int, int]
 
 
-def examine_numbers(name: str, columns: Mapping[str, Array], time: Array) -> list[Fault]:
-    """The rows of a channel that lack a number: one finding a stretch of rows, whichever of its `columns` (n,) do."""
-    empty = {column: ~np.isfinite(values) for column, values in columns.items()}
-    faults = []
-    for first, end in runs_of(np.logical_or.reduce(list(empty.values()))):
-        lacking = [column for column, where in empty.items() if where[first:end].any()]
-        parts = "" if len(lacking) == 1 else f" ({', '.join(column.rpartition('.')[2] for column in lacking)})"
-        faults.append(
-            _at(lacking[0] if len(lacking) == 1 else name, "no number", Severity.FAULT, first, end, time,
-                f"{plural(end - first, 'row')} without a number{parts}", "left out; see why the sensor gave none")
-        )  # fmt: skip
-    return faults
+def faults_of_numbers(recording: Recording) -> Iterator[Fault]:
+    """Yield the stretches of rows in which a channel lacks a number, in whichever of its columns."""
+    channels: dict[str, dict[str, BoolArray]] = {}
+    for name, column in columns_of(recording).items():
+        channels.setdefault(column.channel, {})[name] = ~np.isfinite(column.values)
+    for channel, columns in channels.items():
+        for first, end in runs_of(np.logical_or.reduce(list(columns.values()))):
+            lacking = [name for name, where in columns.items() if where[first:end].any()]
+            parts = "" if len(lacking) == 1 else f" ({', '.join(name.rpartition('.')[2] for name in lacking)})"
+            message = f"{plural(end - first, 'row')} without a number{parts}"
+            yield found(recording, "no number", message, lacking[0] if len(lacking) == 1 else channel, (first, end))
 
 
-def examine_column(
-    name: str,
-    values: Array,
-    time: Array,
-    valid: BoolArray,
-    *,
-    held: bool = False,
-    rests: bool = False,
-    place: bool = False,
-) -> list[Fault]:
-    """What is wrong with the numbers of a column (n,): `name` as in `hip.x`, `time` (s), judged where `valid`.
+def faults_of_values(recording: Recording) -> Iterator[Fault]:
+    """Yield jumps, stuck, clipped and spiking rows of each column, over its rows that follow each other.
 
-    `held` is for forces and torques, which are zero for long and then jump, and are hit in one tick; `rests` for a
-    proxy, which rests on a wall at an extreme of its place and is clipped by nothing; `place` for where a hand or a
-    joint is, which goes from row to row without a jump.
+    A place goes from row to row without a jump, but for a proxy's, which may also rest on a wall at an extreme of its
+    place. Forces and torques may keep zero; that a motor reaches its limit is a note.
     """
-    faults: list[Fault] = []
-    sound = valid & np.isfinite(values)
-    if np.ptp(values[sound]) == 0.0 if sound.any() else True:
-        return faults
-    step = quantum(values[sound]) or 0.0
-    severity = Severity.NOTE if held else Severity.SUSPICIOUS
-    extremes = (float(values[sound].min()), float(values[sound].max()))
-    for begin, stop in unbroken(sound, time):
-        kept = values[begin:stop]
-        stuck = _stuck(kept, step)
-        for row in _jumps(kept, step) if place else ():
-            if row not in {end for _, end in stuck}:
-                faults.append(
-                    _at(name, "jump", Severity.SUSPICIOUS, begin + row, begin + row + 1, time,
-                        f"it jumps by {kept[row] - kept[row - 1]:.4g} between two rows, and goes on from there",
-                        "see whether a counter overflowed, or two logs were joined; replays begin anew there")
-                )  # fmt: skip
-        for first, end in stuck:
-            if not (held and kept[first] == 0.0):
-                faults.append(
-                    _at(name, "stuck", Severity.SUSPICIOUS, begin + first, begin + end, time,
-                        "the value is frozen, then jumps", "leave those rows out; see the sensor and its cable")
-                )  # fmt: skip
-        for first, end in () if rests else _clipped(kept, step, extremes):
-            if held and kept[first] == 0.0:  # out of contact
-                continue
-            faults.append(
-                _at(name, "saturated", severity, begin + first, begin + end, time, f"clipped at {kept[first]:.6g}",
-                    "there the limit of sensor or motor was recorded, not the signal")
-            )  # fmt: skip
-        for first, end in _spikes(kept, step, held):
-            faults.append(
-                _at(name, "spike", Severity.SUSPICIOUS, begin + first, begin + end, time,
-                    "one row stands out", "leave it out; see the cable and the logger")
-            )  # fmt: skip
-    return faults
+    for name, (channel, unit, values) in columns_of(recording).items():
+        sound = recording.measured & np.isfinite(values)
+        if not sound.any() or np.ptp(values[sound]) == 0.0:
+            continue
+        step, held, proxy = quantum(values[sound]) or 0.0, unit in HELD, channel == "ihip"
+        extremes = (float(values[sound].min()), float(values[sound].max()))
+        for begin, stop in unbroken(sound, recording.time):
+            kept = values[begin:stop]
+            stuck = list(_stuck(kept, step))
+            woken = {end for _, end in stuck}
+            jumps = _jumps(kept, step) if unit in ("m", "rad") and not proxy else ()
+            kinds: Mapping[str, Sequence[Span]] = {
+                "jump": [(row, row + 1) for row in jumps if row not in woken],
+                "stuck": [span for span in stuck if not (held and kept[span[0]] == 0.0)],
+                "saturated": [
+                    span for span in _clipped(kept, step, extremes) if not (proxy or (held and kept[span[0]] == 0.0))
+                ],
+                "spike": [(row, row + 1) for row in _spikes(kept, step, held)],
+            }
+            for kind, spans in kinds.items():
+                for first, end in spans:
+                    by, at = kept[first] - kept[first - 1], kept[first]
+                    message = MESSAGES[kind].format(by=by, at=at)
+                    note = Severity.NOTE if held and kind == "saturated" else None
+                    yield found(recording, kind, message, name, (begin + first, begin + end), severity=note)
 
 
-def unbroken(sound: BoolArray, time: Array) -> list[tuple[int, int]]:
-    """The rows [first, end) that follow each other, sound and without a gap of the clock."""
+MESSAGES = {
+    "jump": "it jumps by {by:.4g} between two rows, and goes on from there",
+    "stuck": "the value is frozen, then jumps",
+    "saturated": "clipped at {at:.6g}",
+    "spike": "one row stands out",
+}
+
+
+def unbroken(sound: BoolArray, time: Array) -> list[Span]:
+    """Return the rows [first, end) that follow each other, sound and without a gap of the clock."""
     rows = np.flatnonzero(sound)
     if rows.size < 2:
         return []
     steps = np.diff(time[rows])
     breaks = np.flatnonzero((np.diff(rows) > 1) | (steps > GAP_STEPS * np.median(steps))) + 1
-    edges = [0, *breaks.tolist(), rows.size]
-    return [(int(rows[a]), int(rows[b - 1]) + 1) for a, b in pairwise(edges)]
+    return [(int(part[0]), int(part[-1]) + 1) for part in np.split(rows, breaks)]
 
 
-def _stuck(values: Array, step: float) -> list[tuple[int, int]]:
-    """Runs of one value that end in a jump: by then the signal had moved on, at rest it would not have."""
-    found = []
-    lengths = np.diff(np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1], [True]])))
-    usual = float(np.median(lengths)) if lengths.size else 1.0
-    for first, end in runs(values, max(STUCK_ROWS, int(5 * usual) + 1)):
-        if end >= values.size - 3:
-            continue
-        jump = abs(values[end] - values[first])
-        before = np.abs(np.diff(values[max(0, first - 8) : first + 1]))
-        after = np.abs(np.diff(values[end : end + 9]))
-        around = max(float(before.max(initial=0.0)), float(after.max(initial=0.0)))
-        if jump > max(4.0 * around, 4.0 * step):
-            found.append((first, end))
-    return found
+def _repeats(values: Array, shortest: int) -> list[Span]:
+    """Return the rows [first, end) over which a column keeps one value, of as many rows at least."""
+    return [(first, end + 1) for first, end in runs_of(np.diff(values) == 0.0) if end + 1 - first >= shortest]
 
 
-def _jumps(values: Array, step: float) -> list[int]:
-    """The rows before which a place jumps: a single step that is far larger than all beside it on either side.
+def _usual(steps: Array) -> float:
+    """Return the median of the steps that are none of rest, 0 where all are."""
+    some = steps[steps > 0.0]
+    return float(np.median(some)) if some.size else 0.0
+
+
+def _stuck(values: Array, step: float) -> Iterator[Span]:
+    """Yield runs of one value that end in a jump: by then the signal had moved on, at rest it would not have."""
+    steps = np.abs(np.diff(values))
+    lengths = np.diff(np.concatenate([[0], np.flatnonzero(steps) + 1, [values.size]]))
+    for first, end in _repeats(values, max(STUCK_ROWS, int(5 * float(np.median(lengths))) + 1)):
+        around = np.concatenate([steps[max(0, first - 8) : first], steps[end : end + 8]]).max(initial=0.0)
+        if end < values.size - 3 and abs(values[end] - values[first]) > max(4.0 * around, 4.0 * step):
+            yield first, end
+
+
+def _jumps(values: Array, step: float) -> Iterator[int]:
+    """Yield the rows before which a place jumps: by one step far larger than all beside it on either side.
 
     A hand has mass: its steps grow and shrink by its acceleration, from row to row, and never stand alone.
     """
     steps = np.abs(np.diff(values))
-    if steps.size < 2 * BESIDE + 1 or not np.any(steps > 0.0):
-        return []
-    floor = max(QUANTA * step, QUANTA * float(np.median(steps[steps > 0.0])))
-    found = []
-    for row in np.flatnonzero(steps > floor):
+    for row in np.flatnonzero(steps > QUANTA * max(step, _usual(steps))).tolist():
         beside = np.concatenate([steps[max(0, row - BESIDE) : row], steps[row + 1 : row + 1 + BESIDE]])
         if BESIDE <= row < steps.size - BESIDE and steps[row] > SPIKE * float(beside.max()):
-            found.append(int(row) + 1)
-    return found
+            yield row + 1
 
 
-def _clipped(values: Array, step: float, extremes: tuple[float, float]) -> list[tuple[int, int]]:
-    """Runs at an extreme that the signal reaches and leaves at speed, as no smooth signal turns."""
-    found = []
-    for extreme in extremes:
-        for first, end in runs(values, CLIPPED_ROWS):
-            if values[first] != extreme or first < 4 or end > values.size - 4:
-                continue
-            rise = np.diff(values[first - 3 : first + 1])
-            fall = np.diff(values[end - 1 : end + 3])
-            floor = 3.0 * step
-            upward = np.sign(values[first] - values[first - 1])
-            steady = np.all(upward * rise[:2] > floor) and np.all(-upward * fall[1:] > floor)
-            # a smooth peak of this width is entered by steps of curvature alone: each a small share of the one before
-            if steady and upward * rise[1] > 0.3 * upward * rise[0] and -upward * fall[1] > 0.3 * -upward * fall[2]:
-                found.append((first, end))
-    return sorted(found)
+def _clipped(values: Array, step: float, extremes: tuple[float, float]) -> list[Span]:
+    """Return runs at an extreme that the signal reaches and leaves at speed, as no smooth signal turns."""
+    spans = []
+    for first, end in _repeats(values, CLIPPED_ROWS):
+        if values[first] not in extremes or first < 4 or end > values.size - 4:
+            continue
+        upward = np.sign(values[first] - values[first - 1])
+        rise = upward * np.diff(values[first - 3 : first + 1])
+        fall = -upward * np.diff(values[end - 1 : end + 3])
+        steady = np.all(rise[:2] > 3.0 * step) and np.all(fall[1:] > 3.0 * step)
+        # a smooth peak of this width is entered by steps of curvature alone: each a small share of the one before
+        if steady and rise[1] > 0.3 * rise[0] and fall[1] > 0.3 * fall[2]:
+            spans.append((first, end))
+    return spans
 
 
-def _spikes(values: Array, step: float, held: bool) -> list[tuple[int, int]]:
-    """Single rows off the line through their neighbours, whose neighbours agree."""
+def _spikes(values: Array, step: float, held: bool) -> Iterator[int]:
+    """Yield single rows off the line through their neighbours, whose neighbours agree."""
     if values.size < 8:
-        return []
-    bend = values[1:-1] - 0.5 * (values[2:] + values[:-2])
-    size = np.abs(bend)
+        return
+    size = np.abs(values[1:-1] - 0.5 * (values[2:] + values[:-2]))
     rare = min(size.size - 1, max(FEW, size.size // 100))
-    moved = np.abs(np.diff(values))
     floor = max(
         SPIKE * 1.4826 * float(np.median(size)),
         ABOVE * float(np.partition(size, -(rare + 1))[-(rare + 1)]),
         QUANTA * step,
-        QUANTA * float(np.median(moved[moved > 0.0])) if np.any(moved > 0.0) else 0.0,
+        QUANTA * _usual(np.abs(np.diff(values))),
     )
-    found = []
-    for row in np.flatnonzero(np.abs(bend) > floor) + 1:
+    for row in (np.flatnonzero(size > floor) + 1).tolist():
         if row < 2 or row > values.size - 3:
             continue
         beside = values[[row - 2, row - 1, row + 1, row + 2]]
@@ -213,42 +174,15 @@ def _spikes(values: Array, step: float, held: bool) -> list[tuple[int, int]]:
         middle, slope = float(beside.mean()), float(np.dot(beside, TREND))
         off = abs(values[row] - middle)
         if np.max(np.abs(beside - middle - slope * PLACES)) < AGREE * off and off > floor:
-            found.append((int(row), int(row) + 1))
-    return found
+            yield row
 
 
-def _at(
-    channel: str, kind: str, severity: Severity, first: int, end: int, time: Array, message: str, todo: str
-) -> Fault:
-    return Fault(kind, severity, message, todo, channel, first, end, (float(time[first]), float(time[end - 1])))
-
-
-SAME = 1e-12
-"""Share of a column's largest value by which a frozen reading may change: turning its frame changes it by so much."""
-
-TIMES = 30.0
-"""A live sensor changes its reading so many times, in the mean, over the travel for which a frozen one keeps it."""
-
-RECURS = 0.1
-"""A reading that comes back and stays for this share of the travel is a level of the sensor, or a limit."""
-
-MOVES = 50
-"""Steps in which the hand must move before a column that never changes is reported."""
-
-EVEN = 0.2
-"""How far, as a share of it, a constant speed may be from that of its place: a wrong one is further off by far."""
-
-LEVELS = 1.5
-"""Steps of a coarse converter within which a constant reading is its zero."""
-
-STEADY = 2.5
-"""Quanta in a step that no encoder at rest makes: between two such steps the row cannot be the same."""
-
-AROUND = 3
-"""Steps on either side of a repeated row that are looked at."""
-
-FEWEST, SHARE = 10, 0.005
-"""So many repeated rows, and this share of all, are a logger's habit and no chance."""
+SAME = 1e-12  # share of a column's largest value by which a frozen reading may change, as when its frame is turned
+TIMES = 30.0  # a live sensor changes its reading so many times, in the mean, over the travel of a frozen one
+RECURS = 0.1  # a reading that comes back and stays for this share of the travel is a level of the sensor, or a limit
+MOVES = 50  # steps in which the hand must move before a column that never changes is reported
+EVEN = 0.2  # how far, as a share of it, a constant speed may be from that of its place: a wrong one is further off
+LEVELS = 1.5  # steps of a coarse converter within which a constant reading is its zero
 
 MEASURES: Mapping[str, str] = {"N": "force", "N m": "torque", "m/s": "speed", "rad/s": "speed"}
 """Units of what must change while the hand moves: positions may stand still in one direction."""
@@ -260,76 +194,57 @@ OWN = {"velocity": "hip", "measured_velocity": "hip", "joint_velocity": "joint_p
 """... but for these, which follow one channel: a speed its own component of it."""
 
 
-def frozen(recording: Recording, known: Sequence[Fault] = ()) -> list[Fault]:
-    """Stretches over which a force, torque or speed keeps its value though the hand moves, and constant columns.
+def frozen(recording: Recording, known: Sequence[Fault]) -> Iterator[Fault]:
+    """Yield stretches over which a force, torque or speed keeps its value though the hand moves, and constant columns.
 
     `known` are findings whose rows need no second one. Answers of a simulation are exact, and left alone.
     """
     if recording.meta.get("source") in SIMULATED or len(recording) <= STUCK_ROWS:
-        return []
-    faults = []
+        return
     columns = columns_of(recording)
-    for name, (channel, unit, values) in columns.items():
-        travel, other = _travel(recording, columns, name, channel)
-        if travel is None or not other:
+    for name, column in columns.items():
+        travel, other = _travel(recording, columns, name)
+        kept = column.values[recording.measured]
+        kept = kept[np.isfinite(kept)]
+        if not other:
             continue
-        if _constant(values[recording.measured]):
-            faults += _dead(recording, name, channel, unit, values, travel, other)
-        elif unit in MEASURES:
-            taken = [each for each in known if each.channel == name and each.first is not None]
-            place = columns[other].values if MEASURES[unit] == "speed" and other in columns else None
-            faults += _frozen_stretches(recording, name, channel, values, travel, other, taken, place)
-    return faults
+        if kept.size and float(np.ptp(kept)) <= SAME * float(np.max(np.abs(kept))):
+            yield from _dead(recording, name, column, travel, other)
+        elif column.unit in MEASURES:
+            taken = [(each.first, each.end) for each in known if each.channel == name]
+            place = columns[other].values if MEASURES[column.unit] == "speed" and other in columns else None
+            for first, end, moved, every in _frozen(recording, column, travel, place):
+                message = (
+                    f"it keeps {column.values[first]:.6g} over {end - first} rows, while {other} moves {moved:.3g} "
+                    f"{_unit(recording, other)}; elsewhere it changes every {every:.2g}"
+                )
+                if not any(a is not None and b is not None and a < end and first < b for a, b in taken):
+                    yield found(recording, "stuck", message, name, (first, end), travel=moved)
 
 
-def _travel(recording: Recording, columns: Mapping[str, Column], name: str, channel: str) -> tuple[Array | None, str]:
-    """How far the reference of a column moved in each step (n - 1,), 0 beside rows without a measurement."""
+def _travel(recording: Recording, columns: Mapping[str, Column], name: str) -> tuple[Array, str]:
+    """Return how far the reference of a column moved in each step (n - 1,), 0 beside rows without a measurement.
+
+    And the reference's name, empty where there is none. A column of the reference itself is held against its others.
+    """
+    channel = columns[name].channel
     reference = OWN.get(channel) or next((each for each in REFERENCES if each in recording.channels), "")
     if reference not in recording.channels:
-        return None, ""
+        return np.zeros(0), ""
     values = recording.channels[reference]
-    if channel == reference:  # against the other components
-        rest = [each for each in _parts(columns, channel) if each != name]
-        values = np.column_stack([columns[each].values for each in rest]) if rest else np.zeros((len(recording), 0))
-        reference = ", ".join(rest)
+    parts = [each for each, column in columns.items() if column.channel == channel]
+    if channel == reference:
+        parts.remove(name)
+        if not parts:
+            return np.zeros(0), ""
+        values = np.column_stack([columns[each].values for each in parts])
+        reference = ", ".join(parts)
     elif channel.endswith("velocity") and values.shape == recording.channels[channel].shape:
-        place = _parts(columns, channel).index(name)
-        values, reference = values[:, [place]], _parts(columns, reference)[place]
+        values = values[:, [parts.index(name)]]
+        reference = [each for each, column in columns.items() if column.channel == reference][parts.index(name)]
     moved = np.linalg.norm(np.diff(values.reshape(len(recording), -1), axis=0), axis=1)
     both = recording.measured[1:] & recording.measured[:-1]
     return np.where(both & np.isfinite(moved), moved, 0.0), reference
-
-
-def _parts(columns: Mapping[str, Column], channel: str) -> list[str]:
-    return [name for name, each in columns.items() if each.channel == channel]
-
-
-def _constant(values: Array) -> bool:
-    kept = values[np.isfinite(values)]
-    return kept.size > 0 and float(np.ptp(kept)) <= SAME * float(np.max(np.abs(kept)))
-
-
-def _dead(
-    recording: Recording, name: str, channel: str, unit: str, values: Array, travel: Array, other: str
-) -> list[Fault]:
-    """The finding on a column that never changes, where its reference does."""
-    if np.count_nonzero(travel) < MOVES or recording.signals[channel].frame not in ("world", "joint"):
-        return []
-    value = float(values[recording.measured][0])
-    suspected = unit in MEASURES and value != 0.0
-    what = f"it is {value:.6g} {unit} throughout, while {other} moves {np.sum(travel):.3g} {_unit(recording, other)}"
-    if unit in MEASURES and value == 0.0 and not recording.channels[channel].any() and "velocity" not in channel:
-        what += ": no contact, or a sensor that is not connected"
-    return [
-        Fault(
-            "constant",
-            Severity.SUSPICIOUS if suspected else Severity.NOTE,
-            what,
-            "see the sensor and its cable, and which column of the file belongs here",
-            name,
-            measures={"value": value, "travel": float(np.sum(travel))},
-        )
-    ]
 
 
 def _unit(recording: Recording, reference: str) -> str:
@@ -337,129 +252,105 @@ def _unit(recording: Recording, reference: str) -> str:
     return recording.signals[first if first in recording.signals else first.rpartition(".")[0]].unit
 
 
-def _frozen_stretches(
-    recording: Recording,
-    name: str,
-    channel: str,
-    values: Array,
-    travel: Array,
-    other: str,
-    known: Sequence[Fault],
-    place: Array | None,
-) -> list[Fault]:
-    """The findings on the stretches over which a column that changes elsewhere keeps its value.
+def _dead(recording: Recording, name: str, column: Column, travel: Array, other: str) -> Iterator[Fault]:
+    """Yield the finding on a column that never changes, where its reference does."""
+    channel, unit, values = column
+    if np.count_nonzero(travel) < MOVES or recording.signals[channel].frame not in ("world", "joint"):
+        return
+    value, way = float(values[recording.measured][0]), float(np.sum(travel))
+    what = f"it is {value:.6g} {unit} throughout, while {other} moves {way:.3g} {_unit(recording, other)}"
+    if unit in MEASURES and value == 0.0 and not recording.channels[channel].any() and "velocity" not in channel:
+        what += ": no contact, or a sensor that is not connected"
+    note = None if unit in MEASURES and value != 0.0 else Severity.NOTE
+    yield found(recording, "constant", what, name, severity=note, value=value, travel=way)
 
-    A speed that was made of a `place` (n,) keeps its value where that goes on evenly, and is left alone.
+
+def _frozen(
+    recording: Recording, column: Column, travel: Array, place: Array | None
+) -> Iterator[tuple[int, int, float, float]]:
+    """Yield the rows [first, end) over which a column that changes elsewhere keeps its value, and the hand's travel.
+
+    Last comes the travel between two changes elsewhere. A speed that was made of a `place` (n,) keeps its value where
+    that goes on evenly, and is left alone.
     """
-    measured = recording.measured
-    size = float(np.max(np.abs(values[measured])))
+    values, measured, time = column.values, recording.measured, recording.time
+    rounding = SAME * float(np.max(np.abs(values[measured])))
     both = measured[1:] & measured[:-1]
-    same = both & (np.abs(np.diff(values)) <= SAME * size)
+    same = both & (np.abs(np.diff(values)) <= rounding)
     path = np.concatenate([[0.0], np.cumsum(travel)])
-    runs = [(first, end + 1) for first, end in runs_of(same)]  # rows
+    runs = [(first, end + 1) for first, end in runs_of(same)]
     moved = np.array([path[end - 1] - path[first] for first, end in runs])
-    lengths = np.array([end - first for first, end in runs])
-    found = []
-    for index in np.flatnonzero(lengths >= STUCK_ROWS):
+    long = np.array([end - first >= STUCK_ROWS for first, end in runs], dtype=bool)
+    changes = int(np.count_nonzero(both & ~same))
+    elsewhere = float(path[-1] - moved[long].sum())  # how far the hand goes between all changes of the reading
+    for index in np.flatnonzero(long).tolist():
         first, end = runs[index]
-        value, steps = float(values[first]), travel[first : end - 1]
-        if np.count_nonzero(steps) < STUCK_ROWS or _rests(recording, channel, values, slice(first, end), value):
+        value, way = float(values[first]), float(moved[index])
+        resting = np.count_nonzero(travel[first : end - 1]) < STUCK_ROWS
+        if resting or changes < STUCK_ROWS or way * changes < TIMES * elsewhere:
+            continue
+        if _rests(recording, column, slice(first, end), value):
             continue
         if place is not None:
-            even = (place[end - 1] - place[first]) / (recording.time[end - 1] - recording.time[first])
+            even = (place[end - 1] - place[first]) / (time[end - 1] - time[first])
             if abs(even - value) <= EVEN * abs(value):
                 continue
-        alike = np.array([abs(values[a] - value) <= SAME * size for a, _ in runs])
+        alike = np.array([abs(values[a] - value) <= rounding for a, _ in runs])
         alike[index] = False
-        if np.any(moved[alike] >= RECURS * moved[index]):
-            continue
-        # how far the hand goes, elsewhere, between two changes of the reading
-        changes = int(np.count_nonzero(both & ~same))
-        elsewhere = float(path[-1] - moved[lengths >= STUCK_ROWS].sum())
-        if changes < STUCK_ROWS or moved[index] * changes < TIMES * elsewhere:
-            continue
-        if any(each.first < end and first < each.end for each in known if each.first is not None and each.end):
-            continue
-        found.append(
-            Fault(
-                "stuck",
-                Severity.SUSPICIOUS,
-                f"it keeps {value:.6g} over {end - first} rows, while {other} moves {moved[index]:.3g} "
-                f"{_unit(recording, other)}; elsewhere it changes every {elsewhere / changes:.2g}",
-                "leave those rows out; see the sensor and its cable",
-                name,
-                first,
-                end,
-                (float(recording.time[first]), float(recording.time[end - 1])),
-                {"travel": float(moved[index])},
-            )
-        )
-    return found
+        if not np.any(moved[alike] >= RECURS * way):
+            yield first, end, way, elsewhere / changes
 
 
-def _rests(recording: Recording, channel: str, values: Array, rows: slice, value: float) -> bool:
-    """Whether a constant reading is that of free motion: zero, or as good as zero to the sensor."""
-    if value == 0.0:
-        # of a component alone: a surface across the axes has none of its force in one of them
-        return True
+def _rests(recording: Recording, column: Column, rows: slice, value: float) -> bool:
+    """Return whether a constant reading is that of free motion: zero, or as good as zero to the sensor.
+
+    Zero counts for a component alone: a surface across the axes has none of its force in one of them.
+    """
     floor = declared_floor(recording) or 0.0
-    if abs(value) <= max(floor, LEVELS * (quantum(values[recording.measured]) or 0.0)):
-        return bool(np.max(np.abs(recording.channels[channel][rows])) <= max(floor, abs(value)) * LEVELS)
-    return False
+    if value == 0.0:
+        return True
+    if abs(value) > max(floor, LEVELS * (quantum(column.values[recording.measured]) or 0.0)):
+        return False
+    return bool(np.max(np.abs(recording.channels[column.channel][rows])) <= max(floor, abs(value)) * LEVELS)
 
 
-def repeated_rows(recording: Recording) -> list[Fault]:
-    """Rows that hold the row before over again, in every column that ever changes, in the middle of a motion.
+STEADY = 2.5  # quanta in a step that no encoder at rest makes: between two such steps the row cannot be the same
+AROUND = 3  # steps on either side of a repeated row that are looked at
+FEWEST, SHARE = 10, 0.005  # so many repeated rows, and this share of all, are a logger's habit and no chance
+
+
+def repeated_rows(recording: Recording) -> Iterator[Fault]:
+    """Yield a finding on rows that hold the row before over again, in all columns, in the middle of a motion.
 
     At rest, and in motion slower than a quantum per row, that may be so. Between two steps of `STEADY` quanta in the
     same direction it cannot: the logger wrote an old sample.
     """
-    if recording.meta.get("source") in SIMULATED:
-        return []
     measured = recording.measured
     both = measured[1:] & measured[:-1]
-    columns = [each.values for each in columns_of(recording).values()]
-    found = [values for values in columns if np.any(np.diff(values[measured]))]
-    if not found or len(recording) < 4 * AROUND:
-        return []
-    steps = np.column_stack([np.where(both, np.diff(values), 0.0) for values in found])
-    again: BoolArray = both & ~steps.any(axis=1)
+    columns = [column.values for column in columns_of(recording).values() if np.any(np.diff(column.values[measured]))]
+    if recording.meta.get("source") in SIMULATED or not columns or len(recording) < 4 * AROUND:
+        return
+    steps = np.column_stack([np.where(both, np.diff(values), 0.0) for values in columns])
+    again = both & ~steps.any(axis=1)
     rows = np.flatnonzero(again)
     rows = rows[(rows >= AROUND) & (rows < again.size - AROUND)]
     if rows.size < FEWEST:
-        return []
+        return
+    around = rows[:, np.newaxis] + np.delete(np.arange(-AROUND, AROUND + 1), AROUND)
     impossible = np.zeros(rows.size, dtype=bool)
-    for place in range(steps.shape[1]):
-        sizes = np.abs(steps[steps[:, place] != 0.0, place])
-        step = quantum(found[place][measured]) or float(np.quantile(sizes, 0.01))
-        impossible |= _passed(steps[:, place], rows, STEADY * step)
+    for values, taken in zip(columns, steps.T, strict=True):
+        step = quantum(values[measured]) or float(np.quantile(np.abs(taken[taken != 0.0]), 0.01))
+        beside = taken[around]
+        large = np.abs(beside) > STEADY * step
+        one_way = np.all(beside >= 0.0, axis=1) | np.all(beside <= 0.0, axis=1)
+        either = large[:, :AROUND].any(axis=1) & large[:, AROUND:].any(axis=1)
+        impossible |= one_way & either & np.all(large | (beside == 0.0), axis=1)
     count = int(impossible.sum())
     if count < FEWEST or count < SHARE * len(recording):
-        return []
+        return
     first = int(rows[np.argmax(impossible)]) + 1
-    return [
-        Fault(
-            "repeated rows",
-            Severity.SUSPICIOUS,
-            f"{int(again.sum())} of {len(recording)} rows repeat the row before in all {len(found)} columns, {count} "
-            f"of them in the middle of a motion, first row {first} ({recording.time[first]:.6g} s)",
-            "the logger wrote old samples: see its rate and that of the device, and record again",
-            "time",
-            measures={"rows": int(again.sum()), "moving": count},
-        )
-    ]
-
-
-def _passed(steps: Array, rows: IntArray, least: float) -> BoolArray:
-    """Whether a column moves on, before and after each of `rows`, in the same direction and by more than `least`."""
-    offsets = np.arange(1, AROUND + 1)
-    before, after = steps[rows[:, None] - offsets], steps[rows[:, None] + offsets]
-    sides = []
-    for side in (before, after):
-        large = np.abs(side) > least
-        some = large.any(axis=1) & np.all(large | (side == 0.0), axis=1)
-        signs = np.sign(side)
-        sides.append((some, signs.max(axis=1), signs.min(axis=1)))
-    (one, up, down), (other, up2, down2) = sides
-    rising, falling = (down >= 0.0) & (down2 >= 0.0), (up <= 0.0) & (up2 <= 0.0)
-    return np.asarray(one & other & (rising | falling))
+    message = (
+        f"{int(again.sum())} of {len(recording)} rows repeat the row before in all {len(columns)} columns, {count} "
+        f"of them in the middle of a motion, first row {first} ({recording.time[first]:.6g} s)"
+    )
+    yield found(recording, "repeated rows", message, "time", rows=int(again.sum()), moving=count)

@@ -8,7 +8,7 @@ contact
     restitution  - (speed after) / (speed before)             by the slope of x over `SPEED_WINDOW`; none where a
                                                               contact lasts longer than `HAND`
 
-A contact begins with a tool that moves into the wall: a force that rises while the tool leaves is told apart, because
+A contact begins with a tool that moves into the wall: a force that rises while the tool leaves is kept apart, because
 a wall cannot make it.
 """
 
@@ -25,29 +25,14 @@ from hapticeval.recordings.quantization import quantum
 from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.types import Array
 
-SPEED_WINDOW = 3e-3
-"""Seconds over which a speed is the slope of the position: short against an impact's approach, long against a tick."""
-
-BEFORE = 10e-3
-"""Seconds before the touch over which the sensor's own reading is taken."""
-
-SHARE = 0.1
-"""Of the largest force: where a contact begins, if the recording does not state its `force_floor`."""
-
-TOUCH = 0.05
-"""Of the peak: a contact lasts while the press is above it."""
-
-LOADING = (0.1, 0.9)
-"""Between these shares of the peak the slope is taken: below it the sensor wanders, above it the contact turns."""
-
-HAND = 0.1
-"""Seconds; a longer contact is pushed by the hand, which reacts by then, and its speeds tell no restitution."""
-
-CONFIDENCE = 0.95
-"""Of the interval about the mean of the contacts, by Student's t."""
-
-LEAST_ROWS = 4
-"""A slope needs so many rows."""
+SPEED_WINDOW = 3e-3  # s over which a speed is the slope of the position: short against an approach, long against a tick
+BEFORE = 10e-3  # s before the touch over which the sensor's own reading is taken
+SHARE = 0.1  # of the largest force: where a contact begins, if the recording does not state its `force_floor`
+TOUCH = 0.05  # of the peak: a contact lasts while the press is above it
+LOADING = (0.1, 0.9)  # shares of the peak between which the slope is taken: beyond, the sensor wanders or contact turns
+HAND = 0.1  # s; a longer contact is pushed by the hand, which reacts by then, and its speeds tell no restitution
+CONFIDENCE = 0.95  # of the interval about the mean of the contacts, by Student's t
+LEAST_ROWS = 4  # a slope needs so many rows
 
 
 @dataclass(frozen=True)
@@ -85,13 +70,11 @@ class Impacts:
     floor: float
 
     def mean(self, measure: str) -> tuple[float, float]:
-        """Mean of a measure over the contacts, and half the width of its 95 per cent interval; NaN where not known."""
+        """Return the mean of a measure over the contacts, and half its 95 per cent interval; NaN where not known."""
         values = np.array([getattr(contact, measure) for contact in self.contacts])
         values = values[np.isfinite(values)]
-        if values.size == 0:
-            return math.nan, math.nan
-        if values.size == 1:
-            return float(values[0]), math.nan
+        if values.size < 2:
+            return (float(values[0]) if values.size else math.nan), math.nan
         from scipy.special import stdtrit
 
         point = float(stdtrit(values.size - 1, 0.5 + 0.5 * CONFIDENCE))
@@ -99,17 +82,16 @@ class Impacts:
 
 
 def wall_channel(recording: Recording) -> str:
-    """The force that a wall gives: that on a teleoperated tool, where it is there, else that on the hand."""
+    """Return which force a wall gives: that on a teleoperated tool, where it is there, else that on the hand."""
     return "wall_force" if "wall_force" in recording.channels else "force"
 
 
-def impacts(recording: Recording, *, floor: float | None = None) -> Impacts:
-    """The contacts of a recording in one dimension.
+def impacts(recording: Recording) -> Impacts:
+    """Find the contacts of a recording in one dimension.
 
     The tool is the IHIP and its force `wall_force`, where that channel is there (a teleoperated tool at a real wall);
-    else they are the HIP and the force on the hand. `floor` (N) is the force that free motion does not reach: the
-    argument, else `meta["force_floor"]`, else a tenth of the largest. Raises `InputError` for another dimension and for
-    a missing channel.
+    else they are the HIP and the force on the hand. Free motion does not reach `meta["force_floor"]` (N), or else a
+    tenth of the largest force. Raises `InputError` for another dimension and for a missing channel.
     """
     if recording.dimension != 1:
         raise InputError(
@@ -120,31 +102,29 @@ def impacts(recording: Recording, *, floor: float | None = None) -> Impacts:
     pushing = wall_channel(recording)
     force = recording.channel(pushing)[:, 0]
     place = recording.channel("hip" if pushing == "force" else "ihip")[:, 0]
-    valid = recording.measured
+    valid, time = recording.measured, recording.time
     sign = -math.copysign(1.0, float(force[valid][np.argmax(np.abs(force[valid]))]))
     press, into = np.where(valid, -sign * force, 0.0), sign * place
-    if floor is None:
-        declared = declared_floor(recording)
-        floor = SHARE * float(press.max()) if declared is None else declared
-    step = quantum(into[valid]) or 0.0
-    tick = float(np.median(np.diff(recording.time)))
+    declared = declared_floor(recording)
+    floor = SHARE * float(press.max()) if declared is None else declared
+    step, tick = quantum(into[valid]) or 0.0, float(np.median(np.diff(time)))
     window = max(2, round(SPEED_WINDOW / tick))
     contacts, unexplained, retreats = [], [], []
     for first, end in runs_of((press > floor) & valid):
         if end - first < LEAST_ROWS:
             continue
-        speed, least = _slope(into, first - window, first, tick), step / (window * tick)
+        speed, least = _speed(into, first - window, first, tick), step / (window * tick)
         if speed > least:
-            contacts.append(_impact(recording.time, press, into, first, end, step))
+            contacts.append(_impact(time, press, into, first, end, step))
             continue
-        unexplained.append(float(recording.time[first]))
+        unexplained.append(float(time[first]))
         if speed < -least:
-            retreats.append(float(recording.time[first]))
+            retreats.append(float(time[first]))
     return Impacts(tuple(contacts), tuple(unexplained), tuple(retreats), floor)
 
 
 def _impact(time: Array, press: Array, into: Array, first: int, end: int, step: float) -> Impact:
-    """The contact over rows [first, end) above the floor, before which the tool moves into the wall."""
+    """Measure the contact over rows [first, end) above the floor, before which the tool moves into the wall."""
     tick = float(np.median(np.diff(time)))
     window, before = max(2, round(SPEED_WINDOW / tick)), max(2, round(BEFORE / tick))
     top = float(press[first:end].max())
@@ -160,21 +140,19 @@ def _impact(time: Array, press: Array, into: Array, first: int, end: int, step: 
         leave += 1
     load = press[touch:leave] - rest
     peak = int(np.argmax(load))
-    rows = np.arange(peak + 1)
-    rows = rows[(load[rows] >= LOADING[0] * top) & (load[rows] <= LOADING[1] * top)]
-    stiffness, error = _fit(into[touch + rows], load[rows])
-    after = [_slope(into, row, row + window, tick) for row in range(touch + peak, leave)]
-    back = min([each for each in after if math.isfinite(each)], default=math.nan)
-    if time[leave - 1] - time[touch] > HAND:
-        back = math.nan
-    speed = max(_slope(into, row - window, row, tick) for row in range(max(window, touch - window), touch + 1))
+    loading = load[: peak + 1]
+    rows = np.flatnonzero((loading >= LOADING[0] * top) & (loading <= LOADING[1] * top))
+    stiffness, error = _slope(into[touch + rows], load[rows])
+    duration = float(time[leave - 1] - time[touch])
+    after = [_speed(into, row, row + window, tick) for row in range(touch + peak, leave)]
+    back = min([each for each in after if math.isfinite(each)], default=math.nan) if duration <= HAND else math.nan
+    speed = max(_speed(into, row - window, row, tick) for row in range(max(window, touch - window), touch + 1))
     spread = math.sqrt(2.0 / 12.0) * step / (window * tick)
-    ratio = -back / speed
     return Impact(
         first=touch,
         end=leave,
         begin=float(time[touch]),
-        duration=float(time[leave - 1] - time[touch]),
+        duration=duration,
         peak=float(load[peak]),
         depth=float(into[touch:leave].max() - into[touch]),
         impulse=float(np.trapezoid(load, time[touch:leave])),
@@ -182,20 +160,20 @@ def _impact(time: Array, press: Array, into: Array, first: int, end: int, step: 
         stiffness_error=error,
         speed_before=speed,
         speed_after=back,
-        restitution=ratio,
-        restitution_error=math.hypot(spread / speed, ratio * spread / speed),
+        restitution=-back / speed,
+        restitution_error=math.hypot(spread / speed, -back / speed * spread / speed),
     )
 
 
-def _slope(values: Array, first: int, last: int, tick: float) -> float:
-    """The mean speed between two rows, NaN where one is not there."""
+def _speed(values: Array, first: int, last: int, tick: float) -> float:
+    """Return the mean speed between two rows, NaN where one is not there."""
     if first < 0 or last >= values.size or last <= first:
         return math.nan
     return float(values[last] - values[first]) / ((last - first) * tick)
 
 
-def _fit(x: Array, y: Array) -> tuple[float, float]:
-    """Slope of y over x by least squares, and its standard error; NaN where x does not move."""
+def _slope(x: Array, y: Array) -> tuple[float, float]:
+    """Return the slope of y over x by least squares, and its standard error; NaN where x does not move."""
     if x.size < LEAST_ROWS or np.ptp(x) == 0.0:
         return math.nan, math.nan
     centred = x - x.mean()

@@ -59,30 +59,19 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.integrity.contacts import impacts, wall_channel
-from hapticeval.recordings.integrity.issue import Fault, Severity
+from hapticeval.recordings.integrity.issue import SIGN, Fault, found
 from hapticeval.recordings.provenance import declared_floor, is_bilateral
 from hapticeval.recordings.quantization import grain, resolution
-from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.stretches import LAG, Stretch, stretches
-from hapticeval.types import Array, BoolArray, IntArray
+from hapticeval.recordings.recording import Recording, runs_of
+from hapticeval.recordings.stretches import LAG, stretches
+from hapticeval.types import Array, IntArray
 
-REST = 0.03
-"""Of the largest speed: below it the hand is at rest, with a thousandth of its kinetic energy."""
-
-WINDOW = 10e-3
-"""Seconds over which a speed is taken: short against a hand's turn, long against a tick."""
-
-SHARE = 0.1
-"""Of all that crossed: less than that is the delay of a loop."""
-
-SURE = 5.0
-"""Standard deviations of the noise."""
-
-FREE_ROWS = 20
-"""So many rows of no force at all are no passage through zero."""
-
-MOST = 300
-"""Rests that are looked at, spread over the run."""
+REST = 0.03  # of the largest speed: below it the hand is at rest, with a thousandth of its kinetic energy
+WINDOW = 10e-3  # s over which a speed is taken: short against a hand's turn, long against a tick
+SHARE = 0.1  # of all that crossed: less than that is the delay of a loop
+SURE = 5.0  # standard deviations of the noise
+FREE_ROWS = 20  # so many rows of no force at all are no passage through zero
+MOST = 300  # rests that are looked at, spread over the run
 
 
 @dataclass(frozen=True)
@@ -97,6 +86,11 @@ class Gift:
     how: str
 
     @property
+    def excess(self) -> float:
+        """How far the energy is beyond what is open, J."""
+        return self.energy - self.open
+
+    @property
     def passive(self) -> bool:
         """Whether a passive environment may have done so."""
         return not self.energy > self.open
@@ -104,39 +98,43 @@ class Gift:
 
 @dataclass(frozen=True)
 class Balance:
-    """The largest gifts with the force as it is and with its sign turned, over a stretch; None where no two rows bound
-    what is stored."""
+    """The largest gifts with the force as it is and with its sign turned, over a stretch."""
 
     given: Gift
     turned: Gift
 
     @property
     def sign(self) -> int:
-        """1 where only this sign is of a passive environment, -1 where only the other is, 0 where energy does not
-        tell."""
+        """1 if the logged sign is passive and the opposite one is not, -1 for the reverse, 0 if undecided."""
         return int(self.given.passive) - int(self.turned.passive)
+
+    @property
+    def active(self) -> Gift:
+        """The gift with the sign that is not passive."""
+        return self.turned if self.sign > 0 else self.given
 
 
 def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> tuple[Balance, ...]:
-    """The balances of a stretch without gaps, at each lag that a force on the hand may have: `place` and `force`
-    (n, N), `time` (n,), `floor` N. Empty where no two rows bound what is stored."""
+    """Balance a stretch without gaps, at each lag that a force on the hand may have.
+
+    `place` and `force` are (n, N), `time` (n,), `floor` N. Empty where no two rows bound what is stored.
+    """
     if len(time) < 2:
         return ()
     steps = max(map(grain, place.T)), max(map(grain, force.T))
-    resting, share = _resting(place, time, steps[0])
-    free = _free(force)
-    found = []
-    for lag in range(LAG + 1):
+    rests, share = _resting(place, time, steps[0])
+    free = [end - 1 for first, end in runs_of(~np.any(force != 0.0, axis=1)) if end - first >= FREE_ROWS]
+    free = free[:: max(1, -(-len(free) // MOST))]
+    balances = []
+    for lag in range(min(LAG, len(time) - 2) + 1):
         end = len(time) - lag
-        if end < 2:
-            break
         port = _Port(place[:end], force[lag:], steps, floor, share)
-        rests = np.array([row for row in resting if row < end], dtype=np.intp)
-        both = [port.largest(sign, rests, [row - lag for row in free if row >= lag]) for sign in (1.0, -1.0)]
-        if both[0] is None or both[1] is None:
+        from_free = [row - lag for row in free if row >= lag]
+        given, turned = (port.largest(sign, rests[rests < end], from_free) for sign in (1.0, -1.0))
+        if given is None or turned is None:
             return ()
-        found.append(Balance(both[0], both[1]))
-    return tuple(found)
+        balances.append(Balance(given, turned))
+    return tuple(balances)
 
 
 class _Port:
@@ -146,33 +144,29 @@ class _Port:
         moved, turned = np.diff(place, axis=0), np.diff(force, axis=0)
         work = 0.5 * np.sum((force[1:] + force[:-1]) * moved, axis=1)
         self.place, self.size = place, np.linalg.norm(force, axis=1)
-        self.work = _summed(work)
-        self.crossed = _summed(np.abs(work))
-        self.path = _summed(np.linalg.norm(moved, axis=1))
-        self.square = _summed(np.sum(moved**2, axis=1))
+        self.work, self.crossed = _summed(work), _summed(np.abs(work))
+        self.path, self.square = _summed(np.linalg.norm(moved, axis=1)), _summed(np.sum(moved**2, axis=1))
         self.turned = _summed(np.linalg.norm(turned, axis=1))
         self.kinetic = share**2 * float(np.ptp(self.work))
         rounding = 0.5 * math.sqrt(place.shape[1])
         self.position, self.reading = rounding * steps[0], floor + rounding * steps[1]
-        self.noise = SURE * _noise(force)
+        self.noise = 0.0
+        if len(force) >= 3:  # white noise by the second differences: six of its variances make one of theirs
+            bend = np.abs(np.diff(force, n=2, axis=0))
+            self.noise = SURE * (float(np.max(np.median(bend, axis=0))) / 0.6745 / math.sqrt(6.0))
 
     def open(self, first: IntArray | int, last: IntArray | slice) -> Array:
-        """What of the work between rows is open, J."""
-
-        def over(sums: Array) -> Array:
-            return np.asarray(sums[last] - sums[first])
-
+        """Return what of the work between rows is open, J."""
         return np.asarray(
-            self.position * (over(self.turned) + self.size[first] + self.size[last])
-            + self.reading * over(self.path)
-            + self.noise * np.sqrt(np.maximum(over(self.square), 0.0))
-            + SHARE * over(self.crossed)
+            self.position * (self.turned[last] - self.turned[first] + self.size[first] + self.size[last])
+            + self.reading * (self.path[last] - self.path[first])
+            + self.noise * np.sqrt(np.maximum(self.square[last] - self.square[first], 0.0))
+            + SHARE * (self.crossed[last] - self.crossed[first])
         )
 
     def largest(self, sign: float, rests: IntArray, free: list[int]) -> Gift | None:
-        """The gift that is the furthest beyond what is open; None where no two rows bound what is stored."""
-        found = [*self._rests(sign, rests), *self._free(sign, free)]
-        return max(found, key=lambda each: each.energy - each.open) if found else None
+        """Return the gift that is the furthest beyond what is open; None where no two rows bound what is stored."""
+        return max([*self._rests(sign, rests), *self._free(sign, free)], key=lambda each: each.excess, default=None)
 
     def _rests(self, sign: float, rests: IntArray) -> Iterator[Gift]:
         if rests.size < 2:
@@ -195,50 +189,31 @@ class _Port:
         }
         best: Gift | None = None
         for first in sorted(most, key=most.__getitem__, reverse=True):
-            if best is not None and most[first] <= best.energy - best.open:
+            if best is not None and most[first] <= best.excess:
                 break
             rows = slice(first + 1, None)
             given, left = sign * (self.work[rows] - self.work[first]), self.open(first, rows)
             row = int(np.argmax(given - left))
             gift = Gift(float(given[row]), float(left[row]), first, first + 1 + row, "free of force at the first")
-            best = max(best or gift, gift, key=lambda each: each.energy - each.open)
+            best = max(best or gift, gift, key=lambda each: each.excess)
         if best is not None:
             yield best
 
 
 def _resting(place: Array, time: Array, step: float) -> tuple[IntArray, float]:
-    """A row of each rest, and the share of the largest speed that a rest may have."""
+    """Return a row of each rest, and the share of the largest speed that a rest may have."""
     half = max(1, round(0.5 * WINDOW / float(np.median(np.diff(time)))))
-    if len(time) < 4 * half:
-        return np.zeros(0, dtype=np.intp), 0.0
     middle = np.arange(half, len(time) - half)
     moved = np.linalg.norm(place[middle + half] - place[middle - half], axis=1)
     speed = moved / (time[middle + half] - time[middle - half])
-    fastest = float(speed.max())
-    if fastest == 0.0:
-        return np.zeros(0, dtype=np.intp), 0.0
+    fastest = float(speed.max(initial=0.0))
+    if len(time) < 4 * half or fastest == 0.0:
+        return middle[:0], 0.0
     share = max(REST, 2.0 * step / (WINDOW * fastest))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], speed <= share * fastest, [False]]).astype(np.int8)))
-    rows = [int(first + np.argmin(speed[first:end])) for first, end in zip(edges[::2], edges[1::2], strict=True)]
-    if len(rows) > MOST:
-        rows = [rows[k] for k in np.linspace(0, len(rows) - 1, MOST).astype(int)]
-    return middle[rows] if rows else np.zeros(0, dtype=np.intp), share
-
-
-def _free(force: Array) -> list[int]:
-    """The last row of each long stretch of no force."""
-    none: BoolArray = ~np.any(force != 0.0, axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], none, [False]]).astype(np.int8)))
-    long = [int(end) - 1 for first, end in zip(edges[::2], edges[1::2], strict=True) if end - first >= FREE_ROWS]
-    return long[:: max(1, -(-len(long) // MOST))]
-
-
-def _noise(force: Array) -> float:
-    """The deviation of white noise, from the second differences: six of its variances make one of theirs."""
-    if len(force) < 3:
-        return 0.0
-    bend = np.abs(np.diff(force, n=2, axis=0))
-    return float(np.max(np.median(bend, axis=0))) / 0.6745 / math.sqrt(6.0)
+    rows = np.array([first + np.argmin(speed[first:end]) for first, end in runs_of(speed <= share * fastest)], np.intp)
+    if rows.size > MOST:
+        rows = rows[np.linspace(0, rows.size - 1, MOST).astype(int)]
+    return middle[rows], share
 
 
 def _summed(steps: Array) -> Array:
@@ -248,102 +223,85 @@ def _summed(steps: Array) -> Array:
 PORTS = (("force", "hip", 1.0), ("operator_force", "hip", -1.0), ("wall_force", "ihip", 1.0))
 """A force, the place where it acts, and whether it acts on what is there, or is that which acts."""
 
-EXTREME = 0.95
-"""Of the sum of the sizes: how near the sum of F . (IHIP - HIP) is to it where all of a force points one way."""
-
-QUANTA = 3.0
-"""A tool that is nearer to the HIP than so many times what the numbers resolve is in no direction of it."""
-
-LEVEL = 0.05
-
-ADVICE = "see its sign in the mapping, and what the sensor calls positive; no sign was changed"
+EXTREME = 0.95  # of the sum of the sizes: how near the sum of F . (IHIP - HIP) is to it where a force points one way
+QUANTA = 3.0  # a tool nearer to the HIP than so many times what the numbers resolve is in no direction of it
+LEVEL = 0.05  # of the probability that chance alone makes a wall push what leaves it
 
 
 @dataclass(frozen=True)
 class Sign:
-    """What is known of the sign of a force `channel`: 1 as it is, -1 the other, 0 not told; and why, in `words`."""
+    """What is known of the sign of a force `channel`: 1 as it is, -1 the other, 0 undecided; and why, in `words`."""
 
     channel: str
     sign: int
     words: str
 
 
+Judged = tuple[Sign, Fault | None]
+
+
 def force_signs(recording: Recording) -> tuple[tuple[Sign, ...], list[Fault]]:
-    """What tells the sign of each force of a recording, and a suspicion of each that seems to have the wrong one."""
-    signs, faults = [], []
+    """Decide the sign of each force of a recording, as far as physics does, and suspect each that seems wrong."""
+    judged: list[Judged] = []
     for channel, place, sense in PORTS:
-        if not {channel, place} <= recording.channels.keys() or _twice(recording, channel):
+        force = recording.channels.get(channel)
+        if force is None or place not in recording.channels:
             continue
-        told, fault = _energy(recording, channel, place, sense)
-        if told.sign == 0 and channel == "force":
-            told, fault = _pointing(recording, told)
-        if told.sign == 0 and recording.dimension == 1:
-            told, fault = _approach(recording, told)
-        signs.append(told)
-        faults += [] if fault is None else [fault]
-    return tuple(signs), faults
+        if channel == "operator_force" and np.array_equal(force, -recording.channels.get("force", np.nan)):
+            continue  # one column, mapped to both
+        made = _energy(recording, channel, place, sense)
+        if made[0].sign == 0 and channel == "force":
+            made = _pointing(recording) or made
+        if made[0].sign == 0 and recording.dimension == 1 and channel == wall_channel(recording):
+            made = _approach(recording, channel) or made
+        judged.append(made)
+    return tuple(sign for sign, _ in judged), [fault for _, fault in judged if fault is not None]
 
 
-def _twice(recording: Recording, channel: str) -> bool:
-    """Whether it is the force on the hand, turned: one column, mapped to both."""
-    force = recording.channels.get("force")
-    return channel == "operator_force" and force is not None and np.array_equal(recording.channels[channel], -force)
-
-
-def _energy(recording: Recording, channel: str, place: str, sense: float) -> tuple[Sign, Fault | None]:
-    """By the stretch that tells the most."""
-    floor = _floor(recording, channel)
-    found: list[tuple[Stretch, Balance]] = []
+def _energy(recording: Recording, channel: str, place: str, sense: float) -> Judged:
+    """Decide by the stretch with the largest margin: rule 1."""
+    floor = declared_floor(recording) or 0.0 if channel == wall_channel(recording) else 0.0
+    decided: list[tuple[int, Balance]] = []
     unclear: list[Balance] = []
     for stretch in stretches(recording):
         rows = stretch.rows
         force = sense * recording.channels[channel][rows]
         lags = balance(recording.channels[place][rows], force, recording.time[rows], floor=floor)
         if lags and abs(sum(each.sign for each in lags)) == len(lags):
-            found.append((stretch, min(lags, key=_margin)))
+            decided.append((stretch.first, min(lags, key=lambda each: each.active.excess)))
         elif lags:
             unclear.append(lags[0])
-    if not found:
+    if not decided:
         return Sign(channel, 0, _unclear(unclear)), None
-    if len({each.sign for _, each in found}) > 1:
+    if len({each.sign for _, each in decided}) > 1:
         return Sign(channel, 0, "energy tells one sign in one part of the run and the other in another"), None
-    stretch, best = max(found, key=lambda each: _margin(each[1]))
-    active = best.turned if best.sign > 0 else best.given
-    first, last = stretch.first + active.first, stretch.first + active.last
-    times = float(recording.time[first]), float(recording.time[last])
-    would = f"the environment would have given {active.energy:.3g} J to the hand"
-    if channel == "wall_force":
-        would = f"the wall would have given {active.energy:.3g} J to the tool"
+    begin, best = max(decided, key=lambda each: each[1].active.excess)
+    active, span = best.active, (begin + best.active.first, begin + best.active.last + 1)
+    who, to = ("the wall", "tool") if channel == "wall_force" else ("the environment", "hand")
+    would = f"{who} would have given {active.energy:.3g} J to the {to}"
     where = (
-        f"between {times[0]:.4g} and {times[1]:.4g} s ({active.how}), and noise, rounding and delay explain "
-        f"no more than {active.open:.2g} J of it"
+        f"between {recording.time[span[0]]:.4g} and {recording.time[span[1] - 1]:.4g} s ({active.how}), and noise, "
+        f"rounding and delay explain no more than {active.open:.2g} J of it"
     )
     if best.sign > 0:
         return Sign(channel, 1, f"right: with the opposite sign {would} {where}"), None
-    fault = Fault(
-        "force sign",
-        Severity.SUSPICIOUS,
-        f"the sign seems wrong: with it {would} {where}; with the opposite sign it takes energy",
-        f"{ADVICE}. A motor, a magnet or another hand behind it may give energy, too",
-        channel,
-        first,
-        last + 1,
-        times,
-        {"energy": active.energy, "open": active.open},
-    )
+    words = f"with it {would} {where}; with the opposite sign it takes energy"
+    todo = f"{SIGN}. A motor, a magnet or another hand behind it may give energy, too"
+    fault = _wrong(recording, channel, words, span, todo, energy=active.energy, open=active.open)
     return Sign(channel, -1, f"seems wrong: {would}"), fault
 
 
-def _margin(balance: Balance) -> float:
-    """How far the active one of both signs is beyond what is open."""
-    active: Gift = balance.turned if balance.sign > 0 else balance.given
-    return active.energy - active.open
+def _wrong(
+    recording: Recording, channel: str, words: str, span: tuple[int, int] | None, todo: str = SIGN, **measures: float
+) -> Fault:
+    message = f"the sign seems wrong: {words}"
+    return found(recording, "force sign", message, channel, span, todo=todo, **measures)
 
 
-def _unclear(found: list[Balance]) -> str:
-    if not found:
+def _unclear(balances: list[Balance]) -> str:
+    if not balances:
         return "not told: the hand is not at rest twice, and was never free of force for long"
-    best = max(found, key=lambda each: max(each.given.energy, each.turned.energy))
+    best = max(balances, key=lambda each: max(each.given.energy, each.turned.energy))
     if not best.given.passive and not best.turned.passive:
         return "not told: with either sign the environment gives energy"
     larger = max(best.given, best.turned, key=lambda each: each.energy)
@@ -353,69 +311,46 @@ def _unclear(found: list[Balance]) -> str:
     )
 
 
-def _pointing(recording: Recording, told: Sign) -> tuple[Sign, Fault | None]:
-    """Rule 2."""
+def _pointing(recording: Recording) -> Judged | None:
+    """Decide by the direction of the force in contact: rule 2."""
     if "ihip" not in recording.channels or is_bilateral(recording):
-        return told, None
-    keep = recording.measured
+        return None
     reach, force = recording.ihip - recording.hip, recording.force
     sizes = np.linalg.norm(reach, axis=1) * np.linalg.norm(force, axis=1)
-    rows = keep & (np.linalg.norm(reach, axis=1) > QUANTA * resolution(recording).position) & (sizes > 0.0)
-    if not rows.any():
-        return told, None
+    clear = np.linalg.norm(reach, axis=1) > QUANTA * resolution(recording).position
+    rows = np.flatnonzero(recording.measured & clear & (sizes > 0.0))
+    if rows.size == 0:
+        return None
     along = np.sum(force * reach, axis=1)[rows]
     share = float(np.sum(along) / np.sum(sizes[rows]))
     if share >= EXTREME:
-        return Sign(told.channel, 1, "right: in contact it points from the HIP to the IHIP"), None
+        return Sign("force", 1, "right: in contact it points from the HIP to the IHIP"), None
     if share > -EXTREME:
-        return told, None
-    first, last = int(np.argmax(rows)), int(rows.size - 1 - np.argmax(rows[::-1]))
-    count = int(np.sum(along < 0.0))
-    words = f"it points away from the IHIP, into what is touched, in {count} of {along.size} rows of contact"
-    fault = Fault(
-        "force sign",
-        Severity.SUSPICIOUS,
-        f"the sign seems wrong: {words}",
-        f"{ADVICE}. It is to be the force on the hand",
-        told.channel,
-        first,
-        last + 1,
-        (float(recording.time[first]), float(recording.time[last])),
-        {"share": share},
+        return None
+    words = (
+        f"it points away from the IHIP, into what is touched, in {np.sum(along < 0.0)} of {along.size} rows of contact"
     )
-    return Sign(told.channel, -1, f"seems wrong: {words}"), fault
+    span, todo = (int(rows[0]), int(rows[-1]) + 1), f"{SIGN}. It is to be the force on the hand"
+    return Sign("force", -1, f"seems wrong: {words}"), _wrong(recording, "force", words, span, todo, share=share)
 
 
-def _approach(recording: Recording, told: Sign) -> tuple[Sign, Fault | None]:
-    """Rule 3, of the force that `contacts` takes for the wall's."""
-    if told.channel != wall_channel(recording):
-        return told, None
+def _approach(recording: Recording, channel: str) -> Judged | None:
+    """Decide by when the force that `contacts` takes for the wall's rises: rule 3."""
     try:
-        found = impacts(recording)
+        touches = impacts(recording)
     except InputError:
-        return told, None
-    into, out = len(found.contacts), len(found.retreats)
+        return None
+    into, out = len(touches.contacts), len(touches.retreats)
     if _chance(out, into + out) < LEVEL:
-        return Sign(told.channel, 1, f"right: {into} of {into + out} pushes begin as the tool moves in"), None
+        return Sign(channel, 1, f"right: {into} of {into + out} pushes begin as the tool moves in"), None
     if not _chance(into, into + out) < LEVEL:
-        return told, None
+        return None
     words = f"{out} of {into + out} pushes begin as the tool moves away from what pushes it"
-    fault = Fault(
-        "force sign",
-        Severity.SUSPICIOUS,
-        f"the sign seems wrong: {words}, at {', '.join(f'{each:.4g} s' for each in found.retreats[:8])}",
-        ADVICE,
-        told.channel,
-        measures={"into": into, "out": out},
-    )
-    return Sign(told.channel, -1, f"seems wrong: {words}"), fault
+    places = ", ".join(f"{each:.4g} s" for each in touches.retreats[:8])
+    fault = _wrong(recording, channel, f"{words}, at {places}", None, into=into, out=out)
+    return Sign(channel, -1, f"seems wrong: {words}"), fault
 
 
 def _chance(few: int, count: int) -> float:
-    """The probability of so few heads or fewer in `count` tosses of a coin."""
+    """Return the probability of so few heads or fewer in `count` tosses of a coin."""
     return sum(math.comb(count, k) for k in range(few + 1)) / 2.0**count
-
-
-def _floor(recording: Recording, channel: str) -> float:
-    """What the sensor may read in free motion: declared of the force that `contacts` takes for the wall's."""
-    return declared_floor(recording) or 0.0 if channel == wall_channel(recording) else 0.0

@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from hapticeval.recordings.recording import Recording
+
 
 def plural(count: int, noun: str) -> str:
-    """For instance `1 row`, `2 rows`."""
+    """Return for instance `1 row`, `2 rows`."""
     return f"{count} {noun}{'s' * (count != 1)}"
 
 
@@ -41,10 +43,92 @@ class Fault:
     @property
     def place(self) -> str:
         """For instance `row 120 to 131, 0.12 to 0.131 s`."""
-        if self.first is None or self.end is None:
+        if self.first is None or self.end is None or self.time is None:
             return "all"
         rows = f"row {self.first}" if self.end - self.first <= 1 else f"rows {self.first} to {self.end - 1}"
-        if self.time is None:
-            return rows
         begin, end = self.time
         return f"{rows}, {begin:.6g} s" if begin == end else f"{rows}, {begin:.6g} to {end:.6g} s"
+
+
+DISORDER = 'convert with [time] disorder = "mask", which marks the row as no measurement; or mend the file'
+AGAIN = "copy or record the file again"
+COLUMN = "see which column of the file belongs here"
+SENSOR = "leave those rows out; see the sensor and its cable"
+SIGN = "see its sign in the mapping, and what the sensor calls positive; no sign was changed"
+
+KINDS: Mapping[str, tuple[Severity, str]] = {
+    "duplicate": (Severity.FAULT, DISORDER),
+    "reversal": (Severity.FAULT, DISORDER),
+    "gap": (Severity.SUSPICIOUS, "see whether the loop or the logger was late"),
+    "rate": (Severity.SUSPICIOUS, "see whether every cycle was logged, and whether the unit of time is right"),
+    "missed": (Severity.SUSPICIOUS, "see the logger"),
+    "ended": (Severity.NOTE, ""),
+    "lost": (Severity.SUSPICIOUS, AGAIN),
+    "import": (Severity.SUSPICIOUS, AGAIN),
+    "rows": (Severity.SUSPICIOUS, AGAIN),
+    "no number": (Severity.FAULT, "left out; see why the sensor gave none"),
+    "jump": (
+        Severity.SUSPICIOUS,
+        "see whether a counter overflowed, or two logs were joined; replays begin anew there",
+    ),
+    "stuck": (Severity.SUSPICIOUS, SENSOR),
+    "saturated": (Severity.SUSPICIOUS, "there the limit of sensor or motor was recorded, not the signal"),
+    "spike": (Severity.SUSPICIOUS, "leave it out; see the cable and the logger"),
+    "constant": (Severity.SUSPICIOUS, f"see the sensor and its cable, and {COLUMN.removeprefix('see ')}"),
+    "repeated rows": (
+        Severity.SUSPICIOUS,
+        "the logger wrote old samples: see its rate and that of the device, and record again",
+    ),
+    "copy": (Severity.SUSPICIOUS, COLUMN),
+    "shifted copy": (Severity.SUSPICIOUS, COLUMN),
+    "from another run": (Severity.SUSPICIOUS, "see which run was meant: a hand never moves the same way twice"),
+    "velocity": (Severity.SUSPICIOUS, "see its column, unit and sign"),
+    "force lag": (Severity.SUSPICIOUS, "see whether both were logged in the same tick, and the delay of the loop"),
+    "unit": (Severity.SUSPICIOUS, "see the unit in the mapping"),
+    "force sign": (Severity.SUSPICIOUS, SIGN),
+    "forward kinematics": (
+        Severity.SUSPICIOUS,
+        "see zero offsets, directions and lengths of the device, and the frame of the HIP",
+    ),
+    "torque": (
+        Severity.SUSPICIOUS,
+        "see the signs of motors and force; an inner loop that adds its own dynamics differs too",
+    ),
+    "spring": (
+        Severity.SUSPICIOUS,
+        "see the stiffness, the sign of the force, and whether all three were logged in the same tick",
+    ),
+    "surface": (
+        Severity.SUSPICIOUS,
+        "see the model and its frame; a renderer with a coarser representation declares its resolution",
+    ),
+    "spring and surface": (
+        Severity.SUSPICIOUS,
+        "see model, stiffness, damping and the frames of HIP and force; the log has no IHIP to tell them apart",
+    ),
+    "contact": (
+        Severity.SUSPICIOUS,
+        "see the model, its size and its frame; a motor that is off or a force of something else does so too",
+    ),
+}
+"""How bad each kind of finding is unless its detector knows better, and what to do about it."""
+
+
+def found(
+    recording: Recording,
+    kind: str,
+    message: str,
+    channel: str = "",
+    span: tuple[int, int] | None = None,
+    *,
+    severity: Severity | None = None,
+    todo: str | None = None,
+    **measures: Any,
+) -> Fault:
+    """Make a finding of one of `KINDS` at the rows [first, end) of `span`; `measures` are the numbers behind it."""
+    usual, advice = KINDS[kind]
+    place: tuple[Any, ...] = (None, None, None)
+    if span is not None:
+        place = (*span, (float(recording.time[span[0]]), float(recording.time[span[1] - 1])))
+    advice = advice if todo is None else todo
+    return Fault(kind, severity or usual, message, advice, channel, *place, measures)

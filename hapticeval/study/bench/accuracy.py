@@ -74,7 +74,7 @@ class Workload:
 def workload(kind: str, *, seed: int) -> Workload:
     """Make the workload of one of `MODELS`, see `interior_points`."""
     scene = Scene(model=make_model(kind, size=SIZE))
-    path = build_path({**MODELS[kind], "duration": SLIDE_SECONDS}, scene.model.curve, FilePath())
+    path = build_path({**MODELS[kind], "duration": SLIDE_SECONDS}, scene.model.boundary, FilePath())
     return Workload(kind, scene, interior_points(scene.model, POINTS, seed=seed), path)
 
 

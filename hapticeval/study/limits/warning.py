@@ -8,7 +8,6 @@ import numpy as np
 
 from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.errors import DomainError
-from hapticeval.geometry.curve import Curve
 from hapticeval.renderer import RendererFactory
 from hapticeval.scene import Scene
 from hapticeval.study.limits.loop import Place, SampledLoop, robot_at
@@ -29,9 +28,8 @@ def too_stiff(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
     the stiffness, one without force, and one that breaks, which the run itself then reports.
     """
     boundary = scene.model.boundary
-    points = boundary.outline(PLACES) if isinstance(boundary, Curve) else boundary.points(PLACES)
     sensed = scene.with_effects(VelocityFilter(cutoff))
-    frame = boundary.frame(points)
+    frame = boundary.frame(boundary.points(PLACES))
     places = [Place(*each) for each in zip(frame.foot, frame.normal, strict=True)]
     try:
         family = _across(family_of(factory, scene, places[0]))

@@ -12,7 +12,7 @@ import numpy as np
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem
-from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.curve import Curve, as_curve
 from hapticeval.geometry.model import Model
 from hapticeval.knob import configured
 from hapticeval.renderer import Batch, Renderer, RendererFactory
@@ -105,7 +105,7 @@ class Projector:
 def surface_of(renderer: object, curve: Curve) -> Curve:
     """Return the curve that a renderer really renders: its own where it has one, else the model's."""
     surface = getattr(renderer, "surface", curve)
-    return surface if isinstance(surface, Curve) else curve
+    return as_curve(surface) or curve
 
 
 def under(surface: Curve, at: Array) -> Array:

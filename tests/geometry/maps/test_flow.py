@@ -24,19 +24,14 @@ SMALL = FlowSettings(cells=60)
 
 def radius_after(velocity: str, radius: float, time: float) -> float:
     """The radius of a circle under each velocity function."""
-    if velocity == "curvature":
+    if velocity in ("curvature", "cap"):  # K_cap is the average curvature, and a circle's is nowhere below it
         return math.sqrt(radius**2 - 2.0 * time)
-    if velocity == "unit":
-        return radius - time
-    if velocity == "cap":  # K_cap = 15 per metre: constant until the curvature reaches it
-        until = (radius - 1.0 / 15.0) / 15.0
-        return radius - 15.0 * time if time <= until else math.sqrt(1.0 / 15.0**2 - 2.0 * (time - until))
-    return radius - 0.5 * time
+    return radius - {"unit": 1.0, "arc": 0.5}[velocity] * time
 
 
 @pytest.mark.parametrize("velocity", ["curvature", "unit", "cap", "arc"])
 def test_a_circle_shrinks_by_its_law(velocity):
-    done = flow(circle(), FlowSettings(cells=80, velocity=velocity, cap=15.0, lines=64))
+    done = flow(circle(), FlowSettings(cells=80, velocity=velocity, lines=64))
     radii = np.hypot(*np.moveaxis(done.points, -1, 0))
     expected = [radius_after(velocity, 0.1, time) for time in done.times]
     early = np.sqrt(done.areas / done.areas[0]) > 0.3
@@ -46,11 +41,19 @@ def test_a_circle_shrinks_by_its_law(velocity):
     assert np.max(np.abs(angles[early] - angles[0])) < 0.05
 
 
-def test_the_arc_flow_of_a_circle_has_speed_one_half():
-    """(5.15), corrected by a factor of 2 pi: kappa / kappa_avg is 1 on a circle, and not 2 pi."""
-    assert kernels.velocity(kernels.ARC, 10.0, 10.0) == 0.5
-    assert kernels.velocity(kernels.ARC, 10.0, 0.0) == pytest.approx(0.25)
-    assert kernels.velocity(kernels.ARC, 10.0, -10.0) == pytest.approx(0.14758362, abs=1e-8)
+@pytest.mark.parametrize(
+    ("kind", "kappa", "expected"),
+    [
+        # (5.15), corrected by a factor of 2 pi: kappa / kappa_avg is 1 on a circle, and not 2 pi
+        (kernels.ARC, 10.0, 0.5),
+        (kernels.ARC, 0.0, 0.25),
+        (kernels.ARC, -10.0, 0.14758362),
+        (kernels.CAP, 4.0, 10.0),
+        (kernels.CAP, 14.0, 14.0),
+    ],
+)
+def test_velocity_functions(kind, kappa, expected):
+    assert kernels.velocity(kind, 10.0, kappa) == pytest.approx(expected, abs=1e-8)
 
 
 def test_curvature_flow_loses_area_at_two_pi():
@@ -71,7 +74,7 @@ def roughness(share_of_bound: float, *, printed: bool) -> float:
     if printed:  # (5.12) divides by the largest speed, kappa = 1/20, instead of by dv/dkappa = 1
         bound *= 20.0
     steps = 2 * round(10.0 / (share_of_bound * bound))
-    kernels.advance_many(values, values.copy(), 1.0, kernels.CURVATURE, 1.0, True, share_of_bound * bound, steps)
+    kernels.advance_many(values, values.copy(), 1.0, kernels.CURVATURE, 1.0, share_of_bound * bound, steps)
     expected = math.sqrt(radius**2 - 2.0 * steps * share_of_bound * bound)
     angles = np.linspace(0.0, 2.0 * math.pi, 200)
     at = [kernels.sample(values, 1.0, -30.0, -30.0, expected * math.cos(a), expected * math.sin(a))[0] for a in angles]
@@ -86,23 +89,17 @@ def test_the_corrected_bound_is_stable_and_the_printed_one_is_not():
 def test_kinks_need_the_upwind_slope():
     """The centred slope of (5.9) to (5.11) fails at kinks: a star of 5 points and radius 1, v_f = 1 until t = 0.15.
 
-    The exact front is the polygon moved inwards; inside, the arrival time is the exact distance, kinks and all.
+    The exact front is the polygon moved inwards; inside, the arrival time is the exact distance, kinks and all. With
+    centred slopes the error is above 0.03, and the front a saw.
     """
     front = Front(star(size=2.0), FlowSettings(cells=100, velocity="unit"))
-    start = front.values.copy()
-    inside = start < -0.15
-    errors, saws = [], []
-    for upwind in (False, True):
-        values = start.copy()
-        dt = 0.25 * front.h
-        steps = 2 * round(0.15 / (2 * dt))
-        kernels.advance_many(values, values.copy(), front.h, kernels.UNIT, 1.0, upwind, dt, steps)
-        error = values - (start + steps * dt)
-        errors.append(float(np.abs(error[inside]).max()))
-        second = np.abs(values[1:-1, 2:] - 2.0 * values[1:-1, 1:-1] + values[1:-1, :-2]) / front.h
-        saws.append(float(second[inside[1:-1, 1:-1]].max()))
-    assert errors[1] < 0.03 < errors[0]
-    assert saws[1] < 1.5 < 0.3 * saws[0]
+    values, inside = front.values.copy(), front.values < -0.15
+    dt = 0.25 * front.h
+    steps = 2 * round(0.15 / (2 * dt))
+    kernels.advance_many(values, values.copy(), front.h, kernels.UNIT, 1.0, dt, steps)
+    assert np.abs(values - (front.values + steps * dt))[inside].max() < 0.03
+    second = np.abs(values[1:-1, 2:] - 2.0 * values[1:-1, 1:-1] + values[1:-1, :-2]) / front.h
+    assert second[inside[1:-1, 1:-1]].max() < 1.5
 
 
 def test_the_vector_code_is_the_velocity_function():
@@ -110,7 +107,7 @@ def test_the_vector_code_is_the_velocity_function():
     values, h = front.values, front.h
     active = kernels.spans(values, h)
     fast, slow = values.copy(), values.copy()
-    kernels.advance(values, fast, active, h, kernels.ARC, 10.4, True, 1e-5)
+    kernels.advance(values, fast, active, h, kernels.ARC, 10.4, 1e-5)
     for j in range(1, values.shape[0] - 1):
         for i in range(*active[j]):
             if values[j, i] > kernels.BEHIND * h:
@@ -169,11 +166,12 @@ def test_lines_are_held_apart_and_keep_their_order():
 
 
 def test_components_are_counted_across_corners_of_cells():
-    values = np.ones((6, 6))
-    values[1, 1] = values[2, 2] = values[4, 4] = -1.0
-    labels = np.zeros((6, 6), dtype=np.int64)
-    assert kernels.components(values, labels) == 2
-    assert labels[1, 1] == labels[2, 2] != labels[4, 4]
+    front = Front(circle(), SMALL)
+    front.values[:] = 1.0
+    front.values[1, 1] = front.values[2, 2] = front.values[4, 4] = -1.0
+    count, middle = front.parts()
+    assert count == 2
+    assert middle == pytest.approx((front.x0 + 3.0 * front.h, front.y0 + 3.0 * front.h))
 
 
 def test_a_thin_neck_splits():
@@ -201,7 +199,7 @@ def test_a_flow_error_crosses_processes():
 def test_settings_that_make_no_flow_are_refused():
     with pytest.raises(UnknownNameError, match="arc"):
         FlowSettings(velocity="ark")
-    for bad in ({"cells": 5}, {"lines": 3}, {"gap": 0.9}, {"cap": -1.0}, {"levels": 80, "cells": 100}):
+    for bad in ({"cells": 5}, {"lines": 3}, {"gap": 0.9}, {"levels": 80, "cells": 100}):
         with pytest.raises(InputError):
             FlowSettings(**bad)
     with pytest.raises(InputError, match="unbounded"):

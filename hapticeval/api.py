@@ -1,0 +1,336 @@
+"""Judging renderers from Python: the same runs as the command line's, on names, classes and instances in memory."""
+
+from __future__ import annotations
+
+import pickle
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
+
+from hapticeval.errors import HapticevalError, InputError, UnknownNameError
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.renderer import Renderer, RendererFactory, SelfDriven
+from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished
+from hapticeval.runner.execution import execute
+from hapticeval.runner.folder import prepare
+from hapticeval.runner.planning import Plan, plan
+from hapticeval.runner.results import FILE, ResultsDocument, RunEntry, RunKey, VerdictEntry, read_results
+from hapticeval.runner.work import Work, run_job
+from hapticeval.suite.case import Case
+from hapticeval.suite.installed import find_suites
+from hapticeval.suite.suite import Suite
+from hapticeval.workers import cores
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from hapticeval.recordings.recording import Recording
+
+AnyRenderer: TypeAlias = "str | RendererFactory | Renderer | SelfDriven"
+"""A name as of `hapticeval run -r`, a class or factory that takes a scene, or a renderer that is made."""
+
+DEFAULT_SUITE = "thesis"
+
+
+def run(
+    renderers: AnyRenderer | Sequence[AnyRenderer] | Mapping[str, AnyRenderer] = (),
+    *,
+    suites: str | Suite | Sequence[str | Suite] = DEFAULT_SUITE,
+    select: str | Sequence[str] = (),
+    output: str | Path | None = None,
+    seed: int = 0,
+    strict: bool = False,
+    workers: int | None = None,
+    watch: Callable[[Event], None] | None = None,
+) -> Results:
+    """Judge renderers in the cases of suites, as `hapticeval run` does, and return what was found.
+
+    `renderers` are one or several; a mapping names them, others are called as they are written. Without any, each suite
+    runs its own. `suites` are names, groups, TOML files or `load_suite`'s; `select` are globs on cases, `suite/case` or
+    `case/check`. Nothing is written but to the folder `output`: results.json and the recordings, see `Results.report`.
+    `workers` processes share the work, one for each processor if not given; renderers that are not names run in this
+    process, with `workers=0`. `watch` is called with each event of the run. With `strict` warnings count.
+
+    On Ctrl-C what is finished is kept, and the results are not `complete`. Raises `InputError` for arguments that are
+    none of these, and as `plan` and `prepare` do; what a renderer gets wrong is in the results.
+    """
+    named = _named(renderers)
+    factories = {name: made for name, made in named.items() if not isinstance(made, str)}
+    for what, value, least in (("seed", seed, 0), ("workers", 0 if workers is None else workers, 0)):
+        if not isinstance(value, int) or value < least:
+            raise InputError(f"{what} = {value!r}", why="it is a whole number, and not negative")
+    if workers:
+        _refuse_bound(factories)
+    planned = plan(
+        _listed(suites, "suites", (str, Suite)),
+        tuple(named),
+        factories=factories,
+        select=_listed(select, "select", (str,)),
+        seed=seed,
+        strict=strict,
+    )
+    if workers is None:
+        workers = 0 if factories else cores()
+    return carry_out(planned, output=None if output is None else Path(output), workers=workers, watch=watch)
+
+
+def judge(
+    renderer: AnyRenderer,
+    *,
+    cases: str | Case | Sequence[str | Case] = f"{DEFAULT_SUITE}/*",
+    output: str | Path | None = None,
+    seed: int = 0,
+    workers: int | None = None,
+) -> Results:
+    """Judge one renderer in cases: globs on `case` or `suite/case` of the installed suites, or cases of `load_suite`.
+
+    See `run` for the rest.
+    """
+    listed = _listed(cases, "cases", (str, Case))
+    given = tuple(each for each in listed if isinstance(each, Case))
+    globs = tuple(each for each in listed if isinstance(each, str))
+    made = Suite(name="cases", title="Cases", citation="", cases=given, rows=())
+    options: dict[str, Any] = {"output": output, "seed": seed, "workers": workers}
+    if given and globs:
+        raise InputError("cases are globs and `Case`s", why="these come from different suites", todo="give one kind")
+    if given:
+        return run([renderer], suites=made, **options)
+    return run([renderer], suites=tuple(find_suites()), select=globs, **options)
+
+
+def carry_out(
+    planned: Plan,
+    *,
+    output: Path | None,
+    workers: int,
+    watch: Callable[[Event], None] | None = None,
+    work: Work = run_job,
+) -> Results:
+    """Carry a plan out: see `run`, and `execute` for `work`."""
+    if output is not None:
+        prepare(output)
+    recordings: dict[RunKey, Recording] = {}
+    errors: list[HapticevalError] = []
+    stopped = False
+    for event in execute(planned, output, workers=workers, work=work):
+        if watch is not None:
+            watch(event)
+        if isinstance(event, JobFinished):
+            if event.recording is not None:
+                recordings[event.run.key] = event.recording
+            if event.error is not None:
+                errors.append(event.error)
+        elif isinstance(event, Interrupted):
+            stopped = event.at_once
+        elif isinstance(event, RunFinished):
+            document = event.results
+    return Results(document, folder=output, recordings=recordings, errors=tuple(errors), stopped=stopped)
+
+
+@dataclass(frozen=True, repr=False)
+class Results:
+    """What a run found: `document` is results.json as typed values, `folder` where it lies, if it does.
+
+    `errors` are what stopped a renderer or its input in a case; `stopped`: the user gave the run up.
+    """
+
+    document: ResultsDocument
+    folder: Path | None = None
+    recordings: Mapping[RunKey, Recording] = field(default_factory=dict)
+    errors: tuple[HapticevalError, ...] = ()
+    stopped: bool = False
+
+    @classmethod
+    def read(cls, folder: str | Path) -> Results:
+        """Return the results of an earlier run in `folder`. Raises `InputError` as `read_results` does."""
+        return cls(read_results(Path(folder)), Path(folder))
+
+    @property
+    def complete(self) -> bool:
+        """Whether every planned verdict was reached."""
+        return self.document.complete
+
+    @property
+    def verdicts(self) -> Sequence[VerdictEntry]:
+        """All verdicts, in the order of the plan."""
+        return self.document.verdicts
+
+    @property
+    def exit_code(self) -> int:
+        """What `hapticeval run` returns: 0 where all is as it must be; see `hapticeval run --help`.
+
+        What stopped a case outranks a verdict: 3 where a renderer broke, else 2 where its input was not usable or every
+        run was refused.
+        """
+        document = self.document
+        differs = not document.complete or any(map(document.stops, document.verdicts))
+        codes = [error.exit_code for error in self.errors]
+        return max([int(differs or self.stopped), 2 * int(document.all_refused), *codes])
+
+    def frame(self) -> pd.DataFrame:
+        """Return one row per verdict, metric, bound and margin in `unit` (SI), the metric's name in `metric`."""
+        import pandas as pd
+
+        names = ("suite", "case", "renderer", "check", "level", "outcome")
+        last = ("bound", "margin", "published", "as_expected", "message")
+        rows = [
+            {
+                **{name: getattr(verdict, name) for name in names},
+                "metric": verdict.metric and verdict.metric.name,
+                "value": verdict.metric and verdict.metric.value,
+                "unit": verdict.metric and verdict.metric.unit,
+                **{name: getattr(verdict, name) for name in last},
+            }
+            for verdict in self.verdicts
+        ]
+        columns = [*names, "metric", "value", "unit", *last]
+        return pd.DataFrame(rows, columns=columns).astype({"value": float, "bound": float, "margin": float})
+
+    def table(self) -> pd.DataFrame:
+        """Return the summary table: Yes or No per row of the suites and renderer, empty where it was not decided.
+
+        Rows that no renderer decided are left out."""
+        import pandas as pd
+
+        rows = {title: row for title, row in self.document.table.items() if row}
+        return pd.DataFrame(
+            [[row.get(name, "") for name in self.document.renderers] for row in rows.values()],
+            index=list(rows),
+            columns=self.document.renderers,
+        )
+
+    def recording(self, case: str, renderer: str | None = None) -> Recording:
+        """Return the recording of a run: `case` or `suite/case`, and the renderer where there are several.
+
+        Raises `UnknownNameError` for one that did not run, and `InputError` where it recorded nothing.
+        """
+        run = self._run(case, renderer)
+        if run.key in self.recordings:
+            return self.recordings[run.key]
+        if self.folder is None or run.recording is None:
+            problem = run.error or run.refusal
+            raise InputError(f"{run.renderer} recorded nothing on {run.case}", why=problem.what if problem else "")
+        from hapticeval.recordings.hdf5 import read_recording
+
+        return read_recording(self.folder / run.recording)
+
+    def plot(self, case: str, renderer: str | None = None) -> Figure:
+        """Return the report's figure of a run: the paths on the model, the force and the steps against time.
+
+        Numbered marks are the times that its verdicts name. Raises as `recording` does.
+        """
+        from hapticeval.geometry.catalogue import make_model
+        from hapticeval.reports.figures import run_figure
+        from hapticeval.reports.marks import marks_of
+
+        run = self._run(case, renderer)
+        marks = tuple(marks_of(self.document.verdicts_of.get(run.key, [])).values())
+        model = make_model(run.model["kind"], **run.model_parameters)
+        title = f"{run.renderer} on {run.suite}/{run.case}"
+        return run_figure(self.recording(f"{run.suite}/{run.case}", run.renderer), model, marks=marks, title=title)
+
+    def report(
+        self, *, progress: Callable[[int, int], None] | None = None, stopped: Callable[[], bool] | None = None
+    ) -> list[Path]:
+        """Write table.md, junit.xml and report.html beside results.json, and return all their paths.
+
+        See `write_reports`. Raises `InputError` for results that lie in no folder.
+        """
+        from hapticeval.reports import write_reports
+
+        if self.folder is None:
+            raise InputError("these results lie in no folder", todo="run with output='results'")
+        return [
+            self.folder / FILE,
+            *write_reports(self.folder, progress=progress, workers=cores(), stopped=stopped),
+        ]
+
+    def __repr__(self) -> str:
+        document = self.document
+        counts = Counter(verdict.outcome for verdict in self.verdicts)
+        found = ", ".join(f"{counts[outcome]} {outcome}" for outcome in Outcome if counts[outcome])
+        incomplete = "" if self.complete else f", incomplete: {document.reason}"
+        return f"<Results of {', '.join(document.renderers)}: {found or 'no verdicts'}{incomplete}>"
+
+    def _repr_html_(self) -> str:
+        """Return the summary and the verdicts as HTML tables, for a notebook."""
+        from html import escape
+
+        shown = self.frame()[["case", "renderer", "check", "outcome", "metric", "value", "unit", "bound", "message"]]
+        table = self.table()
+        tables = [each.to_html(na_rep="", index=each is table) for each in (table, shown) if not each.empty]
+        return "\n".join([f"<p>{escape(repr(self)[1:-1])}</p>", *tables])
+
+    def _run(self, case: str, renderer: str | None) -> RunEntry:
+        runs = [run for run in self.document.runs if case in (run.case, f"{run.suite}/{run.case}")]
+        if not runs:
+            raise UnknownNameError("case", case, {run.case for run in self.document.runs})
+        found = [run for run in runs if renderer in (None, run.renderer)]
+        if not found:
+            raise UnknownNameError(f"renderer on {case}", str(renderer), {run.renderer for run in runs})
+        if len(found) > 1:
+            raise InputError(
+                f"{len(found)} runs are of the case '{case}'",
+                why=f"they are {', '.join(f'{run.renderer} on {run.suite}' for run in found)}",
+                todo="name suite/case, and the renderer",
+            )
+        return found[0]
+
+
+def _named(renderers: Any) -> dict[str, str | RendererFactory]:
+    """Return a name for each renderer, and the factory behind those that are no names themselves."""
+    if isinstance(renderers, Mapping):
+        return {str(name): _factory(each) for name, each in renderers.items()}
+    listed = list(renderers) if isinstance(renderers, list | tuple) else [renderers]
+    named: dict[str, str | RendererFactory] = {}
+    for each in listed:
+        kind = each if hasattr(each, "__name__") else type(each)
+        name = each if isinstance(each, str) else kind.__name__
+        if name in named and named[name] is not each:
+            raise InputError(
+                f"two renderers are called '{name}'",
+                why="verdicts and recordings are told apart by the name",
+                todo="give a mapping from names to renderers",
+            )
+        named[name] = _factory(each)
+    return named
+
+
+def _factory(renderer: Any) -> str | RendererFactory:
+    """Return a name or a factory as it is, and a factory for a renderer that is made."""
+    if isinstance(renderer, str):
+        return renderer
+    if not isinstance(renderer, type) and isinstance(renderer, Renderer | SelfDriven):
+        return lambda scene: renderer  # noqa: ARG005 - a factory's
+    if callable(renderer):
+        return cast("RendererFactory", renderer)
+    raise InputError(
+        f"{renderer!r} is no renderer",
+        why="it is a name, a class or a factory that takes a scene, or has reset(hip) and step(hip, velocity, dt)",
+        todo="see docs/write-a-renderer.md",
+    )
+
+
+def _refuse_bound(factories: Mapping[str, RendererFactory]) -> None:
+    """Raise `InputError` for a factory that cannot travel to another process."""
+    for name, factory in factories.items():
+        try:
+            pickle.dumps(factory)
+        except Exception as error:
+            raise InputError(
+                f"'{name}' cannot run in a process of its own",
+                why=f"it is no name, and cannot be pickled: {error}",
+                todo="leave workers out, or name it package.module:factory",
+            ) from error
+
+
+def _listed(given: Any, what: str, kinds: tuple[type, ...]) -> tuple[Any, ...]:
+    """Return one or several as a tuple. Raises `InputError` for what is of none of the `kinds`."""
+    listed = tuple(given) if isinstance(given, list | tuple | set | frozenset) else (given,)
+    for each in listed:
+        if not isinstance(each, kinds):
+            raise InputError(f"{what}: {each!r}", why=f"it is no {' or '.join(kind.__name__ for kind in kinds)}")
+    return listed

@@ -1,0 +1,267 @@
+"""What every boundary of a model answers, in the plane and in space alike, and how a smooth one in space answers it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hapticeval.types import Array
+
+AHEAD = 32
+"""Points of a segment that are looked at together on the search for its first crossing."""
+
+RING = 8
+"""Directions in which the surroundings of a point in space are looked at."""
+
+SLIDES = 100
+"""Most steps of one slide in space."""
+
+BEND = 0.25
+"""Share of the smallest radius of curvature by which a slide in space steps at the most, so as to stay on its sheet."""
+
+
+class Frame(NamedTuple):
+    """The closest boundary points of n points: point = foot + distance normal.
+
+    `foot` (n, N), m, is the globally nearest boundary point; `normal` (n, N) the outward unit normal there; `distance`
+    (n,), m, signed, negative inside; `shape` (n, N, N), 1/m, the shape operator W (symmetric, W normal = 0, positive
+    where the model is convex): a foot that moves with velocity ṗ turns the normal by W ṗ, and off the surface
+    P_T ẏ = (I + distance W) ṗ, the projection of section 7.2 of the thesis differentiated. In the plane W = κ t tᵀ. On
+    a corner or an edge `normal` is that of one of the faces that meet there; all of them are in `normal_cone`.
+    """
+
+    foot: Array
+    normal: Array
+    distance: Array
+    shape: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Corner:
+    """A joint of a plane boundary at which the tangent turns: where it is and the two frames that meet there.
+
+    `u` and `s` (m) are the parameter and the arc length; `position`, the unit tangents and the outward unit normals
+    before and after are (2,); `turn` (rad, between -pi and pi) is positive where the corner is convex.
+    """
+
+    u: float
+    s: float
+    position: Array
+    tangent_pre: Array
+    tangent_post: Array
+    normal_pre: Array
+    normal_post: Array
+    turn: float
+
+    @property
+    def convex(self) -> bool:
+        """Whether the corner points outwards."""
+        return self.turn > 0.0
+
+
+@runtime_checkable
+class Boundary(Protocol):
+    """The surface of a rigid model: a plane curve, a polygon, a surface in space.
+
+    Points are rows (n, N), m, with N = `dimension`. Every method that takes points raises `InputError`, naming the
+    row, for one that is not finite or of another dimension.
+    """
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+
+    @property
+    def dimension(self) -> int:
+        """N: 2 in the plane, 3 in space."""
+
+    @property
+    def closed(self) -> bool:
+        """Whether it encloses a bounded model."""
+
+    @property
+    def bounds(self) -> tuple[float, ...]:
+        """The smallest coordinates (m) and then the largest; of an unbounded boundary those of a window on it."""
+
+    @property
+    def girth(self) -> float:
+        """The length (m) once round: of a curve its own, in space that of a circle of the largest extent."""
+
+    @property
+    def corners(self) -> tuple[Corner, ...]:
+        """The corners of a plane boundary in order; empty in space."""
+
+    def frame(self, points: ArrayLike) -> Frame:
+        """Return the closest boundary points of (n, N) points, with normals, signed distances and curvature."""
+
+    def signed_distance(self, points: ArrayLike) -> Array:
+        """Return the distances (n,), m, of (n, N) points, negative inside."""
+
+    def first_crossing(self, start: Array, end: Array, *, grain: float) -> Array | None:
+        """Return the boundary point (N,) at which the segment between two points (N,) first goes inside, or None.
+
+        A boundary may miss what the segment has inside over less than `grain` (m). A start on the surface, or inside
+        by its rounding, is no crossing where the next point of the segment is outside.
+        """
+
+    def normal_cone(self, points: Array, reach: Array) -> Callable[[Array], Array]:
+        """Return how to measure by how much directions leave the true normals around each of (n, N) points.
+
+        True normals are those of the boundary within `reach` (n,), m, along it: one on a face, and on an edge or a
+        corner the fan between those of the faces. The function takes directions (n, N) and returns angles (n,), rad,
+        0 inside the cone.
+        """
+
+    def points(self, n: int) -> Array:
+        """Return n boundary points (n, N), spread over all of it, the same at each call."""
+
+    def walk(self, start: Array, lengths: Array) -> Frame:
+        """Return the boundary points (k, N) at `lengths` (k,), m, along it from the one nearest to `start` (N,).
+
+        Negative lengths go the other way; `distance` is zero. In space the way is straight, and ends are projected.
+        """
+
+    def around(self, point: Array, reach: float) -> Array:
+        """Return boundary points (k, N) about `reach` metres along from `point` (N,): to either side, or all round."""
+
+    def descend(self, start: Array, goal: Array, *, step: float) -> Array:
+        """Slide along the boundary from `start` (N,) downhill in distance to `goal` (N,): the local minimum (N,).
+
+        `step` (m) is how exactly that is placed.
+        """
+
+
+def march(boundary: Boundary, start: Array, end: Array, grain: float) -> Array | None:
+    """Answer `Boundary.first_crossing` by closest points alone, in steps of `grain` where the surface is near.
+
+    Clear stretches are passed in steps as long as the distance from the surface.
+    """
+    length = apart(start, end)
+    if length == 0.0:
+        return None
+    at = 0.0
+    while at < length:
+        along = np.minimum(at + grain * np.arange(AHEAD + 1), length)
+        points = start + along[:, np.newaxis] * ((end - start) / length)
+        frame = boundary.frame(points)
+        inside = np.flatnonzero(frame.distance[1:] < -1e-6 * grain)
+        if inside.size:
+            return np.asarray(frame.foot[inside[0]])
+        at = float(along[-1]) + max(float(frame.distance[-1]), 0.0)
+    return None
+
+
+def apart(a: Array, b: Array) -> float:
+    """Return the distance (m) of two points (N,)."""
+    return float(np.linalg.norm(a - b))
+
+
+class InSpace:
+    """What a closed boundary in space has of itself: all of `Boundary` but its `name`, its `bounds` and its `frame`.
+
+    Normal cones, slides and walks are those of a smooth surface. One with edges has its own `normal_cone`.
+    """
+
+    name: str
+    dimension = 3
+    closed = True
+    corners: tuple[Corner, ...] = ()
+
+    @property
+    def bounds(self) -> tuple[float, ...]:
+        """(xmin, ymin, zmin, xmax, ymax, zmax), m."""
+        raise NotImplementedError
+
+    def frame(self, points: ArrayLike) -> Frame:
+        """See `Boundary.frame`."""
+        raise NotImplementedError
+
+    @property
+    def girth(self) -> float:
+        """See `Boundary.girth`."""
+        low, high = np.reshape(self.bounds, (2, 3))
+        return math.pi * float(np.max(high - low))
+
+    def signed_distance(self, points: ArrayLike) -> Array:
+        """See `Boundary.signed_distance`."""
+        return self.frame(points).distance
+
+    def first_crossing(self, start: Array, end: Array, *, grain: float) -> Array | None:
+        """See `Boundary.first_crossing`."""
+        return march(self, start, end, grain)
+
+    def normal_cone(self, points: Array, reach: Array) -> Callable[[Array], Array]:
+        """See `Boundary.normal_cone`: a circular cone round the normal, as wide as the surface turns within reach.
+
+        Along a path of length s the normal turns by at most the largest |W| on the way times s.
+        """
+        frame = self.frame(points)
+        basis = np.linalg.svd(frame.normal[:, np.newaxis, :])[2][:, 1:, :]
+        steps = [np.zeros_like(frame.foot)]
+        for angle in np.linspace(0.0, 2.0 * np.pi, RING, endpoint=False):
+            steps.append(reach[:, np.newaxis] * (np.cos(angle) * basis[:, 0] + np.sin(angle) * basis[:, 1]))
+        shapes = [self.frame(frame.foot + step).shape for step in steps]
+        half = reach * np.max([np.abs(np.linalg.eigvalsh(shape)).max(axis=1) for shape in shapes], axis=0)
+
+        def beyond(directions: Array) -> Array:
+            across = np.linalg.norm(np.cross(frame.normal, directions), axis=1)
+            angle = np.arctan2(across, np.sum(frame.normal * directions, axis=1))
+            return np.asarray(np.maximum(0.0, angle - half))
+
+        return beyond
+
+    def points(self, n: int) -> Array:
+        """See `Boundary.points`: those of a sphere round the bounds, projected."""
+        low, high = np.reshape(self.bounds, (2, 3))
+        return self.frame(0.5 * (low + high) + 0.5 * (high - low) * spiral(n)).foot
+
+    def walk(self, start: Array, lengths: Array) -> Frame:
+        """See `Boundary.walk`: along the axis that lies flattest to the surface."""
+        begin = self.frame(start[np.newaxis])
+        along = np.zeros(3)
+        along[int(np.argmin(np.abs(begin.normal[0])))] = 1.0
+        along -= (along @ begin.normal[0]) * begin.normal[0]
+        found = self.frame(begin.foot + lengths[:, np.newaxis] * along / np.linalg.norm(along))
+        return found._replace(distance=np.zeros_like(found.distance))
+
+    def around(self, point: Array, reach: float) -> Array:
+        """See `Boundary.around`."""
+        frame = self.frame(point[np.newaxis])
+        across = np.linalg.svd(frame.normal)[2][1:]
+        angle = np.linspace(0.0, 2.0 * np.pi, RING, endpoint=False)
+        return self.frame(frame.foot + reach * np.column_stack([np.cos(angle), np.sin(angle)]) @ across).foot
+
+    def descend(self, start: Array, goal: Array, *, step: float) -> Array:
+        """See `Boundary.descend`: by the part of the error along the surface, halved where that leads uphill."""
+        share = 1.0
+        frame = self.frame(start[np.newaxis])
+        far = apart(goal, frame.foot[0])
+        for _ in range(SLIDES):
+            foot, normal = frame.foot[0], frame.normal[0]
+            error = goal - foot
+            error = error - (error @ normal) * normal
+            size = float(np.linalg.norm(error))
+            bend = float(np.abs(np.linalg.eigvalsh(frame.shape[0])).max())
+            length = share * min(size, BEND / bend if bend > 0.0 else math.inf)
+            if length <= 1e-3 * step:
+                break
+            following = self.frame((foot + length / size * error)[np.newaxis])
+            nearer = apart(goal, following.foot[0])
+            if nearer >= far:
+                share *= 0.5
+                continue
+            frame, far = following, nearer
+        return np.asarray(frame.foot[0])
+
+
+def spiral(n: int) -> Array:
+    """Return n points (n, 3) spread evenly over the unit sphere: golden angles, between equal shares of area."""
+    high = 1.0 - 2.0 * (np.arange(n) + 0.5) / n
+    out = np.sqrt(1.0 - high * high)
+    turn = np.arange(n) * (math.pi * (3.0 - math.sqrt(5.0)))
+    return np.column_stack([out * np.cos(turn), out * np.sin(turn), high])

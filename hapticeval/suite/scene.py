@@ -1,0 +1,80 @@
+"""Scenes as suite files write them, on a model, and whether the scene's robot can do what a case asks of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from functools import cache
+from typing import Any, get_type_hints
+
+from msgspec import Struct, defstruct, structs
+
+from hapticeval.devices.catalogue import make_device
+from hapticeval.devices.device import Device
+from hapticeval.devices.point_mass import PointMass
+from hapticeval.documents import convert
+from hapticeval.effects.catalogue import LISTED, read_effects
+from hapticeval.errors import DomainError, InputError
+from hapticeval.geometry.model import Model
+from hapticeval.scene import Scene
+from hapticeval.stimulus.stimulus import Experiment
+
+BUILT = ("model", LISTED)
+"""Entries of a scene that its table does not give as they are."""
+
+
+@cache
+def _table() -> type[Struct]:
+    """Make the type of a `scene` table without its effects: the numbers and choices of `Scene`, and a device."""
+    hints = get_type_hints(Scene) | {"device": str | dict[str, Any] | None}
+    entries = [(each.name, hints[each.name], each.default) for each in fields(Scene) if each.name not in BUILT]
+    return defstruct("SceneTable", entries, forbid_unknown_fields=True, frozen=True)
+
+
+def build_scene(model: Model, table: Mapping[str, Any]) -> Scene:
+    """Return the scene of a suite's `scene` table.
+
+    `device` is a name of `devices.catalogue` or a table of `kind` and its parameters; a point mass has the tool's mass
+    and the model's dimension where it gives none. Effects are listed under `effects`, or have short forms: see
+    `read_effects`. Raises `InputError` for an entry that a scene does not have, for a device of another dimension than
+    the model, and as `Scene` does.
+    """
+    rest, effects = read_effects(table)
+    values = structs.asdict(convert(rest, _table(), "scene"))
+    if values["device"] is not None:
+        values["device"] = _device(values["device"], values["mass"], model)
+    return Scene(model=model, effects=effects, **values)
+
+
+def _device(given: str | Mapping[str, Any], mass: float, model: Model) -> Device:
+    given = {"kind": given} if isinstance(given, str) else dict(given)
+    if given.get("kind") == PointMass.name:
+        given = {"mass": mass, "dimension": model.dimension, **given}
+    device = make_device(**given)
+    if device.dimension != model.dimension:
+        raise InputError(
+            f"device '{device.name}' moves in {device.dimension}D, and model '{model.name}' is in {model.dimension}D",
+            why="hand and model must live in the same space",
+            todo=f"use point-mass, or parallelogram-{model.dimension}dof",
+        )
+    return device
+
+
+def check_workspace(scene: Scene, experiment: Experiment) -> None:
+    """Raise `InputError`, with the first point, where model or start are out of the robot's reach (Assumption 7.1)."""
+    from hapticeval.devices.workspace import require
+
+    device = scene.robot
+    if isinstance(device, PointMass):
+        return
+    try:
+        require(device, scene.model)
+        start = device.joints(experiment.position)
+    except DomainError as error:
+        raise InputError(error.what, why=error.why, todo=error.todo) from error
+    if not device.margin(start) > 0.0:
+        raise InputError(
+            f"the experiment starts at ({', '.join(f'{x:g}' for x in experiment.position)}) m",
+            why=f"that is outside of the functional workspace of {device.name}",
+            todo="start nearer to its home, the origin",
+        )
