@@ -13,7 +13,7 @@ from hapticeval.phenomena.check import Runs, without_channel
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
 from hapticeval.recordings.recording import MissingChannelError, Recording
-from hapticeval.renderer import Renderer, RendererFactory, SelfDriven, check_support, supported
+from hapticeval.renderer import Renderer, RendererFactory, SelfDriven, check_support, stated, supported
 from hapticeval.runner.results import Replay
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import drive
@@ -94,7 +94,7 @@ def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
         check_support(scene, declared)
     with renderer_errors("factory"):
         renderer = factory(scene)
-    surface = getattr(renderer, "surface", None)
+    surface = stated(renderer, "surface")
     if surface is not None and not isinstance(surface, Boundary):
         raise RendererError(
             f"the renderer's surface is a {type(surface).__name__}",
@@ -108,6 +108,8 @@ def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
         )
     if declared is None:
         check_support(scene, supported(renderer) or frozenset())
+    for each in scene.effects:
+        renderer = each.around(renderer, scene)
     return renderer
 
 
