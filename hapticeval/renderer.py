@@ -10,11 +10,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
+from hapticeval.compiled import LawData
+from hapticeval.effects.force_sensor import ForceSensor
 from hapticeval.errors import InputError, RefusalError, RendererError, UnknownNameError, renderer_errors
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.knob import Knob, refuse_unknown
 from hapticeval.recordings.recording import Recording
-from hapticeval.scene import FORCE_SENSOR, PLANE, REQUIREMENTS, SPACE, Scene
+from hapticeval.scene import PLANE, SPACE, Scene, requirements
 from hapticeval.stimulus.stimulus import Stimulus
 from hapticeval.types import Array
 
@@ -245,7 +247,7 @@ def _supported(declaring: object) -> frozenset[str] | None:
     names = getattr(declaring, "supports", None)
     if isinstance(declaring, type) and not isinstance(names, Collection):
         return None  # a property of what the class makes
-    feels = {FORCE_SENSOR} if hasattr(declaring, "feel") else set()
+    feels = {ForceSensor.requirement} if hasattr(declaring, "feel") else set()
     if names is None:
         return frozenset(feels) or None
     if isinstance(names, str) or not (isinstance(names, Collection) and all(isinstance(name, str) for name in names)):
@@ -255,32 +257,32 @@ def _supported(declaring: object) -> frozenset[str] | None:
             todo='write for instance supports = {"bilateral"}',
         )
     for name in names:
-        if name not in REQUIREMENTS:
-            raise UnknownNameError("requirement", name, REQUIREMENTS)
+        if name not in requirements():
+            raise UnknownNameError("requirement", name, requirements())
     return frozenset(names) | feels
 
 
 def check_support(scene: Scene, supports: frozenset[str]) -> None:
     """Raise `RefusalError`, naming the requirements, where the scene asks for what is not among `supports`.
 
-    These are names of `hapticeval.scene.REQUIREMENTS`. "plane" and "space" narrow the models: where neither is declared
-    a renderer is given both kinds, and its own code refuses what it cannot take, as `scene.model.curve` does. A
-    renderer that has `feel` supports "force-sensor" without declaring it.
+    These are names of `hapticeval.scene.requirements()`. "plane" and "space" narrow the models: where neither is
+    declared a renderer is given both kinds, and its own code refuses what it cannot take, as `scene.model.curve` does.
+    A renderer that has `feel` supports "force-sensor" without declaring it.
     """
     anywhere = supports.isdisjoint((PLANE, SPACE))
-    lacking = [
-        each
-        for each in scene.requirements
-        if each.name not in supports and not (anywhere and each.name in (PLANE, SPACE))
-    ]
+    lacking = {
+        name: meaning
+        for name, meaning in scene.requirements.items()
+        if name not in supports and not (anywhere and name in (PLANE, SPACE))
+    }
     if lacking:
-        declared = ", ".join(name for name in REQUIREMENTS if name in supports)
+        declared = ", ".join(name for name in requirements() if name in supports)
         raise RefusalError(
-            "the scene asks for " + ", and for ".join(f"'{each.name}' ({each.meaning})" for each in lacking),
+            "the scene asks for " + ", and for ".join(f"'{name}' ({meaning})" for name, meaning in lacking.items()),
             why="the renderer is for unilateral contact without viscosity"
             + (f", and declares support for {declared}" if declared else ", as it declares no more"),
             todo="choose another renderer or case; one of your own that can do it declares so: "
-            f"supports = {{{', '.join(repr(each.name) for each in lacking)}}}".replace("'", '"'),
+            f"supports = {{{', '.join(map(repr, lacking))}}}".replace("'", '"'),
         )
 
 

@@ -209,7 +209,7 @@ def _wiring(hardware: str, robot: str | None, file: Path | None) -> Wiring:
     still, deep in the model, and the force of that would go to the motors.
     """
     from hapticeval.devices.catalogue import device_named
-    from hapticeval.devices.imperfections import ENCODER_COUNTS
+    from hapticeval.devices.parallelogram import ENCODER_COUNTS
     from hapticeval.devices.point_mass import PointMass
     from hapticeval.hardware.wiring import Wiring, read_wiring
 

@@ -96,6 +96,8 @@ def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
     supports = abilities_of(renderer).supports
     if declared is None:
         check_support(scene, supports or frozenset())
+    for each in scene.effects:
+        renderer = each.around(renderer, scene)
     return renderer
 
 

@@ -9,12 +9,20 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from hapticeval.errors import DomainError, HapticevalError, RefusalError, RendererError, renderer_errors
+from hapticeval.errors import (
+    DomainError,
+    HapticevalError,
+    RefusalError,
+    RendererError,
+    blamed,
+    described,
+    renderer_errors,
+)
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.recordings.recording import REQUIRED, SINGLE, Recording, backward_difference
 from hapticeval.renderer import Batch, Renderer, SelfDriven, abilities_of
 from hapticeval.scene import Scene
-from hapticeval.stimulus.stimulus import Path, Stimulus
+from hapticeval.stimulus.stimulus import Path, Stimulus, sample_times
 from hapticeval.types import Array
 
 NEAR = 1e-4
@@ -22,6 +30,9 @@ NEAR = 1e-4
 
 WAY = 100
 """Ticks that a hand is led in at the most, in longer steps than the path's where that needs more: none is judged."""
+
+CLOCK = 1e-6
+"""A share of the sampling time by which a clock may differ from what was asked: rounding."""
 
 REST = 10
 """Ticks that it then rests where the path begins: more than any granted lag."""
@@ -107,7 +118,7 @@ def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
 
 
 def answered(renderer: SelfDriven, stimulus: Stimulus, dt: float) -> Recording:
-    """`renderer.answer(...)`, refused unless it is a recording, with what it raises told as a `RendererError`."""
+    """Return `renderer.answer(...)`. Raises `RendererError` unless that is a recording of what was asked for."""
     with renderer_errors("answer()"):
         recording = renderer.answer(stimulus, dt)
     if not isinstance(recording, Recording):
@@ -115,6 +126,20 @@ def answered(renderer: SelfDriven, stimulus: Stimulus, dt: float) -> Recording:
             f"the renderer's answer() gave a {type(recording).__name__}", todo="return a hapticeval.Recording"
         )
     recording.require(*REQUIRED)
+    time = stimulus.sampled(dt)[0] if isinstance(stimulus, Path) else sample_times(stimulus.duration, dt)
+    if recording.time.shape != time.shape or np.max(np.abs(recording.time - time)) > CLOCK * dt:
+        raise RendererError(
+            f"the renderer's answer() has {len(recording)} samples from {recording.time[0]:.6g} to "
+            f"{recording.time[-1]:.6g} s",
+            why=f"it was asked for {time.size} samples every {dt:.6g} s, from 0 to {time[-1]:.6g} s",
+            todo="record a sample at each of hapticeval's sample times, the last one included",
+        )
+    if recording.hip.shape[1] != stimulus.dimension:
+        raise RendererError(
+            f"the renderer's answer() has a HIP in {recording.hip.shape[1]}D, and the stimulus is in "
+            f"{stimulus.dimension}D",
+            todo="record the HIP in the space of the stimulus",
+        )
     return recording
 
 
@@ -137,7 +162,6 @@ def _all_at_once(
             # A batch does not say where it broke; single steps do.
             _step_by_step(renderer, hips, velocity, dt, first, ahead)
             raise
-    answers = []
     for name, array in (("IHIPs", ihips), ("forces", forces)):
         if array.shape != hips.shape:
             raise RendererError(
@@ -149,8 +173,7 @@ def _all_at_once(
         if bad.any():
             tick = int(np.argmax(bad))
             raise RendererError(f"{name} not finite: {array[tick]}", tick=first + max(tick - ahead, 0), hip=hips[tick])
-        answers.append(array)
-    return answers[0], answers[1]
+    return ihips, forces
 
 
 def _step_by_step(
@@ -186,27 +209,41 @@ def _step_by_step(
     return ihips, forces
 
 
-def feel(renderer: Renderer, tick: int, hip: Array, push: Array) -> None:
-    """`renderer.feel(push)`, with what it raises told as a `RendererError`."""
-    with renderer_errors("feel()", tick=tick, hip=hip):
-        renderer.feel(push.copy())  # type: ignore[attr-defined]
-
-
 def start(renderer: Renderer, hip: Array) -> None:
-    """`renderer.reset(hip)`, with what it raises told as a `RendererError`."""
+    """Call `renderer.reset(hip)`. Raises `RendererError` for what it raises."""
     with renderer_errors("reset()", tick=0, hip=hip):
         renderer.reset(hip.copy())
 
 
-def ask(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
-    """`renderer.step(...)`, refused with tick and HIP unless it is two finite vectors like `hip`.
+def feel(renderer: Renderer, tick: int, hip: Array, push: Array) -> None:
+    """Call `renderer.feel(push)`. Raises `RendererError` for what it raises."""
+    with renderer_errors("feel()", tick=tick, hip=hip):
+        renderer.feel(push.copy())  # type: ignore[attr-defined]
 
-    The renderer gets copies: what it does to its arguments must not reach the recording.
+
+def ask(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
+    """Return IHIP and force, (N,) each, of `renderer.step(...)`, in copies of their own.
+
+    The renderer gets copies too: what it does to its arguments, and to its answers later, must not reach the recording.
+    Raises `RendererError`, with tick and HIP, unless it answers two finite vectors like `hip`.
     """
-    with renderer_errors("step()", tick=tick, hip=hip):
-        answer, push = renderer.step(hip.copy(), velocity.copy(), dt)  # an (ihip, force) pair of any kind
-        # Copies: a renderer may answer in arrays of its own, and write the next answer into them.
-        ihip, force = np.array(answer, dtype=np.float64), np.array(push, dtype=np.float64)
+    try:
+        answer = renderer.step(hip.copy(), velocity.copy(), dt)  # an (ihip, force) pair of any kind
+    except HapticevalError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise blamed("step()", error, tick=tick, hip=hip) from error
+    try:
+        first, second = answer
+        ihip, force = np.array(first, dtype=np.float64), np.array(second, dtype=np.float64)
+    except (Exception, SystemExit) as error:
+        raise RendererError(
+            f"the renderer's step() returned {type(answer).__name__}, no pair of an IHIP and a force",
+            tick=tick,
+            hip=hip,
+            why=described(error),
+            todo="return hapticeval.Response(ihip, force), or any pair of two vectors",
+        ) from error
     if ihip.shape != hip.shape or force.shape != hip.shape:
         raise RendererError(
             f"the renderer answered an IHIP of shape {ihip.shape} and a force of shape {force.shape}",
@@ -214,14 +251,19 @@ def ask(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -
             hip=hip,
             why=f"both must have the HIP's shape {hip.shape}",
         )
-    if not (np.isfinite(ihip).all() and np.isfinite(force).all()):
-        raise RendererError(
-            f"the renderer's answer is not finite: IHIP {ihip}, force {force}",
-            tick=tick,
-            hip=hip,
-            why="a number that is not finite would reach the motors",
-        )
+    if not all(map(math.isfinite, [*ihip.tolist(), *force.tolist()])):
+        raise not_finite(tick, hip, ihip, force)
     return ihip, force
+
+
+def not_finite(tick: int, hip: Array, ihip: Array, force: Array) -> RendererError:
+    """Return the error of a renderer whose answer holds a number that is not finite."""
+    return RendererError(
+        f"the renderer's answer is not finite: IHIP {ihip}, force {force}",
+        tick=tick,
+        hip=hip,
+        why="a number that is not finite would reach the motors",
+    )
 
 
 COMPARED = (4, 64)

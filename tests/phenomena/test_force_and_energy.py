@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 from msgspec.structs import replace
 
-from hapticeval.devices.imperfections import Imperfections
 from hapticeval.discovery import resolve
+from hapticeval.effects.delay import Delay
+from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.errors import InputError, RendererError
 from hapticeval.geometry.catalogue import cassinian, circle, line, make_model
 from hapticeval.phenomena import passivity
@@ -205,10 +206,10 @@ def test_a_late_spring_is_not_blamed_where_the_hand_turns_within_its_lag(late, d
 
 
 def test_late_motors_give_energy_whatever_the_renderer():
-    scene = Scene(model=circle(), stiffness=K, imperfections=Imperfections(delay=1e-3))
+    scene = Scene(model=circle(), stiffness=K, effects=(Delay(1e-3),))
     finding = judged_field(lambda p: -K * p + 0.5 * K * np.array([-p[1], p[0]]), loop(), scene=scene)
     assert (finding.outcome, finding.level) == (FAIL, Level.INFO)
-    filtered = Scene(model=circle(), damping=1.0, imperfections=Imperfections(velocity_cutoff=50.0))
+    filtered = Scene(model=circle(), damping=1.0, effects=(VelocityFilter(50.0),))
     assert passivity.active_by_nature(filtered) is not None
     assert passivity.active_by_nature(Scene(model=circle(), damping=1.0)) is None
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import DomainError, InputError, RefusalError
 from hapticeval.geometry.catalogue import circle, ellipsoid, sphere, torus
 from hapticeval.renderers.stabilisation import SurfaceStabilisation
@@ -31,7 +32,7 @@ def renderer_of(model, *, bilateral=True, viscosity=0.0):
             stiffness=K_P * MASS,
             damping=K_D * MASS,
             mass=MASS,
-            viscosity=viscosity,
+            effects=(Viscosity(viscosity),),
             bilateral=bilateral,
         ),
         atlas=False,
