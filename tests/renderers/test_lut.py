@@ -8,7 +8,6 @@ import pytest
 from hand_paths import star_shaped, walks
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lut_sources import sphere
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, line, star
@@ -16,7 +15,7 @@ from hapticeval.renderers import conformal, constraint, minimum_distance
 from hapticeval.renderers.disk import by_conformal_map, by_flow_map
 from hapticeval.renderers.nearest import nearest
 from hapticeval.renderers.table import ASK, EDGE, HELD, MARKED, OUT, TOUCHES, Grid, Table, empty, grid_over
-from hapticeval.renderers.tabulated import MARGIN, OFF, fill, tabulate, tabulated
+from hapticeval.renderers.tabulated import MARGIN, OFF, Source, fill, tabulate, tabulated
 from hapticeval.scene import Scene
 
 MODELS = {"cassinian": cassinian(), "star": star(), "dumbbell": dumbbell()}
@@ -31,6 +30,17 @@ def table_of(projection, model, *, cell=COARSE, bilateral=False):
 
 def exact_of(projection, model, *, bilateral=False):
     return PROJECTIONS[projection](Scene(model=MODELS[model], bilateral=bilateral), "curve")
+
+
+def sphere(radius):
+    """Minimum distance on a sphere about the origin; at its centre any direction is as good."""
+
+    def project(points):
+        far = np.linalg.norm(points, axis=1, keepdims=True)
+        rays = np.divide(points, far, out=np.tile((1.0, 0.0, 0.0), (len(points), 1)), where=far > 0.0)
+        return radius * rays, rays
+
+    return Source(project=project, distance=lambda points: np.linalg.norm(points, axis=1) - radius)
 
 
 def scattered(count=20_000, reach=0.12, seed=1):
