@@ -57,7 +57,7 @@ class Renderer(Protocol):
 
     - `run(hips, dt) -> (ihips, forces)`: the whole trajectory at once, when that is faster;
     - `resolution` and `standoff` (m): how coarse its own representation of the model is, see `Recording`;
-    - `surface`: the `Curve` that it really renders, where that is not the model's own;
+    - `surface`: the `Boundary` that it really renders, where that is not the model's own;
     - `supports`: names of what it can beside a unilateral contact without viscosity, see `supported`; its factory may
       have that instead;
     - `declares`: the `Declaration` of what its answers keep to;
