@@ -265,9 +265,9 @@ def _supported(declaring: object) -> frozenset[str] | None:
 def check_support(scene: Scene, supports: frozenset[str]) -> None:
     """Raise `RefusalError`, naming the requirements, where the scene asks for what is not among `supports`.
 
-    These are names of `hapticeval.scene.requirements()`. "plane" and "space" narrow the models: where neither is declared
-    a renderer is given both kinds, and its own code refuses what it cannot take, as `scene.model.curve` does. A
-    renderer that has `feel` supports "force-sensor" without declaring it.
+    These are names of `hapticeval.scene.requirements()`. "plane" and "space" narrow the models: where neither is
+    declared a renderer is given both kinds, and its own code refuses what it cannot take, as `scene.model.curve` does.
+    A renderer that has `feel` supports "force-sensor" without declaring it.
     """
     anywhere = supports.isdisjoint((PLANE, SPACE))
     lacking = {
