@@ -59,7 +59,6 @@ RESULTS = {
     "runner.table",
     "study.bench.document",
     "study.projection_field.field",
-    "study.projection_field.singular",
 }
 """Modules of running units that only hold what a run leaves: they import no more than reports do."""
 
