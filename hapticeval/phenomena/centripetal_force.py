@@ -41,7 +41,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     loose = _loose(base, scene)
     if loose is not None:
         message = "the tool is not held: off a surface that holds from both sides there is no force on it"
-        return undecided(message, **place(base, loose))
+        return undecided(message, evidence=place(base, loose))
     slower = SPEEDS if runs.at_speed is not None else ()
     everything = [base, *(runs.at_speed(factor) for factor in slower if runs.at_speed is not None)]
     terms = [_terms(recording, scene) for recording in everything]
@@ -72,7 +72,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     unclear = not np.isfinite(deviation) or abs(abs(share) - bound) <= 2.0 * deviation
     if bound > TELLS or (unclear and lacking <= bound):
         message = "too slow, or too much else going on, to separate the centripetal part of the error from the rest"
-        return undecided(message, metric, bound, **evidence)
+        return undecided(message, metric, bound, evidence)
     return compared(
         metric,
         bound,

@@ -47,10 +47,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     }
     if distance[farthest] <= floor:
         message = f"the tool is never further off the surface than sampling and sensors may let it: {mm(floor)}"
-        return undecided(message, **evidence)
+        return undecided(message, evidence=evidence)
     if rate > 0.0 and math.exp(-0.25 * rate * span) > SHRINKS:
         message = f"{span:.3g} s are too short: the assigned dynamics decay at {rate:.3g} 1/s themselves"
-        return undecided(message, **evidence)
+        return undecided(message, evidence=evidence)
     before, after = float(distance[early].max()), float(distance[late].max())
     return compared(
         Metric(CHECK.metric, after, "m"),

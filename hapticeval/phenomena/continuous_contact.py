@@ -65,7 +65,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if tick == 0:
         return undecided("the tool is never in contact for two samples in a row")
     if lacks_ihip(base, scene):
-        return undecided(NO_IHIP, **place(base, tick))
+        return undecided(NO_IHIP, evidence=place(base, tick))
     if runs.refine is None:
         finding = _judge_fixed(base, scene, tick)
     elif runs.look is not None:
@@ -142,7 +142,7 @@ def _judge_refined(base: Recording, refine: Callable[[int], Recording], scene: S
         if slope < STAYS or slope > SHRINKS:
             return Finding(Outcome.FAIL, message, metric, bound, evidence)
         message = f"steep: the IHIP moves {where} in one step, and refinement does not settle it"
-        return undecided(message, metric, bound, **evidence)
+        return undecided(message, metric, bound, evidence)
     if slope < STAYS and left > bound - off:
         message = f"a jump of {where} stays, within the declared standoff of {mm(off)}"
     elif jumps[-1] > bound:
@@ -209,7 +209,7 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
             f"steep: the IHIP moves {where} in a HIP step {finer[-1]} times finer than the path's; its steps shrink "
             f"with the exponent {seen.slope:.2g} of the HIP's, and 1/6 is the least that counts as continuous"
         )
-        return undecided(message, metric, bound, **evidence)
+        return undecided(message, metric, bound, evidence)
     confirming = [jump_at_rate(factor, look, scene, seen.tick) for factor in CONFIRMS]
     evidence["jumps_at_2_and_4_times_the_rate_m"] = confirming
     if min(confirming) < 0.5 * seen.left:
@@ -285,12 +285,12 @@ def _judge_fixed(base: Recording, scene: Scene, tick: int) -> Finding:
         return Finding(Outcome.PASS, f"no jump beyond the HIP's own steps; {note}", metric, bound, evidence)
     if on_axis:
         message = f"the IHIP moves {jump} in one step near the medial axis; {note}"
-        return undecided(message, metric, bound, **evidence)
+        return undecided(message, metric, bound, evidence)
     slope = coarsened_slope(base, scene, tick)
     evidence["coarsened_slope"] = slope
     if not slope < STAYS:
         message = f"the IHIP moves {jump} in one step, and whether finer HIP steps shrink it is not known; {note}"
-        return undecided(message, metric, bound, **evidence)
+        return undecided(message, metric, bound, evidence)
     return Finding(Outcome.FAIL, f"pop-through of {jump}; {note}", metric, bound, evidence)
 
 

@@ -248,7 +248,7 @@ def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene) ->
             f"refinement does not settle {len(open_ways)} of {len(gains)} ways, as {most.what} from "
             f"t = {base.time[most.first]:.4g} s to {base.time[most.last]:.4g} s; over the others it gets no energy"
         )
-        return undecided(message, metric, worst.open, **evidence)
+        return undecided(message, metric, worst.open, evidence)
     message = f"the hand gets back no more than it put in; {worst.what} {shares}"
     return Finding(Outcome.PASS, message, metric, worst.open, evidence)
 

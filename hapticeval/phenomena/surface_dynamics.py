@@ -52,7 +52,7 @@ def judge_output_invariance(runs: Runs, scene: Scene) -> Finding:
     metric = Metric(OUTPUT_INVARIANCE.metric, float(distance[tick]), "m")
     if cost > 0.0 and bound > TELLS * cost:
         message = f"what the sampling may do, {mm(bound)}, hides what a missing centripetal force would"
-        return undecided(message, metric, bound, **evidence)
+        return undecided(message, metric, bound, evidence)
     fails = f"the tool leaves the surface by {mm(metric.value)}, at t = {base.time[tick]:.4g} s"
     return compared(metric, bound, evidence, passes="the tool stays on the surface", fails=fails)
 
@@ -87,7 +87,7 @@ def judge_decoupling(runs: Runs, scene: Scene) -> Finding:
         "settled_by_refinement": remains.settled,
     }
     if bound > TELLS:
-        return undecided(TOO_MUCH, metric, bound, **evidence)
+        return undecided(TOO_MUCH, metric, bound, evidence)
     return compared(
         metric,
         bound,
@@ -133,7 +133,7 @@ def judge_tangential_dynamics(runs: Runs, scene: Scene) -> Finding:
         "settled_by_refinement": remains.settled,
     }
     if bound > TELLS:
-        return undecided(TOO_MUCH, metric, bound, **evidence)
+        return undecided(TOO_MUCH, metric, bound, evidence)
     fails = (
         f"{100.0 * metric.value:.3g} per cent of the sliding speed come or go unassigned, as if the surface had a "
         f"viscosity of {viscosity:.3g} kg/s instead of {viscosity_of(scene):.3g}"
