@@ -13,7 +13,7 @@ from hapticeval.runner.events import JobFinished, RunFinished
 from hapticeval.runner.execution import execute
 from hapticeval.runner.planning import plan
 
-STROKE = FilePath(__file__).parents[2] / "shared" / "data" / "handwriting_svc" / "signal.svc"
+STROKE = FilePath(__file__).parents[3] / "shared" / "data" / "handwriting_svc" / "signal.svc"
 
 SUITE = """
 title = "a human stroke"
