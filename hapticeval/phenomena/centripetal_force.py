@@ -208,12 +208,12 @@ CHECK = Check(
     unit="",
     bound=(
         "Cost and push count as the assigned dynamics answer to them, from when the start has died out to a "
-        "hundredth, and while the surface bears a force. 1.5 kappa v T: while a force is held for a tick T the "
-        "normal turns by kappa v T, half of it on average, and one tick more may pass between sample and force. The "
-        "verdict is inconclusive within two standard errors of the bound. On a bilateral constraint the force at "
-        "the start, where the error is zero, must supply m kappa v^2 to the same share, within the three ticks that "
-        "a proxy may lag. A bound above 0.1 is inconclusive, and so is a run of which more than a tenth has the tool "
-        "off a bilateral constraint without any force."
+        "hundredth, and while the surface bears a force. 1.5 kappa v T: while a force is held for a tick T the normal "
+        "turns by kappa v T, half of it on average, and one tick more may pass between sample and force. The verdict "
+        "is inconclusive within two standard errors of the bound. On a bilateral constraint the force at the start, "
+        "where the error is zero, must supply m kappa v^2 to the same share, within the three ticks that a proxy may "
+        "lag. A bound above 0.1 is inconclusive, and so is a run of which more than a tenth has the tool off a "
+        "bilateral constraint without any force."
     ),
     judge=judge,
 )

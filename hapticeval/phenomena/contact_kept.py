@@ -199,16 +199,14 @@ CHECK = Check(
     bound=(
         "The way of the HIP over the last 3 ticks + standoff + rounding + the step of the rigid tool. Where the "
         "renderer gives no contact a rigid tool goes on from its last IHIP, or from the hand in free space: straight "
-        "to the HIP, and where the solid bars that way, along the surface downhill in distance, until it rests there "
-        "or its way is open. At rest it is held, and its distance from the HIP is how far a hand without contact has "
-        "got: into the solid, or beyond a plate, however thin. A proxy may answer three ticks late, so the way of "
-        "these is granted; its surface may lie off the model by the declared standoff (up to a fiftieth of the size), "
-        "or, where it declares a resolution only, by that. Its edges may lie off along the surface by as much and the "
-        "resolution (up to a sixteenth of the outline): contact may end where the way is open from so far beside. "
-        "Rounding is that of single precision, and the last digit of a log. The rigid tool moves in steps of an "
-        "eighth of the largest HIP step, between 1e-6 and 1e-4 of the model's size. In free space, which is no force "
-        "above the floor and the HIP outside of the model, or the IHIP farther outside than any contact point, the "
-        "IHIP is the HIP, within the same bound."
+        "to the HIP, and where the solid bars that way, along the surface downhill in distance, until it rests or its "
+        "way is open. At rest it is held, and its distance from the HIP is how far a hand without contact has got: "
+        "into the solid, or beyond a plate, however thin. The renderer's surface may lie off the model by the "
+        "declared standoff (up to a fiftieth of the size), or, where it declares a resolution only, by that; its "
+        "edges by as much and the resolution along the surface: contact may end where the way is open from so far "
+        "beside. Rounding is that of single precision, and the last digit of a log. The rigid tool moves in steps of "
+        "an eighth of the largest HIP step, between 1e-6 and 1e-4 of the model's size. In free space the IHIP is the "
+        "HIP, within the same bound."
     ),
     judge=judge,
 )
