@@ -111,7 +111,7 @@ def inner(function: Callable[P, R]) -> Callable[P, R]:
     return _compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
-def _compiled(function: Callable[P, R], **options: bool) -> Callable[P, R]:
+def _compiled(function: Callable[P, R], **options: Any) -> Callable[P, R]:
     kernel: Any = numba.njit(cache=True, error_model="numpy", **options)(function)
     if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT is set
         return function
@@ -134,7 +134,7 @@ def specialised(kernel: Callable[P, R], *arguments: Any) -> Callable[P, R]:
     """Return the code of a kernel for arguments of the types of these, which skips to look types up at each call."""
     if not hasattr(kernel, "overloads"):  # NUMBA_DISABLE_JIT is set
         return kernel
-    signature = tuple(numba.typeof(each) for each in arguments)
+    signature = tuple(numba.typeof(each) for each in arguments)  # type: ignore[no-untyped-call]
     kernel.compile(signature)  # type: ignore[attr-defined]
     return kernel.overloads[signature].entry_point  # type: ignore[no-any-return]
 

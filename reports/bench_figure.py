@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hapticeval.reports.canvas import MM, figure, page_svg
-from hapticeval.reports.svg import drawn
+from hapticeval.reports.canvas import MM, drawn, figure, page_svg
 from hapticeval.study.bench.document import BenchResults
 
 if TYPE_CHECKING:
@@ -25,6 +24,13 @@ EXACT = 1e-5
 """Error (mm) at which exact settings, and those closer to it than that, are drawn."""
 
 TITLES = {"step": "one step at a time, from Python", "batch": "a whole trajectory at once"}
+
+
+def bench_plots(bench: BenchResults) -> list[tuple[str, str]]:
+    """Return the plots of a bench, each with its title; none where nothing has been measured."""
+    if not any(each["claims"] and each["step"] for each in bench.settings):
+        return []
+    return [(title, bench_svg(bench, kind, prefix=f"b{kind}")) for kind, title in TITLES.items()]
 
 
 def bench_svg(bench: BenchResults, kind: str, *, prefix: str) -> str:

@@ -4,26 +4,89 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
+from html import escape
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
-from hapticeval.reports.svg import drawn, inlined
+from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.stretches import joined
+from hapticeval.types import Array
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 MM = 1e3
 INK, QUIET = "#1c1f23", "#6b7280"
+PALETTE: Mapping[str, str] = MappingProxyType(
+    {
+        "model": "#f3f5f7",
+        "inside": "#eaf1f7",
+        "rests": "#d5dee8",
+        "line": "#0072b2",
+        "jump": "#d1350f",
+        "tool": "#8e3fa8",
+        "stop": "#00796b",
+        "inertia": "#9a6700",
+    }
+)
+"""Colours of figures that stand alone, in files."""
+
+THEME: Mapping[str, str] = MappingProxyType(
+    {
+        "ink": "#010101",
+        "quiet": "#020202",
+        "grid": "#030303",
+        "model": "#040404",
+        "ray": "#050505",
+        "paper": "#060606",
+        "hip": "#0072b2",
+        "ihip": "#d55e00",
+        "one": "#009e73",
+        "two": "#cc79a7",
+        "three": "#56b4e9",
+        "mark": "#e69f00",
+    }
+)
+"""Role -> the colour that it is drawn in, which becomes `var(--fig-<role>)`: the page defines how it looks.
+
+Curves are in the colour-blind-safe palette of Okabe and Ito; the greys are mere stand-ins, told apart by their last
+digit.
+"""
+
+PAPER: Mapping[str, str] = MappingProxyType(
+    {
+        **THEME,
+        "ink": "#1c1f23",
+        "quiet": "#6b7280",
+        "grid": "#e3e6ea",
+        "model": "#eef0f3",
+        "ray": "#9aa3ae",
+        "paper": "#ffffff",
+    }
+)
+"""The same for a figure that stands alone: the page's light colours in place of the stand-ins."""
+
+_ROLES: ContextVar[Mapping[str, str]] = ContextVar("_ROLES", default=THEME)
+"""Which of the two the figure being drawn is in."""
+
 STYLE: Mapping[str, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "hapticeval",
+    "path.simplify_threshold": 0.5,
     "font.size": 8.0,
     "font.family": "sans-serif",
     "axes.linewidth": 0.6,
+    "axes.axisbelow": True,
     "axes.labelsize": 8.0,
     "axes.formatter.useoffset": False,
     "axes.spines.top": False,
@@ -34,10 +97,15 @@ STYLE: Mapping[str, Any] = {
     "ytick.major.width": 0.6,
     "xtick.major.size": 2.5,
     "ytick.major.size": 2.5,
+    "grid.linewidth": 0.5,
     "legend.fontsize": 7.5,
+    "legend.frameon": False,
+    "legend.borderaxespad": 0.0,
     "lines.linewidth": 1.1,
     "axes.unicode_minus": True,
 }
+"""matplotlib's settings. Curves are simplified to half a point, which keeps every peak and a long recording small."""
+
 COLOURS = {
     "text.color": "ink",
     "axes.labelcolor": "ink",
@@ -48,7 +116,7 @@ COLOURS = {
     "ytick.labelcolor": "ink",
     "grid.color": "grid",
 }
-"""Roles of matplotlib's colours on the page, see `svg.THEME`."""
+"""Roles of matplotlib's colours on the page, see `THEME`."""
 
 BOXED: Mapping[str, Any] = {"axes.spines.top": True, "axes.spines.right": True, "axes.edgecolor": QUIET}
 """Settings of a figure whose axes have all four sides."""
@@ -68,43 +136,126 @@ def figure(
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
-    colours = {key: drawn(role) for key, role in COLOURS.items()} if page else {}
+    colours = {key: THEME[role] for key, role in COLOURS.items()} if page else {}
     style: Any = {**STYLE, **colours, **(settings or {})}
-    with rc_context(style):
-        made = Figure(figsize=(width, height), **options)
-        if page:
-            FigureCanvasSVG(made)
-            made.patch.set_visible(False)
-        else:
-            FigureCanvasAgg(made)
-            made.set_facecolor("white")
-        yield made
+    roles = _ROLES.set(THEME if page else PAPER)
+    try:
+        with rc_context(style):
+            made = Figure(figsize=(width, height), **options)
+            if page:
+                FigureCanvasSVG(made)
+                made.patch.set_visible(False)
+            else:
+                FigureCanvasAgg(made)
+                made.set_facecolor("white")
+            yield made
+    finally:
+        _ROLES.reset(roles)
 
 
 def page_svg(made: Figure, *, prefix: str, title: str) -> str:
-    """The figure as an SVG element for a page, see `svg.inlined`; the same figure gives the same text."""
+    """Return the figure as an SVG element for a page, see `inlined`; the same figure gives the same text."""
     buffer = io.StringIO()
     made.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     return inlined(buffer.getvalue(), prefix=prefix, title=title)
 
 
 def save_figure(
-    made: Figure, directory: Path, stem: str, *, document: Mapping[str, Any] | None = None, dpi: int = 160
+    made: Figure,
+    directory: Path,
+    stem: str,
+    *,
+    document: Any = None,
+    text: str | None = None,
+    dpi: int = 160,
 ) -> list[Path]:
-    """Write the figure as SVG and PNG into `directory`, and `document` as JSON where there is one; the paths written.
+    """Write the figure as SVG and PNG into `directory`, `text` as markdown and `document` as JSON where given.
 
-    The same figure gives the same files. Raises `HapticevalError` where a file cannot be written.
+    Return the paths written; the same figure gives the same files. Raises `HapticevalError` where that fails.
     """
-    paths = [directory / f"{stem}.{kind}" for kind in ("svg", "png")]
+    texts = {
+        "md": text,
+        "json": None if document is None else json.dumps(document, indent=1, ensure_ascii=False),
+    }
+    paths = [directory / f"{stem}.{kind}" for kind in ("svg", "png", *(name for name, each in texts.items() if each))]
     try:
         for path in paths:
-            metadata = {"Date": None} if path.suffix == ".svg" else None
             with replacing(path) as temporary:
-                made.savefig(temporary, format=path.suffix[1:], dpi=dpi, metadata=metadata)
-        if document is not None:
-            paths.append(directory / f"{stem}.json")
-            with replacing(paths[-1]) as temporary:
-                temporary.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+                given = texts.get(path.suffix[1:])
+                if given is not None:
+                    temporary.write_text(given + "\n", encoding="utf-8")
+                else:
+                    metadata = {"Date": None} if path.suffix == ".svg" else None
+                    made.savefig(temporary, format=path.suffix[1:], dpi=dpi, metadata=metadata)
     except OSError as error:
         raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
     return paths
+
+
+def drawn(role: str) -> str:
+    """Return the colour to draw a role in; on a page `inlined` turns it into the page's."""
+    return _ROLES.get()[role]
+
+
+def trace(axes: Axes, recording: Recording, values: Array, role: str, **style: Any) -> None:
+    """Draw values (n,) against time, without a line over a gap: it would show what nobody measured."""
+    cuts = np.flatnonzero(~joined(recording)) + 1 if len(recording) > 1 else np.zeros(0, dtype=np.intp)
+    time, values = (np.insert(each, cuts, np.nan) for each in (recording.time, values))
+    axes.plot(time, values, color=drawn(role), **style)
+
+
+def legend_above(axes: Axes, *beside: Axes, **options: Any) -> None:
+    """Put one row of labels above the right end of the axes, with those of the axes `beside`."""
+    handles, labels = axes.get_legend_handles_labels()
+    for other in beside:
+        more = other.get_legend_handles_labels()
+        handles, labels = handles + more[0], labels + more[1]
+    axes.legend(handles, labels, **{"loc": "lower right", "bbox_to_anchor": (1.0, 0.97), "ncols": 4, **options})
+
+
+def inlined(svg: str, *, prefix: str, title: str) -> str:
+    """Return an `<svg>` element for an HTML page, from a whole SVG file: small, themed, with ids of its own.
+
+    Coordinates are rounded to a hundredth of a point, ids that nothing refers to are dropped and the others start
+    with `prefix`, and style rules that would reach beyond the figure go; `title` is what a screen reader reads out.
+    """
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", svg, flags=re.DOTALL)
+    svg = re.sub(r"<[^>]+>", lambda tag: re.sub(r"-?\d+\.\d{3,}", _rounded, tag[0]), svg)
+    svg = svg.replace("xlink:href", "href")
+    svg = re.sub(r"font: ([\d.]+)px [^;\"]*", r"font-size: \1px", svg)
+    used = {
+        name: f"{prefix}-{index}" for index, name in enumerate(dict.fromkeys(re.findall(r'[("]#([^")]+)[)"]', svg)))
+    }
+    svg = re.sub(r' id="([^"]+)"', lambda found: f' id="{used[found[1]]}"' if found[1] in used else "", svg)
+    svg = re.sub(r'([("])#([^")]+)([)"])', lambda found: f"{found[1]}#{used[found[2]]}{found[3]}", svg)
+    for role, stand_in in THEME.items():
+        svg = svg.replace(stand_in, f"var(--fig-{role})")
+    svg = re.sub(r' d="[^"C]*"', lambda path: path[0].replace(" L ", " "), svg)
+    svg = re.sub(r'style="[^"]*"', lambda style: re.sub(r"([:;]) ", r"\1", style[0]), svg)
+    svg = re.sub(r">\s+<", "><", svg)
+    svg = re.sub(r"\s*\n\s*", " ", svg).replace("<defs></defs>", "").replace("<defs/>", "")
+    box = re.search(r'viewBox="[^"]*"', svg)
+    assert box is not None
+    label = escape(title, quote=True)
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" {box[0]} class="figure" role="img" aria-label="{label}">'
+    return head + svg[svg.index(">") + 1 :].strip()
+
+
+def classed(elements: Sequence[str]) -> tuple[list[str], str]:
+    """Return the same elements with their `style` attributes as classes of the page, and the rules of those classes."""
+    classes: dict[str, str] = {}
+
+    def named(found: re.Match[str]) -> str:
+        return f' class="{classes.setdefault(found[1], f"z{len(classes)}")}"'
+
+    changed = [
+        re.sub(r"<[a-z][^<>]*>", lambda tag: re.sub(r' style="([^"]*)"', named, tag[0]), element)
+        for element in elements
+    ]
+    return changed, "\n".join(f".{name} {{{style}}}" for style, name in classes.items())
+
+
+def _rounded(found: re.Match[str]) -> str:
+    text = f"{float(found[0]):.2f}".rstrip("0").rstrip(".")
+    return "0" if text in ("-0", "") else text

@@ -1,4 +1,4 @@
-"""Verdicts as JUnit XML, which every CI service shows: a testsuite a (suite, renderer), a testcase a (case, check).
+"""Verdicts as JUnit XML, which every CI service shows: a testsuite per (suite, renderer), a testcase per (case, check).
 
 A testcase fails exactly where the verdict is not as expected, as the exit code of a run does: a failure that is
 published passes and says so, an outcome that differs from the published one fails even if it is a pass. A warning, as a
@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 
+from hapticeval.phenomena.verdict import Outcome
 from hapticeval.quantity import quantity
 from hapticeval.reports.scene_words import ended_words
 from hapticeval.reports.table import ran
@@ -19,43 +20,40 @@ NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def junit(results: ResultsDocument) -> str:
-    """The XML text; an incomplete run has a testcase of its own that is in error and says why."""
+    """Return the XML text; an incomplete run has a testcase of its own that is in error and says why."""
     root = ET.Element("testsuites", name="hapticeval", time=f"{results.timing.wall_seconds:.3f}")
     suites: dict[tuple[str, str], ET.Element] = {}
     ended = {run.key: ended_words(run) for run in results.runs}
-    seen = {verdict.key for verdict in results.verdicts}
+
+    def suite_of(entry: RunEntry | VerdictEntry) -> ET.Element:
+        key = (entry.suite, entry.renderer)
+        if key not in suites:
+            suites[key] = ET.SubElement(root, "testsuite", name=_clean(": ".join(key)), time="0")
+        return suites[key]
+
     for run in results.runs:
-        suite = _suite(root, suites, run)
-        suite.set("time", f"{float(suite.get('time', '0')) + (run.wall_seconds):.3f}")
-        if run.error and run.key not in seen:
-            error = run.error
-            case = _case(suite, run, "run")
-            _say(case, "error", error.what, "\n".join(filter(None, (error.why, error.todo))))
+        suite = suite_of(run)
+        suite.set("time", f"{float(suite.get('time', '0')) + run.wall_seconds:.3f}")
+        if run.error and run.key not in results.verdicts_of:
+            text = "\n".join(filter(None, (run.error.why, run.error.todo)))
+            _say(_case(suite, run, "run"), "error", run.error.what, text)
     for verdict in results.verdicts:
-        case = _case(_suite(root, suites, verdict), verdict, verdict.check)
+        case = _case(suite_of(verdict), verdict, verdict.check)
         _tell(case, verdict, ended.get(verdict.key, ""), stopped=results.stops(verdict))
     if not results.complete:
         suite = ET.SubElement(root, "testsuite", name="hapticeval: completeness", time="0")
         case = ET.SubElement(suite, "testcase", classname="hapticeval", name="every planned verdict ran")
-        _say(case, "error", _clean(ran(results)), "Verdicts that did not run are not shown below or above.")
-    for suite in root:
-        _count(suite)
-    for name in ("tests", "failures", "errors", "skipped"):
-        root.set(name, str(sum(int(suite.get(name, "0")) for suite in root)))
+        _say(case, "error", ran(results), "Verdicts that did not run are not shown below or above.")
+    for element in (*root, root):
+        for name, tag in (("tests", "testcase"), ("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
+            element.set(name, str(sum(1 for _ in element.iter(tag))))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _suite(root: ET.Element, suites: dict[tuple[str, str], ET.Element], of: RunEntry | VerdictEntry) -> ET.Element:
-    key = (of.suite, of.renderer)
-    if key not in suites:
-        suites[key] = ET.SubElement(root, "testsuite", name=_clean(f"{of.suite}: {of.renderer}"), time="0")
-    return suites[key]
-
-
-def _case(suite: ET.Element, of: RunEntry | VerdictEntry, name: str) -> ET.Element:
+def _case(suite: ET.Element, entry: RunEntry | VerdictEntry, name: str) -> ET.Element:
     """The renderer is a part of the name: CI services tell testcases apart by class and name alone."""
-    classname, name = _clean(f"{of.suite}.{of.case}"), _clean(f"{name} [{of.renderer}]")
+    classname, name = _clean(f"{entry.suite}.{entry.case}"), _clean(f"{name} [{entry.renderer}]")
     return ET.SubElement(suite, "testcase", classname=classname, name=name)
 
 
@@ -63,19 +61,17 @@ def _tell(case: ET.Element, verdict: VerdictEntry, ended: str, *, stopped: bool)
     outcome, published = verdict.outcome, verdict.published
     figures = measured(verdict)
     text = verdict.message + (f" ({figures})" if figures else "") + (f"; the run {ended}" if ended else "")
-    if outcome == "error":
+    warning = "warning: " * verdict.warns
+    if outcome is Outcome.ERROR:
         _say(case, "error", text)
     elif stopped:
         differs = f"{outcome}, published {published}: " if published else ""
-        _say(
-            case, "failure", differs + text, "" if published is None else "The outcome differs from the published one."
-        )
-    elif outcome in ("inconclusive", "not-applicable"):
-        _say(case, "skipped", f"{'warning: ' * verdict.warns}{outcome}: {text}")
-    elif outcome == "fail":
+        _say(case, "failure", differs + text, "The outcome differs from the published one." if published else "")
+    elif outcome in (Outcome.INCONCLUSIVE, Outcome.NOT_APPLICABLE):
+        _say(case, "skipped", f"{warning}{outcome}: {text}")
+    elif outcome is Outcome.FAIL:
         why = "fails, as known" if published else f"fails; level {verdict.level} stops no gate"
-        why = f"{'warning: ' * verdict.warns}{why}"
-        ET.SubElement(case, "system-out").text = _clean(f"{why}: {text}")
+        ET.SubElement(case, "system-out").text = _clean(f"{warning}{why}: {text}")
 
 
 def _say(case: ET.Element, kind: str, message: str, text: str = "") -> None:
@@ -85,19 +81,13 @@ def _say(case: ET.Element, kind: str, message: str, text: str = "") -> None:
     element.text = _clean(text) or None
 
 
-def _count(suite: ET.Element) -> None:
-    suite.set("tests", str(len(suite.findall("testcase"))))
-    for name, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
-        suite.set(name, str(len(suite.findall(f"testcase/{tag}"))))
-
-
 def _clean(text: str) -> str:
     """Without the characters that XML 1.0 has no way to write: a renderer's message may hold any."""
     return NOT_XML.sub("\ufffd", text)
 
 
 def measured(verdict: VerdictEntry) -> str:
-    """Return metric and bound of a verdict document, for instance `IHIP jump 4.1 mm, bound 0.1 mm`; "" without one."""
+    """Return metric and bound of a verdict, for instance `IHIP jump 4.1 mm, bound 0.1 mm`; "" without one."""
     metric = verdict.metric
     if metric is None:
         return ""

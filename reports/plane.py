@@ -1,18 +1,18 @@
-"""The plane of a figure: the model, where the hand was, where the tool was put, and the lines between."""
+"""The plane of a figure: the model, where the hand was, where the tool was put, and the lines between.
+
+Of a run in space its shadow is drawn, on the plane of the two axes along which the hand moves most.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.canvas import MM
-from hapticeval.reports.marks import labels
-from hapticeval.reports.shadow import axis_labels, shadow, shadow_of, shown_axes
-from hapticeval.reports.svg import drawn
+from hapticeval.reports.canvas import MM, drawn, figure, legend_above, page_svg
 from hapticeval.types import Array, IntArray
 
 if TYPE_CHECKING:
@@ -24,19 +24,25 @@ OVERVIEW_BELOW = 0.35
 """Share of the model in view below which a small picture of the whole is added."""
 LENS_BELOW = 0.025
 """Depth as a share of the view below which the points cannot be told apart without a lens."""
+INSET = 0.31
+"""Side of a small picture, as a share of the axes."""
+SHADOW_POINTS = 4000
+
+Box = tuple[float, float, float, float]
+"""(xmin, ymin, xmax, ymax), mm."""
 
 
 def draw_plane(
     axes: Axes, recording: Recording, model: Model | None, *, ticks: Mapping[int, int], failed: Collection[int]
 ) -> None:
-    """Draw into `axes`; `ticks` maps the numbers of marks to samples, `failed` are the numbers that failed.
-
-    Of a run in space its shadow is drawn.
-    """
+    """Draw into `axes`; `ticks` maps the numbers of marks to samples, `failed` are the numbers that failed."""
     shown = shown_axes(recording.hip)
-    across, upward = axis_labels(shown, recording.hip.shape[1])
-    recording = shadow(recording, shown)
-    view = _view(recording, shape_of(axes))
+    name_axes(axes, shown, recording.hip.shape[1])
+    columns = list(shown)
+    channels = {name: getattr(recording, name)[:, columns] for name in ("hip", "ihip", "force")}
+    recording = Recording(recording.time, channels, recording.meta)
+    points = MM * np.vstack([recording.hip, recording.ihip])
+    view = box_round(0.5 * (points.min(axis=0) + points.max(axis=0)), 1.24 * np.ptp(points, axis=0), shape_of(axes))
     body = None if model is None else body_of(model, shown, view)
     _draw_body(axes, body, view)
     chosen = along_path(recording, SAMPLES, keep=ticks.values())
@@ -45,27 +51,15 @@ def draw_plane(
         _draw_mark(axes, recording, tick, failed=number in failed)
     places = [MM * recording.ihip[tick] for tick in ticks.values()]
     for where, text in labels(list(ticks), places, 0.05 * (view[2] - view[0])):
-        axes.annotate(
-            text,
-            (float(where[0]), float(where[1])),
-            xytext=(5.5, 3.5),
-            textcoords="offset points",
-            fontsize=7.5,
-            color=drawn("ink"),
-            zorder=6,
-        )
-    axes.set(xlabel=across, ylabel=upward)
-    axes.yaxis.set_label_coords(-0.145, 0.5)
-    show(axes, view)
-    _legend(axes)
+        axes.annotate(text, tuple(where), xytext=(5.5, 3.5), textcoords="offset points", fontsize=7.5, zorder=6)
+    axes.set(xlim=view[::2], ylim=view[1::2])
+    legend_above(
+        axes, loc="lower left", bbox_to_anchor=(0.0, 0.985), handlelength=1.4, columnspacing=1.2, handletextpad=0.4
+    )
     corners = _emptiest_corners(recording, chosen, view)
-    if (
-        model is not None
-        and model.dimension == 2
-        and model.boundary.closed
-        and view[2] - view[0] < OVERVIEW_BELOW * model.size * MM
-    ):
-        _draw_overview(axes, corners.pop(0), model, view)
+    flat = model if model is not None and model.dimension == 2 and model.boundary.closed else None
+    if flat is not None and view[2] - view[0] < OVERVIEW_BELOW * flat.size * MM:
+        _draw_overview(axes, corners.pop(0), flat, view)
     depths = MM * np.linalg.norm(recording.ihip - recording.hip, axis=1)
     if 0.0 < depths.max() < LENS_BELOW * (view[2] - view[0]):
         deep = [ticks[number] for number in ticks if number in failed and depths[ticks[number]] > 0.3 * depths.max()]
@@ -73,24 +67,53 @@ def draw_plane(
         _draw_lens(axes, corners.pop(0), recording, body, tick, float(depths.max()))
 
 
-Box = tuple[float, float, float, float]
-"""(xmin, ymin, xmax, ymax), mm."""
+def refusal_svg(model: Model, position: Sequence[float], *, prefix: str = "f", title: str = "") -> str:
+    """Return the outline of a model that a renderer refuses as an SVG element, with a cross at `position` (m)."""
+    xmin, ymin, xmax, ymax = (MM * bound for bound in model.boundary.bounds)
+    edge = 0.06 * max(xmax - xmin, ymax - ymin)
+    with figure(8.0, 2.8, page=True) as made:
+        axes = made.add_axes((0.08, 0.18, 0.55, 0.77))
+        axes.set_aspect("equal")
+        draw_body(axes, model, (xmin - edge, ymin - edge, xmax + edge, ymax + edge))
+        axes.plot(MM * position[0], MM * position[1], "x", color=drawn("ihip"), markersize=11, markeredgewidth=2.2)
+        axes.set(xlabel="y₁ (mm)", ylabel="y₂ (mm)")
+        return page_svg(made, prefix=prefix, title=title)
+
+
+def shown_axes(hips: Array) -> tuple[int, int]:
+    """Return the two coordinates of (n, N) in which the HIP moves most, in order."""
+    first, second = sorted(np.argsort(np.ptp(hips, axis=0), kind="stable")[-2:].tolist())
+    return int(first), int(second)
+
+
+def name_axes(axes: Axes, shown: tuple[int, int], dimension: int) -> None:
+    """Label a plane with its two coordinates, and with the direction from which a run in space is seen."""
+    first, second = ("₁₂₃"[axis] for axis in shown)
+    along = f", seen along y{'₁₂₃'[3 - sum(shown)]}" if dimension == 3 else ""
+    axes.set(xlabel=f"y{first} (mm){along}", ylabel=f"y{second} (mm)")
+    axes.yaxis.set_label_coords(-0.145, 0.5)
+
+
+def labels(numbers: Sequence[int], places: Sequence[Array], near: float) -> list[tuple[Array, str]]:
+    """Return where to write which numbers: marks closer than `near` to one another share a label, as in "1,3"."""
+    groups: list[tuple[Array, list[int]]] = []
+    for number, place in zip(numbers, places, strict=True):
+        group = next((group for group in groups if np.linalg.norm(place - group[0]) < near), None)
+        if group is None:
+            groups.append((place, [number]))
+        else:
+            group[1].append(number)
+    return [(where, ",".join(map(str, together))) for where, together in groups]
 
 
 def shape_of(axes: Axes) -> float:
-    """Width of the axes over their height, on paper."""
+    """Return the width of the axes over their height, on paper."""
     size = axes.get_window_extent()
     return float(size.width / size.height)
 
 
-def _view(recording: Recording, aspect: float) -> Box:
-    """What the points cover and a margin, widened to the shape of the axes."""
-    points = MM * np.vstack([recording.hip, recording.ihip])
-    return box_round(0.5 * (points.min(axis=0) + points.max(axis=0)), 1.24 * np.ptp(points, axis=0), aspect)
-
-
 def box_round(centre: Array, size: Array, aspect: float) -> Box:
-    """The smallest box about `centre` that holds `size` and is `aspect` times as wide as high, mm."""
+    """Return the smallest box about `centre` that holds `size` and is `aspect` times as wide as high, mm."""
     height = max(float(size[1]), float(size[0]) / aspect, 0.02)
     half = 0.5 * np.array([height * aspect, height])
     (xmin, ymin), (xmax, ymax) = centre - half, centre + half
@@ -98,12 +121,19 @@ def box_round(centre: Array, size: Array, aspect: float) -> Box:
 
 
 def body_of(model: Model, shown: tuple[int, int], view: Box) -> Geometry:
-    """What to draw of a model, mm: what it fills in the plane, or its shadow on the coordinates `shown`."""
-    return solid(model, view) if model.dimension == 2 else shadow_of(model, shown, MM)
+    """Return what to draw of a model, mm: what it fills in the plane, or its shadow on the coordinates `shown`.
+
+    All our models in space are round enough for the hull of their points.
+    """
+    import shapely
+
+    if model.dimension == 2:
+        return solid(model, view)
+    return shapely.MultiPoint(MM * model.boundary.points(SHADOW_POINTS)[:, list(shown)]).convex_hull
 
 
 def solid(model: Model, view: Box) -> Geometry:
-    """What the model fills of `view` and a bit around it, mm, as fine as can be seen."""
+    """Return what the model fills of `view` and a bit around it, mm, as fine as can be seen."""
     import shapely
 
     xmin, ymin, xmax, ymax = view
@@ -116,6 +146,7 @@ def solid(model: Model, view: Box) -> Geometry:
 
 
 def _ring(model: Model, view: Box) -> Array:
+    """The closed outline, or of an open one a ring that is large enough to fill the view on its inside."""
     boundary = model.boundary
     if boundary.closed:
         points = int(np.clip(boundary.girth * MM / (view[2] - view[0]) * 400.0, 400, 40_000))
@@ -125,24 +156,17 @@ def _ring(model: Model, view: Box) -> Array:
     point, left = MM * frame.foot[0], -frame.normal[0]
     tangent = np.array([left[1], -left[0]])
     far = 3.0 * (np.linalg.norm(centre - point) + view[2] - view[0] + view[3] - view[1])
-    return np.array(
-        [point - far * tangent, point + far * tangent, point + far * (tangent + left), point + far * (left - tangent)]
-    )
+    return np.asarray(point + far * np.array([-tangent, tangent, tangent + left, left - tangent]))
 
 
 def _draw_body(axes: Axes, body: Geometry | None, view: Box, *, linewidth: float = 1.1) -> None:
     import shapely
-    from matplotlib.patches import Polygon
 
     for part in () if body is None else shapely.get_parts(body):
         if part.geom_type == "Polygon" and not part.is_empty:
             ring = shapely.get_coordinates(part.exterior)
-            axes.add_patch(
-                Polygon(
-                    ring, closed=True, facecolor=drawn("model"), edgecolor=drawn("ink"), linewidth=linewidth, zorder=1
-                )
-            )
-    show(axes, view)
+            axes.fill(*ring.T, facecolor=drawn("model"), edgecolor=drawn("ink"), linewidth=linewidth, zorder=1)
+    axes.set(xlim=view[::2], ylim=view[1::2])
 
 
 def draw_body(axes: Axes, model: Model, view: Box, shown: tuple[int, int] = (0, 1)) -> None:
@@ -150,14 +174,8 @@ def draw_body(axes: Axes, model: Model, view: Box, shown: tuple[int, int] = (0, 
     _draw_body(axes, body_of(model, shown, view), view)
 
 
-def show(axes: Axes, view: Box) -> None:
-    """Show `view` and nothing else."""
-    axes.set_xlim(view[0], view[2])
-    axes.set_ylim(view[1], view[3])
-
-
 def along_path(recording: Recording, count: int, *, keep: Collection[int] = ()) -> IntArray:
-    """About `count` samples, evenly spaced by how far HIP and IHIP travel, with the samples `keep` and those before."""
+    """Return about `count` samples, evenly spaced by how far HIP and IHIP travel, and `keep` with those before."""
     points = np.hstack([recording.hip, recording.ihip])
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     even = np.searchsorted(travelled, np.linspace(0.0, travelled[-1], count))
@@ -169,43 +187,30 @@ def along_path(recording: Recording, count: int, *, keep: Collection[int] = ()) 
 def _draw_samples(axes: Axes, recording: Recording, chosen: IntArray, *, size: float = 3.0) -> None:
     hip, ihip = MM * recording.hip[chosen], MM * recording.ihip[chosen]
     touching = recording.contact[chosen]
-    gap = np.full_like(hip, np.nan)
-    rays = np.stack([hip, ihip, gap], axis=1)[touching].reshape(-1, 2)
+    rays = np.stack([hip, ihip, np.full_like(hip, np.nan)], axis=1)[touching].reshape(-1, 2)
+    dot: dict[str, Any] = {"linestyle": "none", "marker": "o"}
+    axes.plot(
+        *hip.T, **dot, markersize=size, markerfacecolor="none", markeredgewidth=0.8, color=drawn("hip"), zorder=3,
+        label="HIP",
+    )  # fmt: skip
+    axes.plot(
+        *ihip[touching].T, **dot, markersize=0.85 * size, markeredgewidth=0.0, color=drawn("ihip"), zorder=4,
+        label="IHIP",
+    )  # fmt: skip
     axes.plot(*rays.T, color=drawn("ray"), linewidth=0.7, zorder=2, label="projection")
-    axes.plot(
-        *hip.T, linestyle="none", marker="o", markersize=size, markerfacecolor="none", markeredgewidth=0.8,
-        color=drawn("hip"), zorder=3, label="HIP",
-    )  # fmt: skip
-    axes.plot(
-        *ihip[touching].T, linestyle="none", marker="o", markersize=0.85 * size, markeredgewidth=0.0,
-        color=drawn("ihip"), zorder=4, label="IHIP",
-    )  # fmt: skip
 
 
 def _draw_mark(axes: Axes, recording: Recording, tick: int, *, failed: bool) -> None:
     """The marked sample ringed, with the IHIP's way there from the sample before."""
     hip, ihip = MM * recording.hip[tick], MM * recording.ihip[tick]
+    style: dict[str, Any] = {"color": drawn("mark")}
     if tick > 0:
-        way = MM * recording.ihip[tick - 1 : tick + 1]
-        axes.plot(*way.T, color=drawn("mark"), linewidth=1.6, zorder=2.5)
-    axes.plot(*np.stack([hip, ihip]).T, color=drawn("mark"), linewidth=1.2 if failed else 0.8, zorder=2.4)
-    axes.plot(
-        *ihip, marker="o", markersize=8.0, markerfacecolor="none", markeredgewidth=1.3 if failed else 0.8,
-        color=drawn("mark"), zorder=5,
-    )  # fmt: skip
+        axes.plot(*(MM * recording.ihip[tick - 1 : tick + 1]).T, linewidth=1.6, zorder=2.5, **style)
+    axes.plot(*np.stack([hip, ihip]).T, linewidth=1.2 if failed else 0.8, zorder=2.4, **style)
+    edge = 1.3 if failed else 0.8
+    axes.plot(*ihip, marker="o", markersize=8.0, markerfacecolor="none", markeredgewidth=edge, zorder=5, **style)
 
 
-def _legend(axes: Axes) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    order = [labels.index(name) for name in ("HIP", "IHIP", "projection")]
-    axes.legend(
-        [handles[index] for index in order], [labels[index] for index in order], loc="lower left",
-        bbox_to_anchor=(0.0, 0.985), ncols=3, frameon=False, handlelength=1.4, columnspacing=1.2, borderaxespad=0.0,
-        handletextpad=0.4,
-    )  # fmt: skip
-
-
-INSET = 0.31
 Corner = tuple[float, float]
 
 
@@ -222,11 +227,8 @@ def _emptiest_corners(recording: Recording, chosen: IntArray, view: Box) -> list
 
 def _inset(axes: Axes, corner: Corner) -> Axes:
     inset = axes.inset_axes((*corner, INSET, INSET))
-    inset.set_facecolor(drawn("paper"))
-    inset.set_xticks([])
-    inset.set_yticks([])
-    for side in ("top", "right"):
-        inset.spines[side].set_visible(True)
+    inset.set(facecolor=drawn("paper"), xticks=[], yticks=[])
+    inset.spines[["top", "right"]].set_visible(True)
     return inset
 
 
@@ -254,8 +256,8 @@ def _draw_lens(
     inside = np.flatnonzero(np.all((points > box[:2]) & (points < box[2:]), axis=1))
     near = inside[np.linspace(0, inside.size - 1, min(7, inside.size)).astype(int)]
     _draw_samples(inset, recording, near.astype(np.int64), size=4.0)
-    times = (axes.get_xlim()[1] - axes.get_xlim()[0]) * INSET / (box[2] - box[0])
-    magnification = f"× {float(f'{times:.2g}'):g}"  # noqa: RUF001
+    times = np.ptp(axes.get_xlim()) * INSET / (box[2] - box[0])
     paper = {"facecolor": drawn("paper"), "edgecolor": "none", "pad": 1.0}
-    inset.text(0.05, 0.95, magnification, fontsize=7.5, va="top", transform=inset.transAxes, zorder=6, bbox=paper)
+    text = f"× {float(f'{times:.2g}'):g}"  # noqa: RUF001
+    inset.text(0.05, 0.95, text, fontsize=7.5, va="top", transform=inset.transAxes, zorder=6, bbox=paper)
     axes.indicate_inset((box[0], box[1], box[2] - box[0], box[3] - box[1]), inset, edgecolor=drawn("quiet"), alpha=1.0)

@@ -12,7 +12,7 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.execution import execute
 from hapticeval.runner.judging import Judged, judge
 from hapticeval.runner.planning import plan
-from hapticeval.runner.results import read_results
+from hapticeval.runner.results import Robot, read_results
 from hapticeval.runner.table import fill_table
 from hapticeval.suite.case import Case
 from hapticeval.suite.installed import suites_named
@@ -226,28 +226,28 @@ def test_a_run_that_leaves_the_workspace_ends_there_and_says_so_in_every_verdict
     (tmp_path / "far.toml").write_text(FAR)
     events = list(execute(plan([str(tmp_path / "far.toml")], [SCHEMES[0]]), tmp_path / "out", workers=1))
     results = read_results(tmp_path / "out")
-    ended = results.runs[0]["ended"]
-    assert 0.0 < ended["time"] < 1.0
-    assert ended["tick"] == round(1000 * ended["time"])
-    found = {verdict["check"]: verdict for verdict in results.verdicts}
-    assert {check: verdict["outcome"] for check, verdict in found.items()} == {
+    ended = results.runs[0].ended
+    assert 0.0 < ended.time < 1.0
+    assert ended.tick == round(1000 * ended.time)
+    found = {verdict.check: verdict for verdict in results.verdicts}
+    assert {check: verdict.outcome for check, verdict in found.items()} == {
         "constraint-stability": "fail",
         "output-invariance": "inconclusive",
         "decoupling": "inconclusive",
         "continuous-contact": "inconclusive",
     }
     for verdict in found.values():
-        assert f"ended at t = {ended['time']:.4g} s: {ended['what']}" in verdict["message"]
+        assert f"ended at t = {ended.time:.4g} s: {ended.what}" in verdict.message
     assert events[-1].results == results
 
 
 def test_results_say_what_robot_was_driven(tmp_path):
     list(execute(plan(["dynamics-line"], [SCHEMES[0]], select=["line-robot-enc*"]), tmp_path / "out", workers=1))
     run = read_results(tmp_path / "out").runs[0]
-    assert run["scene"]["device"] == {"kind": "parallelogram-2dof", "dynamics": "lagrangian", "base_inertia": "sin"}
-    assert run["scene"]["inner_loop"] == "linearised"
-    assert run["scene"]["effects"] == [{"kind": "encoder", "step": pytest.approx(2.0 * np.pi / 262144)}]
-    assert (run["ended"], run["closed_form"]) == (None, None)
+    assert run.scene.device == Robot(kind="parallelogram-2dof", dynamics="lagrangian", base_inertia="sin")
+    assert run.scene.inner_loop == "linearised"
+    assert run.scene.effects == [{"kind": "encoder", "step": pytest.approx(2.0 * np.pi / 262144)}]
+    assert (run.ended, run.closed_form) == (None, None)
 
 
 def test_a_sensed_push_moves_the_tool_along_the_surface_and_not_across():

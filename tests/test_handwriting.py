@@ -47,7 +47,7 @@ def test_a_pen_stroke_runs_through_every_reference_renderer(tmp_path):
     assert isinstance(events[-1], RunFinished)
     assert events[-1].results.complete
     jobs = [event for event in events if isinstance(event, JobFinished)]
-    assert {job.renderer for job in jobs} == set(own_renderers())
+    assert {job.run.renderer for job in jobs} == set(own_renderers())
     for job in jobs:
         assert job.error is None
         outcomes = {verdict.check: verdict.outcome for verdict in job.verdicts}

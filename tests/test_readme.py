@@ -13,7 +13,7 @@ import pytest
 from hapticeval.cli import EXIT_CODES, main
 from hapticeval.discovery import resolve
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.runner.results import read_results
+from hapticeval.runner.results import ResultsDocument, read_results
 
 ROOT = Path(__file__).parents[1]
 PAGES = {page.stem: page.read_text(encoding="utf-8") for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]}
@@ -59,7 +59,7 @@ def test_a_renderer_takes_ten_lines() -> None:
 def test_the_renderer_is_judged_by_the_command(judged: tuple[Path, int]) -> None:
     folder, code = judged
     results = read_results(folder / "results")
-    outcomes = {(verdict["case"], verdict["check"]): verdict["outcome"] for verdict in results.verdicts}
+    outcomes = {(verdict.case, verdict.check): verdict.outcome for verdict in results.verdicts}
     assert results.complete
     assert outcomes["star-convex-corner", "continuous-contact"] == "fail", "as the README says"
     assert code == 1
@@ -79,7 +79,7 @@ trajectory = { kind = "points", points = [[0.0, 0.0, 0.06], [0.0, 0.0, 0.049], [
 def test_the_renderer_works_in_space_too(judged: tuple[Path, int]) -> None:
     (judged[0] / "space.toml").write_text(SPACE)
     assert main(["run", "space.toml", "-r", "mine:Nearest", "-o", "space"]) == 0
-    assert [verdict["outcome"] for verdict in read_results(judged[0] / "space").verdicts] == ["pass", "pass"]
+    assert [verdict.outcome for verdict in read_results(judged[0] / "space").verdicts] == ["pass", "pass"]
 
 
 def test_the_results_are_read_as_told(judged: tuple[Path, int], capsys: pytest.CaptureFixture[str]) -> None:
@@ -93,7 +93,7 @@ def test_the_results_are_read_as_told(judged: tuple[Path, int], capsys: pytest.C
 
 
 def test_every_entry_of_the_results_is_told(judged: tuple[Path, int]) -> None:
-    names = set(vars(read_results(judged[0] / "results"))) - {"format_version"}
+    names = set(ResultsDocument.__struct_fields__) - {"format_version"}
     assert names <= set(re.findall(r"`(\w+)`", PAGES["results"]))
 
 
@@ -106,7 +106,7 @@ def test_every_file_that_is_told_is_written(judged: tuple[Path, int]) -> None:
 def test_the_suite_runs(judged: tuple[Path, int]) -> None:
     (judged[0] / "mysuite.toml").write_text(block(PAGES["suites"], "toml"))
     assert main([*command(block(PAGES["suites"], "sh")), "-o", "suite"]) == 0
-    assert {run["case"] for run in read_results(judged[0] / "suite").runs} == {"along-the-circle", "press"}
+    assert {run.case for run in read_results(judged[0] / "suite").runs} == {"along-the-circle", "press"}
 
 
 def test_the_names_that_it_gives_are_renderers() -> None:

@@ -19,8 +19,7 @@ from hapticeval.recordings.hdf5 import read_recording, write_recording
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.as_recorded import as_recorded
-from hapticeval.replay.job import prepared, replay_plan
-from hapticeval.replay.merge import merged
+from hapticeval.replay.job import merged, prepared, replay_plan
 from hapticeval.replay.subject import subject
 from hapticeval.runner.events import Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.runner.execution import execute
@@ -101,8 +100,8 @@ def counting(tmp_path, monkeypatch):
 
 
 def file_of(folder, case, renderer):
-    entry = next(e for e in read_results(folder).runs if (e["case"], e["renderer"]) == (case, renderer))
-    return folder / entry["recording"]
+    entry = next(e for e in read_results(folder).runs if (e.case, e.renderer) == (case, renderer))
+    return folder / entry.recording
 
 
 def opened(file, **options):
@@ -162,7 +161,7 @@ def test_a_replay_keeps_samples_and_clock(tmp_path, counting):
     np.testing.assert_array_equal(recording.hip, circle_run(time, radius=BESIDE).hip)
     steps = [entry[1] for entry in counting if entry[0] == "step"][:200]
     np.testing.assert_array_equal(steps[1:], np.diff(time))
-    assert out["countingmodule:Counting"][0].replay["clock"].startswith("irregular, 7 to 8 ms")
+    assert out["countingmodule:Counting"][0].replay.clock.startswith("irregular, 7 to 8 ms")
 
 
 def test_every_gap_starts_the_renderer_anew(tmp_path, counting):
@@ -175,7 +174,7 @@ def test_every_gap_starts_the_renderer_anew(tmp_path, counting):
     judged, answer = out["countingmodule:Counting"]
     starts = [entry[1] for entry in counting if entry[0] == "reset"][:3]
     assert starts == [tuple(recording.hip[row]) for row in (0, 100, 200)]
-    assert (judged.replay["stretches"], judged.replay["rows"], judged.replay["rows_left_out"]) == (3, 290, 10)
+    assert (judged.replay.stretches, judged.replay.rows, judged.replay.rows_left_out) == (3, 290, 10)
     np.testing.assert_array_equal(answer.time, time[valid])
     assert len(answer.meta["stretches"]) == 3
 
@@ -202,7 +201,7 @@ def test_faults_of_a_real_recording_are_left_out_and_named(tmp_path, counting):
     hip[300] += 0.05
     log = Recording(time, {**recording.channels, "hip": hip, "force": force}, recording.meta)
     out = replayed(log, tmp_path, ["countingmodule:Counting"])
-    assert any(each.startswith("spike in hip") for each in out[RECORDED][0].replay["left_out"])
+    assert any(each.startswith("spike in hip") for each in out[RECORDED][0].replay.left_out)
     assert 300 not in np.rint(1e3 * out[RECORDED][1].time)
     assert 300 not in np.rint(1e3 * out["countingmodule:Counting"][1].time)
     assert 150 in np.rint(1e3 * out["countingmodule:Counting"][1].time), "a fault of the force is none of the path"
@@ -224,7 +223,7 @@ def test_one_missed_cycle_is_no_gap(tmp_path, counting):
     time = np.delete(np.arange(100) * 1e-3, 50)
     out = replayed(circle_run(time, radius=BESIDE), tmp_path, ["countingmodule:Counting"])
     judged, _ = out["countingmodule:Counting"]
-    assert judged.replay["stretches"] == 1
+    assert judged.replay.stretches == 1
     steps = [entry[1] for entry in counting if entry[0] == "step"]
     assert steps[50] == time[50] - time[49] > 1.5e-3
 
@@ -246,7 +245,7 @@ def test_what_leads_out_of_a_renderers_domain_ends_the_stretch(tmp_path, countin
     judged, recording = replayed(log, tmp_path, ["countingmodule:Bounded"])["countingmodule:Bounded"]
     assert judged.error is None
     assert len(recording) == beyond
-    assert judged.replay["left_out"] == [f"{time[beyond]:.6g} to {time[-1]:.6g} s: beyond the edge"]
+    assert judged.replay.left_out == [f"{time[beyond]:.6g} to {time[-1]:.6g} s: beyond the edge"]
     outside = circle_run(1.0 + time[:90])
     judged, recording = replayed(outside, tmp_path, ["countingmodule:Bounded"])["countingmodule:Bounded"]
     assert judged.error is not None
@@ -281,13 +280,13 @@ def test_the_recorded_run_is_a_column_and_the_difference_is_told(tmp_path):
     log = Recording(time, {**recording.channels, "ihip": shifted}, recording.meta)
     out = replayed(log, tmp_path, ["minimum-distance"])
     assert list(out) == [RECORDED, "minimum-distance"]
-    assert out[RECORDED][0].replay["difference"] is None
-    found = out["minimum-distance"][0].replay["difference"]
-    assert found["ihip"]["row"] == 120
-    assert found["ihip"]["max"] == pytest.approx(3e-4, rel=1e-9)
-    assert found["ihip"]["rms"] == pytest.approx(3e-4 / np.sqrt(200.0), rel=1e-9)
-    assert found["force"]["max"] == 0.0
-    assert out["minimum-distance"][0].replay["note"] == OPEN_LOOP
+    assert out[RECORDED][0].replay.difference is None
+    found = out["minimum-distance"][0].replay.difference
+    assert found.ihip.row == 120
+    assert found.ihip.max == pytest.approx(3e-4, rel=1e-9)
+    assert found.ihip.rms == pytest.approx(3e-4 / np.sqrt(200.0), rel=1e-9)
+    assert found.force.max == 0.0
+    assert out["minimum-distance"][0].replay.note == OPEN_LOOP
 
 
 def test_what_a_fixed_path_cannot_settle_is_inconclusive_and_stops_no_gate(ran, tmp_path):
@@ -316,9 +315,9 @@ def test_a_recording_without_answers_is_no_failure_of_its_own(tmp_path):
     assert "no channel 'ihip'" in found["continuous-contact"].finding.message
     assert "no channel 'force'" in found["contact-normal-force"].finding.message
     assert all(verdict.as_expected for verdict in judged.verdicts)
-    found = out["minimum-distance"][0].replay["difference"]
-    assert found["ihip"] is None
-    assert found["force"] is None
+    found = out["minimum-distance"][0].replay.difference
+    assert found.ihip is None
+    assert found.force is None
 
 
 @pytest.mark.parametrize(
@@ -354,11 +353,11 @@ def test_a_log_without_force_is_judged_by_what_it_has(tmp_path, capsys):
     write_recording(tmp_path / "log.h5", log)
     main(["replay", str(tmp_path / "log.h5"), "-r", "minimum-distance", "-o", str(tmp_path / "out")])
     assert "no channel 'force': its own run is not judged by contact-normal-force" in capsys.readouterr().out
-    found = {v["check"]: v for v in read_results(tmp_path / "out").verdicts if v["renderer"] == RECORDED}
-    assert found["continuous-contact"]["outcome"] == "pass"
+    found = {v.check: v for v in read_results(tmp_path / "out").verdicts if v.renderer == RECORDED}
+    assert found["continuous-contact"].outcome == "pass"
     page = (tmp_path / "out" / "report.html").read_text()
     assert page.count("The recording has no channel <code>force</code>, which") == 1
-    undecided = sum(v["outcome"] == "inconclusive" for v in read_results(tmp_path / "out").verdicts)
+    undecided = sum(v.outcome == "inconclusive" for v in read_results(tmp_path / "out").verdicts)
     assert f"every verdict as expected; {undecided} inconclusive" in page
     assert page.count('class="run-body stacked"') == 2, "seven verdicts stand below the figure, not beside it"
 
@@ -450,15 +449,15 @@ def test_the_command_writes_results_and_a_page_that_says_open_loop(ran, tmp_path
     said = capsys.readouterr().out
     results = read_results(tmp_path / "out")
     assert results.complete
-    assert [run["renderer"] for run in results.runs] == [RECORDED, "constraint@curve", "constraint"]
-    assert code == int(any(not verdict["as_expected"] for verdict in results.verdicts))
+    assert [run.renderer for run in results.runs] == [RECORDED, "constraint@curve", "constraint"]
+    assert code == int(any(not verdict.as_expected for verdict in results.verdicts))
     assert OPEN_LOOP in said
     assert "IHIP" in said
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Distance from the recorded run" in page
     assert "2 renderers and the recorded run, 1 case." in page
     assert page.count("the hand would have moved otherwise") >= 3
-    written = read_recording(tmp_path / "out" / results.runs[1]["recording"])
+    written = read_recording(tmp_path / "out" / results.runs[1].recording)
     assert written.meta["source"] == "replay"
 
 
@@ -490,12 +489,12 @@ def test_a_replay_says_what_inspect_finds(tmp_path, capsys, channel, factor, wor
     code = main(["replay", str(file), "-r", "minimum-distance", "-o", str(tmp_path / "out")])
     said = capsys.readouterr().err
     results = read_results(tmp_path / "out")
-    assert code == int(any(not verdict["as_expected"] for verdict in results.verdicts))
+    assert code == int(any(not verdict.as_expected for verdict in results.verdicts))
     assert (f"see `hapticeval inspect {file}`" in said) is bool(word)
     assert f"suspicious: {word}" in said or not word
     page = (tmp_path / "out" / "report.html").read_text()
     assert ("The recording is suspicious" in page) is bool(word)
-    assert all(any(text.startswith(word) for text in run["replay"]["suspicious"]) for run in results.runs) or not word
+    assert all(any(text.startswith(word) for text in run.replay.suspicious) for run in results.runs) or not word
     main(["replay", str(file), "-r", "minimum-distance", "--as-recorded"])
     assert ("suspicious" in capsys.readouterr().err) is bool(word)
 
@@ -535,12 +534,12 @@ def test_an_interrupt_keeps_what_had_finished(ran, tmp_path):
     names = ["constraint", "minimum-distance"]
     stream = execute(replay_plan(made, names), tmp_path / "out", workers=1, work=prepared(made))
     assert isinstance(next(stream), RunStarted)
-    assert next(stream).renderer == RECORDED
+    assert next(stream).run.renderer == RECORDED
     signal.raise_signal(signal.SIGINT)
     assert [type(event) for event in stream] == [Interrupted, JobFinished, RunFinished]
     results = read_results(tmp_path / "out")
     assert results.reason == "interrupted by the user"
-    assert [entry["renderer"] for entry in results.runs] == [RECORDED, "constraint"]
+    assert [entry.renderer for entry in results.runs] == [RECORDED, "constraint"]
 
 
 def test_a_steep_map_is_not_called_pop_through_on_one_sampling(tmp_path):
@@ -574,9 +573,9 @@ def test_a_pen_stroke_goes_through_renderers_stretch_by_stretch(tmp_path):
     out = replayed(recording, tmp_path, STEPPED, model={"kind": "circle"}, scene=["stiffness=800"])
     for name in STEPPED:
         judged, answer = out[name]
-        assert judged.replay["stretches"] == strokes
-        assert judged.replay["rows"] == down.sum()
-        assert judged.replay["clock"].startswith("irregular")
+        assert judged.replay.stretches == strokes
+        assert judged.replay.rows == down.sum()
+        assert judged.replay.clock.startswith("irregular")
         np.testing.assert_array_equal(answer.hip, recording.hip[down])
         found = {verdict.check: verdict.outcome for verdict in judged.verdicts}
         assert found["continuous-contact"] in (Outcome.PASS, Outcome.FAIL, Outcome.INCONCLUSIVE)

@@ -45,7 +45,7 @@ def log_of(kind, folder, *, tilt=0.0):
 def outcomes(folder):
     found = {}
     for verdict in read_results(folder).verdicts:
-        found.setdefault(verdict["renderer"], {})[verdict["check"]] = verdict["outcome"]
+        found.setdefault(verdict.renderer, {})[verdict.check] = verdict.outcome
     return found
 
 
@@ -60,8 +60,8 @@ def test_a_log_in_space_is_judged_beside_other_renderers(tmp_path, capsys, kind)
         assert checks["continuous-contact"] == checks["contact-normal-force"] == "pass", renderer
         assert checks["broken-contact"] == checks["abrupt-switch"] == "not-applicable"
         assert checks["impulsive-collision"] == checks["centripetal-force"] == "inconclusive"
-    first = read_results(out).runs[1]["replay"]["difference"]
-    assert first["ihip"]["max"] == first["force"]["max"] == 0.0
+    first = read_results(out).runs[1].replay.difference
+    assert first.ihip.max == first.force.max == 0.0
     assert "seen along y" in (out / "report.html").read_text()
     assert main(["replay", str(log), "--as-recorded"]) == 0
     assert capsys.readouterr().out.count("follows to the last bit") == 2

@@ -234,11 +234,11 @@ def test_what_does_not_apply_stops_no_gate(tmp_path, capsys, monkeypatch):
     results = read_results(tmp_path / "out")
     assert results.complete
     assert (results.ran, results.planned) == (4, 4)
-    found = {(each["case"], each["check"]): each for each in results.verdicts}
-    assert {each["outcome"] for (case, _), each in found.items() if case == "led"} == {"pass"}
+    found = {(each.case, each.check): each for each in results.verdicts}
+    assert {each.outcome for (case, _), each in found.items() if case == "led"} == {"pass"}
     held = [each for (case, _), each in found.items() if case == "held"]
-    assert {each["outcome"] for each in held} == {"not-applicable"}
-    assert all("'bilateral'" in each["message"] and each["as_expected"] for each in held)
+    assert {each.outcome for each in held} == {"not-applicable"}
+    assert all("'bilateral'" in each.message and each.as_expected for each in held)
     assert "fail" not in capsys.readouterr().out.split("verdicts")[0].split()
 
 

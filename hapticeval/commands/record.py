@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hapticeval.commands.output import say
+from hapticeval.commands.terminal import Terminal, say
 from hapticeval.errors import HapticevalError, InputError, described, origin
 
 if TYPE_CHECKING:
@@ -87,7 +87,6 @@ def record(
       hapticeval record --device udp://192.168.0.10:5005 --wiring rig.toml -r constraint -o run.h5
       hapticeval record --device mycard:MyCard --wiring rig.toml --seconds 60 --who Ann -o run.h5
     """
-    from hapticeval.commands.terminal import Terminal
     from hapticeval.discovery import resolve
     from hapticeval.hardware.live import channels, run, signals, warm
     from hapticeval.hardware.wiring import CUTOFF
@@ -95,7 +94,7 @@ def record(
     from hapticeval.renderer import Renderer
     from hapticeval.runner.judging import built
     from hapticeval.simulation.playback import declared
-    from hapticeval.study.limits.warning import too_stiff
+    from hapticeval.study.limits.search import too_stiff
 
     journal = output.with_suffix(".journal")
     if output.suffix.lower() not in SUFFIXES:

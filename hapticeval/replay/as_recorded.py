@@ -1,31 +1,117 @@
-"""Whether a log's own IHIP and force follow from its HIP by the renderer that it names."""
+"""Whether a log's own IHIP and force follow from its HIP by the renderer that it names, and if not, why.
+
+A channel may deviate by rounding, a lag, its sign, a gain, or from a tick on.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hapticeval.discovery import resolve, resolve_installed
 from hapticeval.errors import InputError
 from hapticeval.phenomena.sampling import LED
+from hapticeval.recordings.integrity.issue import plural
+from hapticeval.recordings.integrity.relations import lagged
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.recordings.stretches import Stretch
 from hapticeval.renderer import Renderer
-from hapticeval.replay.explain import Deviation, deviation
-from hapticeval.replay.job import hand_path
-from hapticeval.replay.rerender import HandPath, Part, joined, rerendered
+from hapticeval.replay.rerender import hand_path, joined, rerendered
 from hapticeval.replay.subject import Subject
 from hapticeval.runner.judging import built
 from hapticeval.scene import Scene
+from hapticeval.types import Array
 
 LIVE = "hardware"
 """The source of what our own loop recorded."""
 
 DECIMALS = range(1, 13)
 """Decimal places that a log may have been rounded to."""
+
+LONGEST_LAG = 20
+"""Ticks up to which a lag is looked for, either way: 20 ms at 1 kHz, more than any loop that anyone could feel with."""
+
+SETTLED = 0.99
+"""Share of the samples that a lag or a gain must bring within the tolerance to explain the deviation."""
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """One channel of a log against its computation.
+
+    `largest` (m or N) is the largest distance, `tolerance` what rounding allows. `first` is the first row beyond that,
+    None where there is none; `lag` (ticks, positive where the log is late) and `gain` explain it where they can.
+    """
+
+    channel: str
+    largest: float
+    tolerance: float
+    first: int | None = None
+    first_time: float | None = None
+    beyond: float = 0.0
+    lag: int = 0
+    gain: float = 1.0
+    explained: bool = False
+
+    @property
+    def follows(self) -> bool:
+        """Whether rounding is all of it."""
+        return self.first is None
+
+    def told(self) -> str:
+        """Describe it in one line."""
+        scale, unit = (1e3, "mm") if self.channel == "ihip" else (1.0, "N")
+        name = self.channel.replace("ihip", "IHIP")
+        if self.largest == 0.0:
+            return f"{name}: follows to the last bit"
+        size, bound = (f"{scale * each:.3g} {unit}" for each in (self.largest, self.tolerance))
+        if self.follows:
+            return f"{name}: follows to rounding: {size} at most, where rounding may make {bound}"
+        causes = []
+        if self.lag:
+            causes.append(f"the log is {plural(abs(self.lag), 'tick')} {'late' if self.lag > 0 else 'early'}")
+        if self.gain != 1.0:
+            causes.append("its sign is turned" if self.gain == -1.0 else f"its gain is {self.gain:.6g}")
+        return (
+            f"{name}: does not follow: {size} apart, where rounding makes {bound}; from row {self.first} on "
+            f"(t = {self.first_time:.6g} s), in {100.0 * self.beyond:.3g} % of the samples; "
+            + (" and ".join(causes) if self.explained else "neither a lag, nor a sign, nor a gain explains it")
+        )
+
+
+def deviation(channel: str, computed: Array, logged: Array, time: Array, *, tolerance: float) -> Deviation:
+    """Compare a logged channel (n, N) with its computation, and look for the simplest thing that explains the rest.
+
+    In this order: nothing; the sign; a gain (of forces); a lag up to `LONGEST_LAG` ticks; a lag with a sign or gain.
+    """
+    distance = np.linalg.norm(logged - computed, axis=1)
+    beyond = distance > tolerance
+    if not beyond.any():
+        return Deviation(channel, float(distance.max()), tolerance)
+    first = int(np.argmax(beyond))
+    found = Deviation(channel, float(distance.max()), tolerance, first, float(time[first]), float(beyond.mean()))
+    gains = channel == "force"
+    lags = sorted(range(-LONGEST_LAG, LONGEST_LAG + 1), key=lambda lag: (abs(lag), lag < 0))[1:]
+    for lag, gained in [(0, True), *((lag, False) for lag in lags), *((lag, True) for lag in lags)]:
+        mine, theirs = lagged(computed, logged, lag)
+        gain = _gain(mine, theirs) if gained else 1.0
+        if len(mine) < 2 or (gained and (not gains or gain == 1.0)):
+            continue
+        left = np.linalg.norm(theirs - gain * mine, axis=1) <= tolerance * max(1.0, abs(gain))
+        # What is zero or at rest fits any lag and gain; those samples that deviate must be brought to fit.
+        moved = beyond[max(lag, 0) : beyond.size + min(lag, 0)]
+        if moved.any() and np.mean(left[moved]) >= SETTLED and np.mean(left) >= SETTLED:
+            return replace(found, lag=lag, gain=gain, explained=True)
+    return found
+
+
+def _gain(computed: Array, logged: Array) -> float:
+    """Return the least-squares gain of the log, rounded where it is whole to single precision; 1 of nothing."""
+    power = float(np.sum(computed**2))
+    gain = float(np.sum(logged * computed)) / power if power else 1.0
+    return float(np.round(gain)) if abs(gain - np.round(gain)) < 1e-6 else gain
 
 
 @dataclass(frozen=True)
@@ -48,7 +134,7 @@ class AsRecorded:
         return bool(self.channels) and all(each.follows for each in self.channels) and not self.ended
 
     def told(self) -> str:
-        """A line a channel."""
+        """Describe it, one line per channel."""
         head = f"{self.file} as recorded: {self.renderer} computed again over {self.rows} samples"
         ends = (f"  the renderer gives no answer from {each}" for each in self.ended)
         return "\n".join([head, *(f"  {each.told()}" for each in self.channels), *ends])
@@ -61,25 +147,30 @@ def as_recorded(subject: Subject, renderers: Sequence[str] = ()) -> AsRecorded:
     or several are named, where the log has neither IHIP nor force, and for a renderer with tool physics of its own:
     its recorded HIP is its tool, not the hand that it was given.
     """
-    name = _name(subject, renderers)
+    names = list(renderers) or _named(subject.recording)
+    if len(names) != 1:
+        raise InputError(
+            f"{subject.file} does not say its renderer" if not names else "more than one renderer is named",
+            why="the log is compared with one renderer's answer",
+            todo="name it: --as-recorded -r constraint",
+        )
     scene = subject.case.build_scene()
-    factory = resolve(name) if renderers else resolve_installed(name, source=subject.file)
-    renderer = built(factory, scene)
+    renderer = built(resolve(names[0]) if renderers else resolve_installed(names[0], source=subject.file), scene)
     if not isinstance(renderer, Renderer):
         raise InputError(
-            f"'{name}' cannot be computed again from {subject.file}",
+            f"'{names[0]}' cannot be computed again from {subject.file}",
             why="it has tool physics of its own: the recorded HIP is its tool, and what led it was not recorded",
             todo="run its case again, which is repeatable",
         )
-    path, sound = hand_path(subject)
-    log, told = path.recording, path.recording.meta.get("dt")
-    if log.meta.get("source") == LIVE and log.valid is None and told is not None:
-        # Our own loop tells a renderer the same step each cycle and never resets it, also where cycles were missed.
-        path = HandPath(log, (Stretch(0, len(log)),), dt=float(told))
+    path = hand_path(subject)
+    log, step = path.recording, path.recording.meta.get("dt")
+    if log.meta.get("source") == LIVE and log.valid is None and step is not None:
+        # Our own loop gives a renderer the same step each cycle and never resets it, also where cycles were missed.
+        path = replace(path, stretches=(Stretch(0, len(log)),), dt=float(step))
     # A hand that was not led began where it was.
     parts = rerendered(renderer, path, scene if log.meta.get("source") in LED else None)
     again = joined([part.recording for part in parts])
-    log = joined([path.recording.part(_answered(part)) for part in parts])
+    log = joined([log.part(slice(part.stretch.first, part.stretch.first + len(part.recording))) for part in parts])
     bounds = _rounding(log, scene)
     found = tuple(
         deviation(channel, again.channels[channel], log.channels[channel], log.time, tolerance=bounds[channel])
@@ -91,33 +182,21 @@ def as_recorded(subject: Subject, renderers: Sequence[str] = ()) -> AsRecorded:
             f"{subject.file} has neither IHIP nor force", why="there is nothing to compare the renderer's answer with"
         )
     ended = tuple(part.ended for part in parts if part.ended)
-    return AsRecorded(subject.file, name, len(log), found, ended, sound.suspicious)
-
-
-def _answered(part: Part) -> slice:
-    return slice(part.stretch.first, part.stretch.first + len(part.recording))
+    return AsRecorded(subject.file, names[0], len(log), found, ended, path.suspicious)
 
 
 def unsaid(recording: Recording, renderers: Sequence[str]) -> Mapping[str, str]:
-    """What is not known of the renderer to compare with, and how to give it; empty where it is known."""
+    """Return what is not known of the renderer to compare with, and how to give it; empty where it is known."""
+    return {} if renderers or _named(recording) else {"its renderer": "-r constraint"}
+
+
+def _named(recording: Recording) -> list[str]:
     said = recording.meta.get("renderer")
-    return {} if renderers or (isinstance(said, str) and said) else {"its renderer": "-r constraint"}
-
-
-def _name(subject: Subject, renderers: Sequence[str]) -> str:
-    said: Any = subject.recording.meta.get("renderer")
-    names = list(renderers) or ([said] if isinstance(said, str) and said else [])
-    if len(names) != 1:
-        raise InputError(
-            f"{subject.file} does not say its renderer" if not names else "more than one renderer is named",
-            why="the log is compared with one renderer's answer",
-            todo="name it: --as-recorded -r constraint",
-        )
-    return names[0]
+    return [said] if isinstance(said, str) and said else []
 
 
 def _rounding(log: Recording, scene: Scene) -> dict[str, float]:
-    """How far apart rounding alone may set log and computation: m for the IHIP, N for the force.
+    """Return how far apart rounding alone may set log and computation: m for the IHIP, N for the force.
 
     Positions of the model's size kept in single precision are known to SINGLE * size, a text with d decimals to half
     of 10^-d a coordinate. Either reaches the IHIP from the HIP and from its own rounding; four times and twice that
@@ -130,8 +209,8 @@ def _rounding(log: Recording, scene: Scene) -> dict[str, float]:
     return {"ihip": ihip, "force": 2.0 * scene.stiffness * ihip + 4.0 * SINGLE * strongest + texts.get("force", 0.0)}
 
 
-def _last_place(values: Any) -> float:
-    """10^-d where every number has at most d decimals, as in a text file; 0 where they have more than a text keeps."""
+def _last_place(values: Array) -> float:
+    """Return 10^-d where every number has at most d decimals, as in a text file; 0 where they have more."""
     scale = max(1.0, float(np.max(np.abs(values))))
     for decimals in DECIMALS:
         place = 10.0**-decimals

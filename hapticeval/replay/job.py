@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -9,69 +10,64 @@ from pathlib import Path
 
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
-from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.verdict import Level, Outcome
-from hapticeval.recordings.compare.difference import Difference, difference
+from hapticeval.phenomena.check import LACKS, Runs
+from hapticeval.phenomena.registry import CHECKS
+from hapticeval.phenomena.verdict import Finding, Level, Outcome
+from hapticeval.quantity import aligned
+from hapticeval.recordings.compare.difference import Apart, Difference, difference
 from hapticeval.recordings.recording import REQUIRED, Recording
-from hapticeval.recordings.stretches import Stretch, told
+from hapticeval.recordings.stretches import told
 from hapticeval.replay import OPEN_LOOP, RECORDED
-from hapticeval.replay.merge import merged
-from hapticeval.replay.rerender import HandPath, Part, backwards, joined, rerendered
-from hapticeval.replay.sound import Usable, usable
+from hapticeval.replay.rerender import HandPath, Part, backwards, hand_path, joined, rerendered
 from hapticeval.replay.subject import SUITE, Subject
 from hapticeval.runner import results
-from hapticeval.runner.judging import Judged, Recorded, built, judge_recorded
+from hapticeval.runner.judging import Recorded, built, judge_recorded
 from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.work import Done, kept, seed_all
 from hapticeval.scene import Scene
 from hapticeval.suite.suite import Suite
 
-LOOP_NEEDED = ("impulsive-collision", "centripetal-force", "passivity")
-"""Checks of how hand and force act on each other, which a given path may not settle: on a replay they stop no gate."""
-
 
 @dataclass(frozen=True)
 class Replay:
-    """The runner's work: judges the recorded run, or replays its hand path through the job's renderer.
-
-    `judged` are the stretches of the recorded run that its checks read, `left_out` what they do not, in words, and
-    `suspicious` what the recording's examination found.
-    """
+    """The runner's work: judge the recorded run, or replay its hand `path` through the job's renderer."""
 
     subject: Subject
     path: HandPath
-    judged: tuple[Stretch, ...]
-    left_out: tuple[str, ...]
-    suspicious: tuple[str, ...]
 
-    def __call__(self, job: Job, directory: Path, seed: int) -> Done:
-        """One job, in a process of its own."""
+    def __call__(self, job: Job, directory: Path | None, seed: int) -> Done:
+        """Do one job, in a process of its own.
+
+        Of what no renderer could have made otherwise, a verdict that is inconclusive is shown and decides no exit code.
+        """
         seed_all(seed)
-        path = self.path
+        # How hand and force act on each other a given path may not settle: on a replay these checks stop no gate.
+        loop_needed = tuple(check for check in job.case.checks if CHECKS[check].needs_loop)
+        channels = self.path.recording.channels
+        shown: tuple[str, ...] = loop_needed
         if job.renderer == RECORDED:
-            judged = judge_recorded(lambda _: self._recorded(), merged, job.renderer, job.suite, job.case)
-            if any(name not in path.recording.channels for name in REQUIRED):
-                judged = _shown_only(judged, job.case.checks)
-            elif "operator_force" not in path.recording.channels:
-                judged = _shown_only(judged, LOOP_NEEDED)
-        else:
-            judged = judge_recorded(
-                lambda scene: self._replayed(job.renderer, scene), merged, job.renderer, job.suite, job.case
-            )
-            judged = _shown_only(judged, LOOP_NEEDED)
-        return kept(judged, job, directory)
+            shown = () if "operator_force" in channels else loop_needed
+            shown = shown if all(name in channels for name in REQUIRED) else job.case.checks
+        judged = judge_recorded(
+            lambda scene: self._recorded() if job.renderer == RECORDED else self._replayed(job.renderer, scene),
+            merged, job.renderer, job.suite, job.case,
+        )  # fmt: skip
+        verdicts = tuple(
+            replace(verdict, level=Level.INFO)
+            if verdict.check in shown and verdict.outcome is Outcome.INCONCLUSIVE
+            else verdict
+            for verdict in judged.verdicts
+        )
+        return kept(replace(judged, verdicts=verdicts), job, directory)
 
     def _recorded(self) -> Recorded:
-        parts = [self.path.recording.part(stretch.rows) for stretch in self.judged]
-        return Recorded(
-            joined(parts),
-            tuple(Runs(part) for part in parts),
-            self._document(None, "The recorded run as it was.", parts, left_out=self.left_out),
-        )
+        path = self.path
+        parts = [path.recording.part(stretch.rows) for stretch in path.judged]
+        note = self._entry(None, "The recorded run as it was.", parts, path.left_out)
+        return Recorded(joined(parts), tuple(Runs(part) for part in parts), note)
 
     def _replayed(self, name: str, scene: Scene) -> Recorded:
-        path = self.path
-        renderer = built(resolve(name), scene)
+        path, renderer = self.path, built(resolve(name), scene)
         parts = rerendered(renderer, path, scene)
 
         def runs(part: Part) -> Runs:
@@ -87,23 +83,14 @@ class Replay:
 
         recordings = [part.recording for part in parts]
         whole = joined(recordings)
-        return Recorded(
-            whole,
-            tuple(runs(part) for part in parts),
-            self._document(
-                difference(whole, path.recording),
-                OPEN_LOOP,
-                recordings,
-                left_out=[part.ended for part in parts if part.ended],
-            ),
-            simulated_seconds=float(sum(each.time[-1] - each.time[0] for each in recordings)),
-        )
+        ended = [part.ended for part in parts if part.ended]
+        entry = self._entry(difference(whole, path.recording), OPEN_LOOP, recordings, ended)
+        return Recorded(whole, tuple(runs(part) for part in parts), entry, simulated=lambda: entry.seconds)
 
-    def _document(
-        self, found: Difference | None, note: str, parts: Sequence[Recording], *, left_out: Sequence[str] = ()
+    def _entry(
+        self, found: Difference | None, note: str, parts: Sequence[Recording], left_out: Sequence[str]
     ) -> results.Replay:
-        path = self.path
-        rows = sum(map(len, parts))
+        path, rows = self.path, sum(map(len, parts))
         return results.Replay(
             file=self.subject.file,
             note=note,
@@ -112,14 +99,14 @@ class Replay:
             rows=rows,
             rows_left_out=len(path.recording) - rows,
             left_out=list(left_out),
-            suspicious=list(self.suspicious),
+            suspicious=list(path.suspicious),
             seconds=float(sum(part.time[-1] - part.time[0] for part in parts)),
             difference=found,
         )
 
 
 def replay_plan(subject: Subject, renderers: Sequence[str], *, seed: int = 0) -> Plan:
-    """The recorded run and each of `renderers`, as a plan for the runner with `prepared(subject)` as its work.
+    """Plan the recorded run and each of `renderers` for the runner, with `prepared(subject)` as its work.
 
     Raises what `resolve` raises, and `InputError` for a renderer that would be taken for the recorded run.
     """
@@ -135,35 +122,65 @@ def replay_plan(subject: Subject, renderers: Sequence[str], *, seed: int = 0) ->
 
 
 def prepared(subject: Subject) -> Replay:
-    """The work of a replay: what of the recording is sound is found once, for all renderers.
+    """Return the work of a replay: what of the recording is sound is found once, for all renderers.
 
     Raises `InputError` where no two sound samples follow each other.
     """
-    path, found = hand_path(subject)
-    return Replay(subject, path, found.judged or path.stretches, found.left_out, found.suspicious)
+    return Replay(subject, hand_path(subject))
 
 
-def hand_path(subject: Subject) -> tuple[HandPath, Usable]:
-    """The hand path of a recording, and what of it is sound. Raises `InputError` where it has none."""
-    recording = subject.recording
-    recording.require("hip")
-    scene = subject.case.build_scene()
-    found = usable(recording, model=scene.model, stiffness=None if scene.damping else scene.stiffness)
-    if not found.path:
-        raise InputError(
-            f"{subject.file} has no stretch of hand path to replay",
-            why="no two sound samples follow each other",
-            todo="look at it with `hapticeval inspect`",
-        )
-    return HandPath(recording, found.path), found
+RANK = (Outcome.FAIL, Outcome.ERROR, Outcome.PASS, Outcome.INCONCLUSIVE, Outcome.NOT_APPLICABLE)
+"""What one stretch shows outranks what another leaves open: a failure anywhere is one, and so is a question settled."""
 
 
-def _shown_only(judged: Judged, checks: Sequence[str]) -> Judged:
-    """Of `checks`, what is inconclusive is shown and decides no exit code: no renderer could have made it otherwise."""
-    verdicts = tuple(
-        replace(verdict, level=Level.INFO)
-        if verdict.check in checks and verdict.outcome is Outcome.INCONCLUSIVE
-        else verdict
-        for verdict in judged.verdicts
+def merged(findings: Sequence[Finding]) -> Finding:
+    """Combine the findings of a check in each stretch: the worst outcome (`RANK`), then the smallest margin.
+
+    Message and evidence state in how many stretches the check came to what.
+    """
+    if not findings:
+        return Finding(Outcome.INCONCLUSIVE, "no stretch of the recording is long enough to judge")
+    if len({(each.outcome, each.message, each.metric) for each in findings}) == 1:
+        return findings[0]
+    index, worst = min(enumerate(findings), key=lambda pair: (RANK.index(pair[1].outcome), _margin(pair[1])))
+    counts = Counter(each.outcome.value for each in findings)
+    stretches = ", ".join(f"{counts[each.value]} {each.value}" for each in RANK if counts[each.value])
+    return replace(
+        worst,
+        message=f"{worst.message} (stretch {index + 1} of {len(findings)}: {stretches})",
+        evidence={**worst.evidence, "stretch": index + 1, "stretches": dict(counts)},
     )
-    return replace(judged, verdicts=verdicts)
+
+
+def _margin(finding: Finding) -> float:
+    """Return the margin as a share of the bound; findings without numbers come last."""
+    if finding.margin is None or finding.bound is None:
+        return float("inf")
+    return finding.margin / finding.bound if finding.bound > 0.0 else finding.margin
+
+
+def differences(document: results.ResultsDocument) -> str:
+    """Describe how far each renderer is from the recorded run, and which channels checks lacked."""
+    rows = [
+        [run.renderer, _apart(run.replay.difference.ihip, "mm", 1e3), _apart(run.replay.difference.force, "N", 1.0)]
+        for run in document.runs
+        if run.replay is not None and run.replay.difference is not None
+    ]
+    checks: dict[str, list[str]] = {}
+    for verdict in document.verdicts:
+        if verdict.renderer == RECORDED and LACKS in verdict.evidence:
+            checks.setdefault(verdict.evidence[LACKS], []).append(verdict.check)
+    lines = aligned([["against the recorded run", "IHIP", "force"], *rows]) if rows else []
+    lines += [
+        f"the recording has no channel '{channel}': its own run is not judged by {', '.join(names)}"
+        for channel, names in checks.items()
+    ]
+    return "\n".join([*lines, OPEN_LOOP])
+
+
+def _apart(found: Apart | None, unit: str, scale: float) -> str:
+    if found is None:
+        return "not recorded"
+    if found.max == 0.0:
+        return "equal to the last bit"
+    return f"rms {scale * found.rms:.3g} {unit}, at most {scale * found.max:.3g} {unit} at t = {found.time:.4g} s"

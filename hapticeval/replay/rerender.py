@@ -1,33 +1,47 @@
-"""A renderer led along a recorded hand path, stretch by stretch."""
+"""The hand path of a recording, as far as it is sound, and a renderer led along it, stretch by stretch."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from hapticeval.errors import DomainError, RefusalError, RendererError
+from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
+from hapticeval.recordings.channels import SIMULATED
+from hapticeval.recordings.integrity.issue import Fault, Severity
 from hapticeval.recordings.recording import Recording, backward_difference
-from hapticeval.recordings.stretches import Stretch, steps
+from hapticeval.recordings.stretches import Stretch, steps, stretches
 from hapticeval.renderer import Renderer, SelfDriven
+from hapticeval.replay.subject import Subject
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import answered, declared, lead
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array
 
+SEEN = ("hip", "measured_hip")
+"""Channels that a renderer is given: only their faults break the hand's path."""
+
+NAMED = 12
+"""So many left-out intervals are named; of more, the number."""
+
 
 @dataclass(frozen=True)
 class HandPath:
-    """What a renderer would have been given: times (n,), s, HIP and velocity (n, N), and the gapless stretches.
+    """What renderers are given: HIP and velocity (n, N) of a recording, over the gapless `stretches`.
 
     Where the recording holds what the sensors gave to the renderer, that is the path and not the true HIP. `dt` (s) is
-    what a renderer is told that each step took, where that is not what the clock says.
+    what a renderer is given as the duration of each step, where that is not what the clock says. The recorded run
+    itself is judged over `judged`, which a fault of its force or IHIP parts, too. `left_out` describes what is not and
+    when, and `suspicious` what else the examination found that a person should look at.
     """
 
     recording: Recording
     stretches: tuple[Stretch, ...]
+    judged: tuple[Stretch, ...] = ()
+    left_out: tuple[str, ...] = ()
+    suspicious: tuple[str, ...] = ()
     dt: float | None = None
 
     @property
@@ -36,11 +50,58 @@ class HandPath:
         return self.recording.channels.get("measured_hip", self.recording.hip)
 
     def velocity(self, stretch: Stretch) -> Array:
-        """The velocity that the renderer saw over a stretch, m/s; the difference backwards where none was recorded."""
+        """Return the velocity that the renderer saw over a stretch, m/s, by differences where none was recorded."""
         for name in ("measured_velocity", "velocity"):
             if name in self.recording.channels:
                 return self.recording.channels[name][stretch.rows]
         return backward_difference(self.hip[stretch.rows], self.recording.time[stretch.rows])
+
+
+def hand_path(subject: Subject) -> HandPath:
+    """Find the hand path of a recording. Raises `InputError` where no two sound samples follow each other.
+
+    A simulated recording is examined for gaps only, any other as `inspect` does it, with the model that it is replayed
+    with, and the stiffness of a spring without damping.
+    """
+    recording, scene = subject.recording, subject.case.build_scene()
+    recording.require("hip")
+    if recording.meta.get("source") in SIMULATED:
+        whole = stretches(recording)
+        path = HandPath(recording, whole, whole)
+    else:
+        from hapticeval.recordings.integrity.report import LEFT_OUT, examine, sound_intervals
+
+        report = examine(recording, model=scene.model, stiffness=None if scene.damping else scene.stiffness)
+        soundness = sound_intervals(recording, report)
+        hand = recording.measured.copy()
+        for fault in report.faults:
+            if fault.kind in LEFT_OUT and fault.channel.partition(".")[0] in SEEN and fault.first is not None:
+                hand[fault.first : fault.end] = False
+        left = [f"{why}, {each.time[0]:.4g} to {each.time[1]:.4g} s" for each, why in soundness.left_out]
+        if len(left) > NAMED:
+            left = [*left[:NAMED], f"and {len(left) - NAMED} more"]
+        found = stretches(recording, hand)
+        judged = tuple(Stretch(each.first, each.end) for each in soundness.sound) or found
+        path = HandPath(recording, found, judged, tuple(left), tuple(_suspicious(report.faults)))
+    if not path.stretches:
+        raise InputError(
+            f"{subject.file} has no stretch of hand path to replay",
+            why="no two sound samples follow each other",
+            todo="look at it with `hapticeval inspect`",
+        )
+    return path
+
+
+def _suspicious(faults: Sequence[Fault]) -> Iterator[str]:
+    """Yield a line for each kind of finding and channel: the first of them, and how many there are."""
+    found: dict[tuple[str, str], list[Fault]] = {}
+    for fault in faults:
+        if fault.severity is not Severity.NOTE:
+            found.setdefault((fault.kind, fault.channel), []).append(fault)
+    for key, alike in found.items():
+        place = "" if alike[0].place == "all" else f" ({alike[0].place})"
+        more = f", and {len(alike) - 1} more" if len(alike) > 1 else ""
+        yield f"{' '.join(key).rstrip()}{place}: {alike[0].message}{more}"
 
 
 @dataclass(frozen=True)
@@ -53,7 +114,7 @@ class Part:
 
 
 def rerendered(renderer: Renderer | SelfDriven, path: HandPath, scene: Scene | None) -> tuple[Part, ...]:
-    """The renderer's answers along each stretch, from a reset each, at the recorded samples and times.
+    """Return the renderer's answers along each stretch, from a reset each, at the recorded samples and times.
 
     With a `scene`, a hand that starts inside its model is led in first, see `playback.way_in`.
 
@@ -62,12 +123,11 @@ def rerendered(renderer: Renderer | SelfDriven, path: HandPath, scene: Scene | N
     ends the stretch, and the error goes on only where nothing of the path is answered. Raises `RendererError` where
     the renderer breaks, with the recording's own row as the tick.
     """
-    meta = {"source": "replay", **declared(renderer)}
     parts: list[Part] = []
     left: DomainError | None = None
     for stretch in path.stretches:
         try:
-            parts.append(_stretch(renderer, path, stretch, meta, scene))
+            parts.append(_forwards(renderer, path, stretch, scene))
         except DomainError as error:
             left = error
     if not parts and left is not None:
@@ -75,79 +135,67 @@ def rerendered(renderer: Renderer | SelfDriven, path: HandPath, scene: Scene | N
     return tuple(parts)
 
 
-def backwards(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, scene: Scene) -> Recording:
-    """The same samples of a stretch in the opposite order, each step as long as it was."""
-    return _reversed(renderer, path, stretch, {"source": "replay", **declared(renderer)}, scene)
-
-
-def _stretch(
-    renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, meta: Mapping[str, Any], scene: Scene | None
-) -> Part:
-    time = path.recording.time[stretch.rows]
-    hip, dt = path.hip[stretch.rows], steps(path.recording, stretch) if path.dt is None else path.dt
+def _forwards(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, scene: Scene | None) -> Part:
+    rows = stretch.rows
+    time, hip, velocity = path.recording.time[rows], path.hip[rows], path.velocity(stretch)
+    dt = steps(path.recording, stretch) if path.dt is None else path.dt
     if not isinstance(renderer, Renderer):
-        return Part(stretch, _whole(renderer, time, hip, dt, meta))
-    velocity = path.velocity(stretch)
+        return Part(stretch, _answered(renderer, time, hip, dt))
     felt = path.recording.channels.get("measured_force")
-    pushes = None if felt is None else felt[stretch.rows]
+    pushes = None if felt is None else felt[rows]
     # A batch makes the velocity itself: only where that is the recorded one may it stand for single steps.
     if isinstance(dt, float) and not np.array_equal(velocity, backward_difference(hip, time)):
         dt = np.full(time.size, dt)
-    ended = ""
+
+    def led(count: int, dt: float | Array) -> Recording:
+        push = None if pushes is None else pushes[:count]
+        return _led(renderer, time[:count], hip[:count], velocity[:count], dt, scene, push, stretch.first)
+
     try:
-        ihip, force = lead(renderer, hip, velocity, dt, scene=scene, pushes=pushes, first=stretch.first)
+        return Part(stretch, led(time.size, dt))
     except DomainError as error:
-        rows = _answered_rows(renderer, hip, velocity, np.broadcast_to(dt, time.size), pushes, scene)
-        if rows < 2:
+        each = np.broadcast_to(dt, time.size)
+
+        def leaves(count: int) -> bool:
+            try:
+                led(count, each[:count].copy())
+            except DomainError:
+                return True
+            return False
+
+        count = bisect_left(range(1, time.size), True, key=leaves)  # so many samples are answered before
+        if count < 2:
             raise
-        whole = slice(0, rows)
-        ended = f"{time[rows]:.6g} to {time[-1]:.6g} s: {error.what}"
-        time, hip, velocity = time[whole], hip[whole], velocity[whole]
-        dt, pushes = np.broadcast_to(dt, rows).copy(), None if pushes is None else pushes[whole]
-        ihip, force = lead(renderer, hip, velocity, dt, scene=scene, pushes=pushes, first=stretch.first)
-    channels = {"hip": hip, "ihip": ihip, "force": force, "velocity": velocity}
-    return Part(stretch, Recording(time, channels, {**meta, "dt": float(np.median(dt))}), ended)
+        return Part(stretch, led(count, each[:count].copy()), f"{time[count]:.6g} to {time[-1]:.6g} s: {error.what}")
 
 
-def _answered_rows(
-    renderer: Renderer, hip: Array, velocity: Array, dt: Array, pushes: Array | None, scene: Scene | None
-) -> int:
-    """How many samples a renderer answers before it is led out of its domain: found by bisection on the path."""
-    low, high = 0, hip.shape[0]
-    while high - low > 1:
-        middle = (low + high) // 2
-        try:
-            lead(
-                renderer, hip[:middle], velocity[:middle], dt[:middle].copy(), scene=scene,
-                pushes=None if pushes is None else pushes[:middle],
-            )  # fmt: skip
-        except DomainError:
-            high = middle
-        else:
-            low = middle
-    return low
-
-
-def _reversed(
-    renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, meta: Mapping[str, Any], scene: Scene
-) -> Recording:
-    """The same HIPs in the opposite order, each step as long as it was."""
-    time = path.recording.time[stretch.rows]
-    back = time[-1] - time[::-1]
-    hip = path.hip[stretch.rows][::-1]
-    dt = steps(path.recording, stretch)
+def backwards(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, scene: Scene) -> Recording:
+    """Return the answers to the same HIPs in the opposite order, each step as long as it was."""
+    time, hip = path.recording.time[stretch.rows], path.hip[stretch.rows][::-1]
+    back, dt = time[-1] - time[::-1], steps(path.recording, stretch)
     if not isinstance(renderer, Renderer):
-        return _whole(renderer, back, hip, dt, meta)
-    velocity = backward_difference(hip, back)
+        return _answered(renderer, back, hip, dt)
     if not isinstance(dt, float):
         dt = np.concatenate([[dt[0]], dt[:0:-1]])
-    ihip, force = lead(renderer, hip, velocity, dt, scene=scene)
-    return Recording(
-        back, {"hip": hip, "ihip": ihip, "force": force, "velocity": velocity}, {**meta, "dt": float(np.median(dt))}
-    )
+    return _led(renderer, back, hip, backward_difference(hip, back), dt, scene)
 
 
-def _whole(renderer: SelfDriven, time: Array, hip: Array, dt: float | Array, meta: Mapping[str, Any]) -> Recording:
+def _led(
+    renderer: Renderer,
+    time: Array,
+    hip: Array,
+    velocity: Array,
+    dt: float | Array,
+    scene: Scene | None,
+    pushes: Array | None = None,
+    first: int = 0,
+) -> Recording:
+    ihip, force = lead(renderer, hip, velocity, dt, scene=scene, pushes=pushes, first=first)
+    channels = {"hip": hip, "ihip": ihip, "force": force, "velocity": velocity}
+    return Recording(time, channels, {"source": "replay", **declared(renderer), "dt": float(np.median(dt))})
+
+
+def _answered(renderer: SelfDriven, time: Array, hip: Array, dt: float | Array) -> Recording:
     if not isinstance(dt, float):
         raise RefusalError(
             "the recording's clock is not regular",
@@ -160,11 +208,12 @@ def _whole(renderer: SelfDriven, time: Array, hip: Array, dt: float | Array, met
             f"the renderer's answer() gave {len(answer)} samples for {time.size}",
             why="a replay needs an answer at every recorded sample",
         )
-    return Recording(time, answer.channels, {**answer.meta, **meta, "dt": dt}, events=answer.events)
+    meta = {**answer.meta, "source": "replay", **declared(renderer), "dt": dt}
+    return Recording(time, answer.channels, meta, events=answer.events)
 
 
 def joined(parts: Sequence[Recording]) -> Recording:
-    """The stretches as one recording, with what was left out absent; `meta["stretches"]` has their times, s."""
+    """Join stretches to one recording, with what was left out absent; `meta["stretches"]` has their times, s."""
     if len(parts) == 1:
         return parts[0]
     return Recording(

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import os
 import platform
+from collections.abc import Iterator
 from dataclasses import asdict
 from functools import cached_property
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 import msgspec
 from msgspec import Meta
@@ -24,7 +25,7 @@ from hapticeval.phenomena.verdict import UNSATISFIED, Level, Outcome, Verdict
 from hapticeval.recordings.compare.difference import Difference
 
 FILE = "results.json"
-FORMAT_VERSION = 1
+FORMAT_VERSION: Final = 1
 
 RunKey = tuple[str, str, str]
 """Suite, case, renderer."""
@@ -38,7 +39,7 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
     """Base of the document's objects: a field with a default is left out of the file where it has that value."""
 
 
-class SuiteEntry(Entry, kw_only=True):
+class SuiteEntry(Entry, frozen=True, kw_only=True):
     """A suite that ran, and the titles of the rows of the table that its cases fill."""
 
     name: str
@@ -47,7 +48,7 @@ class SuiteEntry(Entry, kw_only=True):
     rows: list[str]
 
 
-class Command(Entry, kw_only=True):
+class Command(Entry, frozen=True, kw_only=True):
     """What was asked for; in a strict run a warning stops a gate."""
 
     suites: list[str]
@@ -56,7 +57,7 @@ class Command(Entry, kw_only=True):
     strict: bool
 
 
-class Timing(Entry, kw_only=True):
+class Timing(Entry, frozen=True, kw_only=True):
     """Seconds simulated, seconds taken, and their ratio."""
 
     simulated_seconds: float
@@ -64,7 +65,7 @@ class Timing(Entry, kw_only=True):
     times_real_time: float
 
 
-class Environment(Entry, kw_only=True):
+class Environment(Entry, frozen=True, kw_only=True):
     """What the numbers may depend on; `versions` maps distributions to theirs, None for one that is not installed."""
 
     python: str
@@ -73,7 +74,7 @@ class Environment(Entry, kw_only=True):
     versions: dict[str, str | None]
 
 
-class Problem(Entry, kw_only=True):
+class Problem(Entry, frozen=True, kw_only=True):
     """An error that stopped a run."""
 
     what: str
@@ -86,7 +87,7 @@ class Problem(Entry, kw_only=True):
         return cls(what=error.what, why=error.why, todo=error.todo)
 
 
-class Refusal(Problem, kw_only=True):
+class Refusal(Problem, frozen=True, kw_only=True):
     """Why the renderer refused the scene, and at which `position` (m) on the model that was seen, if at one."""
 
     position: list[float] | None
@@ -99,7 +100,7 @@ class Refusal(Problem, kw_only=True):
         return cls(what=error.what, why=error.why, todo=error.todo, position=position)
 
 
-class Ended(Entry, kw_only=True):
+class Ended(Entry, frozen=True, kw_only=True):
     """When (s) and why a run ended before its time, because device or law left its domain."""
 
     tick: Count
@@ -108,7 +109,7 @@ class Ended(Entry, kw_only=True):
     why: str
 
 
-class Robot(Entry, kw_only=True):
+class Robot(Entry, frozen=True, kw_only=True):
     """The device of an experiment; the choices of dynamics and base inertia where it offers them."""
 
     kind: str
@@ -116,7 +117,7 @@ class Robot(Entry, kw_only=True):
     base_inertia: str | None = None
 
 
-class SceneEntry(Entry, kw_only=True):
+class SceneEntry(Entry, frozen=True, kw_only=True):
     """A scene's numbers in SI units and its effects; device and inner loop only of an experiment."""
 
     stiffness: float
@@ -130,7 +131,7 @@ class SceneEntry(Entry, kw_only=True):
     effects: list[dict[str, Any]] = []
 
 
-class Replay(Entry, kw_only=True):
+class Replay(Entry, frozen=True, kw_only=True):
     """Of a replay: the recording, how its clock was kept, what was left out, and how far this renderer is from it.
 
     `difference` (m, N, s) is None for the recorded run itself.
@@ -148,7 +149,7 @@ class Replay(Entry, kw_only=True):
     difference: Difference | None
 
 
-class RunEntry(Entry, kw_only=True):
+class RunEntry(Entry, frozen=True, kw_only=True):
     """One renderer in one case. `closed_form` is the one that the case names for this renderer."""
 
     suite: str
@@ -207,7 +208,7 @@ class RunEntry(Entry, kw_only=True):
         return dict(rest.get("parameters", rest))
 
 
-class Measure(Entry, kw_only=True):
+class Measure(Entry, frozen=True, kw_only=True):
     """A measured number; None where it was not finite."""
 
     name: str
@@ -215,7 +216,7 @@ class Measure(Entry, kw_only=True):
     unit: str
 
 
-class VerdictEntry(Entry, kw_only=True):
+class VerdictEntry(Entry, frozen=True, kw_only=True):
     """A verdict: `evidence` holds where and when, time (s), hip and ihip (m), and what else was measured.
 
     `bound` and `margin` are in the metric's unit; the margin, bound less metric, is negative for a failure.
@@ -297,7 +298,7 @@ class VerdictEntry(Entry, kw_only=True):
         return "" if self.as_expected else "unexpected"
 
 
-class ResultsDocument(Entry, kw_only=True, omit_defaults=False, dict=True):
+class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dict=True):
     """Everything that a report needs. `planned` and `ran` count verdicts; an incomplete run has a `reason`.
 
     `runs` has one entry per suite, case and renderer, `verdicts` one per check of it. `table` holds what was found,
@@ -329,11 +330,16 @@ class ResultsDocument(Entry, kw_only=True, omit_defaults=False, dict=True):
                 "verdicts as were planned, and no run has more"
             )
 
+    def entries(self) -> Iterator[RunEntry | VerdictEntry]:
+        """Yield all runs, then all verdicts."""
+        yield from self.runs
+        yield from self.verdicts
+
     @cached_property
     def renderers(self) -> list[str]:
         """Every renderer, in the order in which they ran."""
         tables = (name for row in self.table.values() for name in row)
-        return list(dict.fromkeys([*(each.renderer for each in (*self.runs, *self.verdicts)), *tables]))
+        return list(dict.fromkeys([*(each.renderer for each in self.entries()), *tables]))
 
     @cached_property
     def verdicts_of(self) -> dict[RunKey, list[VerdictEntry]]:

@@ -110,5 +110,5 @@ def test_a_file_that_is_no_wiring_is_named(tmp_path, text, words):
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"cannot read .*rig.toml"):
+    with pytest.raises(InputError, match="cannot read"):
         read_wiring(tmp_path / "rig.toml")

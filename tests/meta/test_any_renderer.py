@@ -17,7 +17,7 @@ from outsiders import LED, case
 
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.judging import judge
-from hapticeval.runner.results import verdict_document
+from hapticeval.runner.results import VerdictEntry
 
 REAL = st.one_of(st.floats(-1e100, 1e100), st.sampled_from([math.nan, math.inf]))
 """Any number whose square is one, and what is none."""
@@ -158,7 +158,7 @@ def test_any_renderer_gets_a_verdict_on_every_check_and_the_same_again(traits, j
         for verdict in made.verdicts:
             assert verdict.finding.message
             assert not verdict.finding.message.startswith("the check itself failed")
-        found.append([verdict_document(verdict) for verdict in made.verdicts])
+        found.append([VerdictEntry.of(verdict) for verdict in made.verdicts])
         str(made.error)
     assert found[0] == found[1]
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.continuous_contact import amplification, judge
+from hapticeval.phenomena.continuous_contact import amplification
+from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -33,7 +34,7 @@ def runs(answer, *, refinable=True, meta=None):
 
 @given(size=st.floats(1e-4, 0.05), where=st.floats(0.002, 0.038))
 def test_a_jump_stays_whatever_its_size_and_place(size, where):
-    finding = judge(runs(lambda x: x + size * (x > where)), SCENE)
+    finding = CHECKS["continuous-contact"](runs(lambda x: x + size * (x > where)), SCENE)
     assert finding.outcome is Outcome.FAIL
     assert size - 1e-9 <= finding.metric.value <= size + 2.1e-5  # and the HIP's own step
     assert finding.evidence["time"] == pytest.approx(50.0 * where, abs=2e-3)
@@ -43,13 +44,13 @@ def test_a_jump_stays_whatever_its_size_and_place(size, where):
 @given(slope=st.floats(0.0, 100.0), where=st.floats(0.002, 0.038))
 @settings(max_examples=30)
 def test_a_steep_but_continuous_map_passes(slope, where):
-    finding = judge(runs(lambda x: x + slope * np.clip(x - where, 0.0, 1e-3)), SCENE)
+    finding = CHECKS["continuous-contact"](runs(lambda x: x + slope * np.clip(x - where, 0.0, 1e-3)), SCENE)
     assert finding.outcome is Outcome.PASS
 
 
 @pytest.mark.parametrize("slope", [0.5, 1.0, 11.0])
 def test_the_amplification_is_the_steepest_stretch(slope):
-    finding = judge(runs(lambda x: 0.3 * x + slope * np.clip(x - 0.02, 0.0, 5e-3)), SCENE)
+    finding = CHECKS["continuous-contact"](runs(lambda x: 0.3 * x + slope * np.clip(x - 0.02, 0.0, 5e-3)), SCENE)
     assert finding.evidence["amplification"] == pytest.approx(0.3 + slope)
 
 
@@ -64,7 +65,7 @@ def test_a_hand_that_rests_amplifies_nothing():
 
 def test_the_steepest_map_met_in_practice_passes():
     """A Hoelder map of order 1/3, as a conformal map at a 60-degree tip."""
-    finding = judge(runs(lambda x: 0.1 * np.cbrt(x - 0.02)), SCENE)
+    finding = CHECKS["continuous-contact"](runs(lambda x: 0.1 * np.cbrt(x - 0.02)), SCENE)
     assert finding.outcome is Outcome.PASS
     assert finding.evidence["slope"] == pytest.approx(1 / 3, abs=0.05)
 
@@ -75,7 +76,7 @@ def test_a_jump_hidden_under_long_steps_is_found():
     def answer(x):
         return x + 50.0 * np.clip(x - 0.01, 0.0, 2e-3) + 6e-4 * (x > 0.03)
 
-    finding = judge(runs(answer), SCENE)
+    finding = CHECKS["continuous-contact"](runs(answer), SCENE)
     assert finding.outcome is Outcome.FAIL
 
 
@@ -86,12 +87,12 @@ def test_a_lagging_proxy_that_moves_in_every_third_tick_passes():
         ihip = np.column_stack([x[3 * (np.arange(x.size) // 3)], np.zeros_like(x)])
         return Recording(np.linspace(0.0, 2.0, x.size), {"hip": hip, "ihip": ihip, "force": 1e3 * (ihip - hip)})
 
-    assert judge(Runs(record(1), refine=record), SCENE).outcome is Outcome.PASS
+    assert CHECKS["continuous-contact"](Runs(record(1), refine=record), SCENE).outcome is Outcome.PASS
 
 
 def test_a_jump_between_neighbouring_facets_is_a_mini_pop_through():
-    mini = judge(runs(lambda x: x + 1e-3 * (x > 0.02), meta={"resolution": 0.015}), SCENE)
-    major = judge(runs(lambda x: x + 0.03 * (x > 0.02), meta={"resolution": 0.015}), SCENE)
+    mini = CHECKS["continuous-contact"](runs(lambda x: x + 1e-3 * (x > 0.02), meta={"resolution": 0.015}), SCENE)
+    major = CHECKS["continuous-contact"](runs(lambda x: x + 0.03 * (x > 0.02), meta={"resolution": 0.015}), SCENE)
     assert mini.outcome is major.outcome is Outcome.FAIL
     assert (mini.evidence["severity"], major.evidence["severity"]) == ("mini", "major")
 
@@ -103,10 +104,10 @@ def test_a_jump_within_the_declared_standoff_passes_and_is_reported():
         return Recording(base.time, {**base.channels, "ihip": ihip}, meta)
 
     declared = {"standoff": 0.0012}
-    finding = judge(Runs(record(1, declared), refine=lambda k: record(k, declared)), SCENE)
+    finding = CHECKS["continuous-contact"](Runs(record(1, declared), refine=lambda k: record(k, declared)), SCENE)
     assert finding.outcome is Outcome.PASS
     assert "standoff" in finding.message
-    silent = judge(Runs(record(1, {}), refine=lambda k: record(k, {})), SCENE)
+    silent = CHECKS["continuous-contact"](Runs(record(1, {}), refine=lambda k: record(k, {})), SCENE)
     assert silent.outcome is Outcome.FAIL
     assert "pop-through: the IHIP jumps 1" in silent.message
     assert "off the surface" in silent.message
@@ -119,7 +120,7 @@ def test_a_jump_that_finer_runs_of_the_whole_lack_depends_on_the_rate():
         ihip = fine.ihip + np.column_stack([aside, np.zeros_like(aside)])
         return Recording(fine.time, {**fine.channels, "ihip": ihip, "force": 1e3 * (ihip - fine.hip)})
 
-    finding = judge(Runs(pops(1), refine=pops), SCENE)
+    finding = CHECKS["continuous-contact"](Runs(pops(1), refine=pops), SCENE)
     assert finding.outcome is Outcome.FAIL
     assert "depends on the sampling rate" in finding.message
     assert finding.metric.value == pytest.approx(0.01, abs=1e-4)
@@ -134,7 +135,7 @@ def test_a_finer_run_that_lets_go_is_no_sign_that_a_jump_vanished():
         ihip = np.where(held, fine.ihip, fine.hip)
         return Recording(fine.time, {**fine.channels, "ihip": ihip, "force": 1e3 * (ihip - fine.hip)})
 
-    finding = judge(Runs(jumps.base, refine=lets_go), SCENE)
+    finding = CHECKS["continuous-contact"](Runs(jumps.base, refine=lets_go), SCENE)
     assert finding.outcome is Outcome.FAIL
     assert "depends on the sampling rate" in finding.message
 
@@ -145,7 +146,7 @@ def test_a_smooth_path_through_the_solid_is_no_contact():
     ihip = np.column_stack([x, np.full_like(x, 0.06)])
     hip = np.column_stack([x, np.full_like(x, 0.05)])
     chord = Recording(np.arange(x.size) * 1e-3, {"hip": hip, "ihip": ihip, "force": 1e3 * (ihip - hip)})
-    finding = judge(Runs(chord, refine=lambda factor: chord), ROUND)
+    finding = CHECKS["continuous-contact"](Runs(chord, refine=lambda factor: chord), ROUND)
     assert finding.outcome is Outcome.FAIL
     assert finding.metric.value == pytest.approx(0.04, abs=1e-4)
 
@@ -156,18 +157,18 @@ def test_a_jump_between_two_contacts_is_no_pop_through():
     gap = slice(1000, 1010)
     ihip[gap], force[gap] = base.hip[gap], 0.0
     broken = Recording(base.time, {"hip": base.hip, "ihip": ihip, "force": force})
-    assert judge(Runs(broken, refine=lambda factor: broken), SCENE).outcome is not Outcome.FAIL
+    assert CHECKS["continuous-contact"](Runs(broken, refine=lambda factor: broken), SCENE).outcome is not Outcome.FAIL
 
 
 def test_no_contact_decides_nothing():
     base = runs(lambda x: x).base
     free = Recording(base.time, {"hip": base.hip, "ihip": base.hip, "force": np.zeros_like(base.hip)})
-    assert judge(Runs(free), SCENE).outcome is Outcome.INCONCLUSIVE
+    assert CHECKS["continuous-contact"](Runs(free), SCENE).outcome is Outcome.INCONCLUSIVE
 
 
 def test_a_fixed_recording_is_judged_by_the_weaker_test_and_says_so():
-    passed = judge(runs(lambda x: x, refinable=False), SCENE)
-    failed = judge(runs(lambda x: x + 0.01 * (x > 0.02), refinable=False), SCENE)
+    passed = CHECKS["continuous-contact"](runs(lambda x: x, refinable=False), SCENE)
+    failed = CHECKS["continuous-contact"](runs(lambda x: x + 0.01 * (x > 0.02), refinable=False), SCENE)
     assert (passed.outcome, failed.outcome) == (Outcome.PASS, Outcome.FAIL)
     assert "weaker" in passed.message
     assert "weaker" in failed.message
@@ -178,4 +179,4 @@ def test_a_fixed_recording_near_the_medial_axis_is_inconclusive():
     angle = np.linspace(0.0, 2.0, 50)
     ihip = 0.1 * np.column_stack([np.cos(angle), np.sin(angle)])
     base = Recording(np.linspace(0, 1, 50), {"hip": 1e-3 * ihip, "ihip": ihip, "force": ihip})
-    assert judge(Runs(base), ROUND).outcome is Outcome.INCONCLUSIVE
+    assert CHECKS["continuous-contact"](Runs(base), ROUND).outcome is Outcome.INCONCLUSIVE

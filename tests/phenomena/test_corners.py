@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hapticeval.geometry.catalogue import circle, star
-from hapticeval.phenomena import abrupt_switch, broken_contact
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -35,14 +35,14 @@ def over_the_tip(*, early=0.0, late=0.0, backwards=False, step=STEP):
 
 @pytest.mark.parametrize("backwards", [False, True])
 def test_a_force_that_keeps_to_the_corner_and_is_gone_passes(backwards):
-    assert broken_contact.judge(Runs(over_the_tip(backwards=backwards)), SCENE).outcome is Outcome.PASS
+    assert CHECKS["broken-contact"](Runs(over_the_tip(backwards=backwards)), SCENE).outcome is Outcome.PASS
 
 
 @given(distance=st.floats(2e-4, 0.015), backwards=st.booleans())
 @settings(max_examples=30)
 def test_how_far_too_early_or_too_late_is_measured(distance, backwards):
-    early = broken_contact.judge(Runs(over_the_tip(early=distance, backwards=backwards)), SCENE)
-    late = broken_contact.judge(Runs(over_the_tip(late=distance, backwards=backwards)), SCENE)
+    early = CHECKS["broken-contact"](Runs(over_the_tip(early=distance, backwards=backwards)), SCENE)
+    late = CHECKS["broken-contact"](Runs(over_the_tip(late=distance, backwards=backwards)), SCENE)
     for finding in (early, late):
         assert finding.outcome is Outcome.FAIL
         assert finding.metric.value == pytest.approx(distance, abs=1.1 * STEP)
@@ -51,22 +51,22 @@ def test_how_far_too_early_or_too_late_is_measured(distance, backwards):
 
 
 def test_three_ticks_of_lag_are_granted_and_five_are_not():
-    assert broken_contact.judge(Runs(over_the_tip(late=2.5 * STEP)), SCENE).outcome is Outcome.PASS
-    assert broken_contact.judge(Runs(over_the_tip(late=5 * STEP)), SCENE).outcome is Outcome.FAIL
+    assert CHECKS["broken-contact"](Runs(over_the_tip(late=2.5 * STEP)), SCENE).outcome is Outcome.PASS
+    assert CHECKS["broken-contact"](Runs(over_the_tip(late=5 * STEP)), SCENE).outcome is Outcome.FAIL
 
 
 def test_a_path_that_turns_back_before_the_corner_decides_nothing():
     base = over_the_tip()
     keep = slice(0, 500)
     short = Recording(base.time[keep], {name: values[keep] for name, values in base.channels.items()})
-    assert broken_contact.judge(Runs(short), SCENE).outcome is Outcome.INCONCLUSIVE
+    assert CHECKS["broken-contact"](Runs(short), SCENE).outcome is Outcome.INCONCLUSIVE
 
 
 def test_a_smooth_model_has_no_corners_to_judge():
     scene = Scene(model=circle())
     base = over_the_tip()
-    assert broken_contact.judge(Runs(base), scene).outcome is Outcome.NOT_APPLICABLE
-    assert abrupt_switch.judge(Runs(base), scene).outcome is Outcome.NOT_APPLICABLE
+    assert CHECKS["broken-contact"](Runs(base), scene).outcome is Outcome.NOT_APPLICABLE
+    assert CHECKS["abrupt-switch"](Runs(base), scene).outcome is Outcome.NOT_APPLICABLE
 
 
 def round_the_notch(*, depth, spread, backwards=False):
@@ -96,7 +96,7 @@ def round_the_notch(*, depth, spread, backwards=False):
 @given(depth=st.floats(2e-3, 0.012), spread=st.floats(0.2, 1.0), backwards=st.booleans())
 @settings(max_examples=30)
 def test_the_travel_of_the_switch_is_measured_in_depths(depth, spread, backwards):
-    finding = abrupt_switch.judge(Runs(round_the_notch(depth=depth, spread=spread, backwards=backwards)), SCENE)
+    finding = CHECKS["abrupt-switch"](Runs(round_the_notch(depth=depth, spread=spread, backwards=backwards)), SCENE)
     assert finding.outcome is Outcome.FAIL
     wanted = 0.9 * spread * abs(NOTCH.turn)
     assert finding.metric.value == pytest.approx(wanted, abs=4 * STEP / depth)
@@ -105,7 +105,7 @@ def test_the_travel_of_the_switch_is_measured_in_depths(depth, spread, backwards
 
 @pytest.mark.parametrize("backwards", [False, True])
 def test_a_switch_at_one_point_passes(backwards):
-    finding = abrupt_switch.judge(Runs(round_the_notch(depth=5e-3, spread=0.0, backwards=backwards)), SCENE)
+    finding = CHECKS["abrupt-switch"](Runs(round_the_notch(depth=5e-3, spread=0.0, backwards=backwards)), SCENE)
     assert finding.outcome is Outcome.PASS
 
 
@@ -113,7 +113,7 @@ def test_a_path_along_one_face_decides_nothing():
     base = round_the_notch(depth=5e-3, spread=1.0)
     keep = slice(0, 800)
     short = Recording(base.time[keep], {name: values[keep] for name, values in base.channels.items()})
-    assert abrupt_switch.judge(Runs(short), SCENE).outcome is Outcome.INCONCLUSIVE
+    assert CHECKS["abrupt-switch"](Runs(short), SCENE).outcome is Outcome.INCONCLUSIVE
 
 
 def changed(recording, **arrays):
@@ -124,7 +124,7 @@ def test_a_force_that_fades_before_the_corner_is_not_kept():
     base = over_the_tip()
     x = (base.hip - TIP.position) @ TIP.tangent_pre
     fading = changed(base, force=base.force * np.clip(-x / 0.02, 1e-4, 1.0)[:, None])
-    finding = broken_contact.judge(Runs(fading), SCENE)
+    finding = CHECKS["broken-contact"](Runs(fading), SCENE)
     assert finding.outcome is Outcome.FAIL
     assert "lost" in finding.message
 
@@ -135,7 +135,7 @@ def test_a_force_that_comes_back_from_the_face_that_was_left_fails():
     back = (x > 2e-3) & (x < 6e-3)
     force, ihip = np.array(base.force), np.array(base.ihip)
     force[back], ihip[back] = 5.0 * TIP.normal_pre, base.hip[back] + 5e-3 * TIP.normal_pre
-    finding = broken_contact.judge(Runs(changed(base, force=force, ihip=ihip)), SCENE)
+    finding = CHECKS["broken-contact"](Runs(changed(base, force=force, ihip=ihip)), SCENE)
     assert finding.outcome is Outcome.FAIL
     assert finding.metric.value == pytest.approx(6e-3, abs=1e-4)
 
@@ -156,8 +156,8 @@ def test_a_face_touched_on_the_way_is_not_taken_for_the_face_before_the_corner()
         "force": np.vstack([notch.force, force]),
     }
     recording = Recording(np.arange(len(whole["hip"])) * 1e-3, whole)
-    assert broken_contact.judge(Runs(recording), SCENE).outcome is Outcome.PASS
-    assert abrupt_switch.judge(Runs(recording), SCENE).outcome is Outcome.PASS
+    assert CHECKS["broken-contact"](Runs(recording), SCENE).outcome is Outcome.PASS
+    assert CHECKS["abrupt-switch"](Runs(recording), SCENE).outcome is Outcome.PASS
 
 
 def test_a_force_that_flickers_between_the_faces_is_no_abrupt_switch():
@@ -165,12 +165,12 @@ def test_a_force_that_flickers_between_the_faces_is_no_abrupt_switch():
     force = np.array(base.force)
     flicker = slice(600, 900, 2)
     force[flicker] = 5.0 * NOTCH.normal_post
-    finding = abrupt_switch.judge(Runs(changed(base, force=force)), SCENE)
+    finding = CHECKS["abrupt-switch"](Runs(changed(base, force=force)), SCENE)
     assert finding.outcome is Outcome.FAIL
 
 
 def test_no_force_at_a_corner_decides_nothing():
     base = over_the_tip()
     nothing = changed(base, force=np.zeros_like(base.force), ihip=base.hip)
-    assert broken_contact.judge(Runs(nothing), SCENE).outcome is Outcome.INCONCLUSIVE
-    assert abrupt_switch.judge(Runs(nothing), SCENE).outcome is Outcome.INCONCLUSIVE
+    assert CHECKS["broken-contact"](Runs(nothing), SCENE).outcome is Outcome.INCONCLUSIVE
+    assert CHECKS["abrupt-switch"](Runs(nothing), SCENE).outcome is Outcome.INCONCLUSIVE

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.phenomena import centripetal_force, continuous_contact, impulsive_collision
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -21,12 +21,14 @@ def slide(along, *, hip_step=1e-4, source="file"):
     hip = np.column_stack([hip_step * np.arange(count), np.full(count, -1e-3)])
     ihip = np.column_stack([along, np.zeros(count)])
     return Recording(
-        1e-3 * np.arange(count), {"hip": hip, "ihip": ihip, "force": 1000.0 * (ihip - hip)}, {"source": source}
+        1e-3 * np.arange(count),
+        {"hip": hip, "ihip": ihip, "force": 1000.0 * (ihip - hip), "velocity": 0.0 * hip},
+        {"source": source},
     )
 
 
 def outcome(along):
-    return continuous_contact.judge(Runs(slide(along)), SCENE).outcome
+    return CHECKS["continuous-contact"](Runs(slide(along)), SCENE).outcome
 
 
 STEP = 1e-4 * np.arange(200.0)
@@ -55,7 +57,7 @@ def test_a_jump_at_the_very_end_is_seen():
     assert outcome(STEP + jump) is Outcome.FAIL
 
 
-@pytest.mark.parametrize("judge", [impulsive_collision.judge, centripetal_force.judge])
+@pytest.mark.parametrize("judge", [CHECKS["impulsive-collision"], CHECKS["centripetal-force"]])
 @pytest.mark.parametrize(("source", "words"), [("replay", "does not answer"), ("file", "was not recorded")])
 def test_without_the_hands_answer_nothing_is_said_of_momentum(judge, source, words):
     finding = judge(Runs(slide(STEP, source=source)), SCENE)
@@ -63,7 +65,7 @@ def test_without_the_hands_answer_nothing_is_said_of_momentum(judge, source, wor
     assert words in finding.message
 
 
-@pytest.mark.parametrize("judge", [impulsive_collision.judge, centripetal_force.judge])
+@pytest.mark.parametrize("judge", [CHECKS["impulsive-collision"], CHECKS["centripetal-force"]])
 def test_a_recorded_push_lets_the_check_go_on(judge):
     recording = slide(STEP)
     pushed = {**recording.channels, "operator_force": -recording.force}

@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 import math
-import sys
 from functools import cache
 from pathlib import Path as FilePath
 
+import honest
 import numpy as np
+import outsiders
 import pytest
 import sympy
+from broken import OVERPOWERING, spoiled
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
-
-sys.path.insert(0, str(FilePath(__file__).parents[1] / "meta"))
-import honest
-import outsiders
-from overpowering import OVERPOWERING, factory
 
 from hapticeval.discovery import resolve
 from hapticeval.effects.delay import Delay
 from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.errors import RendererError
 from hapticeval.geometry.catalogue import cassinian, circle, line, make_model
-from hapticeval.phenomena import force_magnitude, passivity, reset_clears
+from hapticeval.phenomena import passivity
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.passivity import laps
+from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Level, Outcome, Verdict
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Declaration, Response, Spring
@@ -45,7 +43,7 @@ K = 1000.0
 @cache
 def verdicts(renderer: str, *names: str) -> tuple[Verdict, ...]:
     """Of one of ours, by its name, or of a broken or an honest one."""
-    return judged(factory(renderer) if renderer in OVERPOWERING else resolve(renderer), *names)
+    return judged(spoiled(renderer) if renderer in OVERPOWERING else resolve(renderer), *names)
 
 
 def judged(make, *names: str) -> tuple[Verdict, ...]:
@@ -72,7 +70,7 @@ def judged_field(field, path, *, lag=0, dt=1e-3, scene=None):
     def refine(factor):
         return led(field, path, dt / factor, lag=lag)
 
-    return passivity.judge(Runs(refine(1), refine=refine).remembered(), scene or Scene(model=circle(), stiffness=K))
+    return CHECKS["passivity"](Runs(refine(1), refine=refine).remembered(), scene or Scene(model=circle(), stiffness=K))
 
 
 def loop(centre=(0.01, 0.0), radius=0.004, lap=0.2, start=(0.3, 0.0), laps=3, approach=0.1):
@@ -239,9 +237,9 @@ def test_late_motors_give_energy_whatever_the_renderer():
 def test_a_recording_that_cannot_be_refined_is_judged_by_itself():
     path = loop()
     curl = led(lambda p: 1e3 * max(0.02 - np.hypot(*p), 0.0) * np.array([-p[1], p[0]]), path, 1e-3)
-    assert passivity.judge(Runs(curl), Scene(model=circle())).outcome is Outcome.FAIL
+    assert CHECKS["passivity"](Runs(curl), Scene(model=circle())).outcome is Outcome.FAIL
     made = play(resolve("minimum-distance")(Scene(model=circle())), path, 1e-3)
-    found = passivity.judge(Runs(made), Scene(model=circle()))
+    found = CHECKS["passivity"](Runs(made), Scene(model=circle()))
     assert found.outcome is Outcome.PASS
     assert "weaker test" in found.message
 
@@ -285,8 +283,8 @@ def test_damped_schemes_are_not_blamed():
             return play(renderer, path, 1e-3 / factor)
 
         runs = Runs(run(1), refine=run, again=lambda run=run: run(1)).remembered()
-        for check in (passivity, force_magnitude, reset_clears):
-            found = check.judge(runs, scene)
+        for check in ("passivity", "force-magnitude", "reset-clears"):
+            found = CHECKS[check](runs, scene)
             assert found.outcome is Outcome.PASS, (scheme, found.message)
 
 
@@ -368,11 +366,11 @@ def test_a_declared_scatter_is_allowed_and_no_more():
     for allowed, outcome in ((2e-3, Outcome.PASS), (1e-4, Outcome.FAIL)):
         noisy = Noisy(resolve("minimum-distance")(scene))
         noisy.declares = Declaration(force_scatter=allowed)
-        found = reset_clears.judge(
+        found = CHECKS["reset-clears"](
             Runs(play(noisy, path, 1e-3), again=lambda noisy=noisy: play(noisy, path, 1e-3)), scene
         )
         assert found.outcome is outcome
-    assert reset_clears.judge(Runs(play(noisy, path, 1e-3)), scene).outcome is Outcome.NOT_APPLICABLE
+    assert CHECKS["reset-clears"](Runs(play(noisy, path, 1e-3)), scene).outcome is Outcome.NOT_APPLICABLE
 
 
 def test_a_declaration_is_metadata_of_the_recording():
@@ -421,6 +419,6 @@ class DeadSpot:
 def test_a_contact_point_without_a_force_deep_inside_is_not_taken_for_a_spring(spring):
     scene = Scene(model=circle())
     path = Path(np.array([0.0, 0.5, 1.0]), np.array([[0.105, 0.0], [0.083, 0.0], [0.083, 0.02]]))
-    found = force_magnitude.judge(Runs(play(DeadSpot(scene, spring), path, 1e-3)), scene)
+    found = CHECKS["force-magnitude"](Runs(play(DeadSpot(scene, spring), path, 1e-3)), scene)
     assert found.outcome is Outcome.FAIL
     assert found.level is (Level.SHOULD if spring is None else Level.MUST)

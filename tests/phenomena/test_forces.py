@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hapticeval.geometry.catalogue import circle, line
-from hapticeval.phenomena import centripetal_force, contact_normal_force, impulsive_collision, memoryless
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -33,7 +33,7 @@ def pressed(*, tilt=0.0, gain=1.0, push=2.0):
 
 
 def test_a_force_equal_to_the_operator_s_normal_component_passes():
-    finding = contact_normal_force.judge(Runs(pressed()), PLANE)
+    finding = CHECKS["contact-normal-force"](Runs(pressed()), PLANE)
     assert finding.outcome is Outcome.PASS
     assert "equal at rest" in finding.message
 
@@ -41,7 +41,7 @@ def test_a_force_equal_to_the_operator_s_normal_component_passes():
 @given(tilt=st.floats(1e-3, 3.0), side=st.sampled_from([-1, 1]))
 @settings(max_examples=20)
 def test_a_tilted_force_fails_by_its_angle(tilt, side):
-    finding = contact_normal_force.judge(Runs(pressed(tilt=side * tilt)), PLANE)
+    finding = CHECKS["contact-normal-force"](Runs(pressed(tilt=side * tilt)), PLANE)
     assert finding.outcome is Outcome.FAIL
     assert finding.metric.value == pytest.approx(np.degrees(tilt), rel=1e-6)
 
@@ -49,7 +49,7 @@ def test_a_tilted_force_fails_by_its_angle(tilt, side):
 @given(gain=st.one_of(st.floats(0.1, 0.99), st.floats(1.01, 3.0)))
 @settings(max_examples=20)
 def test_a_force_of_the_wrong_size_at_rest_fails_by_the_difference(gain):
-    finding = contact_normal_force.judge(Runs(pressed(gain=gain)), PLANE)
+    finding = CHECKS["contact-normal-force"](Runs(pressed(gain=gain)), PLANE)
     assert finding.outcome is Outcome.FAIL
     assert finding.metric.unit == "N"
     assert finding.metric.value == pytest.approx(2.0 * abs(gain - 1.0), rel=1e-6)
@@ -60,7 +60,7 @@ def test_an_error_vector_that_leans_is_reported_where_the_force_does_not():
     base = pressed()
     hip = np.tile([2e-3 * np.tan(np.radians(30.0)), -2e-3], (len(base), 1))
     leaning = Recording(base.time, {**base.channels, "hip": hip}, base.meta)
-    finding = contact_normal_force.judge(Runs(leaning), PLANE)
+    finding = CHECKS["contact-normal-force"](Runs(leaning), PLANE)
     assert finding.outcome is Outcome.PASS
     assert finding.evidence["error_vector_angle_median_deg"] == pytest.approx(30.0)
 
@@ -73,7 +73,7 @@ def test_what_the_declared_resolution_forgives_is_said(tilt):
     force = 2.0 * np.tile([np.cos(tilt), np.sin(tilt)], (100, 1))
     channels = {"hip": np.tile([0.098, 0.0], (100, 1)), "ihip": np.tile([0.1, 0.0], (100, 1)), "force": force}
     judged = {
-        declared: contact_normal_force.judge(
+        declared: CHECKS["contact-normal-force"](
             Runs(Recording(np.arange(100) * 1e-3, channels, {"resolution": declared})), scene
         )
         for declared in (0.0, 0.01)
@@ -87,7 +87,7 @@ def test_what_the_declared_resolution_forgives_is_said(tilt):
 
 
 def test_no_force_decides_nothing():
-    assert contact_normal_force.judge(Runs(pressed(push=1e-6)), PLANE).outcome is Outcome.INCONCLUSIVE
+    assert CHECKS["contact-normal-force"](Runs(pressed(push=1e-6)), PLANE).outcome is Outcome.INCONCLUSIVE
 
 
 def collision(*, ticks, restitution=0.0, speed=0.3):
@@ -112,27 +112,27 @@ def collision(*, ticks, restitution=0.0, speed=0.3):
 @pytest.mark.parametrize("ticks", [1, 2, 4])
 def test_an_impulse_within_four_ticks_passes(ticks, restitution):
     scene = Scene(model=line(), restitution=restitution)
-    finding = impulsive_collision.judge(Runs(collision(ticks=ticks, restitution=restitution)), scene)
+    finding = CHECKS["impulsive-collision"](Runs(collision(ticks=ticks, restitution=restitution)), scene)
     assert finding.outcome is Outcome.PASS
 
 
 @given(ticks=st.integers(5, 60))
 @settings(max_examples=20)
 def test_the_missing_share_of_a_slow_collision_is_measured(ticks):
-    finding = impulsive_collision.judge(Runs(collision(ticks=ticks)), PLANE)
+    finding = CHECKS["impulsive-collision"](Runs(collision(ticks=ticks)), PLANE)
     assert finding.outcome is Outcome.FAIL
     assert finding.metric.value == pytest.approx(1.0 - 4.0 / ticks)
     assert finding.evidence["stopped_after_ms"] == pytest.approx(ticks, abs=1e-6)
 
 
 def test_the_wrong_restitution_fails():
-    finding = impulsive_collision.judge(Runs(collision(ticks=1, restitution=1.0)), PLANE)
+    finding = CHECKS["impulsive-collision"](Runs(collision(ticks=1, restitution=1.0)), PLANE)
     assert finding.outcome is Outcome.FAIL
     assert finding.metric.value == pytest.approx(1.0)
 
 
 def test_a_tool_that_never_flies_decides_nothing():
-    assert impulsive_collision.judge(Runs(pressed()), PLANE).outcome is Outcome.INCONCLUSIVE
+    assert CHECKS["impulsive-collision"](Runs(pressed()), PLANE).outcome is Outcome.INCONCLUSIVE
 
 
 ROUND = Scene(model=circle(), stiffness=50.0, mass=0.1, bilateral=True)
@@ -163,19 +163,19 @@ def orbit(share, *, speed=0.5, noise=0.0, seed=0):
 @given(share=st.one_of(st.floats(0.02, 1.2), st.floats(-1.2, -0.02)))
 @settings(max_examples=20)
 def test_the_share_of_centripetal_force_that_is_missing_is_measured(share):
-    finding = centripetal_force.judge(Runs(orbit(share), at_speed=lambda f: orbit(share, speed=0.5 * f)), ROUND)
+    finding = CHECKS["centripetal-force"](Runs(orbit(share), at_speed=lambda f: orbit(share, speed=0.5 * f)), ROUND)
     assert finding.outcome is Outcome.FAIL
     assert finding.metric.value == pytest.approx(abs(share), rel=0.01)
 
 
 def test_a_force_that_needs_no_error_passes():
-    finding = centripetal_force.judge(Runs(orbit(0.0), at_speed=lambda f: orbit(0.0, speed=0.5 * f)), ROUND)
+    finding = CHECKS["centripetal-force"](Runs(orbit(0.0), at_speed=lambda f: orbit(0.0, speed=0.5 * f)), ROUND)
     assert finding.outcome is Outcome.PASS
 
 
 def test_an_error_that_has_nothing_to_do_with_speed_is_not_called_centripetal():
     runs = Runs(orbit(0.0, noise=0.05), at_speed=lambda f: orbit(0.0, speed=0.5 * f, noise=0.05, seed=1))
-    assert centripetal_force.judge(runs, ROUND).outcome is Outcome.INCONCLUSIVE
+    assert CHECKS["centripetal-force"](runs, ROUND).outcome is Outcome.INCONCLUSIVE
 
 
 def test_a_force_missing_at_zero_error_fails_even_where_the_error_stays_small():
@@ -183,13 +183,13 @@ def test_a_force_missing_at_zero_error_fails_even_where_the_error_stays_small():
     force = np.array(base.force)
     force[:4] = 0.0
     late = Recording(base.time, {**base.channels, "force": force}, base.meta)
-    finding = centripetal_force.judge(Runs(late), ROUND)
+    finding = CHECKS["centripetal-force"](Runs(late), ROUND)
     assert finding.outcome is Outcome.FAIL
     assert finding.evidence["force_missing_at_zero_error"] == pytest.approx(1.0)
 
 
 def test_a_straight_line_calls_for_no_centripetal_force():
-    assert centripetal_force.judge(Runs(collision(ticks=60)), PLANE).outcome is Outcome.NOT_APPLICABLE
+    assert CHECKS["centripetal-force"](Runs(collision(ticks=60)), PLANE).outcome is Outcome.NOT_APPLICABLE
 
 
 def slide(shift):
@@ -202,17 +202,19 @@ def slide(shift):
 @given(apart=st.floats(1e-4, 0.02))
 @settings(max_examples=20)
 def test_two_answers_to_one_hip_are_measured(apart):
-    finding = memoryless.judge(Runs(slide(lambda x: 0 * x), reverse=lambda: slide(lambda x: apart * (x > 5e-3))), PLANE)
+    finding = CHECKS["memoryless"](
+        Runs(slide(lambda x: 0 * x), reverse=lambda: slide(lambda x: apart * (x > 5e-3))), PLANE
+    )
     assert finding.outcome is Outcome.FAIL
     assert finding.metric.value == pytest.approx(apart, abs=7e-5)  # six ticks of the other path
     assert finding.evidence["share_apart"] == pytest.approx(0.5, abs=0.05)
 
 
 def test_one_answer_to_one_hip_passes():
-    finding = memoryless.judge(Runs(slide(np.sin), reverse=lambda: slide(np.sin)), PLANE)
+    finding = CHECKS["memoryless"](Runs(slide(np.sin), reverse=lambda: slide(np.sin)), PLANE)
     assert finding.outcome is Outcome.PASS
     assert finding.metric.value == 0.0
 
 
 def test_one_recording_alone_cannot_show_memory():
-    assert memoryless.judge(Runs(slide(np.sin)), PLANE).outcome is Outcome.INCONCLUSIVE
+    assert CHECKS["memoryless"](Runs(slide(np.sin)), PLANE).outcome is Outcome.INCONCLUSIVE

@@ -7,8 +7,8 @@ import pytest
 
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import circle
-from hapticeval.phenomena import centripetal_force
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
@@ -39,7 +39,8 @@ class Unilateral:
 def judged(factory):
     made = factory(SCENE)
     base = drive(made, START, SCENE, 1e-3)
-    return centripetal_force.judge(Runs(base, at_speed=lambda f: drive(made, START.at_speed(f), SCENE, 1e-3)), SCENE)
+    runs = Runs(base, at_speed=lambda f: drive(made, START.at_speed(f), SCENE, 1e-3))
+    return CHECKS["centripetal-force"](runs, SCENE)
 
 
 def test_a_tool_that_flew_off_decides_nothing():

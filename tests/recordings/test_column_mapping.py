@@ -269,7 +269,7 @@ def test_the_errors_are_the_users(tmp_path):
     (tmp_path / "m.toml").write_text("this is = = not toml")
     with pytest.raises(HapticevalError, match="is not TOML"):
         read_mapping(tmp_path / "m.toml")
-    with pytest.raises(HapticevalError, match=r"cannot read .*none.toml"):
+    with pytest.raises(HapticevalError, match="cannot read"):
         read_mapping(tmp_path / "none.toml")
 
 

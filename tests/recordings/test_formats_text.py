@@ -11,7 +11,8 @@ from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.recordings import formats as registry_module
 from hapticeval.recordings.formats import Table, importer, read_table
 from hapticeval.recordings.formats.text import is_whole
-from hapticeval.recordings.importing.convert import load
+from hapticeval.recordings.importing.convert import convert
+from hapticeval.recordings.importing.mapping import parse_mapping
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False, width=64)
 
@@ -37,7 +38,7 @@ def column(table, name):
         ("\n\nt,x\n\n0,1\n1,2.5\n", ["t", "x"], [1.0, 2.5]),
         ("Rig 7 of the lab\nt,x\n0,1\n1,2.5\n", ["t", "x"], [1.0, 2.5]),
         ("t,x\n0,1\n1,2.5\n".encode("utf-16"), ["t", "x"], [1.0, 2.5]),
-        ('"t","x"\n0,1\n1,2.5\n', ["t", "x"], [1.0, 2.5]),
+        ('"time, s","f, N (hand)"\n0,1\n1,2.5\n', ["time, s", "f, N (hand)"], [1.0, 2.5]),
     ],
 )
 def test_delimited_text_is_read_whatever_its_dialect(tmp_path, text, names, second):
@@ -45,13 +46,6 @@ def test_delimited_text_is_read_whatever_its_dialect(tmp_path, text, names, seco
     assert list(table.columns) == names
     assert column(table, names[1]) == second
     assert table.warnings == ()
-
-
-def test_a_quoted_header_may_hold_the_separator(tmp_path):
-    text = '"time, s","force, N (hand)",x\n0,1,5\n1,2.5,6\n'
-    table = read_table(written(tmp_path, "a.csv", text))
-    assert list(table.columns) == ["time, s", "force, N (hand)", "x"]
-    assert column(table, "force, N (hand)") == [1.0, 2.5]
 
 
 @pytest.mark.parametrize("width", [600, 9000])
@@ -92,20 +86,10 @@ def test_rows_and_columns_that_are_swapped(tmp_path, named):
 
 @pytest.mark.parametrize("format", [None, "csv", "devicelog", "svc", "hdurecord"])
 @pytest.mark.parametrize("text", ["\n\n\n", "  ", "\r\n \r\n", "# only a remark\n", "1", "POSITION", "t,x\n", "\0\0\0"])
-def test_a_file_without_a_row_says_so(tmp_path, format, text):
+def test_a_file_without_a_row_is_refused(tmp_path, format, text):
+    mapping = {"time": {"column": "t", "unit": "s"}, "channels": {"hip": {"columns": ["x"], "unit": "m", "sign": 1}}}
     with pytest.raises(InputError):
-        load(written(tmp_path, "a.csv", text), mapping=written(tmp_path, "m.toml", PLAIN), format=format)
-
-
-PLAIN = """
-[time]
-column = "t"
-unit = "s"
-[channels.hip]
-columns = ["x"]
-unit = "m"
-sign = 1
-"""
+        convert(read_table(written(tmp_path, "a.csv", text), format=format), parse_mapping(mapping))
 
 
 def test_units_in_the_header_are_the_files_own_word(tmp_path):
@@ -138,12 +122,6 @@ def test_a_file_cut_anywhere_gives_only_rows_that_were_written(tmp_path_factory,
     assert bool(table.warnings) == (not text[:-cut].endswith("\n"))
 
 
-def test_the_warning_of_a_cut_row_says_rows_and_seconds(tmp_path):
-    table = read_table(written(tmp_path, "a.csv", "t [s],x\n0,1\n0.002,2\n0.004,3\n0.006,123"))
-    assert table.rows("x") == 3
-    assert "within line 5, which is left out" in table.warnings[0]
-
-
 def test_a_last_row_of_fixed_decimals_needs_no_line_end():
     before = ["0.00 1.250", "0.01 1.260"]
     assert is_whole("0.02 1.270", before)
@@ -158,16 +136,15 @@ def test_an_empty_cell_is_nan_and_located(tmp_path):
     assert "2 cells without a number in 'x', first at row 1" in table.warnings[0]
 
 
-def test_a_text_column_is_left_out_and_named(tmp_path):
+def test_what_is_no_table_of_numbers_is_named(tmp_path):
     table = read_table(written(tmp_path, "a.csv", "t,state,x\n0,free,1\n1,touch,2\n"))
     assert list(table.columns) == ["t", "x"]
     assert "'state' is text" in table.remarks[0]
-
-
-def test_a_row_too_long_is_named_by_its_line(tmp_path):
     with pytest.raises(InputError, match="more cells") as caught:
         read_table(written(tmp_path, "a.csv", "t,x\n0,1\n1,2,3\n"))
     assert "line 3" in caught.value.why
+    with pytest.raises(InputError, match="two columns named 'x'"):
+        read_table(written(tmp_path, "a.csv", "x,x\n0,1\n1,2\n"))
 
 
 def test_nanoseconds_of_a_wall_clock_stay_whole(tmp_path):
@@ -188,9 +165,6 @@ def test_a_devicelog_has_three_numbers_a_vector(tmp_path):
     assert list(table.columns) == ["TIME", *(f"POSITION.{a}" for a in "xyz"), *(f"FORCE.{a}" for a in "xyz"), "BUTTONS"]
     assert column(table, "FORCE.y") == [-1.5, -1.5]
     assert dict(table.units) == {"TIME": "s"}
-
-
-def test_a_devicelog_row_that_is_short_is_named(tmp_path):
     with pytest.raises(InputError, match=r"row 1 \(line 3\)"):
         read_table(written(tmp_path, "log.txt", DEVICELOG + "0.01 0.1\n"))
 
@@ -212,17 +186,13 @@ def test_an_hdurecord_has_force_first_and_no_clock(tmp_path):
     assert "tick" not in table.units
 
 
-def test_the_applications_numbers_in_an_hdurecord_are_columns(tmp_path):
+def test_the_text_and_the_end_of_an_hdurecord(tmp_path):
     table = read_table(written(tmp_path, "record.txt", hdu(3, "0.5, 7")))
     assert column(table, "text[1]") == [7.0, 7.0, 7.0]
-    words = read_table(written(tmp_path, "words.txt", hdu(3, "touching")))
-    assert "text" in words.warnings[0]
-
-
-def test_a_cut_hdurecord_loses_its_last_row_only(tmp_path):
-    table = read_table(written(tmp_path, "record.txt", hdu(5)[:-12]))
-    assert table.rows("tick") == 4
-    assert "within line 5" in table.warnings[0]
+    assert "text" in read_table(written(tmp_path, "words.txt", hdu(3, "touching"))).warnings[0]
+    cut = read_table(written(tmp_path, "record.txt", hdu(5)[:-12]))
+    assert cut.rows("tick") == 4
+    assert "within line 5" in cut.warnings[0]
 
 
 def svc(rows, promised=None):
@@ -252,7 +222,7 @@ def test_handwriting_promises_its_rows(tmp_path):
         (b"SQLite format 3\x00", "an SQLite database"),
     ],
 )
-@pytest.mark.parametrize("name", ["run.csv", "run.mat", "run.h5", "run.npz", "run.bag", "run.xyz"])
+@pytest.mark.parametrize("name", ["run.csv", "run.mat", "run.xyz"])
 def test_a_file_that_is_something_else_says_what_it_is(tmp_path, head, words, name):
     with pytest.raises(InputError, match=words):
         read_table(written(tmp_path, name, head + b"\n" * 8))
@@ -265,13 +235,6 @@ def test_empty_and_missing_files_say_so(tmp_path):
         read_table(tmp_path / "none.csv")
     with pytest.raises(InputError, match="is text without a row of numbers, no recording"):
         read_table(written(tmp_path, "a.csv", "only words here\nand there\n"))
-
-
-def test_a_missing_column_suggests_the_closest(tmp_path):
-    table = read_table(written(tmp_path, "a.csv", "time,pos_x\n0,1\n1,2\n"))
-    with pytest.raises(UnknownNameError) as caught:
-        table["posx"]
-    assert "pos_x" in caught.value.todo
 
 
 FRESH = """
@@ -298,24 +261,18 @@ def test_a_fresh_importer_is_a_few_lines(tmp_path, monkeypatch):
     assert read_table(path).format == "acme"  # known from now on, by its suffix
 
 
-def test_a_name_is_given_once(monkeypatch):
+def test_names_are_given_once_and_suggested(tmp_path, monkeypatch):
     monkeypatch.setattr(registry_module, "KNOWN", dict(registry_module.KNOWN))
     with pytest.raises(InputError, match="is there already"):
-
-        @importer("svc", about="another")
-        def read(path):
-            return Table({})
-
-
-def test_an_unknown_format_suggests_the_closest(tmp_path):
+        importer("svc", about="another")(lambda path: Table({}))
     with pytest.raises(UnknownNameError, match="matlab"):
         read_table(written(tmp_path, "a.csv", "0,1\n"), format="matlab")
-    with pytest.raises(InputError, match="raised ModuleNotFoundError"):
-        read_table(tmp_path / "a.csv", format="no_such_module:read")
+    with pytest.raises(UnknownNameError) as caught:
+        read_table(written(tmp_path, "a.csv", "time,pos_x\n0,1\n1,2\n"))["posx"]
+    assert "pos_x" in caught.value.todo
 
 
-def test_a_column_must_be_numbers():
+@pytest.mark.parametrize("values", [[[1.0, 2.0]], ["a"]])
+def test_a_column_must_be_numbers(values):
     with pytest.raises(InputError, match="'x' is of shape"):
-        Table({"x": [[1.0, 2.0]]})
-    with pytest.raises(InputError, match="'x' is of shape"):
-        Table({"x": ["a"]})
+        Table({"x": values})

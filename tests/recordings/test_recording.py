@@ -182,7 +182,7 @@ def test_joints_scalars_and_one_degree_of_freedom():
     [
         ({"joint_position": np.zeros((4, 6)), "joint_torque": np.zeros((4, 5))}, {}, "'joint_torque' has shape"),
         ({"joint_position": np.zeros(4)}, {}, "'joint_position' has shape"),
-        ({"force": np.zeros((4, 1))}, {}, "a column a dimension, as 'hip' has"),
+        ({"force": np.zeros((4, 1))}, {}, "one column per dimension, as 'hip' has"),
         ({"grip": np.zeros((4, 1, 1))}, {"grip": Signal("N", "")}, "'grip' has shape"),
         ({}, {"grip": Signal("N", "grip force")}, "'grip' is declared, but there is no such channel"),
         ({}, {"force": Signal("mN", "force", "world")}, "'force' is declared in mN"),

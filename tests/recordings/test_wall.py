@@ -64,7 +64,7 @@ def test_a_replay_before_a_wall_gives_verdicts(tmp_path, monkeypatch, capsys):
     assert "--model line" in capsys.readouterr().err
     main(["replay", "run.h5", "--model", "line", *scene, "-r", "constraint", "-o", "out"])
     verdicts = read_results(tmp_path / "out").verdicts
-    told = {(each["renderer"], each["check"]): each["outcome"] for each in verdicts}
+    told = {(each.renderer, each.check): each.outcome for each in verdicts}
     for check in ("continuous-contact", "contact-normal-force"):
         assert told["recorded", check] == told["constraint", check] == "pass"
 
@@ -77,6 +77,6 @@ def test_a_real_contact_log_gets_verdicts(tmp_path, monkeypatch):
     given = ["--mapping", str(mapping), "--model", "line", "--scene", "stiffness=2000", "-r", "constraint", "-o", "out"]
     assert main(["replay", str(log), *given]) == 1  # its slave is no proxy, and its hand pulls
     verdicts = read_results(tmp_path / "out").verdicts
-    told = {(each["renderer"], each["check"]): each["outcome"] for each in verdicts}
+    told = {(each.renderer, each.check): each.outcome for each in verdicts}
     assert told["constraint", "continuous-contact"] == told["constraint", "contact-normal-force"] == "pass"
     assert told["recorded", "contact-normal-force"] == "fail"

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+from result_entries import results_of, run_entry
 
+from hapticeval.files import file_stem
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
 from hapticeval.recordings.recording import Recording
-from hapticeval.runner.results import Results, file_stem, verdict_document
+from hapticeval.runner.results import Problem, ResultsDocument, VerdictEntry
 
 HOSTILE = "mine:<script>alert(1)</script>&'\""
 GAIN = 1000.0
-SCENE = {
-    "stiffness": GAIN,
-    "damping": 0.0,
-    "mass": 0.1,
-    "bilateral": False,
-    "restitution": 0.0,
-    "sampling_time": 1e-3,
-}
+BROKE = Problem(what="it raised <ValueError> at tick 7", why="x < 0 \x1b[31m", todo="mend it")
 
 
 def played(model, hips, **meta):
@@ -49,25 +44,23 @@ def jump_tick(recording):
     return int(np.argmax(np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1))) + 1
 
 
-def run_document(case, renderer, kind, *, recording=True, error=None, stimulus="trajectory"):
+def synthetic_run(case, renderer, kind, *, recording=True, **changes):
     file = f"recordings/synthetic/{case}/{file_stem(renderer)}.h5"
-    return {
+    given = {
         "suite": "synthetic",
         "case": case,
         "renderer": renderer,
         "recording": file if recording else None,
-        "simulated_seconds": 2.0,
-        "wall_seconds": 0.125,
-        "stimulus": stimulus,
         "title": f"The {case} & its <edges>",
         "shows": "What a <b>jump</b> looks like.",
         "citation": "6.1.3",
         "model": {"kind": kind},
-        "depth_of": "model",
-        "judged": True,
-        "scene": SCENE,
-        "error": error,
     }
+    return run_entry(**{**given, **changes})
+
+
+def verdict(case, renderer, check, finding, level=Level.MUST, published=None, suite="synthetic"):
+    return VerdictEntry.of(Verdict(renderer, suite, case, check, level, finding, published))
 
 
 def verdicts(case, renderer, recording):
@@ -84,46 +77,27 @@ def verdicts(case, renderer, recording):
         ("broken-contact", jump, Level.MUST, None),
         ("impulsive-collision", Finding(Outcome.NOT_APPLICABLE, "no collision"), Level.MUST, None),
     ]
-    return [
-        verdict_document(Verdict(renderer, "synthetic", case, check, level, finding, published))
-        for check, finding, level, published in given
-    ]
+    return [verdict(case, renderer, *each) for each in given]
 
 
-def synthetic_results(**changes) -> Results:
+def synthetic_results(*, strict: bool = False, **changes) -> ResultsDocument:
     """What `folder` holds."""
-    broke = {"what": "it raised <ValueError> at tick 7", "why": "x < 0 \x1b[31m", "todo": "mend it"}
     recordings = {("lobe", "plain"): lobe_recording(), ("tip", HOSTILE): tip_recording()}
     given = [each for (case, name), recording in recordings.items() for each in verdicts(case, name, recording)]
-    given.append(
-        verdict_document(
-            Verdict(
-                "broken",
-                "synthetic",
-                "lobe",
-                "continuous-contact",
-                Level.MUST,
-                Finding(Outcome.ERROR, f"{broke['what']} {broke['why']}"),
-            )
-        )
-    )
+    broken = Finding(Outcome.ERROR, f"{BROKE.what} {BROKE.why}")
+    given.append(verdict("lobe", "broken", "continuous-contact", broken))
+    runs = [
+        synthetic_run("lobe", "plain", "cassinian"),
+        synthetic_run("lobe", "broken", "cassinian", recording=False, error=BROKE),
+        synthetic_run("tip", HOSTILE, "star", stimulus="experiment"),
+        synthetic_run("tip", "plain", "star", recording=False, error=BROKE),
+    ]
     whole = {
-        "planned": len(given),
-        "ran": len(given),
-        "complete": True,
-        "reason": None,
-        "environment": {"python": "3.11", "platform": "Linux", "cpu_count": 2, "versions": {"hapticeval": "0.1.0"}},
-        "seed": 3,
-        "command": {"suites": ["synthetic"], "select": None},
-        "runs": [
-            run_document("lobe", "plain", "cassinian"),
-            run_document("lobe", "broken", "cassinian", recording=False, error=broke),
-            run_document("tip", HOSTILE, "star", stimulus="experiment"),
-            run_document("tip", "plain", "star", recording=False, error=broke),
-        ],
+        "runs": runs,
         "verdicts": given,
         "table": {"Resists <Pop>": {"plain": "No", HOSTILE: "Yes"}, "Suitable for LUT": {"plain": "Yes"}},
         "published_table": {"Resists <Pop>": {"plain": "No", HOSTILE: "No"}},
-        "timing": {"simulated_seconds": 8.0, "wall_seconds": 0.5, "times_real_time": 16.0},
+        **changes,
     }
-    return Results(**{**whole, **changes})
+    shown = whole.pop("verdicts")
+    return results_of(*shown, strict=strict, **whole)

@@ -20,14 +20,9 @@ import numpy as np
 
 from hapticeval.types import Array
 
-LEVEL = 0.05
-"""At which a difference is told: so often, at the most, is one told where there is none."""
-
-DEALS = 9999
-"""Deals that are looked at where there are more; so p is never below one in one more of them."""
-
-ROUNDING = 1e-12
-"""A deal that mirrors the observed one has its statistic, but for so much."""
+LEVEL = 0.05  # at which a difference is called one: so often, at the most, where there is none
+DEALS = 9999  # deals that are looked at where there are more; so p is never below one in one more of them
+ROUNDING = 1e-12  # a deal that mirrors the observed one has its statistic, but for so much
 
 Unit = tuple[int, int]
 """A repeat: of the first or the second renderer (0, 1), and its number."""

@@ -54,6 +54,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -292,7 +293,7 @@ def _energy(recording: Recording, channel: str, place: str, sense: float) -> Jud
 
 
 def _wrong(
-    recording: Recording, channel: str, words: str, span: tuple[int, int] | None, todo: str = SIGN, **measures: float
+    recording: Recording, channel: str, words: str, span: tuple[int, int] | None, todo: str = SIGN, **measures: Any
 ) -> Fault:
     message = f"the sign seems wrong: {words}"
     return found(recording, "force sign", message, channel, span, todo=todo, **measures)

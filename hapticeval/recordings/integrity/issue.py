@@ -127,8 +127,7 @@ def found(
 ) -> Fault:
     """Make a finding of one of `KINDS` at the rows [first, end) of `span`; `measures` are the numbers behind it."""
     usual, advice = KINDS[kind]
-    place: tuple[Any, ...] = (None, None, None)
-    if span is not None:
-        place = (*span, (float(recording.time[span[0]]), float(recording.time[span[1] - 1])))
+    first, end = span or (None, None)
+    time = None if span is None else (float(recording.time[span[0]]), float(recording.time[span[1] - 1]))
     advice = advice if todo is None else todo
-    return Fault(kind, severity or usual, message, advice, channel, *place, measures)
+    return Fault(kind, severity or usual, message, advice, channel, first, end, time, measures)

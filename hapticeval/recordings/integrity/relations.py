@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -214,6 +214,7 @@ def copies(recording: Recording) -> Iterator[Fault]:
                 continue
             note = match.lag == 0 and a != b and bool(set(mapped.get(a, ())) & set(mapped.get(b, ())))
             why = ", as the mapping says" if note else ""
+            measures: dict[str, Any] = {"rows": match.lag} if match.lag else {}
             yield found(
                 recording,
                 "shifted copy" if match.lag else "copy",
@@ -221,7 +222,7 @@ def copies(recording: Recording) -> Iterator[Fault]:
                 other,
                 severity=Severity.NOTE if note else None,
                 todo="" if note else None,
-                **({"rows": match.lag} if match.lag else {}),
+                **measures,
             )
             break
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from hapticeval.geometry.model import Model
+from hapticeval.quantity import aligned
 from hapticeval.recordings.integrity import columns, relations
 from hapticeval.recordings.integrity.consistency import Check, Kinematics, inverse_checks
 from hapticeval.recordings.integrity.contacts import Impact, Impacts
@@ -168,7 +169,7 @@ def summary(report: Integrity, soundness: Soundness, *, title: str) -> str:
     ]
     if timing.missing:
         lines.append(f"       in gaps about {plural(timing.missing, 'row')} missing, {timing.missing_seconds:.4g} s")
-    lines += ["", *_aligned([
+    lines += ["", *aligned([
         ("column", "unit", "lowest", "highest", "quantum"),
         *((name, unit, f"{low:.6g}", f"{high:.6g}", "-" if step is None else f"{step:.6g}")
           for name, (unit, low, high, step) in report.columns.items()),
@@ -201,7 +202,7 @@ def _faults(report: Integrity) -> list[str]:
 def _checks(report: Integrity) -> list[str]:
     """Describe which inverse checks were made, with their residuals, and which were not."""
     made = [check for check in report.checks if check.made]
-    lines = _aligned([
+    lines = aligned([
         ("inverse check", "what should hold", "largest residual", "in quanta", "rows", "found"),
         *((check.name, check.relation, f"{check.largest:.3g} {check.unit}",
            f"{check.largest / check.quantum:.3g}" if check.quantum > 0.0 else "-", f"{check.rows}",
@@ -256,7 +257,7 @@ def contacts(impacts: Impacts) -> str:
     if not impacts.contacts:
         return lines[0]
     rows = [[tell(each) for tell in CONTACT_COLUMNS.values()] for each in impacts.contacts]
-    lines += _aligned([list(CONTACT_COLUMNS), *rows])
+    lines += aligned([list(CONTACT_COLUMNS), *rows])
     lines.append("peak, impulse and stiffness are above what the sensor read just before each touch")
     for measure, unit in (("impulse", " N s"), ("stiffness", " N/m"), ("restitution", "")):
         mean, half = impacts.mean(measure)
@@ -283,8 +284,3 @@ def converted(recording: Recording) -> str:
 def _known(value: float, digits: int = 3) -> str:
     """Write significant digits without an exponent, `-` for what is not known."""
     return f"{float(f'{value:.{digits}g}'):g}" if math.isfinite(value) else "-"
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return ["  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]

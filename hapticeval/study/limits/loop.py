@@ -6,7 +6,6 @@ Beside it the bound of Colgate and Schenkel (2.40), for a device that moves in m
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -18,14 +17,9 @@ from hapticeval.renderer import Renderer
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
-PROBE = 1e-6
-"""Metres by which the hand is moved to measure a renderer's gains: less than any encoder resolves."""
-
-FREQUENCIES = 400
-"""Frequencies, up to Nyquist's, at which the device's impedance is looked at."""
-
-ROUNDING = 1e-5
-"""A mode this close to 1 that makes no force is the tool's free motion along the surface, not an instability."""
+PROBE = 1e-6  # m by which the hand is moved to measure a renderer's gains: less than any encoder resolves
+FREQUENCIES = 400  # so many frequencies, up to Nyquist's, at which the device's impedance is looked at
+ROUNDING = 1e-5  # a mode this close to 1 that makes no force is the tool's free motion along the surface
 
 
 class Gains(NamedTuple):
@@ -39,8 +33,7 @@ class Gains(NamedTuple):
     rate: Array
 
 
-@dataclass(frozen=True)
-class Place:
+class Place(NamedTuple):
     """A point of the surface (N,), m, where the tool rests, and the outward unit normal there."""
 
     point: Array
@@ -53,28 +46,24 @@ def gains_of(renderer: Renderer, place: Place, dt: float) -> Gains:
     They are measured inside, so that a unilateral contact is not lost, and extrapolated to the surface: inside a force
     stands, which turns as the hand moves along a curved one. The parabola through three depths removes it.
     """
-    a, b, c = (np.array(_gains_inside(renderer, place, depth * PROBE, dt)) for depth in (2.0, 4.0, 6.0))
-    return Gains(*(3.0 * a - 3.0 * b + c))
-
-
-def _gains_inside(renderer: Renderer, place: Place, depth: float, dt: float) -> Gains:
-    rest = place.point - depth * place.normal
-    still = np.zeros_like(rest)
+    still, size = np.zeros_like(place.point), place.point.size
 
     def force(before: Array, now: Array, velocity: Array) -> Array:
         renderer.reset(before)
         renderer.step(before, still, dt)
         return np.asarray(renderer.step(now, velocity, dt)[1], dtype=np.float64)
 
-    return Gains(
-        now=-slope_of(lambda move: force(rest, rest + move, still), rest.size, PROBE),
-        before=-slope_of(lambda move: force(rest + move, rest, still), rest.size, PROBE),
-        rate=-slope_of(lambda move: force(rest, rest, move), rest.size, PROBE / dt),
-    )
+    def inside(depth: float) -> Array:
+        rest = place.point - depth * place.normal
+        now = slope_of(lambda move: force(rest, rest + move, still), size, PROBE)
+        before = slope_of(lambda move: force(rest + move, rest, still), size, PROBE)
+        return -np.array([now, before, slope_of(lambda move: force(rest, rest, move), size, PROBE / dt)])
+
+    a, b, c = (inside(depth * PROBE) for depth in (2.0, 4.0, 6.0))
+    return Gains(*(3.0 * a - 3.0 * b + c))
 
 
-@dataclass(frozen=True)
-class Robot:
+class Robot(NamedTuple):
     """The device around rest at one pose: Jacobian, inertia M and losses D of M q̈ + D q̇ = τ, each (N, N)."""
 
     jacobian: Array

@@ -1,4 +1,7 @@
-"""The largest stiffness that stays stable, by bisection: on the loop's eigenvalues, and on the loop itself."""
+"""The largest stiffness that stays stable, by bisection: on the loop's eigenvalues, and on the loop itself.
+
+And a warning before a robot runs: the sampled loop cannot hold the scene's stiffness.
+"""
 
 from __future__ import annotations
 
@@ -7,29 +10,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hapticeval.errors import InputError, RefusalError, RunawayError
-from hapticeval.renderer import Renderer, RendererFactory, SelfDriven
+from hapticeval.effects.velocity_filter import VelocityFilter
+from hapticeval.errors import DomainError, InputError, RefusalError, RunawayError
+from hapticeval.renderer import Renderer, RendererFactory
 from hapticeval.runner.judging import built
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import drive
 from hapticeval.stimulus.stimulus import Experiment
-from hapticeval.study.limits.loop import Gains, Place, SampledLoop, gains_of
+from hapticeval.study.limits.loop import Gains, Place, SampledLoop, gains_of, robot_at
 from hapticeval.types import Array
 
-SOFTEST, STIFFEST = 1.0, 1e7
-"""N/m between which limits are looked for."""
-
-STEPS = 40
-"""Halvings: until rounding of the limit's own digits."""
-
-PUSH = 1e-5
-"""Metres off the surface at which the loop is let go: small, so that the device stays at its pose."""
-
-RESTS = 1e-7
-"""Share of `PUSH` below which what is left of it is rounding: the loop has settled."""
-
-TICKS = 20_000
-"""Ticks of a run: a mode that grows by 1e-6 per tick grows by 2 per cent."""
+SOFTEST, STIFFEST = 1.0, 1e7  # N/m between which limits are looked for
+STEPS = 40  # halvings: until rounding of the limit's own digits
+PUSH = 1e-5  # m off the surface at which the loop is let go: small, so that the device stays at its pose
+RESTS = 1e-7  # share of `PUSH` below which what is left of it is rounding: the loop has settled
+TICKS = 20_000  # of a run: a mode that grows by 1e-6 per tick grows by 2 per cent
+PLACES = 12  # points of the boundary that a warning tries: the robot's inertia at the hand varies over centimetres
+NOTHING = 1e-6  # share of the scene's stiffness below which a spring is rounding: gains are differences of forces
 
 
 @dataclass(frozen=True)
@@ -58,8 +55,12 @@ def family_of(factory: RendererFactory, scene: Scene, place: Place) -> Family:
     """
     found = []
     for share in (1.0 / 64.0, 1.0 / 32.0, 1.0 / 16.0):
-        # Gains are the renderer's alone: they need no robot.
-        renderer = _two_sided(factory, replace(scene, device=None, stiffness=share * scene.stiffness))
+        # Gains are the renderer's alone and need no robot; inside they are the same for one that cannot hold both ways.
+        alone = replace(scene, device=None, stiffness=share * scene.stiffness, bilateral=True)
+        try:
+            renderer = built(factory, alone)
+        except RefusalError:
+            renderer = built(factory, replace(alone, bilateral=False))
         if not isinstance(renderer, Renderer):
             raise InputError(
                 "the renderer has physics of its own, and no gains to look for a limit of",
@@ -77,14 +78,6 @@ def family_of(factory: RendererFactory, scene: Scene, place: Place) -> Family:
                 todo="choose a regulation scheme with a linear spring",
             )
     return family
-
-
-def _two_sided(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
-    """Make a renderer that holds from both sides, or from inside if it can do no more: its gains are the same."""
-    try:
-        return built(factory, replace(scene, bilateral=True))
-    except RefusalError:
-        return built(factory, replace(scene, bilateral=False))
 
 
 def eigenvalue_limit(loop: SampledLoop, family: Family, *, steps: int = STEPS) -> float:
@@ -165,3 +158,50 @@ def _rotation(start: Array, end: Array) -> Array:
     cos, sin = float(end @ start), float(end @ across)
     turn = np.array([[cos, -sin], [sin, cos]])
     return np.asarray(np.eye(count) - basis @ basis.T + basis @ turn @ basis.T)
+
+
+def too_stiff(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
+    """Describe where the loop with velocities of `cutoff` (Hz) is unstable without a hand; empty where it is stable.
+
+    By the eigenvalues at rest at points of the boundary, of the motion across the surface: that a tool slides off a
+    convex one is no matter of sampling. Empty too where they cannot decide: for a renderer whose gains do not grow with
+    the stiffness, one without force, and one that breaks, which the run itself then reports.
+    """
+    boundary = scene.model.boundary
+    sensed = scene.with_effects(VelocityFilter(cutoff))
+    frame = boundary.frame(boundary.points(PLACES))
+    places = [Place(*each) for each in zip(frame.foot, frame.normal, strict=True)]
+    try:
+        family = _across(family_of(factory, scene, places[0]))
+    except Exception:
+        return ""
+    normal, gains = places[0].normal, family.at(scene.stiffness)
+    spring = float(normal @ (gains.now + gains.before) @ normal)
+    if not (np.isfinite(spring) and abs(spring) > NOTHING * scene.stiffness):
+        return ""
+    if spring < 0.0:
+        return "the renderer's force pulls the hand into the surface; see its sign"
+    found = []
+    for place in places:
+        try:
+            loop = SampledLoop(sensed, robot_at(scene.robot, place.point))
+        except DomainError:  # the part of an endless surface that the robot does not reach
+            continue
+        facing = family.facing(place)
+        if loop.growth(facing.at(scene.stiffness)) >= 1.0:
+            found.append((eigenvalue_limit(loop, facing, steps=12), place))
+    if not found:
+        return ""
+    limit, place = min(found, key=lambda each: each[0])
+    where = ", ".join(f"{1e3 * value:.4g}" for value in place.point)
+    held = f"up to {limit:.4g} N/m; choose a lower --stiffness," if limit > 0.0 else "at no stiffness; choose"
+    return (
+        f"without a hand the sampled loop cannot hold {scene.stiffness:.4g} N/m: at ({where}) mm it is stable {held} "
+        "a faster --rate, or another --damping"
+    )
+
+
+def _across(family: Family) -> Family:
+    """Return the gains along the normal alone."""
+    across = np.outer(family.place.normal, family.place.normal)
+    return replace(family, offset=across @ family.offset @ across, slope=across @ family.slope @ across)

@@ -1,7 +1,8 @@
-"""The document of a scene's limits: at one place, and mapped over damping, sampling time, delay and workspace."""
+"""The limits of a scene: at one place, and mapped over damping, sampling time, delay and workspace; and in words."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -20,17 +21,10 @@ from hapticeval.types import Array
 
 Progress = Callable[[int, int, str], None]
 
-COARSE = 12
-"""Halvings of a limit in a map: to a thousandth of the half-decade in which it lies."""
-
-DAMPINGS = 45
-"""Dampings of each curve of the Z-width plot, beside zero."""
-
-TIMES = (0.25, 0.5, 1.0, 2.0)
-"""Sampling times of the Z-width plot, as shares of the scene's."""
-
-POSES, DIRECTIONS = 27, 12
-"""Poses along each side of the workspace map, and wall directions over half a turn at each."""
+COARSE = 12  # halvings of a limit in a map: to a thousandth of the half-decade in which it lies
+DAMPINGS = 45  # dampings of each curve of the Z-width plot, beside zero
+TIMES = (0.25, 0.5, 1.0, 2.0)  # sampling times of the Z-width plot, as shares of the scene's
+POSES, DIRECTIONS = 27, 12  # poses along each side of the workspace map, and wall directions over half a turn at each
 
 
 def study_limits(factory: RendererFactory, scene: Scene, place: Place, progress: Progress) -> dict[str, Any]:
@@ -46,8 +40,8 @@ def study_limits(factory: RendererFactory, scene: Scene, place: Place, progress:
             why="hand and model must live in the same space",
             todo="choose another device",
         )
-    stages = ("the loop at one place", "the sampled loop, run", "damping and sampling time", "delay", "workspace")
-    progress(0, len(stages), stages[0])
+    total = 5
+    progress(0, total, "the loop at one place")
     robot = robot_at(scene.robot, place.point)
     family = family_of(factory, scene, place)
     loop = SampledLoop(scene, robot)
@@ -64,15 +58,19 @@ def study_limits(factory: RendererFactory, scene: Scene, place: Place, progress:
         "eigenvalues": finite(eigenvalue_limit(loop, family)),
         "growth": loop.growth(family.at(scene.stiffness)),
     }
-    progress(1, len(stages), stages[1])
-    document["simulated"] = finite(simulated_limit(factory, scene, place))
-    progress(2, len(stages), stages[2])
-    document["width"] = [_width(factory, scene, place, share * scene.sampling_time) for share in TIMES]
-    progress(3, len(stages), stages[3])
-    document["delay"] = _over_delay(scene, place, family)
-    progress(4, len(stages), stages[4])
-    document["workspace"] = _over_workspace(scene, family)
-    progress(5, len(stages), "")
+    stages: Mapping[str, tuple[str, Callable[[], Any]]] = {
+        "simulated": ("the sampled loop, run", lambda: finite(simulated_limit(factory, scene, place))),
+        "width": (
+            "damping and sampling time",
+            lambda: [_width(factory, scene, place, share * scene.sampling_time) for share in TIMES],
+        ),
+        "delay": ("delay", lambda: _over_delay(scene, place, family)),
+        "workspace": ("workspace", lambda: _over_workspace(scene, family)),
+    }
+    for done, (entry, (stage, find)) in enumerate(stages.items(), start=1):
+        progress(done, total, stage)
+        document[entry] = find()
+    progress(total, total, "")
     return document
 
 
@@ -167,3 +165,72 @@ def _window(device: Device) -> tuple[Array, Array] | None:
 def finite(value: float) -> float | None:
     """Return the value for JSON, None for a number that is not finite."""
     return float(value) if np.isfinite(value) else None
+
+
+def describe(document: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return rows of name and text: the limits at the place, and what follows for the scene's own stiffness."""
+    place = ", ".join(f"{1e3 * value:.4g}" for value in document["point"])
+    normal = ", ".join(f"{value:.3g}" for value in document["normal"])
+    return [
+        ("scene", f"{document['scene']}, {document['renderer']}, K = {document['stiffness']:.6g} N/m, "
+                  f"B = {document['damping']:.4g} N s/m, T = {1e3 * document['sampling_time']:.4g} ms"),
+        ("device", f"{document['device']}, {document['inner_loop']} inner loop, at ({place}) mm, "
+                   f"wall facing ({normal})"),
+        ("", ""),
+        ("bound (2.40)", _bound(document)),
+        ("eigenvalues", f"{_stiffness(document['eigenvalues'])}  of the sampled loop, without a hand"),
+        ("simulation", f"{_stiffness(document['simulated'])}  the sampled loop itself, run and bisected"),
+        *([("", why_none(document))] if document["eigenvalues"] == 0.0 else []),
+        ("", ""),
+        ("the scene", verdict(document)),
+    ]  # fmt: skip
+
+
+def why_none(document: Mapping[str, Any]) -> str:
+    """Explain why no stiffness is stable."""
+    if document["port_damping"] == 0.0 and document["damping"] == 0.0 and document["inner_loop"] == "static":
+        return (
+            "no stiffness is stable: a spring held over a step gives back more than it took, and neither device nor "
+            "renderer has damping to take it up (2.40)"
+        )
+    return "no stiffness is stable with this damping, sampling time and delay"
+
+
+def verdict(document: Mapping[str, Any]) -> str:
+    """Describe what the limits mean for the stiffness that the scene asks for."""
+    stiffness, growth = document["stiffness"], document["growth"]
+    dt = document["sampling_time"]
+    parts = []
+    passive = document["passive"]
+    if passive is None:
+        parts.append("the bound (2.40) says nothing about it")
+    elif stiffness > passive:
+        parts.append(f"its {stiffness:.4g} N/m exceed the bound (2.40) of {passive:.4g} N/m")
+    else:
+        parts.append(f"its {stiffness:.4g} N/m are within the bound (2.40)")
+    if growth >= 1.0:
+        parts.append(
+            f"without a hand the loop is unstable: it grows by {100 * (growth - 1.0):.3g} % a tick, "
+            f"tenfold in {_seconds(growth, dt)}"
+        )
+    else:
+        parts.append(f"without a hand the loop settles, to a tenth in {_seconds(growth, dt)}")
+    return "; ".join(parts)
+
+
+def _seconds(growth: float, dt: float) -> str:
+    if growth in (0.0, 1.0):
+        return "no time to speak of"
+    return f"{dt * math.log(10.0) / abs(math.log(growth)):.3g} s"
+
+
+def _bound(document: Mapping[str, Any]) -> str:
+    if document["passive"] is None:
+        return f"none: a {document['inner_loop']} inner loop compensates the damping that it counts on"
+    b = document["port_damping"]
+    formula = f"2 (b - |B|) / (T + 2 delay) with b = {b:.4g} N s/m"
+    return f"{_stiffness(document['passive'])}  {formula}, sufficient with any passive hand"
+
+
+def _stiffness(value: float | None) -> str:
+    return "no limit found  " if value is None else f"{value:11.1f} N/m"

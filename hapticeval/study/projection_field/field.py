@@ -30,20 +30,12 @@ if TYPE_CHECKING:
 
 CELLS = 300
 LINES = 96
-STEP = 1e-5
-"""HIP step for amplification, as a share of the model's size."""
-
-RESTS = 1e-6
-"""Amplification below which the IHIP rests while the hand moves."""
-
-FAR = 0.25
-"""IHIPs further from the one that is asked for than this share of the surface are on its other side."""
-
-DEPTHS = (0.0025, 0.025)
-"""Depths as shares of the model's extent: 0.5 mm and 5 mm in a model of 200 mm."""
+STEP = 1e-5  # HIP step for amplification, as a share of the model's size
+RESTS = 1e-6  # amplification below which the IHIP rests while the hand moves
+FAR = 0.25  # IHIPs further from the one that is asked for than this share of the surface are on its other side
+DEPTHS = (0.0025, 0.025)  # as shares of the model's extent: 0.5 mm and 5 mm in a model of 200 mm
 PLACES = 400
-FROM_CORNERS = 3.0
-"""Depths that a place keeps away from every corner, where there is no one normal."""
+FROM_CORNERS = 3.0  # depths that a place keeps away from every corner, where there is no one normal
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,11 +133,13 @@ def _amplification(project: Project, lattice: Lattice, singular: Singular) -> Ar
 
     step = STEP * lattice.size
     hips, ihips = lattice.nodes[lattice.held], lattice.ihip[lattice.held]
-    moved = [project(hips + step * np.eye(2)[axis]) for axis in (0, 1)]
-    left = [np.all(each == hips + step * np.eye(2)[axis], axis=1) for axis, each in enumerate(moved)]
+    moves = [hips + step * axis for axis in np.eye(2)]
+    moved = [project(each) for each in moves]
     rates = np.hypot(*(np.linalg.norm(each - ihips, axis=1) / step for each in moved))
-    beside = shapely.dwithin(singular_geometry(singular), shapely.points(hips), 3.0 * step)
-    rates[beside | left[0] | left[1]] = np.nan
+    unclear = shapely.dwithin(singular_geometry(singular), shapely.points(hips), 3.0 * step)
+    for at, before in zip(moved, moves, strict=True):
+        unclear |= np.all(at == before, axis=1)
+    rates[unclear] = np.nan
     found = np.full(lattice.held.shape, np.nan)
     found[lattice.held] = rates
     return found

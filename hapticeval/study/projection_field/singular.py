@@ -20,18 +20,13 @@ if TYPE_CHECKING:
 Project: TypeAlias = Callable[[Array], Array]
 """HIPs (n, 2) to IHIPs (n, 2), m; out of contact the IHIP is the HIP."""
 
-OFFSET = (0.3819660, 0.2763932)
-"""Where in its cell the lattice starts, so that neither nodes nor lines lie on a model's axes of symmetry."""
-
-SHORT = 5e-4
-"""The shortest jump that counts, as a share of the model's size: 0.1 mm of 200 mm."""
-
-STRETCH = 1.2
-"""Neighbours whose IHIPs are further apart than this many lattice steps are looked at closer."""
-
+OFFSET = (0.3819660, 0.2763932)  # where in its cell the lattice starts: neither nodes nor lines lie on axes of symmetry
+SHORT = 5e-4  # the shortest jump that counts, as a share of the model's size: 0.1 mm of 200 mm
+STRETCH = 1.2  # neighbours whose IHIPs are further apart than this many lattice steps are looked at closer
 HALVINGS = 10
-STAYS = 0.15
-"""As in `continuous-contact`: a jump's logarithm falls by less than this a halving, a continuous map's by more."""
+STAYS = (
+    0.15  # as in `continuous-contact`: a jump's logarithm falls by less than this a halving, a continuous map's more
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,20 +119,10 @@ def singular_set(project: Project, lattice: Lattice) -> Singular:
 
     Jumps shorter than a lattice step may be missed where the projection is not steep beside them.
     """
-    places = []
-    jumps = []
-    for axis in (1, 0):
-        place, jump = _on_edges(project, lattice, axis)
-        places.append(place)
-        jumps.append(jump)
+    places, jumps = zip(*(_on_edges(project, lattice, axis) for axis in (1, 0)), strict=True)
     across, up = (~np.isnan(place[..., 0]) for place in places)
-    return Singular(
-        segments=_segments(*places),
-        points=_points(project, lattice, across, up),
-        jumps=np.concatenate(jumps),
-        across=across,
-        up=up,
-    )
+    points = _points(project, lattice, across, up)
+    return Singular(_segments(*places), points, np.concatenate(jumps), across, up)
 
 
 def _on_edges(project: Project, lattice: Lattice, axis: int) -> tuple[Array, Array]:

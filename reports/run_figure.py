@@ -1,0 +1,142 @@
+"""One figure per run, in the manner of thesis Figures 6.2 to 6.16: where the points went, and what was felt.
+
+Left the plane with the model, HIPs, IHIPs and the projections between them; right the response force against
+time, and below it how far the points moved in a tick (playback) or how deep the HIP was (experiment).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hapticeval.geometry.model import Model
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.stretches import joined
+from hapticeval.reports.canvas import MM, drawn, figure, legend_above, page_svg, trace
+from hapticeval.reports.plane import draw_plane, labels
+from hapticeval.runner.results import VerdictEntry
+from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DASHED, DOTTED = (0, (4, 1.2)), (0, (1.2, 1.2))
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A time (s) that a verdict's evidence names; `number` is shown in the figure, and beside the verdict."""
+
+    number: int
+    time: float
+    failed: bool
+
+
+def marks_of(verdicts: Sequence[VerdictEntry]) -> dict[str, Mark]:
+    """Return the marks of one run's verdicts, by check; verdicts whose evidence names no time have none."""
+    timed = [verdict for verdict in verdicts if type(verdict.evidence.get("time")) in (int, float)]
+    return {
+        verdict.check: Mark(number, float(verdict.evidence["time"]), verdict.outcome is Outcome.FAIL)
+        for number, verdict in enumerate(timed, start=1)
+    }
+
+
+def figure_svg(
+    recording: Recording, model: Model | None, *, marks: Sequence[Mark] = (), prefix: str = "f", title: str = ""
+) -> str:
+    """Return the figure as an SVG element for a page; the same input gives the same text.
+
+    Of a recording in 3D the two coordinates in which it moves most are drawn, and all three force components.
+    """
+    with figure(8.0, 3.5, page=True) as made:
+        _draw(made, recording, model, marks)
+        return page_svg(made, prefix=prefix, title=title)
+
+
+def run_figure(recording: Recording, model: Model | None, *, marks: Sequence[Mark] = (), title: str = "") -> Figure:
+    """Return the same as a figure of matplotlib, under a title."""
+    with figure(8.0, 3.7) as made:
+        _draw(made, recording, model, marks)
+        made.suptitle(title, y=0.99, fontsize="medium")
+        return made
+
+
+def _draw(made: Figure, recording: Recording, model: Model | None, marks: Sequence[Mark]) -> None:
+    plane = made.add_axes((0.08, 0.12, 0.405, 0.79))
+    force = made.add_axes((0.59, 0.45, 0.39, 0.46))
+    below = made.add_axes((0.59, 0.12, 0.39, 0.225), sharex=force)
+    ticks = {mark.number: int(np.argmin(np.abs(recording.time - mark.time))) for mark in marks}
+    draw_plane(plane, recording, model, ticks=ticks, failed={mark.number for mark in marks if mark.failed})
+    _draw_force(force, recording)
+    _draw_below(below, recording)
+    force.tick_params(labelbottom=False)
+    below.set_xlabel("time (s)")
+    start, end = float(recording.time[0]), float(recording.time[-1])
+    below.set_xlim(start, end if end > start else start + recording.dt)
+    for axes in (force, below):
+        axes.yaxis.set_label_coords(-0.125, 0.5)
+        axes.grid(True)
+        for mark in marks:
+            axes.axvline(
+                mark.time, color=drawn("mark"), linewidth=1.3 if mark.failed else 0.9, zorder=1.5,
+                linestyle="-" if mark.failed else (0, (1.5, 1.5)),
+            )  # fmt: skip
+    times = [np.array([mark.time]) for mark in marks]
+    for time, text in labels([mark.number for mark in marks], times, 0.03 * (end - start)):
+        force.annotate(
+            text, (float(time[0]), 0.0), xycoords=("data", "axes fraction"), xytext=(0, -1.5),
+            textcoords="offset points", ha="center", va="top", fontsize=7.5, annotation_clip=False,
+        )  # fmt: skip
+
+
+def _draw_force(axes: Axes, recording: Recording) -> None:
+    magnitude = np.linalg.norm(recording.force, axis=1)
+    trace(axes, recording, magnitude, "ink", label="|F|", linewidth=1.6)
+    for column, role, style, name in zip(
+        recording.force.T, ("one", "two", "three"), ("-", DASHED, DOTTED), "₁₂₃", strict=False
+    ):
+        trace(axes, recording, column, role, label=f"F{name}", linestyle=style)
+    axes.set_ylabel("response force (N)")
+    _include_zero(axes, recording.force, magnitude)
+    _legend(axes)
+
+
+def _draw_below(axes: Axes, recording: Recording) -> None:
+    """Steps of both points on one axis, where an IHIP that jumps and a HIP that does not are pop-through; or depth."""
+    if recording.meta.get("source") in ("playback", "replay") and len(recording) > 2:
+        ihip, hip = (_steps(recording, points) for points in (recording.ihip, recording.hip))
+        trace(axes, recording, ihip, "ihip", label="IHIP")
+        trace(axes, recording, hip, "hip", label="HIP", linestyle=DASHED)
+        axes.set_ylabel("step a tick\n(mm)")
+        _include_zero(axes, ihip, hip)
+        _legend(axes)
+        return
+    depth = MM * np.linalg.norm(recording.ihip - recording.hip, axis=1)
+    trace(axes, recording, depth, "ihip")
+    axes.set_ylabel("|IHIP − HIP|\n(mm)")  # noqa: RUF001
+    _include_zero(axes, depth)
+
+
+def _steps(recording: Recording, points: Array) -> Array:
+    """How far (mm) the points (n, N) move in the tick before each sample; NaN where there is none before it."""
+    steps = MM * np.linalg.norm(np.diff(points, axis=0), axis=1)
+    return np.append(np.nan, np.where(joined(recording), steps, np.nan))
+
+
+def _legend(axes: Axes) -> None:
+    legend_above(axes, handlelength=2.0, columnspacing=1.2, handletextpad=0.5)
+
+
+def _include_zero(axes: Axes, *columns: Array) -> None:
+    """Zero is always in sight, and rounding errors are never blown up to the height of the axis."""
+    low = min(0.0, *(float(np.nanmin(each)) for each in columns), 0.0)
+    high = max(0.0, *(float(np.nanmax(each)) for each in columns), 0.0)
+    if high - low < 1e-6:
+        high = 1.0
+    pad = 0.07 * (high - low)
+    axes.set_ylim(low - (pad if low < 0.0 else 0.4 * pad), high + pad)

@@ -1,0 +1,275 @@
+"""Ctrl-C on the commands that run jobs: what they say at once, what they finish, and what they keep."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import IO
+
+import pytest
+
+from hapticeval.cli import main
+from hapticeval.runner.results import FILE, read_results
+
+SUITE = """
+title = "Three slides"
+[[case]]
+name = "flat"
+title = "Along a plane"
+model = { kind = "line" }
+checks = ["continuous-contact", "memoryless"]
+trajectory = { kind = "points", points = [[0.0, -0.001], [0.019, -0.001]], duration = 0.2 }
+
+[[case]]
+name = "flat-back"
+title = "And back"
+model = { kind = "line" }
+checks = ["continuous-contact"]
+trajectory = { kind = "points", points = [[0.02, -0.001], [0.0, -0.001]], duration = 0.2 }
+
+[[case]]
+name = "flat-again"
+title = "And again"
+model = { kind = "line" }
+checks = ["continuous-contact"]
+trajectory = { kind = "points", points = [[0.0, -0.001], [0.019, -0.001]], duration = 0.2 }
+"""
+
+MINE = """
+import os, time
+from pathlib import Path
+import numpy as np
+
+class Waits:
+    "Stands still where `flat-back` begins, until a file says go."
+    def __init__(self, scene):
+        self.stiffness = scene.stiffness
+    def reset(self, hip):
+        pass
+    def step(self, hip, velocity, dt):
+        if hip[0] == 0.02:
+            Path("pid").write_text(str(os.getpid()))
+            Path("pid").rename("waiting")
+            while not Path("go").exists():
+                time.sleep(0.02)
+        ihip = np.array([hip[0], max(hip[1], 0.0)])
+        return ihip, self.stiffness * (ihip - hip)
+"""
+
+WAITING = (
+    "interrupted: 1 run that had begun is being finished, what is done is kept; press Ctrl-C again to stop at once\n"
+)
+STOPPED = "stopped: 1 run that had begun is given up; what is done is kept\n"
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(MINE)
+    (tmp_path / "slides.toml").write_text(SUITE)
+    return tmp_path
+
+
+class Command:
+    """The command in a process group of its own, on one core, so that its jobs come one after another."""
+
+    def __init__(self, process: subprocess.Popen[str], stdout: IO[str]) -> None:
+        self.process = process
+        self.stdout = stdout
+        assert process.stderr is not None
+        self.stderr = process.stderr
+
+    def says(self, start: str) -> str:
+        """The first line from now on that begins so."""
+        for line in self.stderr:
+            if line.startswith(start):
+                return line
+        raise AssertionError(f"it ended, and never said {start}")
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        while not condition():
+            assert self.process.poll() is None
+            time.sleep(0.02)
+
+    def ctrl_c(self) -> None:
+        os.killpg(self.process.pid, signal.SIGINT)
+
+    def leaves(self) -> bool:
+        """Whether there still are processes of the group, after its first has ended."""
+        try:
+            os.killpg(self.process.pid, 0)
+        except ProcessLookupError:
+            return False
+        return True
+
+    def ends(self) -> tuple[int, str, str]:
+        """Exit code, what is left of stderr, and stdout."""
+        err = self.stderr.read()
+        code = self.process.wait()
+        self.stdout.seek(0)
+        return code, err, self.stdout.read()
+
+
+@contextlib.contextmanager
+def command(arguments: Sequence[str], *, program: Sequence[str] = ("-m", "hapticeval")) -> Iterator[Command]:
+    one = min(os.sched_getaffinity(0))
+    with (
+        tempfile.TemporaryFile("w+") as out,
+        subprocess.Popen(
+            [sys.executable, *program, *arguments],
+            stdout=out,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            preexec_fn=lambda: os.sched_setaffinity(0, {one}),
+        ) as process,
+    ):
+        kill = threading.Timer(300.0, lambda: os.killpg(process.pid, signal.SIGKILL))  # a hang must not be for ever
+        kill.start()
+        try:
+            yield Command(process, out)
+        finally:
+            kill.cancel()
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+
+
+RUN = ["run", "slides.toml", "-r", "mine:Waits"]
+
+
+def test_what_has_begun_is_finished_and_the_rest_is_not_begun(here: Path) -> None:
+    with command(RUN) as run:
+        run.says("[1/3]")
+        run.until((here / "waiting").exists)
+        run.ctrl_c()
+        assert run.says("interrupted") == WAITING
+        (here / "go").touch()
+        code, err, out = run.ends()
+    assert code == 1, err
+    assert "[2/3] mine:Waits on slides/flat-back: 1 pass" in err
+    assert "Traceback" not in err
+    assert "3 of 4 planned verdicts ran (incomplete: interrupted by the user)" in out
+    results = read_results(here / "results")
+    assert not results.complete
+    assert [verdict.case for verdict in results.verdicts] == ["flat", "flat", "flat-back"]
+    assert (here / "results" / "report.html").exists()
+
+
+def test_a_second_one_stops_at_once(here: Path) -> None:
+    with command(RUN) as run:
+        run.says("[1/3]")
+        run.until((here / "waiting").exists)
+        run.ctrl_c()
+        assert run.says("interrupted") == WAITING
+        run.ctrl_c()
+        assert run.says("stopped") == STOPPED
+        code, err, out = run.ends()
+        worker = int((here / "waiting").read_text())
+        with pytest.raises(ProcessLookupError):
+            os.kill(worker, 0)
+    assert code == 1, err
+    assert "hapticeval report results makes them" in err
+    assert "Traceback" not in err
+    assert "2 of 4 planned verdicts ran (incomplete: interrupted by the user)" in out
+    assert f"wrote results/{FILE}" in out
+    results = read_results(here / "results")
+    assert not results.complete
+    assert [verdict.case for verdict in results.verdicts] == ["flat", "flat"]
+    assert main(["report", "results"]) == 0
+    assert (here / "results" / "report.html").exists()
+
+
+def test_a_replay_says_and_does_the_same(here: Path) -> None:
+    assert main(["run", "slides.toml", "-r", "constraint", "-k", "flat-back", "-o", "first"]) == 0
+    log = "first/recordings/slides/flat-back/constraint.h5"
+    with command(["replay", log, "-r", "mine:Waits", "-r", "constraint", "-o", "results"]) as replay:
+        replay.says("[1/3]")
+        replay.until((here / "waiting").exists)
+        replay.ctrl_c()
+        assert replay.says("interrupted") == WAITING
+        replay.ctrl_c()
+        assert replay.says("stopped") == STOPPED
+        code, err, _ = replay.ends()
+    assert code == 1, err
+    assert "Traceback" not in err
+    results = read_results(here / "results")
+    assert results.reason == "interrupted by the user"
+    assert [run.renderer for run in results.runs] == ["recorded"]
+
+
+DRAWS = """
+import sys, time
+from pathlib import Path
+from hapticeval.cli import main
+from hapticeval.reports import write
+
+def draw(order):
+    Path("drawing").touch()
+    time.sleep(3600.0)
+
+write.draw = draw
+sys.exit(main())
+"""
+
+NO_REPORTS = "no reports are written: hapticeval report results makes them of what is kept"
+ONCE = ["run", "slides.toml", "-r", "constraint", "-k", "flat*"]
+
+
+@pytest.mark.parametrize("arguments", [ONCE, ["report", "results"]])
+def test_ctrl_c_while_figures_are_drawn_keeps_the_results(here: Path, arguments: list[str]) -> None:
+    assert main(ONCE) == 0
+    with command(arguments, program=["-c", DRAWS]) as run:
+        run.until((here / "drawing").exists)
+        run.ctrl_c()
+        code, err, out = run.ends()
+        assert not run.leaves()
+    assert code == 1, err
+    assert NO_REPORTS in err
+    assert "Traceback" not in err
+    assert arguments != ONCE or "4 of 4 planned verdicts ran: 4 pass" in out
+    assert read_results(here / "results").complete
+
+
+def test_a_second_one_while_figures_are_drawn_stops_that_too(here: Path) -> None:
+    with command(RUN, program=["-c", DRAWS]) as run:
+        run.says("[1/3]")
+        run.until((here / "waiting").exists)
+        run.ctrl_c()
+        assert run.says("interrupted") == WAITING
+        (here / "go").touch()
+        run.until((here / "drawing").exists)
+        run.ctrl_c()
+        code, err, out = run.ends()
+        assert not run.leaves()
+    assert code == 1, err
+    assert NO_REPORTS in err
+    assert "Traceback" not in err
+    assert "3 of 4 planned verdicts ran (incomplete: interrupted by the user)" in out
+
+
+@pytest.mark.parametrize("file", ["waiting", "drawing"])
+def test_an_impatient_user_sees_no_traceback(here: Path, file: str) -> None:
+    """Ctrl-C again and again, until the process has ended: while it runs cases, or while it draws."""
+    if file == "drawing":
+        (here / "go").touch()
+    with command(RUN, program=["-c", DRAWS]) as run:
+        run.until((here / file).exists)
+        while run.process.poll() is None:
+            run.ctrl_c()
+            time.sleep(0.002)
+        code, err, out = run.ends()
+        assert not run.leaves()
+    assert code == 1, err
+    assert NO_REPORTS in err
+    assert "Traceback" not in err
+    assert "KeyboardInterrupt" not in err
+    assert f"{2 if file == 'waiting' else 4} of 4 planned verdicts ran" in out
+    assert f"wrote results/{FILE}" in out

@@ -1,0 +1,247 @@
+"""The tables as data and as markdown, JUnit XML, and a scene in words."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+
+import pytest
+from reports_synthetic import HOSTILE, synthetic_results, synthetic_run, verdict
+from result_entries import SCENE, changed
+
+from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.effects.delay import Delay
+from hapticeval.effects.encoder import Encoder
+from hapticeval.effects.force_sensor import ForceSensor
+from hapticeval.effects.joint_friction import JointFriction
+from hapticeval.effects.saturation import Saturation
+from hapticeval.effects.velocity_filter import VelocityFilter
+from hapticeval.effects.viscosity import Viscosity
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
+from hapticeval.reports import junit, markdown, matrix, render_html, summary
+from hapticeval.reports.junit import measured
+from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
+from hapticeval.runner.results import Ended, Robot
+
+
+def test_every_verdict_has_a_cell_where_it_belongs(results):
+    assert results.renderers == ["plain", "broken", HOSTILE]
+    cells = [
+        (row.suite, row.case, row.check, name, cell)
+        for row in matrix(results)
+        for name, cell in zip(results.renderers, row.cells, strict=True)
+        if cell
+    ]
+    assert len(cells) == len(results.verdicts)
+    assert all(
+        key == (cell.suite, cell.case, cell.check, cell.renderer) for *key, cell in cells for key in [tuple(key)]
+    )
+
+
+@pytest.mark.parametrize(
+    ("check", "standing"),
+    [
+        ("continuous-contact", "as known"),
+        ("contact-normal-force", "differs"),
+        ("broken-contact", "unexpected"),
+        ("memoryless", ""),
+        ("centripetal-force", "warning"),
+    ],
+)
+def test_a_cell_says_how_it_compares(results, check, standing):
+    (row,) = [row for row in matrix(results) if (row.case, row.check) == ("lobe", check)]
+    assert row.cells[0].standing == standing
+    assert row.cells[2] is None
+
+
+def test_a_row_of_the_matrix_has_the_heaviest_of_its_levels(results):
+    light = [changed(results.verdicts[0], level=Level.INFO), *results.verdicts[1:]]
+    row = matrix(synthetic_results(verdicts=light))[0]
+    assert [cell and cell.level for cell in row.cells] == [Level.INFO, Level.MUST, None]
+    assert row.level is Level.MUST
+
+
+def test_the_summary_puts_the_published_values_beside(results):
+    rows = {row.title: row.cells for row in summary(results)}
+    assert rows["Resists <Pop>"] == (("No", "No"), (None, None), ("Yes", "No"))
+    assert rows["Suitable for LUT"] == (("Yes", None), (None, None), (None, None))
+
+
+def test_markdown_shows_both_tables_and_cannot_be_broken_out_of(results):
+    text = markdown(results)
+    for expected in (
+        "13 of 13 planned verdicts ran; seed 3.",
+        "**Yes** (published: No)",
+        "**✓ pass** (published: fail)",
+        "✗ fail (as known)",
+        "- plain on synthetic/tip: it raised",
+    ):
+        assert expected in text
+    assert "<script>" not in text
+    assert len({len(line) for line in text.splitlines() if line.startswith("|")}) == 2
+    assert "| a \\| b \\| c " in markdown(synthetic_results(table={"a | b\n| c": {"plain": "Yes"}}))
+    interrupted = synthetic_results(planned=40, complete=False, reason="interrupted by the user")
+    assert "13 of 40 planned verdicts ran: incomplete, interrupted by the user" in markdown(interrupted)
+    assert "|" not in markdown(synthetic_results(runs=[], verdicts=[], table={}, published_table={}))
+
+
+def test_a_measure_reads_well():
+    jump = Finding(Outcome.FAIL, "jumps", Metric("jump", 0.004, "m"), 1e-4)
+    assert measured(verdict("c", "r", "x", jump)) == "jump 4 mm, bound 0.1 mm"
+    assert measured(verdict("c", "r", "x", Finding(Outcome.PASS, "fine"))) == ""
+
+
+# JUnit.
+
+
+def parsed(results):
+    return ET.fromstring(junit(results))
+
+
+def cases(root, renderer="plain", case="lobe"):
+    return {
+        each.get("name").partition(" [")[0]: each
+        for each in root.iter("testcase")
+        if each.get("classname") == f"synthetic.{case}" and each.get("name").endswith(f"[{renderer}]")
+    }
+
+
+def kinds(case):
+    return [child.tag for child in case]
+
+
+def test_a_failure_is_exactly_what_is_not_as_expected(results):
+    root = parsed(results)
+    assert [suite.get("name") for suite in root] == [f"synthetic: {name}" for name in results.renderers]
+    found = cases(root)
+    assert {name: kinds(case) for name, case in found.items()} == {
+        "continuous-contact": ["system-out"],
+        "contact-normal-force": ["failure"],
+        "centripetal-force": ["skipped"],
+        "memoryless": ["system-out"],
+        "broken-contact": ["failure"],
+        "impulsive-collision": ["skipped"],
+    }
+    assert found["continuous-contact"][0].text.startswith("fails, as known: pop-through <here>")
+    assert found["broken-contact"][0].get("message") == "pop-through <here> (IHIP jump 40 mm, bound 1 mm)"
+    assert found["contact-normal-force"][0].get("message").startswith("pass, published fail: ")
+    warned = "warning: inconclusive: too slow | to say (share not finite, bound 0.1)"
+    assert found["centripetal-force"][0].get("message") == warned
+    strict = cases(parsed(synthetic_results(strict=True)))
+    assert kinds(strict["centripetal-force"]) == ["failure"]
+    assert kinds(strict["impulsive-collision"]) == ["skipped"]
+
+
+def test_an_inconclusive_verdict_that_is_published_as_pass_is_no_skip(results):
+    verdicts = list(results.verdicts)
+    verdicts[2] = changed(verdicts[2], published=Outcome.PASS, as_expected=False)
+    assert kinds(cases(parsed(synthetic_results(verdicts=verdicts)))["centripetal-force"]) == ["failure"]
+
+
+def test_errors_are_errors_with_and_without_a_verdict(results):
+    root = parsed(results)
+    assert kinds(cases(root, "broken")["continuous-contact"]) == ["error"]
+    lost = cases(root, "plain", "tip")["run"]
+    assert kinds(lost) == ["error"]
+    assert lost[0].get("message") == "it raised <ValueError> at tick 7"
+    assert "mend it" in lost[0].text
+    assert "\x1b" not in junit(results)
+    assert HOSTILE in root[2].get("name")
+
+
+def test_the_counts_add_up_and_names_are_unique(results):
+    root = parsed(results)
+    for name, tag in (("tests", "testcase"), ("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
+        assert int(root.get(name)) == len(list(root.iter(tag))) == sum(int(suite.get(name)) for suite in root)
+    unexpected = [each for each in results.verdicts if not each.as_expected and each.outcome != "error"]
+    assert int(root.get("failures")) == len(unexpected)
+    names = {(case.get("classname"), case.get("name")) for case in root.iter("testcase")}
+    assert len(names) == int(root.get("tests")) == len(results.verdicts) + 1
+
+
+def test_an_incomplete_run_is_in_error(results):
+    root = parsed(synthetic_results(planned=40, complete=False, reason="interrupted by the user"))
+    (case,) = [case for case in root.iter("testcase") if case.get("name") == "every planned verdict ran"]
+    assert kinds(case) == ["error"]
+    assert case[0].get("message") == "13 of 40 planned verdicts ran: incomplete, interrupted by the user"
+    assert not [case for case in parsed(results).iter("testcase") if case.get("classname") == "hapticeval"]
+
+
+# A scene in words: every number with its unit, and nothing of what the scene does not call for.
+
+ROBOT = {
+    "device": Robot(kind="parallelogram-3dof", dynamics="lagrangian", base_inertia="sin"),
+    "inner_loop": InnerLoop.LINEARISED,
+}
+
+
+def run(**scene):
+    return synthetic_run("lobe", "plain", "cassinian", scene=changed(SCENE, **scene))
+
+
+def test_gains_have_their_units_and_what_is_zero_is_not_told():
+    assert scene_words(run()) == "stiffness 1000 N/m, mass 0.1 kg, 1000 Hz, unilateral"
+    assert "viscosity 0.3 kg/s" in scene_words(run(effects=[Viscosity(0.3).document()]))
+
+
+def test_a_robot_says_which_dynamics_and_which_inertia_it_has_a_choice_of():
+    assert robot_words(run()) == "", "playback has none"
+    assert robot_words(run(**ROBOT)) == (
+        "parallelogram-3dof, Lagrangian dynamics, d₀ with sin² x₃, inner loop by feedback linearisation (6.7); "
+        "no imperfections"
+    )
+    printed = Robot(kind="parallelogram-3dof", dynamics="printed", base_inertia="cos")
+    assert "dynamics as printed (2.26), d₀ with cos² x₃" in robot_words(run(**{**ROBOT, "device": printed}))
+    flat = robot_words(run(**{**ROBOT, "device": changed(printed, kind="parallelogram-2dof")}))
+    assert "dynamics" not in flat
+    assert "d₀" not in flat
+
+
+@pytest.mark.parametrize(
+    ("effect", "words"),
+    [
+        (Encoder(2.0 * math.pi / 262144), "encoders of 2.397e-05 rad a count (262,144 counts a turn)"),
+        (VelocityFilter(50.0), "velocity from differences, low-passed at 50 Hz"),
+        (Delay(0.0005), "torques 0.5 ms late"),
+        (Saturation(0.368), "motors saturate at 0.368 N m"),
+        (JointFriction(0.02), "Coulomb friction of 0.02 N m in each joint"),
+        (ForceSensor(step=0.01), "force sensor (quantum 0.01 N)"),
+        (ForceSensor(), "force sensor, ideal"),
+    ],
+)
+def test_each_effect_of_the_robot_in_words(effect, words):
+    assert robot_words(run(**{**ROBOT, "effects": [effect.document()]})).endswith(f"; {words}")
+
+
+def test_a_point_mass_has_metres_and_newtons_for_joints():
+    mass = {"device": Robot(kind="point-mass"), "inner_loop": InnerLoop.STATIC}
+    words = robot_words(run(**mass, effects=[Encoder(1e-5).document(), Saturation(2.0).document()]))
+    assert words == "point-mass; encoders of 0.01 mm a count, motors saturate at 2 N"
+
+
+@pytest.mark.parametrize(
+    ("citation", "figures"),
+    [
+        ("6.3.3, Table 6.2, Figure 6.22; 7.3.2, (7.38), Figure 7.3", "Figures 6.22 and 7.3"),
+        ("7.4.2, Figures 7.6 to 7.8", "Figures 7.6 to 7.8"),
+        ("6.3.2, Table 6.1, Figure 6.19; 7.3.1, (7.28)", "Figure 6.19"),
+        ("6.3.2, (6.17), Table 6.1", ""),
+        (None, ""),
+    ],
+)
+def test_figures_by_their_numbers(citation, figures):
+    assert figures_cited(synthetic_run("lobe", "plain", "cassinian", citation=citation)) == figures
+
+
+def test_a_run_that_ended_early_is_told_in_every_report(results):
+    ended = Ended(tick=123, time=0.123, what="the arm left its <workspace>", why="x2 = 1.2 rad")
+    runs = [changed(results.runs[0], ended=ended), *results.runs[1:]]
+    sentence = "ended early at t = 0.123 s, tick 123: the arm left its <workspace> (x2 = 1.2 rad)"
+    assert [ended_words(run) for run in runs[:2]] == [sentence, ""]
+    told = synthetic_results(runs=runs)
+    page = render_html(told, {})
+    assert f"The run {sentence.replace('<', '&lt;').replace('>', '&gt;')}" in page
+    assert "1 run ended early" in page
+    assert f"- plain on synthetic/lobe {sentence.replace('<', '&lt;')}" in markdown(told)
+    given = parsed(told).find(".//testcase[@name='contact-normal-force [plain]']")
+    assert sentence in given.find("failure").get("message")
