@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
@@ -103,6 +103,12 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     leads to other code.
     """
     return _compiled(function)
+
+
+@cache
+def compiled_once(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a plain function of a module that is imported without numba; the same for every caller."""
+    return compiled(function)
 
 
 def inner(function: Callable[P, R]) -> Callable[P, R]:
