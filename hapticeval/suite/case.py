@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct
 
-from hapticeval.closed_forms.form import CLOSED_FORMS
+from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.errors import InputError, at
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.model import Model

@@ -22,38 +22,25 @@ from hapticeval.scene import Scene
 from hapticeval.simulation.playback import ask, play, start
 from hapticeval.stimulus.paths import build_path
 from hapticeval.stimulus.stimulus import Path
+from hapticeval.study.bench.document import Errors
 from hapticeval.study.projection_field.singular import sampled, singular_geometry, singular_set
 from hapticeval.types import Array
 
 POINTS = 1000
 SIZE = 0.2
-AWAY = 2e-3
-"""Distance (m) of the points from discontinuities."""
-
-CELLS = 100
-"""Lattice steps in which these are looked for."""
-
+AWAY = 2e-3  # distance (m) of the points from discontinuities
+CELLS = 100  # lattice steps in which these are looked for
 SLIDE_SECONDS = 2.0
+FORCE_DEPTH = 1e-6  # depth (m) whose spring force is the least that has a direction
+MARGIN = 10.0  # refinements of the reference must agree to the tenth of an error for it to be believed
+ROUNDING = 1e-12  # errors below this share of a model's size are rounding
+STATISTICS = ("rms", "p99", "max")
 
 MODELS: Mapping[str, Mapping[str, Any]] = {
     "cassinian": {"kind": "scaled", "depth": 0.004, "from_angle": -45, "to_angle": 45},
     "star": {"kind": "corner", "corner": 1, "depth": 0.004, "before": 0.030, "after": 0.030},
 }
 """The models of a bench, and the path that the hand slides along: a lobe of the Cassinian, a notch of the star."""
-
-FORCE_DEPTH = 1e-6
-"""Depth (m) whose spring force is the least that has a direction."""
-
-MARGIN = 10.0
-"""Refinements of the reference must agree to the tenth of an error for it to be believed."""
-
-ROUNDING = 1e-12
-"""Errors below this share of a model's size are rounding."""
-
-STATISTICS = ("rms", "p99", "max")
-
-Errors = dict[str, dict[str, float]]
-"""By metric (`ihip` m, `normal` degrees, `force` N) and statistic."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,14 +22,9 @@ from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array, IntArray
 from hapticeval.workers import cores
 
-WARM_UP = 200
-"""Steps before each round of timing, outside the clock."""
-
-LONG_BUILD = 0.3
-"""Seconds above which a build is timed once."""
-
-LONG_BATCH = 0.02
-"""Seconds that a round of batches may take."""
+WARM_UP = 200  # steps before each round of timing, outside the clock
+LONG_BUILD = 0.3  # s above which a build is timed once
+LONG_BATCH = 0.02  # s that a round of batches may take
 
 
 @dataclass(frozen=True, eq=False)

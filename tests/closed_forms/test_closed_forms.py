@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.closed_forms.equations import Gains, integrated, polar_rates, transversal
-from hapticeval.closed_forms.form import CLOSED_FORMS, SCHEMES
+from hapticeval.closed_forms import CLOSED_FORMS, SCHEMES, Gains, integrated, polar_rates, transversal
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, line, star
 from hapticeval.scene import Scene
