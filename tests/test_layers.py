@@ -20,6 +20,7 @@ LAYERS = (
     {"documents"},
     {"files", "geometry", "knob", "quantity", "workers"},
     {"devices", "recordings"},
+    {"effects"},
     {"scene"},
     {"stimulus"},
     {"closed_forms", "renderer"},

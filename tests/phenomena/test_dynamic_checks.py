@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made import FAIL, NO, PASS, UNDECIDED, found, outcome
 
-from hapticeval.devices.imperfections import ForceSensor, Imperfections
 from hapticeval.devices.point_mass import PointMass
+from hapticeval.effects.force_sensor import ForceSensor
+from hapticeval.effects.viscosity import Viscosity, viscosity_of
 from hapticeval.geometry.catalogue import circle, line, sphere
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.refinement import extrapolated, left
@@ -53,7 +54,7 @@ def force(scheme, scene, hip, velocity):
     foot = along / stretch
     bend = -kappa * (along @ along) / stretch * normal
     turn = 2.0 * kappa * n_rate * foot
-    return spring - d * n_rate * normal + scene.mass * (bend + turn) - scene.viscosity * stretch * foot
+    return spring - d * n_rate * normal + scene.mass * (bend + turn) - viscosity_of(scene) * stretch * foot
 
 
 def run(scheme, scene, position, velocity, duration, dt, *, law=force, push=None):
@@ -156,7 +157,7 @@ def test_evidence_puts_measured_beside_closed_form():
 
 
 def test_a_viscous_surface_is_asked_to_be_viscous():
-    scene = replace(CIRCLE, viscosity=0.3)
+    scene = replace(CIRCLE, effects=(Viscosity(0.3),))
     made = runs("set-stabilisation", scene, (1.1, 0.0), (0.0, 5.5), 1.0, name="7.38")
     for check in ("constraint-stability", "decoupling", "tangential-dynamics", "closed-form"):
         finding = found(check, made, scene)
@@ -259,7 +260,9 @@ def test_a_led_hand_and_a_one_sided_surface_are_not_what_these_checks_are_about(
         assert outcome(check, Runs(base), one_sided) is NO
 
 
-SPHERE = Scene(model=sphere(size=0.2), stiffness=20.0, damping=2.83, mass=0.1, viscosity=0.3, bilateral=True)
+SPHERE = Scene(
+    model=sphere(size=0.2), stiffness=20.0, damping=2.83, mass=0.1, effects=(Viscosity(0.3),), bilateral=True
+)
 
 
 def great_circle(dt=1e-3, *, drag=3.0, turn=0.0, duration=1.0):
@@ -304,7 +307,7 @@ def test_in_space_a_turn_aside_from_the_geodesic_is_an_acceleration_too():
 def test_what_the_hand_adds_is_assigned_where_it_is_sensed():
     """A steady push along the meridian of a sphere, whose foot accelerates by P_T F / m and by no more (8.9)."""
     push, mass, dt = 0.02, 0.1, 1e-3
-    scene = replace(SPHERE, viscosity=0.0, imperfections=Imperfections(force_sensor=ForceSensor()))
+    scene = replace(SPHERE, effects=(ForceSensor(),))
 
     def at(factor):
         time = np.arange(0.0, 1.0 + 0.5 * dt / factor, dt / factor)

@@ -16,18 +16,19 @@ from hypothesis import strategies as st
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 from msgspec.structs import replace
 
-from hapticeval.devices.imperfections import Imperfections
 from hapticeval.discovery import resolve
+from hapticeval.effects.delay import Delay
+from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.errors import InputError, RendererError
 from hapticeval.geometry.catalogue import cassinian, circle, line, make_model
 from hapticeval.phenomena import passivity
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.passivity import laps
 from hapticeval.phenomena.verdict import Level
-from hapticeval.renderer import Declaration, Response, Spring
+from hapticeval.renderer import Declaration, Response, Spring, abilities_of
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import declared, play
+from hapticeval.simulation.playback import play
 from hapticeval.stimulus.paths import build_path
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.suite.reading import load_suite
@@ -205,10 +206,10 @@ def test_a_late_spring_is_not_blamed_where_the_hand_turns_within_its_lag(late, d
 
 
 def test_late_motors_give_energy_whatever_the_renderer():
-    scene = Scene(model=circle(), stiffness=K, imperfections=Imperfections(delay=1e-3))
+    scene = Scene(model=circle(), stiffness=K, effects=(Delay(1e-3),))
     finding = judged_field(lambda p: -K * p + 0.5 * K * np.array([-p[1], p[0]]), loop(), scene=scene)
     assert (finding.outcome, finding.level) == (FAIL, Level.INFO)
-    filtered = Scene(model=circle(), damping=1.0, imperfections=Imperfections(velocity_cutoff=50.0))
+    filtered = Scene(model=circle(), damping=1.0, effects=(VelocityFilter(50.0),))
     assert passivity.active_by_nature(filtered) is not None
     assert passivity.active_by_nature(Scene(model=circle(), damping=1.0)) is None
 
@@ -355,14 +356,14 @@ def test_a_declared_scatter_is_allowed_up_to_a_tenth_of_the_force_and_where_the_
 
 
 def test_a_declaration_is_metadata_of_the_recording():
-    assert declared(resolve("minimum-distance")(ROUND))["spring"] == Spring.ERROR
-    assert declared(resolve("conformal")(ROUND))["spring"] == Spring.NORMAL
-    assert "spring" not in declared(resolve("minimum-distance+square-root")(ROUND))
+    assert abilities_of(resolve("minimum-distance")(ROUND)).meta["spring"] == Spring.ERROR
+    assert abilities_of(resolve("conformal")(ROUND)).meta["spring"] == Spring.NORMAL
+    assert "spring" not in abilities_of(resolve("minimum-distance+square-root")(ROUND)).meta
     for wrong in ("error", Declaration(force_scatter=math.nan), Declaration(ihip_scatter=-1.0)):
         renderer = honest.Spring(ROUND)
         renderer.declares = wrong
         with pytest.raises(RendererError, match="declares"):
-            declared(renderer)
+            abilities_of(renderer)
 
 
 # The loops of the suite

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.devices.imperfections import ENCODER_STEP
-from hapticeval.devices.parallelogram import Parallelogram2
+from hapticeval.devices.parallelogram import ENCODER_STEP, Parallelogram2
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.integrity.consistency import inverse_checks
 from hapticeval.recordings.integrity.relations import derivative_fit, matched
