@@ -335,7 +335,8 @@ def test_a_bench_is_shown_with_its_front_its_answers_and_what_is_not_proven(resu
     bench = BenchResults(
         complete=False, reason="interrupted <by> the user", quick=True, seed=1, rounds=8,
         environment={"python": "3.11", "versions": {"numpy": "2", "gone": None}},
-        machine={"cores": 2, "clock_ns": 40.0}, command={}, timing={}, references=[ReferenceEntry(name, "circle", "the exact curve", None) for name in "ab"],
+        machine={"cores": 2, "clock_ns": 40.0}, command={}, timing={},
+        references=[ReferenceEntry(name, "circle", "the exact curve", None) for name in "ab"],
         settings=[setting("a"), setting("b", proven=False), setting("c", **none, problem="no <room>")],
         orders=[OrderEntry("a", "circle", "vertices", {}, [40.0, 80.0], {"ihip": 2.0, "force": None})],
         answers=[
