@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from hapticeval.compiled import compiled
-from hapticeval.devices.dynamics_kernels import solve
 from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.devices.motion_kernels import solve
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.devices.parallelogram_kernels import dynamics2, kinematics2
 from hapticeval.geometry.catalogue import cassinian

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
+from hapticeval.discovery import resolve
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderer import Renderer, RendererFactory, SelfDriven
@@ -231,6 +232,13 @@ class Results:
         title = f"{run.renderer} on {run.suite}/{run.case}"
         return run_figure(self.recording(f"{run.suite}/{run.case}", run.renderer), model, marks=marks, title=title)
 
+    @property
+    def file(self) -> Path:
+        """The path of results.json. Raises `InputError` for results that lie in no folder."""
+        if self.folder is None:
+            raise InputError("these results lie in no folder", todo="run with output='results'")
+        return self.folder / FILE
+
     def report(
         self, *, progress: Callable[[int, int], None] | None = None, stopped: Callable[[], bool] | None = None
     ) -> list[Path]:
@@ -240,12 +248,8 @@ class Results:
         """
         from hapticeval.reports import write_reports
 
-        if self.folder is None:
-            raise InputError("these results lie in no folder", todo="run with output='results'")
-        return [
-            self.folder / FILE,
-            *write_reports(self.folder, progress=progress, workers=cores(), stopped=stopped),
-        ]
+        folder = self.file.parent
+        return [self.file, *write_reports(folder, progress=progress, workers=cores(), stopped=stopped)]
 
     def __repr__(self) -> str:
         document = self.document
@@ -282,7 +286,8 @@ class Results:
 def _named(renderers: Any) -> dict[str, str | RendererFactory]:
     """Return a name for each renderer, and the factory behind those that are no names themselves."""
     if isinstance(renderers, Mapping):
-        return {str(name): _factory(each) for name, each in renderers.items()}
+        made = {str(name): _factory(each) for name, each in renderers.items()}
+        return {name: resolve(each) if isinstance(each, str) and each != name else each for name, each in made.items()}
     listed = list(renderers) if isinstance(renderers, list | tuple) else [renderers]
     named: dict[str, str | RendererFactory] = {}
     for each in listed:

@@ -8,10 +8,11 @@ from enum import StrEnum
 from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 from hapticeval.compiled import LawData
-from hapticeval.errors import RefusalError, RendererError, UnknownNameError
+from hapticeval.effects.force_sensor import ForceSensor
+from hapticeval.errors import RefusalError, RendererError, UnknownNameError, renderer_errors
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recording import Recording
-from hapticeval.scene import FORCE_SENSOR, PLANE, REQUIREMENTS, SPACE, Scene
+from hapticeval.scene import PLANE, SPACE, Scene, requirements
 from hapticeval.stimulus.stimulus import Stimulus
 from hapticeval.types import Array
 
@@ -137,20 +138,29 @@ class Explaining(Protocol):
         """Name -> what it is, and its numbers a row of the recording: (n,) or (n, columns)."""
 
 
+def stated(renderer: object, name: str, default: Any = None) -> Any:
+    """Return what a renderer states of itself in an optional attribute, `default` where it has none.
+
+    Raises `RendererError` where the attribute is a property that raises.
+    """
+    with renderer_errors(f"attribute '{name}'"):
+        return getattr(renderer, name, default)
+
+
 def supported(declaring: object) -> frozenset[str] | None:
     """The requirements that a renderer, or its factory, declares to support; None where it declares nothing.
 
-    `declaring.supports` is a collection of names of `hapticeval.scene.REQUIREMENTS`. "plane" and "space" narrow the
+    `declaring.supports` is a collection of names of `hapticeval.scene.requirements`. "plane" and "space" narrow the
     models: where neither is declared a renderer is given both kinds, and its own code refuses what it cannot take, as
     `scene.model.curve` does. A renderer that has `feel` supports "force-sensor" without declaring it.
 
     Raises `RendererError` for anything but a collection of strings, and `UnknownNameError`, with the closest names,
     for one that is no requirement.
     """
-    names = getattr(declaring, "supports", None)
+    names = stated(declaring, "supports")
     if isinstance(declaring, type) and not isinstance(names, Collection):
         return None  # a property of what the class makes
-    feels = {FORCE_SENSOR} if isinstance(declaring, Feeling) else set()
+    feels = {ForceSensor.requirement} if isinstance(declaring, Feeling) else set()
     if names is None:
         return frozenset(feels) or None
     if isinstance(names, str) or not (isinstance(names, Collection) and all(isinstance(name, str) for name in names)):
@@ -160,27 +170,27 @@ def supported(declaring: object) -> frozenset[str] | None:
             todo='write for instance supports = {"bilateral"}',
         )
     for name in names:
-        if name not in REQUIREMENTS:
-            raise UnknownNameError("requirement", name, REQUIREMENTS)
+        if name not in requirements():
+            raise UnknownNameError("requirement", name, requirements())
     return frozenset(names) | feels
 
 
 def check_support(scene: Scene, supports: frozenset[str]) -> None:
     """Raise `RefusalError`, naming the requirements, where the scene asks for what is not among `supports`."""
     anywhere = supports.isdisjoint((PLANE, SPACE))
-    lacking = [
-        each
-        for each in scene.requirements
-        if each.name not in supports and not (anywhere and each.name in (PLANE, SPACE))
-    ]
+    lacking = {
+        name: meaning
+        for name, meaning in scene.requirements.items()
+        if name not in supports and not (anywhere and name in (PLANE, SPACE))
+    }
     if lacking:
-        declared = ", ".join(name for name in REQUIREMENTS if name in supports)
+        declared = ", ".join(name for name in requirements() if name in supports)
         raise RefusalError(
-            "the scene asks for " + ", and for ".join(f"'{each.name}' ({each.meaning})" for each in lacking),
+            "the scene asks for " + ", and for ".join(f"'{name}' ({meaning})" for name, meaning in lacking.items()),
             why="the renderer is for unilateral contact without viscosity"
             + (f", and declares support for {declared}" if declared else ", as it declares no more"),
             todo="choose another renderer or case; one of your own that can do it declares so: "
-            f"supports = {{{', '.join(repr(each.name) for each in lacking)}}}".replace("'", '"'),
+            f"supports = {{{', '.join(map(repr, lacking))}}}".replace("'", '"'),
         )
 
 

@@ -15,6 +15,7 @@ import signal
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any, Generic, NamedTuple, TypeVar, cast
@@ -89,7 +90,7 @@ class Workers(Generic[T]):
     def begin(self, call: int, *arguments: Any) -> None:
         """Have a free process, or a new one, call the function."""
         if self._count == 0:
-            self._here.append(Answer(call, *_called(self._function, arguments)))
+            self._here.append(Answer(call, *_called(partial(self._function, *arguments))))
             return
         while True:
             worker = self._idle.pop() if self._idle else self._new()
@@ -141,15 +142,16 @@ def _serve(pipe: Connection, others: Connection, function: Callable[..., Any]) -
     others.close()  # else this process would keep its own pipe open
     try:
         while True:
-            pipe.send_bytes(_packed(*_called(function, pickle.loads(pipe.recv_bytes()))))
+            received = pipe.recv_bytes()
+            pipe.send_bytes(_packed(*_called(lambda: function(*pickle.loads(received)))))  # noqa: B023 - called at once
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
 
 
-def _called(function: Callable[..., T], arguments: tuple[Any, ...]) -> tuple[T | None, Exception | None]:
+def _called(call: Callable[[], T]) -> tuple[T | None, Exception | None]:
     """Return the value, or the error that was raised."""
     try:
-        return function(*arguments), None
+        return call(), None
     except Exception as error:
         return None, error
 

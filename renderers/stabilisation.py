@@ -10,6 +10,7 @@ import numpy as np
 from hapticeval.compiled import law_data
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
+from hapticeval.effects.viscosity import viscosity_of
 from hapticeval.errors import DomainError, InputError, RefusalError
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
@@ -77,7 +78,7 @@ class CurveStabilisation(LawRenderer):
     def __init__(self, scene: Scene) -> None:
         self.surface: Curve = smooth_curve(scene.model)
         check_gains(scene)
-        reals = (scene.stiffness, scene.damping, scene.mass, scene.viscosity, float(scene.bilateral))
+        reals = (scene.stiffness, scene.damping, scene.mass, viscosity_of(scene), float(scene.bilateral))
         data = law_data(reals, segments=self.surface.pieces, lookup=self.surface.samples, state=MEMORY)
         law = CompiledLaw(curve_law.answer, data, REFUSALS)
         super().__init__(law, dimension=2)
@@ -135,10 +136,10 @@ def check_gains(scene: Scene) -> None:
             f"{f' = {2.0 * scene.damping / period:.6g} N/m' if d < 2.0 else ''}",
             todo="sample faster, lower the stiffness, or change the damping",
         )
-    if not scene.viscosity * period < 2.0 * mass:
+    if not viscosity_of(scene) * period < 2.0 * mass:
         raise InputError(
-            f"viscosity {scene.viscosity:g} kg/s is unstable at {period:g} s",
-            why=f"the sampled speed is multiplied by {1.0 - scene.viscosity * period / mass:g} at each tick",
+            f"viscosity {viscosity_of(scene):g} kg/s is unstable at {period:g} s",
+            why=f"the sampled speed is multiplied by {1.0 - viscosity_of(scene) * period / mass:g} at each tick",
             todo=f"choose it below {2.0 * mass / period:g} kg/s, or sample faster",
         )
 
@@ -169,7 +170,7 @@ class SurfaceStabilisation(LawRenderer):
                 todo="use set-stabilisation as it is, which needs no charts",
             )
         check_gains(scene)
-        gains = (scene.stiffness, scene.damping, scene.mass, scene.viscosity, float(scene.bilateral))
+        gains = (scene.stiffness, scene.damping, scene.mass, viscosity_of(scene), float(scene.bilateral))
         data = law_data(np.concatenate([self.surface.row, gains]), state=MEMORY)
         law = CompiledLaw(atlas.answer if charts else surface_law.answer, data, SURFACE_REFUSALS)
         super().__init__(law, dimension=3)
@@ -192,7 +193,7 @@ class SurfaceStabilisation(LawRenderer):
         }
         answers = atlas.charts(
             y, yd, radius=float(self.surface.reals[0]), stiffness=scene.stiffness, damping=scene.damping,
-            mass=scene.mass, viscosity=scene.viscosity, push=push,
+            mass=scene.mass, viscosity=viscosity_of(scene), push=push,
         )  # fmt: skip
         for number, answer in enumerate(answers, start=1):
             told[f"eta{number}"] = (Signal("rad, rad/s", f"coordinates and rates of chart {number} (7.10)"), answer.eta)

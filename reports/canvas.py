@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from html import escape
 from pathlib import Path
 from types import MappingProxyType
@@ -61,6 +62,22 @@ THEME: Mapping[str, str] = MappingProxyType(
 Curves are in the colour-blind-safe palette of Okabe and Ito; the greys are mere stand-ins, told apart by their last
 digit.
 """
+
+PAPER: Mapping[str, str] = MappingProxyType(
+    {
+        **THEME,
+        "ink": "#1c1f23",
+        "quiet": "#6b7280",
+        "grid": "#e3e6ea",
+        "model": "#eef0f3",
+        "ray": "#9aa3ae",
+        "paper": "#ffffff",
+    }
+)
+"""The same for a figure that stands alone: the page's light colours in place of the stand-ins."""
+
+_ROLES: ContextVar[Mapping[str, str]] = ContextVar("_ROLES", default=THEME)
+"""Which of the two the figure being drawn is in."""
 
 STYLE: Mapping[str, Any] = {
     "svg.fonttype": "none",
@@ -118,17 +135,21 @@ def figure(
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
-    colours = {key: drawn(role) for key, role in COLOURS.items()} if page else {}
+    colours = {key: THEME[role] for key, role in COLOURS.items()} if page else {}
     style: Any = {**STYLE, **colours, **(settings or {})}
-    with rc_context(style):
-        made = Figure(figsize=(width, height), **options)
-        if page:
-            FigureCanvasSVG(made)
-            made.patch.set_visible(False)
-        else:
-            FigureCanvasAgg(made)
-            made.set_facecolor("white")
-        yield made
+    roles = _ROLES.set(THEME if page else PAPER)
+    try:
+        with rc_context(style):
+            made = Figure(figsize=(width, height), **options)
+            if page:
+                FigureCanvasSVG(made)
+                made.patch.set_visible(False)
+            else:
+                FigureCanvasAgg(made)
+                made.set_facecolor("white")
+            yield made
+    finally:
+        _ROLES.reset(roles)
 
 
 def page_svg(made: Figure, *, prefix: str, title: str) -> str:
@@ -171,8 +192,8 @@ def save_figure(
 
 
 def drawn(role: str) -> str:
-    """Return the colour to draw a role in, which `inlined` turns into the page's."""
-    return THEME[role]
+    """Return the colour to draw a role in; on a page `inlined` turns it into the page's."""
+    return _ROLES.get()[role]
 
 
 def trace(axes: Axes, recording: Recording, values: Array, role: str, **style: Any) -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+import runpy
 import shlex
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -113,6 +115,33 @@ def test_the_names_that_it_gives_are_renderers() -> None:
     names = re.findall(r"`([a-z-]+[+@][a-z+@-]+)`", section("Names of renderers", "write-a-renderer"))
     assert len(names) >= 2
     assert all(callable(resolve(name)) for name in names)
+
+
+def test_the_page_on_python_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    for source in re.findall(r"```python\n(.*?)```", PAGES["python"], re.DOTALL):
+        exec(source, names)
+    assert "<Results of Nearest: 3 pass, 2 fail>" in capsys.readouterr().out
+    assert (tmp_path / "corner.png").exists()
+    names["test_my_renderer"]()
+
+
+def test_the_example_tells_both_renderers_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example = runpy.run_path(str(ROOT / "examples" / "judge_a_renderer.py"))
+    example["main"].__globals__["CASES"] = ["star-convex-corner/*-contact"]
+    frame = example["main"](str(tmp_path / "judged.png")).frame()
+    failed = frame[frame.outcome == "fail"]
+    assert list(zip(failed.renderer, failed.check, strict=True)) == [
+        ("Nearest", "continuous-contact"),
+        ("Nearest", "broken-contact"),
+    ]
+    assert "the IHIP jumps 17.3 mm" in capsys.readouterr().out
+    assert (tmp_path / "judged.png").exists()
 
 
 def test_every_check_is_in_the_table() -> None:

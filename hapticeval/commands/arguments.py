@@ -37,6 +37,22 @@ MemoryLimit = Annotated[
     typer.Option("--memory-limit", metavar="GB", help="Refuse a file whose numbers would take more.", min=0.0),
 ]
 
+Folder = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where picture and numbers go.")]
+
+Renderers = Annotated[
+    list[str] | None,
+    typer.Option(
+        "-r",
+        "--renderer",
+        metavar="NAME",
+        help="BASE[+SCHEME][@REPRESENTATION], BASE an entry point or package.module:factory; may be repeated. Without "
+        "it, those that the suite names, or that come with hapticeval.",
+        show_default=False,
+    ),
+]
+
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of everything random.", min=0, max=2**32 - 1)]
+
 FormatName = Annotated[
     str | None,
     typer.Option(

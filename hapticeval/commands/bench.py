@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from hapticeval.commands.arguments import parse_knobs
-from hapticeval.commands.output import DEFAULT_DIRECTORY, prepare, say
+from hapticeval.commands.arguments import Folder, Seed, parse_knobs
+from hapticeval.commands.terminal import Terminal, paragraphs, say, wrote
 
 EXIT_CODES = """\b
 Exit codes:
@@ -60,10 +60,8 @@ def bench(
             show_default=False,
         ),
     ] = None,
-    directory: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Where the measurements go.")
-    ] = DEFAULT_DIRECTORY,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of everything random.", min=0)] = 0,
+    directory: Folder = Path("results"),
+    seed: Seed = 0,
 ) -> None:
     """Measure what accuracy costs in time: sweep the knobs of renderers.
 
@@ -76,8 +74,8 @@ def bench(
     """
     from msgspec.structs import replace
 
-    from hapticeval.commands.terminal import Terminal
     from hapticeval.quantity import parse_duration, parse_length
+    from hapticeval.runner.folder import prepare
     from hapticeval.study.bench.compare import compare_benches
     from hapticeval.study.bench.document import read_bench, read_samples, write_bench
     from hapticeval.study.bench.judge import judged
@@ -99,7 +97,7 @@ def bench(
     if before is not None:
         results = replace(results, comparison=compare_benches(results, samples, *before))
     written = write_bench(directory, results, samples)
-    say("\n".join([describe(results), "", *(f"wrote {path}" for path in written)]))
+    say(paragraphs(describe(results), wrote(written)))
     missed = within is not None and any(each.what == "step" and each.key is None for each in results.answers)
     worse = any(each.verdict == "worse" for each in results.comparison)
     raise typer.Exit(max([int(missed or worse or not results.complete), *(each.exit_code for each in sweep.failures)]))

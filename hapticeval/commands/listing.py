@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import inspect
-import shutil
-import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from types import MappingProxyType
 
 from hapticeval.devices.catalogue import DEVICES
@@ -25,7 +24,7 @@ def renderers() -> Iterator[tuple[str, str]]:
         except HapticevalError as error:
             yield name, f"broken: {error.why}"
             continue
-        yield name, getattr(factory, "summary", None) or _first_line(factory)
+        yield name, getattr(factory, "summary", None) or (factory.__doc__ or "").strip().partition("\n")[0]
         choices = [
             f"{sign}{choice}"
             for sign, offer in (("+", "regulations"), ("@", "representations"))
@@ -53,22 +52,16 @@ def cases() -> Iterator[tuple[str, str]]:
 
 
 def checks() -> Iterator[tuple[str, str]]:
-    """The checks, each with what it asks."""
-    for name, check in CHECKS.items():
-        yield name, check.asks
+    """The checks that are installed, each with what it asks; a broken one says why."""
+    for name in CHECKS:
+        try:
+            yield name, CHECKS[name].asks
+        except HapticevalError as error:
+            yield name, f"broken: {error.why}"
 
 
-def devices() -> Iterator[tuple[str, str]]:
-    """The devices of the catalogue, each with its parameters."""
-    return _made(DEVICES)
-
-
-def models() -> Iterator[tuple[str, str]]:
-    """The models of the catalogue, each with its parameters."""
-    return _made(MODELS)
-
-
-def _made(catalogue: Mapping[str, Callable[..., object]]) -> Iterator[tuple[str, str]]:
+def made(catalogue: Mapping[str, Callable[..., object]]) -> Iterator[tuple[str, str]]:
+    """A catalogue of factories, each with its parameters."""
     for name, factory in catalogue.items():
         yield name, _first_sentence(factory)
         given = [_parameter(each) for each in inspect.signature(factory).parameters.values()]
@@ -83,7 +76,11 @@ def _parameter(parameter: inspect.Parameter) -> str:
 
 
 LISTINGS: Mapping[str, Callable[[], Iterator[tuple[str, str]]]] = MappingProxyType(
-    {each.__name__: each for each in (renderers, suites, cases, checks, devices, models)}
+    {
+        **{each.__name__: each for each in (renderers, suites, cases, checks)},
+        "devices": partial(made, DEVICES),
+        "models": partial(made, MODELS),
+    }
 )
 """What can be listed, by name."""
 
@@ -106,30 +103,14 @@ def explained(name: str) -> Iterator[tuple[str, str]]:
     yield "metric", f"{check.metric} ({check.unit or 'a ratio, without a unit'})"
     yield "bound", check.bound
     yield "level", check.level.value
-    yield "reads", ", ".join(check.channels)
-    yield "also runs", check.siblings
+    yield "reads", ", ".join([*check.channels, *(f"{channel} where it was recorded" for channel in check.reads_also)])
+    yield "also runs", "; ".join(check.siblings.values()) or "none"
+    if check.needs:
+        yield "needs", "; ".join(check.siblings[sibling] for sibling in check.needs)
+    if check.not_for:
+        yield "not for", "; ".join(check.not_for)
     yield "source", check.citation
-
-
-def _first_line(factory: object) -> str:
-    return (factory.__doc__ or "").strip().partition("\n")[0]
 
 
 def _first_sentence(factory: object) -> str:
     return " ".join((factory.__doc__ or "").split()).partition(". ")[0].rstrip(".") + "."
-
-
-def columns(rows: Iterable[tuple[str, str]]) -> str:
-    """Names in a column, and what they are wrapped beside them."""
-    pairs = list(rows)
-    width = max((len(name) for name, _ in pairs), default=0) + 2
-    lines = []
-    for name, text in pairs:
-        wrapped = textwrap.wrap(text, max(_width() - width, 20), break_on_hyphens=False) or [""]
-        lines.append(f"{name:{width}}{wrapped[0]}".rstrip())
-        lines += [" " * width + line for line in wrapped[1:]]
-    return "\n".join(lines)
-
-
-def _width() -> int:
-    return min(shutil.get_terminal_size().columns, 100)

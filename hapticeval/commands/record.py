@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hapticeval.commands.output import say
+from hapticeval.commands.terminal import Terminal, say
 from hapticeval.errors import HapticevalError, InputError, described, origin
 
 if TYPE_CHECKING:
@@ -87,7 +87,6 @@ def record(
       hapticeval record --device udp://192.168.0.10:5005 --wiring rig.toml -r constraint -o run.h5
       hapticeval record --device mycard:MyCard --wiring rig.toml --seconds 60 --who Ann -o run.h5
     """
-    from hapticeval.commands.terminal import Terminal
     from hapticeval.discovery import resolve
     from hapticeval.hardware.live import channels, run, signals, warm
     from hapticeval.hardware.wiring import CUTOFF
@@ -211,7 +210,7 @@ def _wiring(hardware: str, robot: str | None, file: Path | None) -> Wiring:
     still, deep in the model, and the force of that would go to the motors.
     """
     from hapticeval.devices.catalogue import device_named
-    from hapticeval.devices.imperfections import ENCODER_COUNTS
+    from hapticeval.devices.parallelogram import ENCODER_COUNTS
     from hapticeval.devices.point_mass import PointMass
     from hapticeval.hardware.wiring import Wiring, read_wiring
 

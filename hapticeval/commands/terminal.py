@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import sys
+import textwrap
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
-from hapticeval.errors import HapticevalError
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunStarted
 
@@ -37,20 +38,15 @@ class Terminal:
         self._begun = time.monotonic()
         self._planned_jobs = 0
         self._finished_jobs = 0
-        self.errors: list[HapticevalError] = []
         self.interrupted = False
         """Whether an interrupt has ended the run early."""
-        self.stopped = False
-        """Whether the user has asked for the end at once."""
         self._bar: Progress | None = None
         self._task: TaskID | None = None
 
     def __enter__(self) -> Terminal:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._bar is not None:
             self._bar.stop()
 
@@ -61,8 +57,6 @@ class Terminal:
             self.line(f"{_plural(event.planned_jobs, 'run')}, {_plural(event.planned_verdicts, 'verdict')} planned")
         elif isinstance(event, JobFinished):
             self._finished_jobs += 1
-            if event.error is not None:
-                self.errors.append(event.error)
             if self._stream.isatty():
                 self._advance(self._finished_jobs, self._planned_jobs, f"{event.run.renderer} on {event.run.case}")
             else:
@@ -70,7 +64,6 @@ class Terminal:
                 self.line(f"{count} {event.run.renderer} on {event.run.suite}/{event.run.case}: {_told(event)}")
         elif isinstance(event, Interrupted):
             self.interrupted = True
-            self.stopped = event.at_once
             self.line(_interrupted(event))
 
     def working(self, done: int, total: int, what: str) -> None:
@@ -149,29 +142,66 @@ def _counted(counts: Counter[Outcome]) -> str:
     return ", ".join(f"{counts[outcome]} {outcome}" for outcome in Outcome if counts[outcome]) or "no verdicts"
 
 
-def exit_code(results: ResultsDocument, errors: Iterable[HapticevalError]) -> int:
-    """0 all as it must be; 1 something differs, failed, or did not run, or warns in a run that is strict.
-
-    What stopped a job outranks that: 3 where a renderer broke, else 2 where a job's input was not usable or every run
-    was refused.
-    """
-    stopped = any(map(results.stops, results.verdicts))
-    differs = stopped or not results.complete or results.ran < results.planned
-    return max([int(differs), 2 * int(results.all_refused), *(error.exit_code for error in errors)])
-
-
-def summary(results: ResultsDocument, written: Sequence[Path]) -> str:
-    """The closing words of a run: the table, what is not as it must be, the counts, the time, the files."""
-    parts = [
+def summary(results: ResultsDocument, written: Iterable[Path]) -> str:
+    """Return the closing words of a run: table, what is not as it must be, counts, time, files."""
+    return paragraphs(
         *_tables(results),
-        "\n".join(_stopped("broke", run, run.error) for run in results.runs if run.error),
-        "\n".join(_stopped("refuses", run, run.refusal) for run in _refused(results) if run.refusal),
-        "\n".join(_surprise(verdict) for verdict in _surprising(results)),
-        "\n".join(_surprise(verdict, "warning: ") for verdict in results.verdicts if verdict.warns),
+        lines(_stopped("broke", run, run.error) for run in results.runs if run.error),
+        lines(_stopped("refuses", run, run.refusal) for run in _refused(results) if run.refusal),
+        lines(_surprise(verdict) for verdict in _surprising(results)),
+        lines(_surprise(verdict, "warning: ") for verdict in results.verdicts if verdict.warns),
+        lines(_not_applicable(results)),
         _totals(results),
-        "\n".join(f"wrote {path}" for path in written),
-    ]
+        wrote(written),
+    )
+
+
+def lines(parts: Iterable[str]) -> str:
+    """Join parts, each on a line of its own."""
+    return "\n".join(parts)
+
+
+def paragraphs(*parts: str) -> str:
+    """Join the parts that are not empty, with an empty line between them."""
     return "\n\n".join(part for part in parts if part)
+
+
+def columns(rows: Iterable[tuple[str, str]]) -> str:
+    """Names in a column, and what they are wrapped beside them."""
+    pairs = list(rows)
+    room = min(shutil.get_terminal_size().columns, 100)
+    width = max((len(name) for name, _ in pairs), default=0) + 2
+    lines = []
+    for name, text in pairs:
+        wrapped = textwrap.wrap(text, max(room - width, 20), break_on_hyphens=False) or [""]
+        lines.append(f"{name:{width}}{wrapped[0]}".rstrip())
+        lines += [" " * width + line for line in wrapped[1:]]
+    return "\n".join(lines)
+
+
+def wrote(paths: Iterable[Path]) -> str:
+    """Return a line for each file that was written."""
+    return lines(f"wrote {path}" for path in paths)
+
+
+def say(text: str) -> None:
+    """Print on stdout. A reader that has gone away (`| head`) changes no exit code."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _not_applicable(results: ResultsDocument) -> Iterator[str]:
+    """Yield why checks were not applicable, once for each reason, less the refusals, which are shown as such."""
+    refused = {run.key for run in results.runs if run.refusal}
+    reasons = Counter(
+        (verdict.check, verdict.message)
+        for verdict in results.verdicts
+        if verdict.outcome is Outcome.NOT_APPLICABLE and verdict.key not in refused
+    )
+    for (check, why), count in reasons.items():
+        yield f"not applicable: {check}{f' ({count} times)' if count > 1 else ''}: {why}"
 
 
 def _tables(results: ResultsDocument) -> Iterator[str]:

@@ -1,14 +1,23 @@
-"""The loop over samples: each mode is carried to its next event or to the end of the stretch, whichever is first."""
+"""The tool between samples: each mode is carried to its next event or to the end of the stretch, and what events do.
+
+The state is an array: MODE (FLIGHT, SLIDE or REST), PIECE and U on the boundary, W = ds/dt, position, velocity, and
+in REST the joint whose corner holds the tool. Impacts, corners and coming to rest change it at an instant, and every
+change of velocity adds its impulse to `sums`.
+
+Sequences of ever smaller hops (bounces with 0 < c_r < 1, slides up and down the faces of a notch) never end in
+number but do in time. A hop that stays within CLOSE of where it began is taken as contact: the tool slides or rests.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.kernels import KIND, U0, U1, UNBOUNDED
-from hapticeval.ideal.collision import first_entry
+from hapticeval.ideal.collision import Terrain, first_entry
 from hapticeval.ideal.motion import (
     BEGAN,
     BILATERAL,
@@ -17,6 +26,7 @@ from hapticeval.ideal.motion import (
     G1X,
     G1Y,
     MASS,
+    RESTITUTION,
     SPRING,
     flown,
     hold,
@@ -25,33 +35,227 @@ from hapticeval.ideal.motion import (
     slide_step,
     surface,
 )
-from hapticeval.ideal.terrain import Terrain
-from hapticeval.ideal.touch import (
-    ALIGNED,
-    CORNER,
-    FLIGHT,
-    JOINT,
-    LEAVE,
-    MODE,
-    PIECE,
-    SLIDE,
-    VX,
-    VY,
-    U,
-    W,
-    X,
-    Y,
-    corner,
-    land,
-    note,
-    settle,
-)
 from hapticeval.types import Array, IntArray
+
+MODE, PIECE, U, W, X, Y, VX, VY, JOINT = range(9)
+STATES = 9
+FLIGHT, SLIDE, REST = 0.0, 1.0, 2.0
+IMPACT, LEAVE, CORNER, STOP = range(4)
+KINDS = ("impact", "leave", "corner", "rest")
+
+CLOSE = 1e-12
+"""Longest hop (m) that is taken as contact: well above the rounding of positions, and the impulse that it leaves
+out, below m sqrt(8 a CLOSE), is 1e-6 of that of a metre's fall."""
+
+ALIGNED = 1e-12
+"""Share of the speed below which a velocity across a face is rounding."""
 
 TURN, END, LIFT = range(3)
 
 FLIGHT_STEP = 2e-3
 """Longest step of a flight (s): within it the height over a cell has one extremum at the most."""
+
+
+class Run(NamedTuple):
+    """What the steps of one run read and write.
+
+    `state` (9,) of the tool; `load` (10,) of the stretch, see `motion`; `sums` (4,), N s: the contact's and the
+    operator's impulse since the sample; `log` (k, 6): time, kind, place and impulse of the events, and `tally` (1,)
+    how many there were, kept or not; `free` (4,), a box known to hold no boundary, see `first_entry`.
+    """
+
+    state: Array
+    load: Array
+    sums: Array
+    log: Array
+    tally: IntArray
+    free: Array
+    terrain: Terrain
+
+
+class Stretches(NamedTuple):
+    """Stretches of time in which the operator's force is linear: where they `began` and how long each `lasts` (s,), s.
+
+    `forces` (s, 4) is g0 and g1 of a stretch; `samples` (s,) the sample interval that it belongs to.
+    """
+
+    began: Array
+    lasts: Array
+    forces: Array
+    samples: IntArray
+
+
+@compiled
+def note(run: Run, kind: int, tau: float, jx: float, jy: float) -> None:
+    """Log an event at the tool's place with impulse (jx, jy); beyond the log's length it is only counted."""
+    k, log = run.tally[0], run.log
+    if k < log.shape[0]:
+        log[k, 0], log[k, 1] = run.load[BEGAN] + tau, kind
+        log[k, 2], log[k, 3], log[k, 4], log[k, 5] = run.state[X], run.state[Y], jx, jy
+    run.tally[0] = k + 1
+
+
+@compiled
+def strike(run: Run, vx: float, vy: float) -> tuple[float, float]:
+    """Give the tool a velocity at once; the impulse that this took (N s) is the contact's."""
+    state, mass = run.state, run.load[MASS]
+    jx, jy = mass * (vx - state[VX]), mass * (vy - state[VY])
+    run.sums[0] += jx
+    run.sums[1] += jy
+    state[VX], state[VY] = vx, vy
+    return jx, jy
+
+
+@compiled
+def place(run: Run, piece: int, u: float, w: float) -> None:
+    """Set the tool sliding at u on a piece; its velocity is left to `strike`."""
+    state = run.state
+    x, y, _, _, _, _ = surface(run.terrain.pieces[piece], u)
+    state[MODE], state[PIECE], state[U], state[W] = SLIDE, piece, u, w
+    state[X], state[Y] = x, y
+
+
+@compiled
+def land(run: Run, piece: int, u: float, tau: float) -> None:
+    """The tool, with the velocity that it has, meets the boundary at u: thesis (3.5).
+
+    It slides on if it does not bounce and is pressed on; otherwise it flies.
+    """
+    state, load, terrain = run.state, run.load, run.terrain
+    row = terrain.pieces[piece]
+    count = terrain.pieces.shape[0]
+    for end in range(2):
+        joint = (piece + end) % count
+        if terrain.joints[joint] < 0.0 and load[BILATERAL] == 0.0 and abs(u - row[U0 + end]) <= CLOSE:
+            corner(run, joint, tau, IMPACT)
+            return
+    u = min(max(u, row[U0]), row[U1])
+    _, _, tx, ty, _, _ = surface(row, u)
+    mass = load[MASS]
+    w = state[VX] * tx + state[VY] * ty
+    into = state[VX] * ty - state[VY] * tx
+    place(run, piece, u, w)
+    if load[BILATERAL] != 0.0:
+        jx, jy = strike(run, w * tx, w * ty)
+        if abs(into) > ALIGNED * abs(w):
+            note(run, IMPACT, tau, jx, jy)
+        return
+    answer, _ = hold(row, u, w, tau, load)
+    if into > ALIGNED * abs(w) or (into >= -ALIGNED * abs(w) and answer < 0.0):
+        state[MODE] = FLIGHT
+        return
+    bounce = -load[RESTITUTION] * into
+    if into >= -ALIGNED * abs(w) or (answer > 0.0 and mass * bounce * bounce < 2.0 * answer * CLOSE):
+        bounce = 0.0
+    jx, jy = strike(run, w * tx + bounce * ty, w * ty - bounce * tx)
+    if bounce > 0.0 or answer < 0.0:
+        state[MODE] = FLIGHT
+    if into < -ALIGNED * abs(w):
+        note(run, IMPACT, tau, jx, jy)
+
+
+@compiled
+def _faces(run: Run, joint: int) -> tuple[int, Array, Array, tuple[float, float, float, float, float, float]]:
+    """The pieces at a joint: the number of the one before, both rows, and the place with both unit tangents."""
+    pieces = run.terrain.pieces
+    before = (joint - 1) % pieces.shape[0]
+    pre, post = pieces[before], pieces[joint]
+    _, _, ax, ay, _, _ = surface(pre, pre[U1])
+    x, y, bx, by, _, _ = surface(post, post[U0])
+    return before, pre, post, (x, y, ax, ay, bx, by)
+
+
+@compiled
+def corner(run: Run, joint: int, tau: float, kind: int) -> None:
+    """The tool reaches a concave corner, or any corner of a boundary that holds it from both sides.
+
+    It hits the face that it runs against with that face's normal, thesis (3.5), again and again if the notch is so
+    sharp that this throws it against the other face. A tool that is held loses its velocity across the next face.
+    """
+    state, load = run.state, run.load
+    before, pre, post, (x, y, ax, ay, bx, by) = _faces(run, joint)
+    mass, rebound = load[MASS], load[RESTITUTION]
+    vx, vy = state[VX], state[VY]
+    tiny = ALIGNED * math.sqrt(vx * vx + vy * vy)
+    state[X], state[Y] = x, y
+    if load[BILATERAL] != 0.0:
+        forward = state[W] > 0.0
+        tx, ty = (bx, by) if forward else (ax, ay)
+        w = vx * tx + vy * ty
+        if (w > 0.0) != forward:
+            w = 0.0
+        vx, vy = w * tx, w * ty
+    else:
+        for _ in range(200):
+            from_pre, from_post = vx * ay - vy * ax, vx * by - vy * bx
+            if min(from_pre, from_post) >= -tiny:
+                break
+            tx, ty, across = (ax, ay, from_pre) if from_pre < from_post else (bx, by, from_post)
+            vx, vy = vx - (1.0 + rebound) * across * ty, vy + (1.0 + rebound) * across * tx
+            fx, fy = push(load, tau, x, y, vx, vy)
+            answer, bounce = -(fx * ty - fy * tx), -rebound * across
+            if answer > 0.0 and mass * bounce * bounce < 2.0 * answer * CLOSE:
+                vx, vy = vx - bounce * ty, vy + bounce * tx
+        if vx * vx + vy * vy <= 1e6 * tiny * tiny:
+            vx, vy = 0.0, 0.0
+    jx, jy = strike(run, vx, vy)
+    if jx != 0.0 or jy != 0.0:
+        note(run, kind, tau, jx, jy)
+    forth, back = vx * bx + vy * by, -(vx * ax + vy * ay)
+    on_post = forth > 0.0 and abs(vx * by - vy * bx) <= tiny
+    on_pre = back > 0.0 and abs(vx * ay - vy * ax) <= tiny
+    if on_post or on_pre:
+        fx, fy = push(load, tau, x, y, vx, vy)
+        pull_post, pull_pre = -(fx * bx + fy * by) / mass, (fx * ax + fy * ay) / mass
+        share = max(ax * bx + ay * by, 0.0)
+        first, pull, other = (forth, pull_post, pull_pre) if on_post else (back, pull_pre, pull_post)
+        then = first * share
+        if pull > 0.0 and other > 0.0 and max(first * first / pull, then * then / other) < 2.0 * CLOSE:
+            # The corner takes the same share of the speed at every pass: the passes' times are a geometric series.
+            wait = 2.0 * (first / pull + then / other) / (1.0 - share * share) if rebound == 0.0 else 0.0
+            settle(run, joint, tau, wait, 0)
+            return
+        piece = joint if on_post else before
+        w = forth if on_post else -back
+        place(run, piece, post[U0] if on_post else pre[U1], w)
+        if load[BILATERAL] == 0.0 and hold(run.terrain.pieces[piece], state[U], w, tau, load)[0] < 0.0:
+            state[MODE] = FLIGHT
+        return
+    if vx == 0.0 and vy == 0.0:
+        settle(run, joint, tau, 0.0, 0)
+        return
+    state[MODE] = FLIGHT
+
+
+@compiled
+def settle(run: Run, joint: int, tau: float, wait: float, exits: int) -> None:
+    """The tool stops at a corner: it rests while the force points into the corner's zone (thesis 3.2.1), else goes
+    along the face on which the force drives it away, or off both.
+
+    `wait` (s) is what an unending sequence of hops still takes: the event is logged at its end. `exits` is 1 or -1
+    when the force is just leaving the zone towards the face after or before, where its sign is rounding; else 0.
+    """
+    state, load = run.state, run.load
+    before, pre, post, (x, y, ax, ay, bx, by) = _faces(run, joint)
+    was_rest = state[MODE] == REST
+    strike(run, 0.0, 0.0)
+    state[X], state[Y], state[W] = x, y, 0.0
+    fx, fy = push(load, tau, x, y, 0.0, 0.0)
+    forth, back = fx * bx + fy * by, -(fx * ax + fy * ay)
+    lifts_post, lifts_pre = fx * by - fy * bx, fx * ay - fy * ax
+    held = load[BILATERAL] != 0.0
+    goes_forth, goes_back = forth > 0.0 or exits == 1, back > 0.0 or exits == -1
+    if not goes_forth and not goes_back:
+        state[MODE], state[JOINT] = REST, joint
+        if not was_rest:
+            note(run, STOP, tau + wait, 0.0, 0.0)
+    elif goes_forth and (lifts_post <= 0.0 or (held and forth >= back)):
+        place(run, joint, post[U0], 0.0)
+    elif goes_back and (lifts_pre <= 0.0 or held):
+        place(run, before, pre[U1], 0.0)
+    else:
+        state[MODE] = FLIGHT
+        note(run, LEAVE, tau, 0.0, 0.0)
 
 
 @compiled
@@ -98,22 +302,21 @@ def _locate(what: int, piece: Array, u: float, w: float, tau: float, h: float, e
 
 
 @compiled
-def _leave(state: Array, tau: float, load: Array, log: Array, tally: IntArray) -> None:
-    state[MODE] = FLIGHT
-    note(log, tally, LEAVE, load[BEGAN] + tau, state, 0.0, 0.0)
+def _leave(run: Run, tau: float) -> None:
+    run.state[MODE] = FLIGHT
+    note(run, LEAVE, tau, 0.0, 0.0)
 
 
 @compiled
-def _slide(
-    state: Array, terrain: Terrain, tau: float, rest: float, load: Array, sums: Array, log: Array, tally: IntArray
-) -> float:
+def _slide(run: Run, tau: float, rest: float) -> float:
     """One step of sliding, of at most `rest` seconds: how long it took."""
+    state, load, sums, terrain = run.state, run.load, run.sums, run.terrain
     index, u, w = int(state[PIECE]), state[U], state[W]
     piece = terrain.pieces[index]
     held = load[BILATERAL] != 0.0
     answer, along = hold(piece, u, w, tau, load)
     if not held and answer < 0.0:
-        _leave(state, tau, load, log, tally)
+        _leave(run, tau)
         return 0.0
     h = slide_step(terrain.paces[index], w, along, load, rest)
     u1, w1, jx, jy = slid(piece, u, w, tau, h, load)
@@ -151,17 +354,16 @@ def _slide(
     sums[3] += mass * (w1 * ty - state[VY]) - jy
     state[U], state[W], state[X], state[Y], state[VX], state[VY] = u1, w1, x, y, w1 * tx, w1 * ty
     if state[MODE] == FLIGHT:
-        _leave(state, tau + h, load, log, tally)
+        _leave(run, tau + h)
     elif crossed != 0:
-        _pass_joint(state, terrain, crossed, tau + h, load, sums, log, tally)
+        _pass_joint(run, crossed, tau + h)
     return h
 
 
 @compiled
-def _pass_joint(
-    state: Array, terrain: Terrain, way: int, tau: float, load: Array, sums: Array, log: Array, tally: IntArray
-) -> None:
+def _pass_joint(run: Run, way: int, tau: float) -> None:
     """The tool slides over a joint: on if it is smooth, off if it is convex, against the next face if concave."""
+    state, terrain = run.state, run.terrain
     count = terrain.pieces.shape[0]
     index = int(state[PIECE])
     joint = (index + 1) % count if way > 0 else index
@@ -169,51 +371,36 @@ def _pass_joint(
         following = joint if way > 0 else (joint - 1) % count
         state[PIECE] = following
         state[U] = terrain.pieces[following, U0] if way > 0 else terrain.pieces[following, U1]
-    elif terrain.joints[joint] > 0.0 and load[BILATERAL] == 0.0:
-        _leave(state, tau, load, log, tally)
+    elif terrain.joints[joint] > 0.0 and run.load[BILATERAL] == 0.0:
+        _leave(run, tau)
     else:
-        corner(state, terrain, joint, tau, load, sums, log, tally, CORNER)
+        corner(run, joint, tau, CORNER)
 
 
 @compiled
-def _fly(
-    state: Array,
-    terrain: Terrain,
-    tau: float,
-    rest: float,
-    load: Array,
-    sums: Array,
-    log: Array,
-    tally: IntArray,
-    free: Array,
-) -> float:
+def _fly(run: Run, tau: float, rest: float) -> float:
     """One step of free flight, of at most `rest` seconds: how long it took."""
+    state, load = run.state, run.load
     h = min(rest, FLIGHT_STEP)
     if load[SPRING] > 0.0:
         h = min(h, 0.2 * math.sqrt(load[MASS] / load[SPRING]))
     x, y, vx, vy = state[X], state[Y], state[VX], state[VY]
-    at, piece, u = first_entry(terrain.cells, terrain.pieces, (x, y, vx, vy, tau), h, load, free)
+    at, piece, u = first_entry(run.terrain, (x, y, vx, vy, tau), h, load, run.free)
     hit = at <= h
     h = min(at, h)
     state[X], state[Y], state[VX], state[VY] = flown(x, y, vx, vy, tau, h, load)
-    sums[2] += load[MASS] * (state[VX] - vx)
-    sums[3] += load[MASS] * (state[VY] - vy)
+    run.sums[2] += load[MASS] * (state[VX] - vx)
+    run.sums[3] += load[MASS] * (state[VY] - vy)
     if hit:
-        land(state, terrain, piece, u, tau + h, load, sums, log, tally)
+        land(run, piece, u, tau + h)
     return h
 
 
 @compiled
-def _rest(
-    state: Array, terrain: Terrain, tau: float, rest: float, load: Array, sums: Array, log: Array, tally: IntArray
-) -> float:
+def _rest(run: Run, tau: float, rest: float) -> float:
     """Rest in a corner until the force, linear in time, leaves its zone: how long that took."""
-    count = terrain.pieces.shape[0]
-    joint = int(state[JOINT])
-    before = (joint - 1) % count
-    pre, post = terrain.pieces[before], terrain.pieces[joint]
-    _, _, ax, ay, _, _ = surface(pre, pre[U1])
-    x, y, bx, by, _, _ = surface(post, post[U0])
+    load, sums, joint = run.load, run.sums, int(run.state[JOINT])
+    _, _, _, (x, y, ax, ay, bx, by) = _faces(run, joint)
     fx, fy = push(load, tau, x, y, 0.0, 0.0)
     gx, gy = load[G1X], load[G1Y]
     h, exits = rest, 0
@@ -230,18 +417,19 @@ def _rest(
     sums[2] += jx
     sums[3] += jy
     if exits != 0:
-        settle(state, terrain, joint, tau + h, 0.0, exits, load, sums, log, tally)
+        settle(run, joint, tau + h, 0.0, exits)
     return h
 
 
 @compiled
-def _begin(state: Array, terrain: Terrain, load: Array, sums: Array, log: Array, tally: IntArray) -> None:
+def _begin(run: Run) -> None:
     """Start on the boundary at U with the given velocity: slide, bounce, fly off, or settle in a corner."""
+    state, terrain = run.state, run.terrain
     index, u = int(state[PIECE]), state[U]
     count = terrain.pieces.shape[0]
     piece = terrain.pieces[index]
     joint = index if u == piece[U0] else (index + 1) % count
-    if u in (piece[U0], piece[U1]) and terrain.joints[joint] > 0.0 and load[BILATERAL] == 0.0:
+    if u in (piece[U0], piece[U1]) and terrain.joints[joint] > 0.0 and run.load[BILATERAL] == 0.0:
         # On a tip the tool is on the face that it runs along; otherwise the flight decides which one it meets.
         state[MODE] = FLIGHT
         for way in (1, -1):
@@ -250,57 +438,46 @@ def _begin(state: Array, terrain: Terrain, load: Array, sums: Array, log: Array,
             _, _, tx, ty, _, _ = surface(terrain.pieces[index], u)
             along = state[VX] * tx + state[VY] * ty
             if along * way > 0.0 and abs(state[VX] * ty - state[VY] * tx) <= ALIGNED * abs(along):
-                land(state, terrain, index, u, 0.0, load, sums, log, tally)
+                land(run, index, u, 0.0)
         return
-    land(state, terrain, index, u, 0.0, load, sums, log, tally)
+    land(run, index, u, 0.0)
 
 
 @compiled
 def follow(
-    start: Array,
-    terrain: Terrain,
-    began: Array,
-    lasts: Array,
-    forces: Array,
-    samples: IntArray,
-    gains: Array,
-    rows: int,
-    limit: int,
+    start: Array, terrain: Terrain, stretches: Stretches, gains: Array, rows: int, limit: int
 ) -> tuple[Array, Array, int]:
-    """Carry the tool through stretches of time in which the operator's force is linear.
+    """Carry the tool from `start` (9,), SLIDE where it begins on the boundary at U, through all stretches.
 
-    `start` is the state (see `touch`), SLIDE where it begins on the boundary at U; `began`, `lasts` (s,) seconds;
-    `forces` (s, 4) is g0 and g1 of a stretch; `samples` (s,) the sample interval that it belongs to; `gains` a `load`
-    with its constants filled in. Gives (rows, 8): position and velocity at each sample, contact and operator's
-    impulse until the next; the events (k, 6): time, kind, place, impulse; and the number of events, of which those
-    above `limit` are not kept and end the run.
+    `gains` is a `load` with its constants filled in. Gives (rows, 8): position and velocity at each sample, contact and
+    operator's impulse until the next; the events (k, 6), see `Run`; and the number of events, of which those above
+    `limit` are not kept and end the run.
     """
-    state, load, sums = start.copy(), gains.copy(), np.zeros(4)
-    out, log, tally = np.zeros((rows, 8)), np.zeros((limit, 6)), np.zeros(1, np.int64)
     free = np.array([math.inf, -math.inf, math.inf, -math.inf])
-    last = -1
-    for i in range(began.shape[0]):
-        load[G0X], load[G0Y], load[G1X], load[G1Y] = forces[i]
-        load[BEGAN] = began[i]
-        if samples[i] != last:
+    run = Run(start.copy(), gains.copy(), np.zeros(4), np.zeros((limit, 6)), np.zeros(1, np.int64), free, terrain)
+    state, load, out, last = run.state, run.load, np.zeros((rows, 8)), -1
+    for i in range(stretches.began.shape[0]):
+        load[G0X], load[G0Y], load[G1X], load[G1Y] = stretches.forces[i]
+        load[BEGAN] = stretches.began[i]
+        if stretches.samples[i] != last:
             if last >= 0:
-                out[last, 4:8] = sums
-                sums[:] = 0.0
-            last = samples[i]
+                out[last, 4:8] = run.sums
+                run.sums[:] = 0.0
+            last = stretches.samples[i]
             out[last, 0:4] = state[X : VY + 1]
         if i == 0 and state[MODE] == SLIDE:
-            _begin(state, terrain, load, sums, log, tally)
-        tau, length = 0.0, lasts[i]
-        while tau < length and tally[0] <= limit:
+            _begin(run)
+        tau, length = 0.0, stretches.lasts[i]
+        while tau < length and run.tally[0] <= limit:
             rest = length - tau
             if state[MODE] == FLIGHT:
-                h = _fly(state, terrain, tau, rest, load, sums, log, tally, free)
+                h = _fly(run, tau, rest)
             elif state[MODE] == SLIDE:
-                h = _slide(state, terrain, tau, rest, load, sums, log, tally)
+                h = _slide(run, tau, rest)
             else:
-                h = _rest(state, terrain, tau, rest, load, sums, log, tally)
+                h = _rest(run, tau, rest)
             if h >= rest:
                 break
             tau += h
-    out[last, 4:8] = sums
-    return out, log, int(tally[0])
+    out[last, 4:8] = run.sums
+    return out, run.log, int(run.tally[0])

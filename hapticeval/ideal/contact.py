@@ -10,10 +10,9 @@ import numpy as np
 
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.kernels import U0, U1, piece_of
-from hapticeval.ideal.advance import follow
+from hapticeval.ideal.advance import FLIGHT, KINDS, MODE, PIECE, SLIDE, STATES, VX, VY, Stretches, U, X, Y, follow
+from hapticeval.ideal.collision import Terrain, terrain
 from hapticeval.ideal.motion import BILATERAL, DAMPER, LOADS, MASS, RESTITUTION, SPRING
-from hapticeval.ideal.terrain import Terrain, terrain
-from hapticeval.ideal.touch import FLIGHT, KINDS, MODE, PIECE, SLIDE, STATES, VX, VY, U, X, Y
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus, sample_times
@@ -70,6 +69,7 @@ class IdealContact:
                 why="the ideal contact moves on a plane curve",
                 todo="project it onto the model's cross-section",
             )
+        led = isinstance(stimulus, Path)
         gains = np.zeros(LOADS)
         gains[MASS], gains[RESTITUTION] = self.scene.mass, self.scene.restitution
         gains[BILATERAL] = float(self.scene.bilateral)
@@ -80,7 +80,7 @@ class IdealContact:
             knots, values = stimulus.time - stimulus.time[0], stimulus.points
             # The hand goes on straight beyond the path's end: a stop would be felt in the last sample's mean force.
             slopes = _slopes(knots, values)
-            slopes = np.vstack([slopes, slopes[-1]])
+            slopes[-1] = slopes[-2]
             start = self._start_of_path(values[0], slopes[0])
         else:
             time = sample_times(stimulus.duration, dt)
@@ -97,9 +97,11 @@ class IdealContact:
         known = np.maximum(segment, 0)
         slope = np.where(segment[:, np.newaxis] < 0, 0.0, slopes[known])
         value = values[known] + slope * (began - knots[known])[:, np.newaxis]
-        if isinstance(stimulus, Path):
+        if led:
             value, slope = gains[SPRING] * value + gains[DAMPER] * slope, gains[SPRING] * slope
-        out, events = self._followed(start, began, lasts, np.hstack([value, slope]), samples, gains, time.size)
+        out, events = self._followed(
+            start, Stretches(began, lasts, np.hstack([value, slope]), samples), gains, time.size
+        )
         channels = {
             "hip": out[:, 0:2],
             "ihip": out[:, 0:2],
@@ -108,7 +110,7 @@ class IdealContact:
             "operator_force": out[:, 6:8] / dt,
         }
         meta: dict[str, Any] = {
-            "source": "playback" if isinstance(stimulus, Path) else "experiment",
+            "source": "playback" if led else "experiment",
             "dt": dt,
             "model": self.scene.model.name,
             "resolution": 0.0,
@@ -118,11 +120,11 @@ class IdealContact:
         return Recording(time, channels, meta)
 
     def _followed(
-        self, start: Array, began: Array, lasts: Array, forces: Array, samples: IntArray, gains: Array, rows: int
+        self, start: Array, stretches: Stretches, gains: Array, rows: int
     ) -> tuple[Array, list[dict[str, Any]]]:
         limit = 256
         while True:
-            out, log, count = follow(start, self._terrain, began, lasts, forces, samples, gains, rows, limit)
+            out, log, count = follow(start, self._terrain, stretches, gains, rows, limit)
             if count <= limit:
                 break
             if limit >= MOST_EVENTS:
@@ -132,16 +134,10 @@ class IdealContact:
                     todo="shorten the run, or choose a restitution further below 1",
                 )
             limit *= 8
-        events = [
-            {
-                "time": float(row[0]),
-                "kind": KINDS[int(row[1])],
-                "position": [float(row[2]), float(row[3])],
-                "impulse": [float(row[4]), float(row[5])],
-            }
-            for row in log[:count]
+        return out, [
+            {"time": time, "kind": KINDS[int(kind)], "position": place, "impulse": impulse}
+            for time, kind, *place, impulse in ((*row[:4], row[4:]) for row in log[:count].tolist())
         ]
-        return out, events
 
     def _start_of_experiment(self, experiment: Experiment) -> Array:
         distance = float(self.scene.model.curve.signed_distance(experiment.position[np.newaxis])[0])
@@ -181,19 +177,18 @@ def _pushes(experiment: Experiment) -> tuple[Array, Array, Array]:
     hand = experiment.hand
     if hand is None:
         knots, values = experiment.force_time, experiment.force
-        return knots, values, np.vstack([_slopes(knots, values), np.zeros((1, 2))])
+        return knots, values, _slopes(knots, values)
     began = hand.path.time - hand.path.time[0]
     knots = np.union1d(experiment.force_time, began)
     drawn = np.column_stack([np.interp(knots, began, column) for column in hand.path.points.T])
-    rates = np.vstack([_slopes(knots, drawn), np.zeros((1, 2))])
-    values = experiment.operator_force(knots)
-    slopes = np.vstack([_slopes(knots, values), np.zeros((1, 2))])
+    rates, values = _slopes(knots, drawn), experiment.operator_force(knots)
+    slopes = _slopes(knots, values)
     return knots, values + hand.stiffness * drawn + hand.damping * rates, slopes + hand.stiffness * rates
 
 
 def _slopes(knots: Array, values: Array) -> Array:
-    """Rates (k - 1, 2) at which `values` (k, 2) change between `knots`."""
-    return np.asarray(np.diff(values, axis=0) / np.diff(knots)[:, np.newaxis])
+    """Rates (k, 2) at which `values` (k, 2) change from each of `knots` (k,) on; zero from the last."""
+    return np.vstack([np.diff(values, axis=0) / np.diff(knots)[:, np.newaxis], np.zeros((1, 2))])
 
 
 def _in_flight(point: Array, velocity: Array) -> Array:

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from hapticeval.compiled import compiled
 from hapticeval.geometry.kernels import evaluate
 from hapticeval.types import Array
@@ -54,56 +56,40 @@ def hold(piece: Array, u: float, w: float, tau: float, load: Array) -> tuple[flo
     return -(fx * ty - fy * tx) - load[MASS] * bend * w * w, fx * tx + fy * ty
 
 
-@compiled
-def rates(piece: Array, u: float, w: float, tau: float, load: Array) -> tuple[float, float, float, float]:
-    """(du/dt, dw/dt, contact force): thesis (3.1) along the boundary, and what the boundary answers."""
-    x, y, tx, ty, speed, bend = surface(piece, u)
-    fx, fy = push(load, tau, x, y, w * tx, w * ty)
-    mass = load[MASS]
-    answer = -(fx * ty - fy * tx) - mass * bend * w * w
-    return w / speed, (fx * tx + fy * ty) / mass, answer * ty, -answer * tx
+STAGES = np.array(
+    [
+        # what earlier rates count for, and what their sum is divided by; then the time, as a fraction
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0],
+        [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 3.0, 1.0, 3.0],
+        [0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 3.0, 2.0, 3.0],
+        [1.0, 4.0, -1.0, 0.0, 0.0, 0.0, 12.0, 1.0, 3.0],
+        [-1.0, 18.0, -3.0, -6.0, 0.0, 0.0, 16.0, 1.0, 2.0],
+        [0.0, 9.0, -3.0, -6.0, 4.0, 0.0, 8.0, 1.0, 2.0],
+        [9.0, -36.0, 63.0, 72.0, 0.0, -64.0, 44.0, 1.0, 1.0],
+    ]
+)
+"""Butcher's sixth-order method, a row a stage."""
 
 
 @compiled
 def slid(piece: Array, u: float, w: float, tau: float, h: float, load: Array) -> tuple[float, float, float, float]:
-    """(u, w) after h seconds of sliding, and the contact impulse (N s) meanwhile: Butcher's sixth-order step."""
-    a1, b1, x1, y1 = rates(piece, u, w, tau, load)
-    a2, b2, _, _ = rates(piece, u + h * a1 / 3.0, w + h * b1 / 3.0, tau + h / 3.0, load)
-    a3, b3, x3, y3 = rates(piece, u + h * 2.0 * a2 / 3.0, w + h * 2.0 * b2 / 3.0, tau + 2.0 * h / 3.0, load)
-    a4, b4, x4, y4 = rates(
-        piece,
-        u + h * (a1 + 4.0 * a2 - a3) / 12.0,
-        w + h * (b1 + 4.0 * b2 - b3) / 12.0,
-        tau + h / 3.0,
-        load,
-    )
-    a5, b5, x5, y5 = rates(
-        piece,
-        u + h * (-a1 + 18.0 * a2 - 3.0 * a3 - 6.0 * a4) / 16.0,
-        w + h * (-b1 + 18.0 * b2 - 3.0 * b3 - 6.0 * b4) / 16.0,
-        tau + h / 2.0,
-        load,
-    )
-    a6, b6, x6, y6 = rates(
-        piece,
-        u + h * (9.0 * a2 - 3.0 * a3 - 6.0 * a4 + 4.0 * a5) / 8.0,
-        w + h * (9.0 * b2 - 3.0 * b3 - 6.0 * b4 + 4.0 * b5) / 8.0,
-        tau + h / 2.0,
-        load,
-    )
-    a7, b7, x7, y7 = rates(
-        piece,
-        u + h * (9.0 * a1 - 36.0 * a2 + 63.0 * a3 + 72.0 * a4 - 64.0 * a6) / 44.0,
-        w + h * (9.0 * b1 - 36.0 * b2 + 63.0 * b3 + 72.0 * b4 - 64.0 * b6) / 44.0,
-        tau + h,
-        load,
-    )
-    return (
-        u + h * (11.0 * (a1 + a7) + 81.0 * (a3 + a4) - 32.0 * (a5 + a6)) / 120.0,
-        w + h * (11.0 * (b1 + b7) + 81.0 * (b3 + b4) - 32.0 * (b5 + b6)) / 120.0,
-        h * (11.0 * (x1 + x7) + 81.0 * (x3 + x4) - 32.0 * (x5 + x6)) / 120.0,
-        h * (11.0 * (y1 + y7) + 81.0 * (y3 + y4) - 32.0 * (y5 + y6)) / 120.0,
-    )
+    """(u, w) after h seconds of sliding by thesis (3.1), and the contact impulse (N s) meanwhile: Butcher's step."""
+    rates, out = np.empty((7, 4)), np.empty(4)  # du/dt, dw/dt and the contact force
+    for k in range(7):
+        du, dw = 0.0, 0.0
+        for i in range(k):
+            du += STAGES[k, i] * rates[i, 0]
+            dw += STAGES[k, i] * rates[i, 1]
+        pace = w + h * dw / STAGES[k, 6]
+        x, y, tx, ty, speed, bend = surface(piece, u + h * du / STAGES[k, 6])
+        fx, fy = push(load, tau + STAGES[k, 7] * h / STAGES[k, 8], x, y, pace * tx, pace * ty)
+        answer = -(fx * ty - fy * tx) - load[MASS] * bend * pace * pace
+        rates[k, 0], rates[k, 1] = pace / speed, (fx * tx + fy * ty) / load[MASS]
+        rates[k, 2], rates[k, 3] = answer * ty, -answer * tx
+    for c in range(4):
+        r = rates[:, c]
+        out[c] = h * (11.0 * (r[0] + r[6]) + 81.0 * (r[2] + r[3]) - 32.0 * (r[4] + r[5])) / 120.0
+    return u + out[0], w + out[1], out[2], out[3]
 
 
 @compiled

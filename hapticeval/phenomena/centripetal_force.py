@@ -7,22 +7,23 @@ import math
 import numpy as np
 from scipy.signal import lfilter, lfilter_zi
 
-from hapticeval.closed_forms.equations import Gains, transversal
+from hapticeval.closed_forms import Gains, transversal
 from hapticeval.geometry.boundary import Frame
-from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
 from hapticeval.phenomena.sampling import (
     FORCE_DEPTH,
     HOLD_TICKS,
     LAG_TICKS,
     TELLS,
     loaded,
+    mm,
     place,
     placement,
     touching,
     unsettled_by_path,
 )
 from hapticeval.phenomena.surface_motion import decay_rate
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -34,28 +35,20 @@ SPEEDS = (0.5, 0.75)
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Regress the surface error on what the missing centripetal force would cost, over all speeds."""
     base = runs.base
-    if base.meta.get("source") == "playback":
-        return Finding(Outcome.NOT_APPLICABLE, "a hand led along a given path needs no force to follow it")
     unsettled = unsettled_by_path(base)
     if unsettled is not None:
-        return Finding(Outcome.INCONCLUSIVE, unsettled)
+        return undecided(unsettled)
     loose = _loose(base, scene)
     if loose is not None:
         message = "the tool is not held: off a surface that holds from both sides there is no force on it"
-        return Finding(Outcome.INCONCLUSIVE, message, evidence=place(base, loose))
-    everything = [base]
-    if runs.at_speed is not None:
-        everything += [runs.at_speed(factor) for factor in SPEEDS]
-    errors, pushes, costs, sizes = [], [], [], []
-    for recording in everything:
-        error, push, cost, size = _terms(recording, scene)
-        errors.append(error)
-        pushes.append(push)
-        costs.append(cost)
-        sizes.append(size)
+        return undecided(message, **place(base, loose))
+    slower = SPEEDS if runs.at_speed is not None else ()
+    everything = [base, *(runs.at_speed(factor) for factor in slower if runs.at_speed is not None)]
+    terms = [_terms(recording, scene) for recording in everything]
+    errors, pushes, costs, sizes = zip(*terms, strict=True)
     cost = np.concatenate(costs)
     if cost.size < 8:
-        return Finding(Outcome.INCONCLUSIVE, "the tool hardly touches the surface")
+        return undecided("the tool hardly touches the surface")
     largest = float(np.max(np.abs(cost)))
     if largest <= 1e-12:
         return Finding(Outcome.NOT_APPLICABLE, "the tool does not slide over a curved surface")
@@ -68,25 +61,26 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "centripetal_error_m": share * largest,
         "kappa_v2_m_over_K_m": largest,
         "standard_error": deviation,
-        "speeds": [1.0, *SPEEDS] if runs.at_speed is not None else [1.0],
+        "speeds": [1.0, *slower],
     }
     at_zero = _missing_at_zero_error(base, scene)
     if at_zero is not None:
         evidence["force_missing_at_zero_error"] = at_zero
-    lacking = abs(at_zero) if at_zero is not None else 0.0
+    lacking = abs(at_zero or 0.0)
     value = max(abs(share), lacking)
-    metric = Metric("share of the centripetal force that position error has to supply", value, "")
-    undecided = not np.isfinite(deviation) or abs(abs(share) - bound) <= 2.0 * deviation
-    if bound > TELLS or (undecided and lacking <= bound):
-        message = "too slow, or too much else going on, to tell the centripetal part of the error from the rest"
-        return Finding(Outcome.INCONCLUSIVE, message, metric, bound, evidence)
-    if value <= bound:
-        return Finding(Outcome.PASS, "the error does not grow with the square of speed", metric, bound, evidence)
-    message = (
-        f"{100 * value:.3g} per cent of the centripetal force comes from position error: "
-        f"{1e3 * abs(share) * largest:.3g} mm at the top speed"
+    metric = Metric(CHECK.metric, value, "")
+    unclear = not np.isfinite(deviation) or abs(abs(share) - bound) <= 2.0 * deviation
+    if bound > TELLS or (unclear and lacking <= bound):
+        message = "too slow, or too much else going on, to separate the centripetal part of the error from the rest"
+        return undecided(message, metric, bound, **evidence)
+    return compared(
+        metric,
+        bound,
+        evidence,
+        passes="the error does not grow with the square of speed",
+        fails=f"{100 * value:.3g} per cent of the centripetal force comes from position error: "
+        f"{mm(abs(share) * largest)} at the top speed",
     )
-    return Finding(Outcome.FAIL, message, metric, bound, evidence)
 
 
 def _loose(recording: Recording, scene: Scene) -> int | None:
@@ -205,8 +199,11 @@ CHECK = Check(
     asks="Sliding over a curved surface: is the centripetal force given, or does it cost position error?",
     formula="F_cen = m kappa v^2 (3.8); error = a kappa v^2 m / K_p + b F_o.n / K_p + c, and a = 0 where it is given",
     citation="thesis 3.2.3, (3.8); 6.3.3; Table 6.3 'accounts for centripetal acceleration'",
-    channels=("hip", "ihip", "force", "velocity", "operator_force where it was recorded"),
-    siblings="the same experiment at 0.5 and 0.75 times the speed",
+    channels=("hip", "force", "velocity"),
+    reads_also=("ihip", "operator_force"),
+    siblings={Sibling.AT_SPEED: "the same experiment at 0.5 and 0.75 times the speed"},
+    not_for={Situation.PLAYBACK: "a hand led along a given path needs no force to follow it"},
+    needs_loop=True,
     metric="share of the centripetal force that position error has to supply",
     unit="",
     bound=(

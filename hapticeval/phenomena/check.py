@@ -1,14 +1,16 @@
-"""What a check is: a plain function of the runs and the scene, with its papers."""
+"""What a check is: a function of the runs and the scene, with data on what it reads, needs and applies to."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from enum import StrEnum
 from functools import cache
 from typing import Protocol
 
 from hapticeval.errors import InputError
-from hapticeval.phenomena.verdict import Finding, Level
+from hapticeval.phenomena.sampling import LED
+from hapticeval.phenomena.verdict import Finding, Level, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 
@@ -51,20 +53,70 @@ class Runs:
 
     def remembered(self) -> Runs:
         """The same runs, each sibling made once at the most."""
-        return Runs(
-            self.base,
-            None if self.refine is None else cache(self.refine),
-            None if self.reverse is None else cache(self.reverse),
-            None if self.at_speed is None else cache(self.at_speed),
-            self.law,
-            None if self.again is None else cache(self.again),
-            self.look,
-        )
+        made = {each.name: getattr(self, each.name) for each in fields(self)}
+        return replace(self, **{name: cache(make) for name, make in made.items() if callable(make)})
 
 
-@dataclass(frozen=True)
+class Sibling(StrEnum):
+    """What a check may use beside the recording that it judges: the fields of `Runs`."""
+
+    REFINE = "refine"
+    REVERSE = "reverse"
+    AT_SPEED = "at_speed"
+    LAW = "law"
+    AGAIN = "again"
+    LOOK = "look"
+
+
+class Situation(StrEnum):
+    """Runs and scenes for which a check may have no question."""
+
+    PLAYBACK = "a hand led along a given path"
+    LED = "a hand led along a given or a recorded path"
+    UNILATERAL = "a surface that only pushes"
+    BILATERAL = "a surface that holds the tool from both sides"
+    NO_CONVEX_CORNER = "a model without a convex corner"
+    NO_CONCAVE_CORNER = "a model without a concave corner"
+
+
+def situations(runs: Runs, scene: Scene) -> frozenset[Situation]:
+    """Return the situations that runs in a scene are in."""
+    source = runs.base.meta.get("source")
+    convex = [corner.convex for corner in scene.model.boundary.corners]
+    holds = {
+        Situation.PLAYBACK: source == "playback",
+        Situation.LED: source in LED,
+        Situation.UNILATERAL: not scene.bilateral,
+        Situation.BILATERAL: scene.bilateral,
+        Situation.NO_CONVEX_CORNER: not any(convex),
+        Situation.NO_CONCAVE_CORNER: all(convex),
+    }
+    return frozenset(situation for situation, there in holds.items() if there)
+
+
+LACKS = "lacks"
+"""The entry of the evidence that names a channel which the check reads and the recording lacks."""
+
+
+def without_channel(channel: str) -> Finding:
+    """Return the finding for a recording without a channel that the check reads."""
+    message = f"the recording has no channel '{channel}', which this check reads"
+    return Finding(Outcome.INCONCLUSIVE, message, evidence={LACKS: channel})
+
+
+@dataclass(frozen=True, kw_only=True)
 class Check:
-    """A phenomenon as a check, with all that `hapticeval explain` prints."""
+    """A phenomenon as a check: call it with runs and a scene; `hapticeval explain` prints its data.
+
+    `judge` is called only where the check applies: not in a situation of `not_for` (situation: why it is not
+    applicable there), with each sibling of `needs` (sibling: the finding without it) and every one of `channels`.
+    `reads_also` are channels that it reads where they were recorded. `siblings` describes each sibling that it may use.
+    `judge` returns a finding whose metric has the check's `unit`, or one of its own.
+
+    `needs_loop` marks a check of how hand and force act on each other: a hand led along a recorded path does not show
+    it, so that an undecided verdict stops no gate. `holds` marks what Problem 7.1 asks of a closed loop on a bilateral
+    constraint: of a recording in another scene it is not asked unless a case names it.
+    """
 
     id: str
     phenomenon: str
@@ -72,11 +124,35 @@ class Check:
     formula: str
     citation: str
     channels: tuple[str, ...]
-    siblings: str
     metric: str
     unit: str
     bound: str
     judge: Callable[[Runs, Scene], Finding]
+    reads_also: tuple[str, ...] = ()
+    siblings: Mapping[Sibling, str] = field(default_factory=dict)
+    needs: Mapping[Sibling, Finding] = field(default_factory=dict)
+    not_for: Mapping[Situation, str] = field(default_factory=dict)
+    needs_loop: bool = False
+    holds: bool = False
     level: Level = Level.MUST
     section: str = ""
     """The section of a report that shows the evidence of these verdicts in a table of its own, if one does."""
+
+    @property
+    def needs_closed_form(self) -> bool:
+        """Whether the check compares with the closed form that a case names."""
+        return Sibling.LAW in self.needs
+
+    def __call__(self, runs: Runs, scene: Scene) -> Finding:
+        """Judge `runs` in `scene`, where the check applies and has what it needs."""
+        here = situations(runs, scene) if self.not_for else ()
+        for situation, why in self.not_for.items():
+            if situation in here:
+                return Finding(Outcome.NOT_APPLICABLE, why)
+        for sibling, finding in self.needs.items():
+            if getattr(runs, sibling) is None:
+                return finding
+        for channel in self.channels:
+            if channel not in runs.base.channels:
+                return without_channel(channel)
+        return self.judge(runs, scene)

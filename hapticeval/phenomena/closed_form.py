@@ -4,34 +4,33 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.closed_forms.form import CLOSED_FORMS
-from hapticeval.phenomena.check import Check, Runs
+from hapticeval.closed_forms import CLOSED_FORMS
+from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
 from hapticeval.phenomena.refinement import extrapolated
-from hapticeval.phenomena.sampling import LED, place
+from hapticeval.phenomena.sampling import listed, mm, place
 from hapticeval.phenomena.surface_motion import SurfaceMotion
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.scene import Scene
 
-TOLD = 5
+MOMENTS = 5
 """Moments that the evidence lists."""
 
 COARSE = 1e-3
 """A tolerance above a thousandth of the way travelled compares nothing."""
 
+UNREPEATABLE = "the run cannot be repeated with finer sampling, or ends early there"
+
 
 def judge(runs: Runs, scene: Scene) -> Finding:
-    """The largest distance between the extrapolated run and the closed form that the case names."""
+    """Measure the largest distance between the extrapolated run and the closed form that the case names."""
     base = runs.base
-    if runs.law is None:
-        return Finding(Outcome.NOT_APPLICABLE, "no closed form is named for this renderer here")
+    assert runs.law is not None
     form = CLOSED_FORMS[runs.law]
-    if base.meta.get("source") in LED:
-        return Finding(Outcome.NOT_APPLICABLE, "a closed form is about a tool that moves by itself")
     if SurfaceMotion(base, scene).pushed.any():
-        return Finding(Outcome.INCONCLUSIVE, "the operator pushes, and the closed form knows no operator")
+        return undecided("the operator pushes, and the closed form knows no operator")
     found = extrapolated(runs, lambda recording: recording.hip)
     if found is None:
-        return Finding(Outcome.INCONCLUSIVE, "the run cannot be repeated with finer sampling, or ends early there")
+        return undecided(UNREPEATABLE)
     hips, correction = found
     time = base.time - base.time[0]
     expected = form.motion(scene, base.hip[0], base.velocity[0], time).hip
@@ -39,8 +38,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     apart = np.linalg.norm(hips - expected, axis=1)
     tick = int(np.argmax(apart))
     bound = correction * np.sqrt(hips.shape[1]) + 1e-10 * way
-    moments = np.linspace(0, len(base) - 1, TOLD).astype(int)
-    boundary = scene.model.boundary
+    distance = scene.model.boundary.signed_distance
     evidence: dict[str, object] = {
         **place(base, tick),
         "law": form.name,
@@ -49,24 +47,25 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "moments": [
             {
                 "time": float(time[k]),
-                "measured": [float(x) for x in hips[k]],
-                "closed_form": [float(x) for x in expected[k]],
-                "measured_distance": float(boundary.signed_distance(hips[k : k + 1])[0]),
-                "closed_form_distance": float(boundary.signed_distance(expected[k : k + 1])[0]),
+                "measured": listed(hips[k]),
+                "closed_form": listed(expected[k]),
+                "measured_distance": float(distance(hips[k : k + 1])[0]),
+                "closed_form_distance": float(distance(expected[k : k + 1])[0]),
             }
-            for k in moments
+            for k in np.linspace(0, len(base) - 1, MOMENTS).astype(int)
         ],
     }
-    metric = Metric("distance between the extrapolated run and the closed form", float(apart[tick]), "m")
+    metric = Metric(CHECK.metric, float(apart[tick]), "m")
     if not bound <= COARSE * way:
-        message = f"refinement does not settle the run: it is known to {1e3 * bound:.3g} mm only"
-        return Finding(Outcome.INCONCLUSIVE, message, metric, bound, evidence)
-    if metric.value <= bound:
-        return Finding(
-            Outcome.PASS, f"the run tends to ({form.name}) as the tick does to zero", metric, bound, evidence
-        )
-    message = f"the run tends to something {1e3 * metric.value:.3g} mm away from ({form.name})"
-    return Finding(Outcome.FAIL, message, metric, bound, evidence)
+        message = f"refinement does not settle the run: it is known to {mm(bound)} only"
+        return undecided(message, metric, bound, **evidence)
+    return compared(
+        metric,
+        bound,
+        evidence,
+        passes=f"the run tends to ({form.name}) as the tick does to zero",
+        fails=f"the run tends to something {mm(metric.value)} away from ({form.name})",
+    )
 
 
 CHECK = Check(
@@ -76,7 +75,17 @@ CHECK = Check(
     formula="Tables 6.1 and 6.2, (7.28), (7.38); on other curves n'' = kappa (1 + n kappa) s'^2 + ...",
     citation="thesis (6.19) to (6.21), (6.24) to (6.27), (7.28), (7.38)",
     channels=("hip", "velocity"),
-    siblings="the same experiment at 2, 4 and 8 times the sampling rate",
+    reads_also=("operator_force",),
+    siblings={
+        Sibling.LAW: "the closed form that the case names",
+        Sibling.REFINE: "the same experiment at 2, 4 and 8 times the sampling rate",
+    },
+    needs={
+        Sibling.LAW: Finding(Outcome.NOT_APPLICABLE, "no closed form is named for this renderer here"),
+        Sibling.REFINE: undecided(UNREPEATABLE),
+    },
+    not_for={Situation.LED: "a closed form is about a tool that moves by itself"},
+    holds=True,
     metric="distance between the extrapolated run and the closed form",
     unit="m",
     bound=(

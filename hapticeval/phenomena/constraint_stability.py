@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.sampling import LED, place
+from hapticeval.phenomena.check import Check, Runs, Situation
+from hapticeval.phenomena.sampling import mm, place
 from hapticeval.phenomena.surface_motion import SurfaceMotion, decay_rate
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -20,70 +20,59 @@ SHRINKS = math.sqrt(0.5)
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the largest distance in the last half of the run with that in the quarter before it."""
     base = runs.base
-    if base.meta.get("source") in LED:
-        return Finding(Outcome.NOT_APPLICABLE, "a hand led along a given path is drawn nowhere")
-    if not scene.bilateral:
-        return Finding(Outcome.NOT_APPLICABLE, "a surface that only pushes holds nothing from outside")
     ended = base.meta.get("ended")
     if ended is not None:
         message = f"the run ended at t = {ended['time']:.4g} s: {ended['what']}"
         return Finding(Outcome.FAIL, message, evidence={**place(base, len(base) - 1), "ended": dict(ended)})
     motion = SurfaceMotion(base, scene)
-    distance = np.abs(motion.distance)
-    pushed = np.flatnonzero(motion.pushed)
-    first = int(pushed[-1]) + 1 if pushed.size else 0
+    first = int(np.flatnonzero(motion.pushed).max(initial=-1)) + 1
     free = base.time[first:] - base.time[min(first, len(base) - 1)]
     if free.size < 8:
-        message = f"the run is too short to tell: {free.size} samples"
-        if pushed.size:
-            message = "the operator pushes to the end, so nothing has to come to rest"
-        return Finding(Outcome.INCONCLUSIVE, message)
+        if first > 0:
+            return undecided("the operator pushes to the end, so nothing has to come to rest")
+        return undecided(f"the run is too short to decide: {free.size} samples")
+    if motion.footless is not None:
+        return undecided(motion.footless)
     span, rate = float(free[-1]), decay_rate(scene)
     late = free > 0.5 * span
     early = (free >= 0.25 * span) & ~late
-    if motion.footless is not None:
-        return Finding(Outcome.INCONCLUSIVE, motion.footless)
+    distance = np.abs(motion.distance[first:])
     floor = motion.held_distance(first + int(np.argmax(early))) + motion.sensor_error + 1e-12 * scene.model.size
-    tick = first + int(np.argmax(distance[first:]))
+    farthest = int(np.argmax(distance))
     evidence: dict[str, object] = {
-        **place(base, tick),
-        "largest_distance_m": float(distance[tick]),
+        **place(base, first + farthest),
+        "largest_distance_m": float(distance[farthest]),
         "floor_m": floor,
         "assigned_decay_rate_1_s": rate,
     }
-    if distance[tick] <= floor:
-        message = f"the tool is never further off the surface than sampling and sensors may let it: {_mm(floor)}"
-        return Finding(Outcome.INCONCLUSIVE, message, evidence=evidence)
+    if distance[farthest] <= floor:
+        message = f"the tool is never further off the surface than sampling and sensors may let it: {mm(floor)}"
+        return undecided(message, **evidence)
     if rate > 0.0 and math.exp(-0.25 * rate * span) > SHRINKS:
         message = f"{span:.3g} s are too short: the assigned dynamics decay at {rate:.3g} 1/s themselves"
-        return Finding(Outcome.INCONCLUSIVE, message, evidence=evidence)
-    before, after = float(distance[first:][early].max()), float(distance[first:][late].max())
-    evidence |= {"distance_before_m": before, "distance_after_m": after}
-    metric = Metric("largest distance from the surface in the last half", after, "m")
-    bound = max(SHRINKS * before, floor)
-    if after <= bound:
-        message = f"the tool comes to the surface: from {_mm(distance[tick])} to {_mm(after)} in the last half"
-        return Finding(Outcome.PASS, message, metric, bound, evidence)
-    message = _how(motion.distance[first:][late], before, after)
-    return Finding(Outcome.FAIL, message, metric, bound, evidence)
+        return undecided(message, **evidence)
+    before, after = float(distance[early].max()), float(distance[late].max())
+    return compared(
+        Metric(CHECK.metric, after, "m"),
+        max(SHRINKS * before, floor),
+        evidence | {"distance_before_m": before, "distance_after_m": after},
+        passes=f"the tool comes to the surface: from {mm(distance[farthest])} to {mm(after)} in the last half",
+        fails=_how(motion.distance[first:][late], before, after),
+    )
 
 
 def _how(late: Array, before: float, after: float) -> str:
-    """In what way the tool does not come to the surface."""
+    """Describe in what way the tool does not come to the surface."""
     if after > before / SHRINKS:
-        return f"the distance grows: {_mm(before)}, then {_mm(after)}"
+        return f"the distance grows: {mm(before)}, then {mm(after)}"
     if float(np.ptp(late)) < 0.5 * after:
-        return f"the tool stands {_mm(after)} off the surface and comes no nearer"
+        return f"the tool stands {mm(after)} off the surface and comes no nearer"
     if min(float(late.max()), -float(late.min())) > 0.5 * after:
-        swing = f"the tool swings about the surface, {_mm(after)} to either side"
+        swing = f"the tool swings about the surface, {mm(after)} to either side"
         if after > 1.01 * before:
-            return f"{swing}, after {_mm(before)} before: it grows, as a held spring without damping does"
+            return f"{swing}, after {mm(before)} before: it grows, as a held spring without damping does"
         return f"{swing}, and is not damped: marginal stability"
-    return f"the tool does not come to the surface: up to {_mm(before)} off, then up to {_mm(after)}"
-
-
-def _mm(distance: float) -> str:
-    return f"{1e3 * float(distance):.3g} mm"
+    return f"the tool does not come to the surface: up to {mm(before)} off, then up to {mm(after)}"
 
 
 CHECK = Check(
@@ -92,8 +81,13 @@ CHECK = Check(
     asks="Does a tool that is off the surface come back to it when nobody pushes?",
     formula="h(x(t)) -> S (7.1 a): n(t) -> 0",
     citation="thesis 7.1, Problem 7.1 (a); 6.3.2, 6.3.3, Tables 6.1 and 6.2",
-    channels=("hip", "velocity", "operator_force and measured_hip where they were recorded"),
-    siblings="none",
+    channels=("hip", "velocity"),
+    reads_also=("operator_force", "measured_hip"),
+    not_for={
+        Situation.LED: "a hand led along a given path is drawn nowhere",
+        Situation.UNILATERAL: "a surface that only pushes holds nothing from outside",
+    },
+    holds=True,
     metric="largest distance from the surface in the last half",
     unit="m",
     bound=(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.held_tool import HeldTool
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
@@ -12,13 +12,15 @@ from hapticeval.phenomena.sampling import (
     believed_standoff,
     hip_steps,
     lacks_ihip,
+    listed,
+    mm,
     place,
     resolution,
     rounding,
     touching,
     trailing,
 )
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
 from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.quantization import grain
 from hapticeval.recordings.recording import Recording
@@ -32,29 +34,39 @@ FINEST, COARSEST = 1e-6, 1e-4
 """Limits of that grain, as shares of the model's size."""
 
 
+KINDS = {
+    "let go": "contact is lost inside the model",
+    "not met": "the hand is led into the model and not met",
+    "tunnelled": "the tool tunnels through the model",
+}
+"""Words for `evidence["kind"]`: whether there was contact before; tunnelled, where the hand is never deep inside."""
+
+
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Wherever the renderer gives no contact, follow the hand with a rigid tool from the renderer's own last IHIP."""
     base = runs.base
-    if scene.bilateral:
-        return Finding(Outcome.NOT_APPLICABLE, "a surface that holds the tool from both sides is never left")
     if lacks_ihip(base, scene):
-        return Finding(Outcome.INCONCLUSIVE, NO_IHIP)
-    size = scene.model.size
+        return undecided(NO_IHIP)
+    steps, size = hip_steps(base), scene.model.size
     tool = HeldTool(
         scene.model.boundary,
-        float(np.clip(FINE * hip_steps(base).max(initial=0.0), FINEST * size, COARSEST * size)),
+        float(np.clip(FINE * steps.max(initial=0.0), FINEST * size, COARSEST * size)),
     )
-    off, reach = _depth_allowed(base, scene) + tool.grain, _moved(base) + _along_allowed(base, scene) + tool.grain
-    allowed = _moved(base) + off
+    across = _across_allowed(base, scene)
+    # How far the HIP has moved in the last three ticks: (n,), m.
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    moved = along - along[np.maximum(np.arange(along.size) - LAG_TICKS, 0)]
+    allowed = moved + (across + tool.grain)
     trails = _trails(base, scene, allowed)
     if trails is not None:
         return trails
     contact = touching(base, scene)
-    gap, since = _barred(base, contact, tool, allowed, reach)
+    # An edge may lie off along the surface as well, by what the renderer's resolution leaves.
+    gap, since = _barred(base, contact, tool, allowed, moved + (across + resolution(base, scene)) + tool.grain)
     if not contact.any() and not gap.any():
-        return Finding(Outcome.INCONCLUSIVE, "the hand is never led into the model, and the tool never in contact")
+        return undecided("the hand is never led into the model, and the tool never in contact")
     worst = int(np.argmax(gap - allowed))
-    metric = Metric("how far the hand gets past the surface without contact", float(gap[worst]), "m")
+    metric = Metric(CHECK.metric, float(gap[worst]), "m")
     bound = float(allowed[worst])
     if gap[worst] <= bound:
         message = "the tool is in contact wherever the model bars its way to the hand"
@@ -65,44 +77,47 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     first = int(since[worst])
     had = first > 0 and bool(contact[first - 1])
     kind = "tunnelled" if np.all(depth[lost] <= allowed[lost]) else "let go" if had else "not met"
+    ticks, seconds = int(lost.sum()), float(took[lost].sum())
     evidence: dict[str, object] = {
         **place(base, first),
         "kind": kind,
         "deepest_m": max(float(depth[lost].max()), 0.0),
         "farthest_time": float(base.time[worst]),
-        "farthest_hip": [float(x) for x in base.hip[worst]],
-        "lost_ticks": int(lost.sum()),
-        "lost_s": float(took[lost].sum()),
+        "farthest_hip": listed(base.hip[worst]),
+        "lost_ticks": ticks,
+        "lost_s": seconds,
         "times_lost": int(np.unique(since[lost]).size),
     }
     if had:
-        evidence["last_ihip"] = [float(x) for x in base.ihip[first - 1]]
+        evidence["last_ihip"] = listed(base.ihip[first - 1])
     message = (
-        f"{KINDS[kind]} at t = {base.time[first]:.4g} s, HIP ({_mm(base.hip[first])}) mm: without contact for "
-        f"{evidence['lost_s']:.3g} s ({evidence['lost_ticks']} of {len(base)} ticks), the hand gets "
-        f"{1e3 * metric.value:.3g} mm past the surface that bars the tool's way"
+        f"{KINDS[kind]} at t = {base.time[first]:.4g} s, HIP {mm(*base.hip[first])}: without contact for "
+        f"{seconds:.3g} s ({ticks} of {len(base)} ticks), the hand gets {mm(metric.value)} past the surface that bars "
+        "the tool's way"
     )
     return Finding(Outcome.FAIL, message, metric, bound, evidence)
 
 
-KINDS = {
-    "let go": "contact is lost inside the model",
-    "not met": "the hand is led into the model and not met",
-    "tunnelled": "the tool tunnels through the model",
-}
-"""Words for `evidence["kind"]`: whether there was contact before; tunnelled, where the hand is never deep inside."""
+def _across_allowed(base: Recording, scene: Scene) -> float:
+    """Return how far the renderer's surface may lie off the model, m, with the rounding of positions.
+
+    By what it declares: its standoff, or where it declares a resolution only, that.
+    """
+    digits = 0.0
+    if base.meta.get("source") not in SIMULATED:
+        digits = float(np.linalg.norm([grain(column) for column in (*base.hip.T, *base.ihip.T)]))
+    return (believed_standoff(base, scene) or resolution(base, scene)) + rounding(scene) + digits
 
 
 def _trails(base: Recording, scene: Scene, allowed: Array) -> Finding | None:
-    """A failure where the tool does not follow the hand in free space: it could then meet no surface in time."""
-    free = trailing(base, scene)
-    off = np.where(free, np.linalg.norm(base.hip - base.ihip, axis=1), 0.0)
+    """Return a failure where the tool does not follow the hand in free space: it could then meet no surface in time."""
+    off = np.where(trailing(base, scene), np.linalg.norm(base.hip - base.ihip, axis=1), 0.0)
     worst = int(np.argmax(off - allowed))
     if off[worst] <= allowed[worst]:
         return None
     many = int(np.sum(off > allowed))
     message = (
-        f"the tool trails the hand in free space: no force, and the IHIP {1e3 * off[worst]:.3g} mm away from the HIP "
+        f"the tool trails the hand in free space: no force, and the IHIP {mm(off[worst])} away from the HIP "
         f"at t = {base.time[worst]:.4g} s ({many} of {len(base)} ticks)"
     )
     metric = Metric("distance of the IHIP from the HIP in free space", float(off[worst]), "m")
@@ -150,41 +165,15 @@ def _barred(
     return gap, since
 
 
-def _moved(base: Recording) -> Array:
-    """How far the HIP has moved in the last three ticks: (n,), m."""
-    along = np.concatenate([[0.0], np.cumsum(hip_steps(base))])
-    return np.asarray(along - along[np.maximum(np.arange(along.size) - LAG_TICKS, 0)])
-
-
-def _depth_allowed(base: Recording, scene: Scene) -> float:
-    """How far the renderer's surface may lie off the model, m, with the rounding of positions.
-
-    By what it declares: its standoff, or where it declares a resolution only, that.
-    """
-    declared = believed_standoff(base, scene) or resolution(base, scene)
-    digits = 0.0
-    if base.meta.get("source") not in SIMULATED:
-        digits = float(np.linalg.norm([grain(column) for column in (*base.hip.T, *base.ihip.T)]))
-    return declared + rounding(scene) + digits
-
-
-def _along_allowed(base: Recording, scene: Scene) -> float:
-    """How far along the surface an edge may lie off that of the model, m."""
-    return _depth_allowed(base, scene) + resolution(base, scene)
-
-
-def _mm(point: Array) -> str:
-    return ", ".join(f"{1e3 * x:.4g}" for x in point)
-
-
 CHECK = Check(
     id="contact-kept",
     phenomenon="Continuous Contact Point",
     asks="Is a hand that is led into the model met, and the contact kept until the tool's way to the hand is open?",
     formula="no contact at t only if a rigid tool, from the last IHIP, gets to HIP(t) outside of the solid",
     citation="thesis 3.2, 3.2.1; 4.1.2 (pop-through)",
-    channels=("hip", "ihip", "force where it was recorded"),
-    siblings="none",
+    channels=("hip", "ihip"),
+    reads_also=("force",),
+    not_for={Situation.BILATERAL: "a surface that holds the tool from both sides is never left"},
     metric="how far the hand gets past the surface without contact",
     unit="m",
     bound=(

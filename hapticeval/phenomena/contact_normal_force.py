@@ -9,8 +9,8 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.sampling import LAG_TICKS, hip_step, loaded, place, resolution, rounding, standoff
-from hapticeval.phenomena.verdict import Finding, Metric, Outcome
+from hapticeval.phenomena.sampling import LAG_TICKS, hip_step, loaded, mm, place, resolution, rounding, standoff
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
 from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.quantization import grain
 from hapticeval.recordings.recording import SINGLE, Recording
@@ -20,13 +20,16 @@ from hapticeval.types import Array, IntArray
 STATIC_SHARE = 0.2
 """Share of the run, at its end, over which a static equilibrium is looked for."""
 
+NEAREST = "minimum-distance"
+"""The renderer whose contact point is the model's point nearest to the HIP, whatever came before."""
+
 
 def judge(runs: Runs, scene: Scene) -> Finding:
-    """Direction first; then, where the run ends in rest under an operator's push, the magnitude."""
+    """Judge the direction first; then, where the run ends in rest under an operator's push, the magnitude."""
     base = runs.base
     strong = np.flatnonzero(loaded(base, scene))
     if strong.size == 0:
-        return Finding(Outcome.INCONCLUSIVE, "no force above the floor: the tool never presses on the surface")
+        return undecided("no force above the floor: the tool never presses on the surface")
     if "ihip" not in base.channels:
         return _without_ihip(base, scene, strong)
     declared, near = resolution(base, scene), _reach(base, scene)[strong]
@@ -37,19 +40,16 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     tick = int(strong[worst])
     evidence: dict[str, object] = {**place(base, tick), "samples": int(strong.size), **_error_angle(base, scene)}
     metric = Metric("angle of the force outside the true normals", angle, "deg")
+    where = f"every true normal near the IHIP at t = {base.time[tick]:.4g} s"
     if angle > bound:
-        message = (
-            f"the force points {angle:.3g} degrees off every true normal near the IHIP at t = {base.time[tick]:.4g} s"
-        )
-        return Finding(Outcome.FAIL, message, metric, bound, evidence)
+        return Finding(Outcome.FAIL, f"the force points {angle:.3g} degrees off {where}", metric, bound, evidence)
     granted = ""
     bare = _deviation(base, scene, strong, near) if declared > 0.0 else deviation
     most = int(np.argmax(bare - allowed))
     if bare[most] > allowed[most]:
         leaning = math.degrees(float(bare[most]))
         evidence["angle_by_resolution_deg"] = leaning
-        mm = 1e3 * declared
-        granted = f" (but for up to {leaning:.2g} degrees, which its declared resolution of {mm:.3g} mm allows)"
+        granted = f" (but for up to {leaning:.2g} degrees, which its declared resolution of {mm(declared)} allows)"
     balance = _static_balance(base, scene)
     if balance is None:
         message = f"the force is along the surface normal throughout{granted}"
@@ -71,31 +71,26 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return Finding(Outcome.FAIL, message, magnitude, static_bound, evidence)
     message = (
         f"normal throughout{granted}, and equal at rest to the operator's {push:.3g} N to within "
-        f"{abs(difference):.2g} N, {1e3 * depth:.3g} mm deep"
+        f"{abs(difference):.2g} N, {mm(depth)} deep"
     )
     return Finding(Outcome.PASS, message, metric, bound, evidence)
 
 
-NEAREST = "minimum-distance"
-"""The renderer whose contact point is the model's point nearest to the HIP, whatever came before."""
-
-
 def _without_ihip(recording: Recording, scene: Scene, strong: IntArray) -> Finding:
-    """Of a recording without IHIP: the force against the normal at the model's point nearest to the HIP.
+    """Judge the force of a recording without IHIP against the normal at the model's point nearest to the HIP.
 
     That is where a minimum-distance renderer has its contact point, and others with a memory may have theirs elsewhere:
     of these nothing is decided.
     """
     ihip = recording.hip.copy()
     ihip[strong] = scene.model.boundary.frame(ihip[strong]).foot
-    assumed = replace(recording, channels={**recording.channels, "ihip": ihip})
-    finding = judge(Runs(assumed), scene)
+    finding = judge(Runs(replace(recording, channels={**recording.channels, "ihip": ihip})), scene)
     evidence = {"nearest" if name == "ihip" else name: value for name, value in finding.evidence.items()}
-    said = "no IHIP was recorded: judged at the model's point nearest to the HIP"
+    assumed = "no IHIP was recorded: judged at the model's point nearest to the HIP"
     if str(recording.meta.get("renderer", "")).partition("+")[0].partition("@")[0] == NEAREST:
-        return replace(finding, message=f"{finding.message} ({said}, as {NEAREST} has it)", evidence=evidence)
+        return replace(finding, message=f"{finding.message} ({assumed}, as {NEAREST} has it)", evidence=evidence)
     angle = "" if finding.metric is None else f" the force is {finding.metric.value:.3g} {finding.metric.unit} off, and"
-    message = f"{said},{angle} only of a {NEAREST} renderer is that the contact point"
+    message = f"{assumed},{angle} only of a {NEAREST} renderer is that the contact point"
     return replace(finding, outcome=Outcome.INCONCLUSIVE, message=message, evidence=evidence)
 
 
@@ -198,8 +193,8 @@ CHECK = Check(
     asks="Is the force along the surface's normal, and at rest equal to the operator's push along it?",
     formula="F_n = -(n_e . F_o) n_e (3.3), with n_e = n_c (3.4); at a corner n_e lies between the faces' normals",
     citation="thesis 3.2.1, (3.3), (3.4), Figures 3.3 to 3.5; (6.1)",
-    channels=("hip", "force", "ihip and operator_force where they were recorded"),
-    siblings="none",
+    channels=("hip", "force"),
+    reads_also=("ihip", "operator_force", "velocity"),
     metric="angle of the force outside the true normals; at rest, the difference in newtons",
     unit="deg",
     bound=(

@@ -157,7 +157,9 @@ def _left(
         scales = (*before, _scale(recording, scene, steps, worst, before))
         factor = _factor(depth, scales[-1].hip_step, rounding)
         seen: Seen | None
-        if (
+        if scales[-1].hip_step == 0.0:  # no way of the hand to divide: nothing that it does moves the IHIP
+            seen = Seen(Left.STAYS, tick_of(worst), scales[-1].jump, 0.0, scales)
+        elif (
             sum(scale.hip_step < rounding for scale in scales) == BELOW
             or scales[-1].hip_step / factor < COARSE * rounding
         ):
@@ -221,8 +223,8 @@ def _scale(recording: Recording, scene: Scene, steps: Array, row: int, before: t
     wide = slice(max(row - 8 * AROUND, 0), row + 8 * AROUND)
     led = np.any(np.diff(recording.hip[wide], axis=0) != 0.0, axis=1)
     moved = np.any(np.diff(recording.ihip[wide], axis=0) != 0.0, axis=1)
-    halvings = math.log2(before[0].hip_step / hip_step) if before else 0.0
-    return Scale(halvings, float(steps[row]), spread, hip_step, bool(np.mean(moved[led]) > 0.5))
+    halvings = math.log2(before[0].hip_step / hip_step) if before and hip_step > 0.0 else 0.0
+    return Scale(halvings, float(steps[row]), spread, hip_step, bool(2 * np.sum(moved[led]) > np.sum(led)))
 
 
 def _comes_along(

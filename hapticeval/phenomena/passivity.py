@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.check import Check, Runs, Sibling
 from hapticeval.phenomena.refinement import SETTLES
-from hapticeval.phenomena.sampling import TELLS, place, touching
-from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
+from hapticeval.phenomena.sampling import TELLS, mm, place, touching
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
 from hapticeval.recordings.integrity.force_sign import balance
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
@@ -137,7 +137,7 @@ def laps(hip: Array, size: float) -> list[tuple[int, int, int]]:
 
 
 def _number(hip: Array, first: int, period: int, near: float) -> int:
-    """How many laps of `period` rows follow each other from row `first` on."""
+    """Return how many laps of `period` rows follow each other from row `first` on."""
     fits = np.linalg.norm(hip[first + period :] - hip[first : hip.shape[0] - period], axis=1) <= near
     stop = int(np.argmin(fits)) if not fits.all() else fits.size
     return 1 + (stop - 1) // period if stop > 0 else 0
@@ -192,77 +192,91 @@ def _gain(sampled: Sequence[Sampled], way: Way, rounding: Array, *, anywhere: bo
 
 def active_by_nature(scene: Scene) -> str | None:
     """What the scene calls for that gives energy away whatever the renderer does; None where nothing does."""
-    if scene.imperfections.delay > 0.0:
-        return "motors that are late give energy away at any sampling rate"
-    if scene.imperfections.velocity_cutoff is not None and scene.damping > 0.0:
-        return "a damper on a filtered velocity is late, and so gives energy away"
-    return None
+    return next((why for each in scene.effects if (why := each.active(scene.damping)) is not None), None)
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare what the hand gets with nothing, where what is stored is known to be the same or none at the start."""
     active = active_by_nature(scene)
-    finding = _judge_fixed(runs.base) if runs.refine is None else _judge(runs, scene)
+    finding = _judge_fixed(runs.base) if runs.refine is None else _judge(runs.base, runs.refine, scene)
     if active is None:
         return finding
     return replace(finding, level=Level.INFO, message=f"{finding.message}; shown only, for {active}")
 
 
-def _judge(runs: Runs, scene: Scene) -> Finding:
-    base = runs.base
+def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene) -> Finding:
     touches = touching(base, scene)
     if not touches.any():
-        return Finding(Outcome.INCONCLUSIVE, "the tool is never in contact")
+        return undecided("the tool is never in contact")
     round_trips = laps(base.hip, scene.model.size)
     if not round_trips and not any(True for _ in stretches(~touches)):
-        return Finding(
-            Outcome.INCONCLUSIVE,
-            "the hand neither comes from free space nor goes round a closed loop twice: what is stored is not known",
+        return undecided(
+            "the hand neither comes from free space nor goes round a closed loop twice: what is stored is not known"
         )
     for finest in FINEST:
-        gains = _gains(runs, scene, round_trips, finest)
-        if any(gain.telling and gain.excess > 0.0 for gain in gains) or all(gain.telling for gain in gains):
+        gains = _gains(base, refine, scene, round_trips, finest)
+        telling = [gain for gain in gains if gain.telling]
+        if any(gain.excess > 0.0 for gain in telling) or len(telling) == len(gains):
             break
-    telling = [gain for gain in gains if gain.telling]
     if not telling:
-        return Finding(
-            Outcome.INCONCLUSIVE, "refinement does not settle the work that crosses between hand and renderer"
-        )
+        return undecided("refinement does not settle the work that crosses between hand and renderer")
+    open_ways = [gain for gain in gains if not gain.telling]
     worst = max(telling, key=lambda each: each.excess)
-    metric = Metric("work that the hand gets back beyond what it put in", worst.law, "J")
-    evidence = _evidence(base, worst) | {"ways": len(telling), "laps": sum(gain.what == LAP for gain in telling)}
+    metric = Metric(CHECK.metric, worst.law, "J")
+    evidence = {
+        **place(base, worst.last),
+        "from_time": float(base.time[worst.first]),
+        "way": worst.what,
+        "hold_J": worst.hold,
+        "lag_J": worst.lag,
+        "law_J": worst.law,
+        "crossed_J": worst.crossed,
+        "ways": len(telling),
+        "laps": sum(gain.what == LAP for gain in telling),
+    }
     shares = f"holding the force adds {_mj(worst.hold)} and lag {_mj(worst.lag)} at {1e3 * base.dt:.3g} ms"
     if worst.excess > 0.0:
-        where = ", ".join(f"{1e3 * each:.3g}" for each in base.hip[worst.first : worst.last].mean(axis=0))
+        where = mm(*base.hip[worst.first : worst.last].mean(axis=0))
         message = (
-            f"creates energy: {worst.what}, round ({where}) mm until t = {base.time[worst.last]:.4g} s, the hand gets "
+            f"creates energy: {worst.what}, round {where} until t = {base.time[worst.last]:.4g} s, the hand gets "
             f"{_mj(worst.law)} that it never gave, however fast the loop is sampled; beside that {shares}"
         )
         return Finding(Outcome.FAIL, message, metric, worst.open, evidence)
+    if open_ways:
+        most = max(open_ways, key=lambda each: each.law)
+        message = (
+            f"refinement does not settle {len(open_ways)} of {len(gains)} ways, as {most.what} from "
+            f"t = {base.time[most.first]:.4g} s to {base.time[most.last]:.4g} s; over the others it gets no energy"
+        )
+        return undecided(message, metric, worst.open, **evidence)
     message = f"the hand gets back no more than it put in; {worst.what} {shares}"
     return Finding(Outcome.PASS, message, metric, worst.open, evidence)
 
 
-def _gains(runs: Runs, scene: Scene, round_trips: list[tuple[int, int, int]], finest: int) -> list[Gain]:
-    """The gains over all ways of the base run, extrapolated from `finest` times its rate."""
-    base, refine = runs.base, runs.refine
-    assert refine is not None
+def _gains(
+    base: Recording,
+    refine: Callable[[int], Recording],
+    scene: Scene,
+    round_trips: list[tuple[int, int, int]],
+    finest: int,
+) -> list[Gain]:
+    """Return the gains over all ways of the base run, extrapolated from `finest` times its rate."""
+    whole = Sampled(base, 1, scene)
     factors = (finest // 4, finest // 2, finest)
-    finer = [Sampled(base if factor == 1 else refine(factor), factor, scene) for factor in factors]
-    sampled = (Sampled(base, 1, scene), *finer)
+    sampled = (whole, *(whole if factor == 1 else Sampled(refine(factor), factor, scene) for factor in factors))
     count = min(each.free.size for each in sampled)
-    last = finer[-1]
+    last = sampled[-1]
     largest = float(np.max(np.abs(base.hip)))
     rounding = 4.0 * SINGLE * (scene.stiffness * largest * last.path + last.effort)
     free = np.logical_and.reduce([each.free[:count] for each in sampled])
     gains = [_gain(sampled, way, rounding, anywhere=True) for way in stretches(free)]
     for first, period, number in round_trips:
         starts = [first + lap * period for lap in range(1, number) if first + (lap + 1) * period < count]
-        after = [Way(start, start + period, LAP) for start in starts if not sampled[0].free[start:][:period].all()]
+        after = [Way(start, start + period, LAP) for start in starts if not whole.free[start:][:period].all()]
         if after:
             # What one lap alone gives may have been stored; what is created comes in every lap.
             lasting = [_gain(sampled, way, rounding, anywhere=False) for way in after]
-            gains.append(min(lasting, key=lambda each: each.excess))
+            gains.append(min(lasting, key=lambda each: (not each.telling, each.excess)))
     return gains
 
 
@@ -270,26 +284,14 @@ def _mj(energy: float) -> str:
     return f"{1e3 * energy:.3g} mJ"
 
 
-def _evidence(base: Recording, gain: Gain) -> dict[str, object]:
-    return {
-        **place(base, gain.last),
-        "from_time": float(base.time[gain.first]),
-        "way": gain.what,
-        "hold_J": gain.hold,
-        "lag_J": gain.lag,
-        "law_J": gain.law,
-        "crossed_J": gain.crossed,
-    }
-
-
 def _judge_fixed(base: Recording) -> Finding:
-    """The weaker test, of a recording that cannot be refined: see `recordings.integrity.force_sign`."""
+    """Apply the weaker test, of a recording that cannot be refined: see `recordings.integrity.force_sign`."""
     note = "judged on one sampling only, which is the weaker test"
     found = balance(base.hip, base.force, base.time)
     if not found:
-        return Finding(Outcome.INCONCLUSIVE, f"no two rows bound what is stored; {note}")
+        return undecided(f"no two rows bound what is stored; {note}")
     least = min((each.given for each in found), key=lambda each: each.energy - each.open)
-    metric = Metric("work that the hand gets back beyond what it put in", least.energy, "J")
+    metric = Metric(CHECK.metric, least.energy, "J")
     evidence = {**place(base, least.last), "from_time": float(base.time[least.first]), "way": least.how}
     if least.passive:
         return Finding(Outcome.PASS, f"the hand gets back no more than it put in; {note}", metric, least.open, evidence)
@@ -306,15 +308,17 @@ CHECK = Check(
     asks="Does the hand get back no more work than it has put in?",
     formula="W = sum of F . dx <= 0 since free space, and over each closed lap after the first, as h -> 0",
     citation="thesis 2.6.1, 3.2",
-    channels=("hip", "ihip", "force"),
-    siblings="the same stimulus at 2, 4 and, while undecided, 8 and 16 times the sampling rate",
+    channels=("hip", "force"),
+    reads_also=("ihip",),
+    siblings={Sibling.REFINE: "the same stimulus at 2, 4 and, while undecided, 8 and 16 times the sampling rate"},
+    needs_loop=True,
     metric="work that the hand gets back beyond what it put in",
     unit="J",
     bound=(
         "What the extrapolation leaves open, and nothing else: a passive renderer has W <= S(start) - S(end) with "
         "S >= 0 what it stores. In free space S = 0, so that W <= 0 at every later row; and after a lap over the "
         "same points S is what it was a lap before, once a renderer with a memory has had a lap to load it. A lap "
-        "is judged by the least that any lap after the first gives. Three shares are told apart. Hold: the sum "
+        "is judged by the least that any settled lap after the first gives. Three shares are told apart. Hold: the sum "
         "with the force held for a tick less the trapezoid, -(1/2) sum of dF . dx, which over a spring K is (K/2) "
         "sum of |dx|^2. Lag: what else vanishes with the tick; L ticks of lag make it L K sum of |dx|^2, so that "
         "a penalty late by L ticks gains (L + 1/2) K sum of |dx|^2 and is passive nevertheless. Law: the limit of "

@@ -70,16 +70,13 @@ def trailing(recording: Recording, scene: Scene) -> BoolArray:
 
 
 def hip_step(recording: Recording, scene: Scene) -> float:
-    """The largest HIP step in contact, m: nothing finer can be placed on the surface.
+    """Return the largest HIP step in contact, m: nothing finer can be placed on the surface.
 
     Over the whole recording where no two samples in a row are in contact.
     """
-    steps = hip_steps(recording)
-    contact = touching(recording, scene)
+    steps, contact = hip_steps(recording), touching(recording, scene)
     pressed = steps[contact[1:] & contact[:-1]]
-    if pressed.size:
-        steps = pressed
-    return float(steps.max()) if steps.size else 0.0
+    return float((pressed if pressed.size else steps).max(initial=0.0))
 
 
 def off_surface(recording: Recording, scene: Scene) -> tuple[float, int]:
@@ -92,9 +89,14 @@ def off_surface(recording: Recording, scene: Scene) -> tuple[float, int]:
     return float(distance[worst]), int(contact[worst])
 
 
+def farthest_standoff(scene: Scene) -> float:
+    """Return how far off the model, m, an IHIP may be declared: a fiftieth of its size; beyond is another object."""
+    return FARTHEST * scene.model.size
+
+
 def believed_standoff(recording: Recording, scene: Scene) -> float:
-    """The declared standoff, m, at most a fiftieth of the model: beyond that another object is rendered."""
-    return min(recording.standoff, FARTHEST * scene.model.size)
+    """Return the declared standoff, m, as far as it is believed."""
+    return min(recording.standoff, farthest_standoff(scene))
 
 
 def standoff(recording: Recording, scene: Scene) -> float:
@@ -131,14 +133,19 @@ def loaded(recording: Recording, scene: Scene) -> BoolArray:
 
 
 def lacks_ihip(recording: Recording, scene: Scene) -> bool:
-    """Whether a force is felt inside the model while the IHIP stays with the HIP: then no contact point is given."""
+    """Return whether a force is felt inside the model while the IHIP stays with the HIP: no contact point is given.
+
+    A rigid contact has a force and no depth: its HIP lies on the renderer's surface, which is off the model by as much
+    everywhere, up to the declared standoff.
+    """
     if "force" not in recording.channels:
         return False
     silent = loaded(recording, scene) & np.all(recording.ihip == recording.hip, axis=1)
     if not silent.any():
         return False
-    distance = scene.model.boundary.signed_distance(recording.hip[silent])
-    return bool(np.any(np.abs(distance) > placement(recording, scene) + 1e-9 * scene.model.size))
+    off = np.abs(scene.model.boundary.signed_distance(recording.hip[silent]))
+    way = LAG_TICKS * hip_step(recording, scene) + 1e-9 * scene.model.size
+    return bool(off.max() > way + believed_standoff(recording, scene) or np.ptp(off) > way)
 
 
 def unsettled_by_path(recording: Recording) -> str | None:
@@ -158,12 +165,20 @@ NO_IHIP = "the renderer gives a force but no IHIP: its contact point cannot be j
 
 
 def place(recording: Recording, tick: int) -> dict[str, object]:
-    """Evidence: when and where a sample is, as JSON values; without the IHIP where none was recorded."""
-    found: dict[str, object] = {
+    """Return as evidence when and where a sample is; without the IHIP where none was recorded."""
+    return {
         "time": float(recording.time[tick]),
         "tick": int(tick),
-        "hip": [float(x) for x in recording.hip[tick]],
+        **{name: listed(recording.channels[name][tick]) for name in ("hip", "ihip") if name in recording.channels},
     }
-    if "ihip" in recording.channels:
-        found["ihip"] = [float(x) for x in recording.ihip[tick]]
-    return found
+
+
+def listed(point: Array) -> list[float]:
+    """Return a point (N,) as a JSON value."""
+    return [float(x) for x in point]
+
+
+def mm(*lengths: float) -> str:
+    """Return a length (m), or a point, in millimetres to three digits, for a message: "1.5 mm", "(80, 12) mm"."""
+    numbers = ", ".join(f"{1e3 * float(each):.3g}" for each in lengths)
+    return f"{numbers} mm" if len(lengths) == 1 else f"({numbers}) mm"

@@ -59,6 +59,17 @@ class Finding:
         return self.bound - self.metric.value
 
 
+def undecided(message: str, metric: Metric | None = None, bound: float | None = None, **evidence: Any) -> Finding:
+    """Return the finding of a check that the recording does not let decide."""
+    return Finding(Outcome.INCONCLUSIVE, message, metric, bound, evidence)
+
+
+def compared(metric: Metric, bound: float, evidence: Mapping[str, Any], *, passes: str, fails: str) -> Finding:
+    """Return the finding of a check that passes up to `bound` and fails beyond, with the message for either."""
+    passed = metric.value <= bound
+    return Finding(Outcome.PASS if passed else Outcome.FAIL, passes if passed else fails, metric, bound, evidence)
+
+
 UNSATISFIED = (Outcome.FAIL, Outcome.INCONCLUSIVE)
 """What stops a gate at level `must`, and warns at level `should`."""
 

@@ -95,7 +95,7 @@ def write_recording(path: Path, recording: Recording, *, replace: bool = False) 
 
 def _signals(file: Any, recording: Recording) -> list[tuple[Any, Any]]:
     """Make the datasets of everything that has rows, still empty; return each with its numbers."""
-    clock, made = recording.clock, []
+    clock, made = recording.clock, list[tuple[Any, Any]]()
     if clock is None:
         made.append((_dataset(file, "time", recording.time, unit="s"), recording.time))
     else:
@@ -141,7 +141,7 @@ def _dataset(holder: Any, name: str, values: Any, **words: str) -> Any:
 
 def _event_table(events: Iterable[Event]) -> Any:
     rows = [(event.time, event.kind.encode(), event.text.encode()) for event in events]
-    kind, text = (max([1, *(len(row[column]) for row in rows)]) for column in (1, 2))
+    kind, text = max(len(row[1]) for row in rows), max([1, *(len(row[2]) for row in rows)])
     return np.array(rows, dtype=[("time", "<f8"), ("kind", f"S{kind}"), ("text", f"S{text}")])
 
 
@@ -237,8 +237,8 @@ def read_signal(dataset: Any, name: str) -> Signal:
 def read_clock(file: Any, stamps: Any, sequence: Any) -> Clock:
     """Return the clock of stamps (n,), ns, and cycle numbers (n,) or None, with what the open file states of it."""
     stated = file["nanoseconds"].attrs
-    anchor = tuple(int(x) for x in stated["anchor"]) if "anchor" in stated else None
-    return Clock(stamps, int(stated["start"]), anchor and (anchor[0], anchor[1]), sequence)
+    anchor = (int(stated["anchor"][0]), int(stated["anchor"][1])) if "anchor" in stated else None
+    return Clock(stamps, int(stated["start"]), anchor, sequence)
 
 
 def read_events(file: Any) -> tuple[Event, ...]:

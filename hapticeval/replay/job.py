@@ -10,7 +10,8 @@ from pathlib import Path
 
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
-from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.check import LACKS, Runs
+from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
 from hapticeval.quantity import aligned
 from hapticeval.recordings.compare.difference import Apart, Difference, difference
@@ -20,14 +21,11 @@ from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.rerender import HandPath, Part, backwards, hand_path, joined, rerendered
 from hapticeval.replay.subject import SUITE, Subject
 from hapticeval.runner import results
-from hapticeval.runner.judging import LACKS, Recorded, built, judge_recorded
+from hapticeval.runner.judging import Recorded, built, judge_recorded
 from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.work import Done, kept, seed_all
 from hapticeval.scene import Scene
 from hapticeval.suite.suite import Suite
-
-LOOP_NEEDED = ("impulsive-collision", "centripetal-force", "passivity")
-"""Checks of how hand and force act on each other, which a given path may not settle: on a replay they stop no gate."""
 
 
 @dataclass(frozen=True)
@@ -37,16 +35,18 @@ class Replay:
     subject: Subject
     path: HandPath
 
-    def __call__(self, job: Job, directory: Path, seed: int) -> Done:
+    def __call__(self, job: Job, directory: Path | None, seed: int) -> Done:
         """Do one job, in a process of its own.
 
         Of what no renderer could have made otherwise, a verdict that is inconclusive is shown and decides no exit code.
         """
         seed_all(seed)
+        # How hand and force act on each other a given path may not settle: on a replay these checks stop no gate.
+        loop_needed = tuple(check for check in job.case.checks if CHECKS[check].needs_loop)
         channels = self.path.recording.channels
-        shown: tuple[str, ...] = LOOP_NEEDED
+        shown: tuple[str, ...] = loop_needed
         if job.renderer == RECORDED:
-            shown = () if "operator_force" in channels else LOOP_NEEDED
+            shown = () if "operator_force" in channels else loop_needed
             shown = shown if all(name in channels for name in REQUIRED) else job.case.checks
         judged = judge_recorded(
             lambda scene: self._recorded() if job.renderer == RECORDED else self._replayed(job.renderer, scene),
@@ -85,7 +85,7 @@ class Replay:
         whole = joined(recordings)
         ended = [part.ended for part in parts if part.ended]
         entry = self._entry(difference(whole, path.recording), OPEN_LOOP, recordings, ended)
-        return Recorded(whole, tuple(runs(part) for part in parts), entry, simulated_seconds=entry.seconds)
+        return Recorded(whole, tuple(runs(part) for part in parts), entry, simulated=lambda: entry.seconds)
 
     def _entry(
         self, found: Difference | None, note: str, parts: Sequence[Recording], left_out: Sequence[str]

@@ -7,25 +7,29 @@ from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from hapticeval.effects.catalogue import short_forms
 from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.files import file_stem
-from hapticeval.phenomena.registry import CHECKS, HELD
+from hapticeval.phenomena.registry import CHECKS
 from hapticeval.recordings.provenance import LINE, before_the_wall, model_of, scene_of
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.suite.case import Case
-from hapticeval.suite.reading import load_suite
+from hapticeval.suite.reading import case_named
 
 SUITE = "replay"
 """The suite that a replay's verdicts belong to."""
 
-GIVEN = ("device", "inner_loop", "imperfections", "model")
+GIVEN = ("device", "inner_loop", "effects", "model")
 """Entries of a scene that cannot be given as key=value."""
 
-ENTRIES = tuple(each.name for each in fields(Scene) if each.name != "model")
+ENTRIES = (*(each.name for each in fields(Scene) if each.name != "model"), *short_forms())
 """Entries of a scene beside its model."""
 
-KEYS = tuple(each.name for each in fields(Scene) if each.name not in GIVEN)
+NUMBERS = {
+    **{each.name: each.default for each in fields(Scene) if each.name not in GIVEN},
+    **{name: 0.0 for name, is_number in short_forms().items() if is_number},
+}
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,7 @@ def subject(
     does not have, and where model and recording differ in dimension: a run in one dimension is placed before the model
     `line`, see `before_the_wall`.
     """
-    template = None if suite_case is None else _case(suite_case)
+    template = None if suite_case is None else case_named(suite_case)
     said = {key: each for key, each in scene_of(recording).items() if key in ENTRIES}
     if template is not None:
         said = dict(template.scene)
@@ -91,15 +95,6 @@ def subject(
     return Subject(file.name, recording, made)
 
 
-def _case(name: str) -> Case:
-    suite, slash, case = name.rpartition("/")
-    if not slash:
-        raise InputError(
-            f"'{name}' names no case of a suite", todo="write SUITE/CASE, as in thesis/cassinian-deep-slide"
-        )
-    return load_suite(suite).case(case)
-
-
 def _not_said(file: Path, scene: Mapping[str, str], rest: Mapping[str, str]) -> InputError:
     """All that a replay needs and a recording does not say, at once."""
     names = [*scene, *rest]
@@ -119,14 +114,14 @@ def _checks(recording: Recording, scene: Mapping[str, Any]) -> tuple[str, ...]:
     if isinstance(said, list | tuple) and said and all(each in CHECKS for each in said):
         return tuple(said)
     held = scene.get("bilateral", False)
-    return tuple(name for name in CHECKS if held or name not in HELD)
+    return tuple(name for name, check in CHECKS.items() if held or not check.holds)
 
 
 def _entry(text: str) -> tuple[str, Any]:
     key, equals, value = (part.strip() for part in text.partition("="))
-    if key not in KEYS:
-        raise UnknownNameError("entry of a scene", key, KEYS)
-    default = next(each.default for each in fields(Scene) if each.name == key)
+    if key not in NUMBERS:
+        raise UnknownNameError("entry of a scene", key, NUMBERS)
+    default = NUMBERS[key]
     if isinstance(default, bool):
         if value.lower() in ("true", "false"):
             return key, value.lower() == "true"

@@ -9,20 +9,17 @@ from typing import Any
 
 from hapticeval.errors import HapticevalError, RefusalError, RendererError, described, renderer_errors
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.check import Runs, without_channel
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
 from hapticeval.recordings.recording import MissingChannelError, Recording
-from hapticeval.renderer import Renderer, RendererFactory, SelfDriven, check_support, supported
+from hapticeval.renderer import Renderer, RendererFactory, SelfDriven, check_support, stated, supported
 from hapticeval.runner.results import Replay
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import drive
 from hapticeval.simulation.playback import Closeup, compare_batch, play
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.suite.case import Case
-
-LACKS = "lacks"
-"""The evidence that names the channel for want of which a check could not be made."""
 
 
 @dataclass(frozen=True)
@@ -61,33 +58,19 @@ class _Bench:
         return recording
 
     def runs(self) -> Runs:
-        """The base recording, and siblings on demand."""
-        dt = self.scene.sampling_time
-        stimulus = self.stimulus
+        """Return the base recording, and siblings on demand."""
+        dt, stimulus = self.scene.sampling_time, self.stimulus
         base = self.record(stimulus, dt)
-
-        def refine(factor: int) -> Recording:
-            return self.record(stimulus, dt / factor)
-
-        def again() -> Recording:
-            return self.record(stimulus, dt)
-
+        siblings: dict[str, Any] = {
+            "refine": lambda factor: self.record(stimulus, dt / factor),
+            "again": lambda: self.record(stimulus, dt),
+        }
         if isinstance(stimulus, Experiment):
-            return Runs(
-                base,
-                refine=refine,
-                at_speed=lambda factor: self.record(stimulus.at_speed(factor), dt),
-                law=self.law,
-                again=again,
-            ).remembered()
-        sampled = Path(*stimulus.sampled(dt))
-        return Runs(
-            base,
-            refine=refine,
-            reverse=lambda: self.record(sampled.reversed(), dt),
-            again=again,
-            look=self.closeup(base),
-        ).remembered()
+            siblings |= {"at_speed": lambda factor: self.record(stimulus.at_speed(factor), dt), "law": self.law}
+        else:
+            back = Path(*stimulus.sampled(dt)).reversed()
+            siblings |= {"reverse": lambda: self.record(back, dt), "look": self.closeup(base)}
+        return Runs(base, **siblings).remembered()
 
     def closeup(self, base: Recording) -> Closeup | None:
         """A look at any place of a path; None for a renderer that answers a stimulus whole.
@@ -111,7 +94,7 @@ def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
         check_support(scene, declared)
     with renderer_errors("factory"):
         renderer = factory(scene)
-    surface = getattr(renderer, "surface", None)
+    surface = stated(renderer, "surface")
     if surface is not None and not isinstance(surface, Boundary):
         raise RendererError(
             f"the renderer's surface is a {type(surface).__name__}",
@@ -125,51 +108,37 @@ def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
         )
     if declared is None:
         check_support(scene, supported(renderer) or frozenset())
+    for each in scene.effects:
+        renderer = each.around(renderer, scene)
     return renderer
-
-
-def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Judged:
-    """Every check of `case` on the renderer that `factory` makes.
-
-    A renderer that breaks gives verdicts `error`, and so does a check that does: the others go on.
-    """
-    started = time.perf_counter()
-    bench = None
-    base = None
-    error: HapticevalError | None = None
-    refusal: RefusalError | None = None
-    findings: list[Finding] = []
-    try:
-        scene = case.build_scene()
-        bench = _Bench(factory, scene, case, renderer)
-        runs = bench.runs()
-        base = runs.base
-        for check in case.checks:
-            findings.append(_finding(check, runs, scene))
-    except RefusalError as raised:
-        refusal = raised
-        findings = [_refused_finding(raised)] * len(case.checks)
-    except HapticevalError as raised:
-        error = raised
-        findings += [_error_finding(raised)] * (len(case.checks) - len(findings))
-    verdicts = _verdicts(findings, renderer, suite, case)
-    simulated = bench.simulated if bench is not None else 0.0
-    ended = None if base is None else base.meta.get("ended")
-    return Judged(verdicts, base, error, refusal, simulated, time.perf_counter() - started, ended)
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """What there is to judge where no case makes it: `whole` as it is kept, and the `runs` that checks may read.
+    """What there is to judge: `whole` as it is kept, and the `runs` that checks may read.
 
     There are several runs where a recording has gaps: each check judges every one, and `merge` makes one finding of
-    them. `replay` goes into the results.
+    them. `replay` goes into the results; `simulated` returns the seconds simulated so far, siblings included.
     """
 
     whole: Recording
     runs: tuple[Runs, ...]
-    replay: Replay
-    simulated_seconds: float = 0.0
+    replay: Replay | None = None
+    simulated: Callable[[], float] = float
+
+
+def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Judged:
+    """Judge the renderer that `factory` makes by every check of `case`.
+
+    A renderer that breaks gives verdicts `error`, and so does a check that does: the others go on.
+    """
+
+    def record(scene: Scene) -> Recorded:
+        bench = _Bench(factory, scene, case, renderer)
+        runs = bench.runs()
+        return Recorded(runs.base, (runs,), simulated=lambda: bench.simulated)
+
+    return judge_recorded(record, lambda findings: findings[0], renderer, suite, case)
 
 
 def judge_recorded(
@@ -179,7 +148,7 @@ def judge_recorded(
     suite: str,
     case: Case,
 ) -> Judged:
-    """Every check of `case` on what `record` gives; errors and refusals are told as `judge` tells them."""
+    """Judge what `record` gives by every check of `case`; see `judge`."""
     started = time.perf_counter()
     recorded: Recorded | None = None
     error: HapticevalError | None = None
@@ -192,25 +161,26 @@ def judge_recorded(
             findings.append(merge([_finding(check, runs, scene) for runs in recorded.runs]))
     except RefusalError as raised:
         refusal = raised
-        findings = [_refused_finding(raised)] * len(case.checks)
+        findings = [Finding(Outcome.NOT_APPLICABLE, f"the renderer refuses: {raised.what}")] * len(case.checks)
     except HapticevalError as raised:
         error = raised
         findings += [_error_finding(raised)] * (len(case.checks) - len(findings))
-    verdicts = _verdicts(findings, renderer, suite, case)
-    whole, replay, simulated = (
-        (None, None, 0.0) if recorded is None else (recorded.whole, recorded.replay, recorded.simulated_seconds)
+    return Judged(
+        _verdicts(findings, renderer, suite, case),
+        None if recorded is None else recorded.whole,
+        error,
+        refusal,
+        0.0 if recorded is None else recorded.simulated(),
+        time.perf_counter() - started,
+        None if recorded is None or recorded.replay is not None else recorded.whole.meta.get("ended"),
+        None if recorded is None else recorded.replay,
     )
-    return Judged(verdicts, whole, error, refusal, simulated, time.perf_counter() - started, replay=replay)
 
 
 def broken(error: HapticevalError, renderer: str, suite: str, case: Case) -> Judged:
     """What is left of a renderer in a case whose process is gone: every verdict an error."""
     findings = [_error_finding(error)] * len(case.checks)
     return Judged(_verdicts(findings, renderer, suite, case), None, error, None, 0.0, 0.0)
-
-
-def _refused_finding(refusal: RefusalError) -> Finding:
-    return Finding(Outcome.NOT_APPLICABLE, f"the renderer refuses: {refusal.what}")
 
 
 def _error_finding(error: HapticevalError) -> Finding:
@@ -235,18 +205,17 @@ def _verdicts(findings: Sequence[Finding], renderer: str, suite: str, case: Case
 def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
     """A check's finding; a fault of the check's own is an outcome of its own and never a verdict on the renderer.
 
-    A check that reads a channel which a recording lacks says so; it needs no other channel than those it reads.
+    A check names the channels that it reads; one that reads another which the recording lacks is undecided as well.
     Of a run that ended early, because device or law left its domain, what has failed until then has failed; that the
     rest would have passed was not seen.
     """
     ended = runs.base.meta.get("ended")
     try:
-        finding = CHECKS[check].judge(runs, scene)
+        finding = CHECKS[check](runs, scene)
     except RefusalError as refusal:
         return Finding(Outcome.NOT_APPLICABLE, f"this check cannot be asked here: {refusal.what}, and {refusal.why}")
     except MissingChannelError as lacks:
-        message = f"the recording has no channel '{lacks.channel}', which this check reads"
-        return Finding(Outcome.INCONCLUSIVE, message, evidence={LACKS: lacks.channel})
+        return without_channel(lacks.channel)
     except HapticevalError:
         raise
     except Exception as fault:  # the boundary behind which one faulty check must not take the run along

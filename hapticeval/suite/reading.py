@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
 
-from hapticeval.closed_forms.form import CLOSED_FORMS
+from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.documents import convert, read_toml
 from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.phenomena.registry import CHECKS
@@ -93,6 +93,16 @@ def load_suite(name_or_path: str) -> Suite:
     )
 
 
+def case_named(text: str) -> Case:
+    """Return the case that SUITE/CASE or FILE.toml/CASE names. Raises `InputError` as `load_suite` and `Suite.case`."""
+    suite, slash, name = text.rpartition("/")
+    if not slash:
+        raise InputError(
+            f"'{text}' names no case", why="a case is named SUITE/CASE", todo="see `hapticeval list cases`"
+        )
+    return load_suite(suite).case(name)
+
+
 def _check_row(row: Row, cases: tuple[Case, ...]) -> None:
     """Raise `InputError` where a pattern of the row has none of its checks, or one of its checks is in no case."""
     _check_known("check", row.checks, CHECKS)
@@ -165,7 +175,7 @@ def _varied(case: Case, label: str, variant: Variant) -> Case:
         name=f"{case.name}-{label}",
         title=f"{case.title}, {variant.title}",
         scene={**case.scene, **variant.scene},
-        checks=tuple(check for check in case.checks if check != "closed-form"),
+        checks=tuple(check for check in case.checks if not CHECKS[check].needs_closed_form),
         published={},
         closed_form={},
         **{name: value for name, value in words.items() if value is not UNSET},

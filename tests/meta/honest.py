@@ -7,7 +7,7 @@ changed. No check may blame the change: in every case the verdict is the bare re
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -67,24 +67,6 @@ class Late(Changed):
         return self.found[0]
 
 
-class Late1(Late):
-    """A tick late: it answers the sample before."""
-
-    ticks = 1
-
-
-class Late2(Late):
-    """Two ticks late."""
-
-    ticks = 2
-
-
-class Late3(Late):
-    """Three ticks late: as much as is granted."""
-
-    ticks = 3
-
-
 class LateTool(Late):
     """The tool comes three ticks late, and the spring pulls to it from where the hand is now.
 
@@ -123,14 +105,6 @@ class Lists(Changed):
         return [np.asarray(ihip).tolist(), np.asarray(force).tolist()]
 
 
-class Tuples(Changed):
-    """Answers a tuple of two tuples."""
-
-    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> tuple[tuple[float, ...], ...]:
-        ihip, force = super().step(hip, velocity, dt)
-        return tuple(np.asarray(ihip).tolist()), tuple(np.asarray(force).tolist())
-
-
 class Apart(Changed):
     """Stops the tool `STANDOFF` in front of the surface, and declares it: asks for the hand that much further in."""
 
@@ -159,12 +133,9 @@ class ForceOnly(Changed):
 
 
 HONEST: dict[str, type[Changed]] = {
-    "late-1": Late1,
-    "late-2": Late2,
-    "late-3": Late3,
+    **{f"late-{ticks}": type(f"Late{ticks}", (Late,), {"ticks": ticks}) for ticks in (1, 2, 3)},
     "single": Single,
     "lists": Lists,
-    "tuples": Tuples,
     "standoff": Apart,
     "sunk": Sunk,
     "force-only": ForceOnly,
@@ -173,18 +144,11 @@ HONEST: dict[str, type[Changed]] = {
 
 
 def factory(name: str, inner: RendererFactory) -> Callable[[Scene], Changed]:
-    """The factory of what `inner` makes, changed so; it declares what `inner` does."""
+    """Return the factory of what `inner` makes, changed so; it declares what `inner` does."""
 
     def make(scene: Scene) -> Changed:
-        made = inner(scene)
-        assert isinstance(made, Renderer)
-        return HONEST[name](scene, made)
+        return HONEST[name](scene, inner(scene))
 
     if hasattr(inner, "supports"):
         make.supports = inner.supports  # type: ignore[attr-defined]
     return make
-
-
-def every(inner: RendererFactory) -> Iterator[tuple[str, Callable[[Scene], Changed]]]:
-    """Each honest change of one renderer: its name and its factory."""
-    return ((name, factory(name, inner)) for name in HONEST)

@@ -7,6 +7,7 @@ as what it does: a mutant that fails two checks cannot tell which of them works.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from hapticeval.ideal.contact import IdealContact
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
+from hapticeval.suite.case import Case
+from hapticeval.suite.reading import load_suite
 
 Spoil = Callable[[dict[str, np.ndarray], Recording, Scene, Stimulus], None]
 
@@ -31,9 +34,29 @@ class Mutant:
 
     def answer(self, stimulus: Stimulus, dt: float) -> Recording:
         true = self.contact.answer(stimulus, dt)
+        return Recording(true.time, self.spoiled(true, stimulus), true.meta)
+
+    def spoiled(self, true: Recording, stimulus: Stimulus) -> dict[str, np.ndarray]:
         channels = {name: np.array(values) for name, values in true.channels.items()}
         self.spoil(channels, true, self.scene, stimulus)
-        return Recording(true.time, channels, true.meta)
+        return channels
+
+
+@cache
+def answered(case: str, suite: str = "thesis") -> tuple[Scene, Stimulus, Recording]:
+    """What the ideal contact answers in a case, once for all faults."""
+    (found,) = [each for each in load_suite(suite).cases if each.name == case]
+    scene = found.build_scene()
+    contact = ideal(scene)
+    stimulus = found.build_stimulus(scene, contact)
+    return scene, stimulus, contact.answer(stimulus, scene.sampling_time)
+
+
+def touches(name: str, case: Case) -> bool:
+    """Whether a fault changes anything in a case."""
+    scene, stimulus, true = answered(case.name)
+    spoiled = factory(name)(scene).spoiled(true, stimulus)
+    return any(not np.array_equal(spoiled[channel], values) for channel, values in true.channels.items())
 
 
 def _curved(scene: Scene) -> bool:

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from hapticeval.geometry.catalogue import circle, star
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.continuous_contact import judge
+from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.renderers import conformal
 from hapticeval.runner.judging import judge as judge_case
@@ -35,7 +35,8 @@ STAR = Scene(model=star())
 def found(renderer, scene: Scene, path: Path) -> Finding:
     base = play(renderer, path, DT, scene=scene)
     look = Closeup.of(renderer, base, scene)
-    return judge(Runs(base, refine=lambda k: play(renderer, path, DT / k, scene=scene), look=look), scene)
+    runs = Runs(base, refine=lambda k: play(renderer, path, DT / k, scene=scene), look=look)
+    return CHECKS["continuous-contact"](runs, scene)
 
 
 def past_a_corner(seed: int, scene: Scene = STAR) -> Path:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path as FilePath
-
+import honest
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,16 +10,12 @@ from hypothesis import strategies as st
 
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, star
-from hapticeval.phenomena import contact_normal_force, memoryless
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path
-
-sys.path.insert(0, str(FilePath(__file__).parents[1] / "meta"))
-
-import honest
 
 SCENES = {
     model.name: Scene(model=model) for model in (circle(), ellipse(), cassinian(), dumbbell(neck=0.3), line(), star())
@@ -50,7 +44,7 @@ def shallow(model, first, second, depth, duration):
 def test_what_is_right_points_along_the_normal_at_any_speed(change, name, first, second, depth, duration):
     scene = SCENES[name]
     made = honest.factory(change, resolve("minimum-distance"))(scene)
-    found = contact_normal_force.judge(
+    found = CHECKS["contact-normal-force"](
         Runs(play(made, shallow(scene.model, first, second, depth, duration), 1e-3)), scene
     )
     assert found.outcome is not Outcome.FAIL, found
@@ -75,7 +69,7 @@ def test_an_answer_that_comes_late_on_both_ways_is_no_memory(change, renderer, n
     led = Path(1e-3 * np.arange(len(hips)), hips)
     made = honest.factory(change, resolve(renderer))(scene)
     runs = Runs(play(made, led, 1e-3), reverse=lambda: play(made, led.reversed(), 1e-3))
-    found = memoryless.judge(runs, scene)
+    found = CHECKS["memoryless"](runs, scene)
     assert found.outcome is Outcome.PASS, found
 
 
@@ -95,5 +89,5 @@ def test_the_same_path_gets_the_same_verdict_at_any_speed(duration):
     turn = np.radians(1.0)
     turned = right.force @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     wrong = type(right)(right.time, {**right.channels, "force": turned}, right.meta)
-    assert contact_normal_force.judge(Runs(right), scene).outcome is Outcome.PASS
-    assert contact_normal_force.judge(Runs(wrong), scene).outcome is Outcome.FAIL
+    assert CHECKS["contact-normal-force"](Runs(right), scene).outcome is Outcome.PASS
+    assert CHECKS["contact-normal-force"](Runs(wrong), scene).outcome is Outcome.FAIL

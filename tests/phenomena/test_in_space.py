@@ -9,14 +9,8 @@ from hypothesis import strategies as st
 
 from hapticeval.geometry.catalogue import circle, sphere
 from hapticeval.geometry.normal_cone import SAMPLES
-from hapticeval.phenomena import (
-    abrupt_switch,
-    broken_contact,
-    contact_normal_force,
-    continuous_contact,
-    impulsive_collision,
-)
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -72,12 +66,12 @@ def flight(*, stop, sideways=0.05):
 
 
 CASES = [
-    (contact_normal_force, slide()),
-    (contact_normal_force, slide(lean=0.2)),
-    (continuous_contact, slide()),
-    (continuous_contact, slide(jump=0.3)),
-    (impulsive_collision, flight(stop=1.0)),
-    (impulsive_collision, flight(stop=0.3)),
+    (CHECKS["contact-normal-force"], slide()),
+    (CHECKS["contact-normal-force"], slide(lean=0.2)),
+    (CHECKS["continuous-contact"], slide()),
+    (CHECKS["continuous-contact"], slide(jump=0.3)),
+    (CHECKS["impulsive-collision"], flight(stop=1.0)),
+    (CHECKS["impulsive-collision"], flight(stop=0.3)),
 ]
 
 
@@ -85,8 +79,8 @@ CASES = [
 @settings(max_examples=10, deadline=None)
 @pytest.mark.parametrize(("check", "recording"), CASES)
 def test_a_great_circle_is_judged_like_a_circle_in_the_plane(check, recording, drawn):
-    plane = check.judge(Runs(recording), PLANE)
-    space = check.judge(Runs(in_space(recording, tilted(drawn))), SPACE)
+    plane = check(Runs(recording), PLANE)
+    space = check(Runs(in_space(recording, tilted(drawn))), SPACE)
     assert space.outcome is plane.outcome
     # The interval of angles in the plane is wider by up to two cells of its table.
     cells = np.degrees(2.0 * 2.0 * np.pi / SAMPLES)
@@ -97,12 +91,12 @@ def test_a_great_circle_is_judged_like_a_circle_in_the_plane(check, recording, d
 def test_the_cases_above_have_both_outcomes():
     outcomes = {}
     for check, recording in CASES:
-        outcomes.setdefault(check.CHECK.id, []).append(check.judge(Runs(recording), PLANE).outcome)
+        outcomes.setdefault(check.id, []).append(check(Runs(recording), PLANE).outcome)
     assert set(map(tuple, outcomes.values())) == {(Outcome.PASS, Outcome.FAIL)}
 
 
-@pytest.mark.parametrize("check", [broken_contact, abrupt_switch])
+@pytest.mark.parametrize("check", [CHECKS["broken-contact"], CHECKS["abrupt-switch"]])
 def test_a_smooth_surface_has_no_corner_to_judge(check):
-    finding = check.judge(Runs(in_space(slide(), np.eye(2, 3))), SPACE)
+    finding = check(Runs(in_space(slide(), np.eye(2, 3))), SPACE)
     assert finding.outcome is Outcome.NOT_APPLICABLE
     assert "corner" in finding.message

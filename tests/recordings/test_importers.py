@@ -104,14 +104,8 @@ def test_what_is_no_table_is_refused(here, name, words):
 
 def test_what_is_a_table_is_taken(here):
     assert dict(read_table("run.acme", format="stick:good").units) == {"t": "ms", "x": "25.4 mm"}
-
-
-def test_signals_on_several_clocks_have_columns_of_several_lengths(here):
     assert set(read_table("run.acme", format="stick:clocks").columns) == {"t", "x", "s", "f"}
-
-
-def test_a_file_that_is_not_there_is_no_fault_of_the_importer(here):
-    with pytest.raises(InputError, match=r"cannot read gone\.acme"):
+    with pytest.raises(InputError, match=r"cannot read gone\.acme"):  # which is no fault of the importer
         read_table("gone.acme", format="stick:raises")
 
 

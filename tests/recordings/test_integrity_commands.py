@@ -180,7 +180,7 @@ def test_a_foreign_file_that_is_cut_ends_with_1(here, capsys):
     (here / "a.csv").write_text("t [s],x\n0,1\n0.001,2\n0.002,33")
     assert main(["inspect", "a.csv", "--write-mapping", "m.toml"]) == 1
     shown = capsys.readouterr().out
-    assert "suspicious: the file ends within row 2: 1 row (0.001 s) left out" in shown
+    assert "suspicious: the file ends within line 4, which is left out" in shown
     assert main(["inspect", "a.csv", "--write-mapping", "m.toml"]) == 2  # nothing is written over
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
+from recording_files import STEP, flipped, journal_parts
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.hdf5 import read_recording, write_recording
-from hapticeval.recordings.journal import HEADERS, MAGIC, Kind, Layout, block_head, finish, opening, recover
+from hapticeval.recordings.journal import MAGIC, Kind, Layout, block_head, finish, opening, recover
 from hapticeval.recordings.recording import Signal
 
 LAYOUT = Layout(
@@ -19,7 +18,6 @@ LAYOUT = Layout(
     anchor=(5_000_000_000, 1_700_000_000_000_000_000),
 )
 ROWS = 10
-STEP = 1_000_000
 
 
 def rows(count=50):
@@ -32,25 +30,8 @@ def rows(count=50):
     return table
 
 
-def parts(table, *, closed=True, events=()):
-    """The blocks of a journal: its opening, ten rows each, events, and the end."""
-    made = [opening(LAYOUT)]
-    number = HEADERS
-
-    def add(kind, count, payload):
-        nonlocal number
-        made.append(block_head(kind, number, count, payload) + payload)
-        number += 1
-
-    for begin in range(0, len(table), ROWS):
-        part = table[begin : begin + ROWS]
-        add(Kind.ROWS, len(part), part.tobytes())
-    for event in events:
-        add(Kind.EVENT, 0, json.dumps(event).encode())
-    if closed:
-        end = {"how": "closed", "next": int(table["sequence"][-1]) + 1, "unwritten": 0, "overrun": 0, "events_lost": 0}
-        add(Kind.END, 0, json.dumps(end).encode())
-    return made
+def parts(table, **more):
+    return journal_parts(LAYOUT, table, **more)
 
 
 def write(tmp_path, data):
@@ -88,7 +69,7 @@ def test_no_flipped_byte_is_read_as_data_and_costs_more_than_its_block(tmp_path)
     good = b"".join(parts(table))
     begin = len(opening(LAYOUT))
     for place in range(0, len(good), 13):
-        path = write(tmp_path, good[:place] + bytes([good[place] ^ 0x20]) + good[place + 1 :])
+        path = write(tmp_path, flipped(good, place, bit=0x20))
         salvaged = recover(path)
         assert_rows(salvaged.recording, table)
         missing = 50 - len(salvaged.recording)
@@ -129,20 +110,12 @@ def test_blocks_that_are_gone_without_a_trace_are_missed(tmp_path):
 
 
 def test_one_header_is_enough_and_none_is_not(tmp_path):
-    table = rows()
-    good = b"".join(parts(table))
-    length = (len(opening(LAYOUT)) - len(MAGIC)) // 2
-    first, second = len(MAGIC) + 30, len(MAGIC) + length + 30
-    for places, readable in (((first,), True), ((second,), True), ((first, second), False)):
-        damaged = bytearray(good)
-        for place in places:
-            damaged[place] ^= 1
-        path = write(tmp_path, bytes(damaged))
-        if readable:
-            assert len(recover(path).recording) == 50
-        else:
-            with pytest.raises(InputError, match="a journal whose header is lost"):
-                recover(path)
+    good = b"".join(parts(rows()))
+    first, second = len(MAGIC) + 30, (len(opening(LAYOUT)) + len(MAGIC)) // 2 + 30
+    for place in (first, second):
+        assert len(recover(write(tmp_path, flipped(good, place))).recording) == 50
+    with pytest.raises(InputError, match="a journal whose header is lost"):
+        recover(write(tmp_path, flipped(good, first, second)))
 
 
 def test_cycles_without_a_row_are_counted_and_no_damage(tmp_path):

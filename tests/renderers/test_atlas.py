@@ -10,6 +10,7 @@ import sympy as sp
 from hapticeval.compiled import LAW, first_class
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import BaseInertia, Dynamics, Parallelogram3, ParallelogramParameters
+from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.catalogue import ellipsoid, sphere
 from hapticeval.renderers.atlas import accelerated, active, active_chart, charts, jacobian, turned
@@ -119,7 +120,7 @@ def test_the_renderer_gives_the_torque_of_the_active_chart(both):
         stiffness=K_P * MASS,
         damping=K_D * MASS,
         mass=MASS,
-        viscosity=B_D,
+        effects=(Viscosity(B_D),),
         bilateral=True,
         device=ROBOT,
         inner_loop=InnerLoop.LINEARISED,
@@ -241,7 +242,13 @@ def test_the_active_chart_never_comes_near_its_axis():
 @pytest.mark.parametrize("bilateral", [False, True])
 def test_it_answers_as_the_law_without_charts(bilateral):
     scene = Scene(
-        model=sphere(), stiffness=20.0, damping=2.83, mass=0.1, viscosity=0.3, bilateral=bilateral, sampling_time=1e-3
+        model=sphere(),
+        stiffness=20.0,
+        damping=2.83,
+        mass=0.1,
+        effects=(Viscosity(0.3),),
+        bilateral=bilateral,
+        sampling_time=1e-3,
     )
     ours, other = SurfaceStabilisation(scene, charts=True), SurfaceStabilisation(scene, charts=False)
     rng = np.random.default_rng(8)
@@ -261,8 +268,8 @@ def test_it_answers_as_the_law_without_charts(bilateral):
 
 
 def test_the_compiled_law_answers_as_the_step_does():
-    renderer = SurfaceStabilisation(Scene(model=sphere(), viscosity=0.3), charts=True)
-    law = SurfaceStabilisation(Scene(model=sphere(), viscosity=0.3), charts=True).law
+    renderer = SurfaceStabilisation(Scene(model=sphere(), effects=(Viscosity(0.3),)), charts=True)
+    law = SurfaceStabilisation(Scene(model=sphere(), effects=(Viscosity(0.3),)), charts=True).law
     function = first_class(law.function, LAW).kernel
     rng = np.random.default_rng(9)
     renderer.reset(np.zeros(3))

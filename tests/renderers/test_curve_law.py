@@ -17,6 +17,7 @@ from torque_by_sympy import (
 
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import Parallelogram2
+from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import DomainError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line
 from hapticeval.renderers import set_stabilisation
@@ -190,7 +191,7 @@ def test_viscosity_slows_the_foot_as_7_18_does():
     curve = model.curve
     start = np.array([*curve.position(0.4), *(speed * curve.tangent(0.4))])
     times = np.linspace(0.0, 0.5, 26)
-    path = moved(set_stabilisation(held(model, viscosity=b)), start, times)
+    path = moved(set_stabilisation(held(model, effects=(Viscosity(b),))), start, times)
     s = along(curve, path[:, :2])
     np.testing.assert_allclose(s - s[0], speed * MASS / b * (1.0 - np.exp(-b / MASS * times)), atol=1e-11)
     np.testing.assert_allclose(curve.signed_distance(path[:, :2]), 0.0, atol=1e-12)
@@ -244,7 +245,7 @@ def test_at_a_centre_of_curvature_the_step_and_the_law_refuse():
 @pytest.mark.parametrize("bilateral", [False, True])
 @pytest.mark.parametrize("name", SMOOTH)
 def test_the_law_is_the_step_to_the_last_bit(name, bilateral):
-    scene = Scene(model=SMOOTH[name], damping=5.0, viscosity=0.2, bilateral=bilateral)
+    scene = Scene(model=SMOOTH[name], damping=5.0, effects=(Viscosity(0.2),), bilateral=bilateral)
     renderer = set_stabilisation(scene)
     rng = np.random.default_rng(3)
     hips = near(scene.model, 4, 200, 0.004)

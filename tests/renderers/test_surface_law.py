@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hapticeval.compiled import LAW, first_class
+from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import DomainError, InputError, RefusalError
 from hapticeval.geometry.catalogue import circle, ellipsoid, sphere, torus
 from hapticeval.renderers.stabilisation import SurfaceStabilisation
@@ -32,7 +33,7 @@ def renderer_of(model, *, bilateral=True, viscosity=0.0):
             stiffness=K_P * MASS,
             damping=K_D * MASS,
             mass=MASS,
-            viscosity=viscosity,
+            effects=(Viscosity(viscosity),),
             bilateral=bilateral,
         ),
         charts=False,

@@ -63,7 +63,8 @@ def _foreign(path: Path, mapping: Path | str | None, format: str | None) -> Reco
     made = read_mapping(mapping)
     wanted = format or made.document.format
     known, head = formats(), first_bytes(path)
-    if format is None and wanted in known and known[wanted].recognises and not known[wanted].fits(path, head):
+    stated = known.get(wanted or "")
+    if format is None and stated is not None and stated.recognises and not stated.fits(path, head):
         found = next((each for each in known.values() if each.fits(path, head)), None)
         if found is not None:
             raise InputError(

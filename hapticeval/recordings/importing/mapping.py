@@ -122,10 +122,10 @@ class Gaps(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class Document(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A mapping as it stands in the file."""
+    """A mapping as it stands in the file; `channels` are tables of the type `Channel`."""
 
     time: TimeBase
-    channels: Annotated[dict[str, Channel], msgspec.Meta(min_length=1)]
+    channels: Annotated[dict[str, dict[str, Any]], msgspec.Meta(min_length=1)]
     title: str = ""
     format: str | None = None
     gaps: Gaps | None = None
@@ -172,8 +172,10 @@ def parse_mapping(document: Mapping[str, Any], *, name: str = "the mapping") -> 
     with at(f"{name}: [time]"):
         factor = made.time.factor()
     sources = {}
-    for channel, spec in made.channels.items():
-        with at(f"{name}: [channels.{channel}]"):
+    for channel, table in made.channels.items():
+        place = f"{name}: [channels.{channel}]"
+        spec: Channel = convert(table, Channel, place)
+        with at(place):
             sources[channel] = _source(spec, channel, made.device)
     if made.device is not None and not isinstance(made.device.get("kind"), str):
         raise InputError(f"{name}: [device] lacks its kind", todo='write for instance kind = "parallelogram-2dof"')

@@ -1,0 +1,353 @@
+"""The commands that study and draw: fields, flows, devices, limits of stability, integrators."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hapticeval.commands.arguments import Folder, ModelName, model_named, model_title, parse_knobs, parse_point
+from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, say, wrote
+from hapticeval.errors import InputError, RefusalError
+
+if TYPE_CHECKING:
+    from hapticeval.devices.criteria import Criteria, Peak, Spread
+    from hapticeval.devices.device import Device
+    from hapticeval.types import Array
+
+DRAWN = """\b
+Exit codes:
+  0  measured and drawn
+  2  wrong usage or input: the message says what, why, and what to do
+"""
+
+LIMITS = """\b
+Exit codes:
+  0  the scene's own stiffness is stable
+  1  it is not
+  2  wrong usage or input
+  3  the renderer broke
+"""
+
+SPREAD = {
+    "lightest": ("lightest direction", "kg", 1.0),
+    "heaviest": ("heaviest direction", "kg", 1.0),
+    "anisotropy": ("anisotropy", "", 1.0),
+    "damping": ("least damping", "N s/m", 1.0),
+    "stiffest": ("least bound (2.40)", "N/m", 1.0),
+    "resolution": ("coarsest coordinate", "µm", 1e6),
+    "force": ("force in every direction", "N", 1.0),
+    "acceleration": ("acceleration in every direction", "m/s²", 1.0),
+    "manipulability": ("manipulability", "", 1.0),
+}
+"""How the criteria over the workspace are shown: name, unit, and how many of it make the SI unit."""
+
+
+def field(
+    renderer: Annotated[str, typer.Argument(metavar="RENDERER", help="As in `run -r`.", show_default=False)],
+    model: ModelName,
+    within: Annotated[
+        str, typer.Option(metavar="LENGTH", help="How far from a discontinuity the inside is measured.")
+    ] = "1mm",
+    origin: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="X,Y",
+            help="Of a renderer with memory: the surface point nearest to this one, m, is where its tool was.",
+            show_default=False,
+        ),
+    ] = None,
+    arc: Annotated[
+        float | None,
+        typer.Option("--s", metavar="ARC", help="The same by arc length along the model, m.", show_default=False),
+    ] = None,
+    knobs: Annotated[
+        list[str] | None,
+        typer.Option("--knob", metavar="NAME=VALUE", help="Set a knob; may be repeated.", show_default=False),
+    ] = None,
+    cells: Annotated[int, typer.Option(metavar="N", help="Lattice steps along the longer side.", min=20)] = 300,
+    directory: Folder = Path(),
+) -> None:
+    """Draw where a projection sends the inside of a model, and where it jumps.
+
+    \b
+    Examples:
+      hapticeval field minimum-distance star
+      hapticeval field constraint@curve cassinian --from 0.1,0
+      hapticeval field minimum-distance@polygon cassinian --knob vertices=80 -o pictures
+      hapticeval field mapping outline.wkt --within 2mm
+    """
+    from hapticeval.quantity import parse_length
+    from hapticeval.reports.fields_figure import caption, write_field
+    from hapticeval.study.projection_field.study import study_field
+
+    distance = parse_length(within, option="--within")
+    settings = {knob: values[0] for knob, values in parse_knobs(knobs or []).items()}
+    shape = model_named(model)
+    if origin is not None and arc is not None:
+        raise InputError("both --from and --s are given", why="both say where the tool was", todo="give one of them")
+    start = None if origin is None else parse_point(origin, 2, option="--from")
+    if arc is not None:
+        start = shape.curve.position(shape.curve.parameter(arc))
+    found, document = study_field(
+        renderer, shape, within=distance, name=model_title(model), origin=start, knobs=settings, cells=cells
+    )
+    written = write_field(directory, found, document)
+    say(paragraphs(lines([document["title"], caption(document)]), wrote(written)))
+
+
+def flow(
+    model: ModelName,
+    velocity: Annotated[
+        str, typer.Option(metavar="NAME", help="Velocity function: arc, cap, unit or curvature.")
+    ] = "arc",
+    cells: Annotated[int, typer.Option(metavar="N", help="Grid cells along the longer side.", min=20)] = 200,
+    directory: Folder = Path(),
+) -> None:
+    """Draw how a model's outline shrinks to a point, and the grid of levels and lines that this makes.
+
+    A model that the flow cannot map is drawn with a cross where that was seen, and the command ends with 2.
+
+    \b
+    Examples:
+      hapticeval flow cassinian
+      hapticeval flow star --velocity cap
+      hapticeval flow dumbbell:neck=0.3 -o pictures
+    """
+    from hapticeval.geometry.maps.flow import FlowSettings
+    from hapticeval.geometry.maps.flow import flow as shrink
+    from hapticeval.reports.fields_figure import write_flow
+
+    shape = model_named(model)
+    title = f"{velocity} flow of {model_title(model)}"
+    try:
+        made = shrink(shape, FlowSettings(velocity=velocity, cells=cells))
+    except RefusalError as refusal:
+        say(wrote(write_flow(directory, shape, None, title=title, cross=refusal.position)))
+        raise
+    found = (
+        f"{title}: {len(made.times)} levels, {made.points.shape[1]} lines, "
+        f"{1e3 * made.lengths[0]:.4g} mm of outline shrunk to {1e3 * made.lengths[-1]:.3g} mm"
+    )
+    say(lines([found, wrote(write_flow(directory, shape, made, title=title))]))
+
+
+def device(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="DEVICE",
+            help="As in parallelogram-2dof, parallelogram-3dof:dynamics=printed or point-mass:mass=0.1.",
+            show_default=False,
+        ),
+    ],
+    at: Annotated[
+        str | None,
+        typer.Option(
+            "--at", metavar="Y1,Y2[,Y3]", help="Where the hand is, m; at home if not given.", show_default=False
+        ),
+    ] = None,
+    torque: Annotated[
+        float | None,
+        typer.Option(
+            metavar="TAU",
+            help="Peak torque of each motor, N m (of a point mass its force, N); the robot's has 0.368 of its own.",
+            show_default=False,
+        ),
+    ] = None,
+    directory: Folder = Path(),
+) -> None:
+    """Show what the hand feels of a device, and draw where it reaches.
+
+    \b
+    Examples:
+      hapticeval device parallelogram-2dof
+      hapticeval device parallelogram-3dof --at 0.1,0.05,-0.05 -o pictures
+      hapticeval device parallelogram-3dof:base_inertia=cos,b1=0.4
+    """
+    import numpy as np
+
+    from hapticeval.devices.catalogue import device_named
+    from hapticeval.devices.criteria import MOTOR_TORQUE, criteria, over_workspace
+    from hapticeval.devices.parallelogram import Parallelogram
+    from hapticeval.devices.point_mass import PointMass
+    from hapticeval.reports.device_figure import write_device
+
+    robot = device_named(name)
+    limit = MOTOR_TORQUE if torque is None and not isinstance(robot, PointMass) else torque
+    place = np.zeros(robot.dimension) if at is None else parse_point(at, robot.dimension, option="--at")
+    joints = robot.joints(place)
+    found = criteria(robot, joints, torque_limit=limit)
+    parts = [columns(_rows(robot, found, limit))]
+    if isinstance(robot, Parallelogram):
+        parts.append(_table(over_workspace(robot, torque_limit=limit)))
+        parts.append(wrote(write_device(directory, robot, joints, stem=f"device-{robot.name}")))
+    say(paragraphs(*parts))
+
+
+def _rows(robot: Device, at: Criteria, limit: float | None) -> Iterator[tuple[str, str]]:
+    """Yield name and text of each criterion at the pose."""
+    from hapticeval.devices.criteria import SAMPLING_TIME
+    from hapticeval.devices.parallelogram import Parallelogram
+    from hapticeval.devices.workspace import nearest_limit, nearest_singularity
+
+    yield "device", f"{robot.name}, {robot.dimension} degrees of freedom"
+    if isinstance(robot, Parallelogram):
+        yield "dynamics", robot.described_dynamics
+    yield "hand", f"{_vector(1e3 * at.position)} mm"
+    nearest = nearest_limit(robot, at.joints)
+    if nearest is None:
+        yield "workspace", "all of space"
+    else:
+        yield "joints", f"{_vector(at.joints)} rad"
+        yield "nearest limit", nearest.text
+        yield "singularities", f"none within {nearest_singularity(robot, at.joints):.4g} rad of the joints"
+    if isinstance(robot, Parallelogram):
+        yield "workspace", f"{robot.size():.4g} {'m²' if robot.dimension == 2 else 'm³'}"
+    yield from _along("inertia", at.masses, "kg", at.directions)
+    yield "anisotropy", f"{at.anisotropy:.4g}, the heaviest direction over the lightest"
+    yield from _along("damping", at.resistances, "N s/m", at.resistance_directions)
+    if at.resistances[-1] > 0.0:
+        yield from _along("stiffest (2.40)", at.stiffest, "N/m", at.resistance_directions)
+    if nearest is not None:
+        yield "resolution", f"{_vector(1e6 * at.resolution)} µm a coordinate"
+    if at.force is not None and at.acceleration is not None and limit is not None:
+        motors = f"motors of {limit:g} {'N' if nearest is None else 'N m'}"
+        yield "peak force", f"{_peak(at.force, 'N')}, with {motors}"
+        yield "peak acceleration", f"{_peak(at.acceleration, 'm/s²')}, from rest"
+    yield "manipulability", f"{at.manipulability:.4g}, |det J|"
+    yield "sampling rate", f"{1.0 / SAMPLING_TIME:g} Hz"
+
+
+def _along(name: str, values: Array, unit: str, directions: Array) -> Iterator[tuple[str, str]]:
+    for i, value in enumerate(values):
+        yield "" if i else name, f"{value:.4g} {unit} along {_vector(_pointed(directions[:, i]))}"
+
+
+def _peak(peak: Peak, unit: str) -> str:
+    along = _vector(_pointed(peak.best_direction))
+    return f"{peak.worst:.4g} {unit} in every direction, {peak.best:.4g} {unit} along {along}"
+
+
+def _pointed(direction: Array) -> Array:
+    """Return a direction or its opposite, whichever has its largest part positive."""
+    return -direction if direction[abs(direction).argmax()] < 0.0 else direction
+
+
+def _vector(values: Array) -> str:
+    return f"({', '.join(f'{value + 0.0:.4g}' for value in values.round(12))})"
+
+
+def _table(spread: dict[str, Spread]) -> str:
+    """Format the least, median and greatest of each criterion in columns."""
+    from hapticeval.devices.criteria import CLEARANCE
+
+    lines = [f"{f'over the workspace, {CLEARANCE:g} rad clear of its edge':46}{'least':>9}{'median':>9}{'greatest':>9}"]
+    for key, (name, unit, scale) in SPREAD.items():
+        if key in spread:
+            title = f"  {name} ({unit})" if unit else f"  {name}"
+            lines.append(f"{title:46}" + "".join(f"{scale * value:9.4g}" for value in spread[key]))
+    return "\n".join(lines)
+
+
+def limits(
+    scene: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENE",
+            help="SUITE/CASE, as in `hapticeval list cases`, or FILE.toml/CASE.",
+            show_default=False,
+        ),
+    ],
+    renderer: Annotated[
+        str, typer.Option("-r", "--renderer", metavar="NAME", help="As in `run -r`.")
+    ] = "minimum-distance+pp-pd",
+    device: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KIND[:NAME=VALUE,...]",
+            help="Another device than the scene's: parallelogram-2dof, ...",
+            show_default=False,
+        ),
+    ] = None,
+    at: Annotated[
+        str | None,
+        typer.Option(
+            metavar="Y1,Y2[,Y3]",
+            help="The surface point nearest to this one, m; without it, to where the case starts.",
+            show_default=False,
+        ),
+    ] = None,
+    directory: Folder = Path(),
+) -> None:
+    """Find the largest stiffness that stays stable, and what it depends on.
+
+    The bound (2.40), the eigenvalues of the sampled loop, and the loop itself, run without encoders, torque limits and
+    friction. The picture shows the limit over damping and sampling time (Z-width), delay and the workspace.
+
+    \b
+    Examples:
+      hapticeval limits thesis/plane-press --device parallelogram-2dof
+      hapticeval limits dynamics-circle/circle-robot -r minimum-distance+pp-v -o pictures
+      hapticeval limits mysuite.toml/mycase --at 0.05,0.02
+    """
+    import numpy as np
+
+    from hapticeval.devices.catalogue import device_named
+    from hapticeval.discovery import resolve
+    from hapticeval.reports.limits_figure import write_limits
+    from hapticeval.stimulus.stimulus import Path as HandPath
+    from hapticeval.study.limits.loop import Place
+    from hapticeval.study.limits.study import describe, study_limits
+    from hapticeval.suite.reading import case_named
+
+    case = case_named(scene)
+    built = case.build_scene()
+    if device is not None:
+        built = replace(built, device=device_named(device))
+    if at is None:
+        stimulus = case.build_stimulus(built, None)
+        point = stimulus.points[0] if isinstance(stimulus, HandPath) else stimulus.position
+    else:
+        point = parse_point(at, built.model.dimension, option="--at")
+    frame = built.model.boundary.frame(np.asarray(point)[None])
+    place = Place(frame.foot[0], frame.normal[0])
+    with Terminal() as terminal:
+        document = study_limits(resolve(renderer), built, place, terminal.working)
+    document = {"scene": scene, "renderer": renderer, **document}
+    written = write_limits(directory, document)
+    say(paragraphs(columns(describe(document)), wrote(written)))
+    raise typer.Exit(int(document["growth"] >= 1.0))
+
+
+def integrators(
+    directory: Folder = Path(),
+) -> None:
+    """Draw how exactly each method moves the robot between samples, and in what time.
+
+    A hand draws the robot along a circle against motors that jump at each tick. Errors are against scipy's DOP853 at
+    its tightest.
+
+    \b
+    Example:
+      hapticeval integrators -o pictures
+    """
+    from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
+    from hapticeval.reports.precision_figure import write_precision
+    from hapticeval.study.integrators import study_integrators
+
+    document = study_integrators([Parallelogram2(), Parallelogram3()])
+    chosen = document["default"]
+    for device in document["devices"]:
+        methods = {method["name"]: method for method in device["methods"]}
+        point = next(p for p in methods[chosen["method"]]["points"] if p["tolerance"] == chosen["tolerance"])
+        say(
+            f"{device['device']}: closed loops use {chosen['method']} with a tolerance of {chosen['tolerance']:.0e}: "
+            f"error {point['error']:.1e} after a tick at the most, {1.0 / point['seconds_per_second']:.0f} times real "
+            "time"
+        )
+    say(wrote(write_precision(directory, document)))

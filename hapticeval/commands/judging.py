@@ -1,0 +1,313 @@
+"""The commands that judge, and show what was found: run, replay, report, list, explain."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hapticeval.commands.arguments import FormatName, MappingFile, MemoryLimit, Renderers, Seed, model_named
+from hapticeval.commands.terminal import Terminal, columns, paragraphs, say, summary, wrote
+from hapticeval.errors import InputError
+from hapticeval.files import file_stem
+from hapticeval.recordings.memory import LIMIT
+
+if TYPE_CHECKING:
+    from hapticeval.api import Results
+    from hapticeval.replay.subject import Subject
+    from hapticeval.runner.interrupts import Interrupts
+
+DEFAULT_SUITE = "thesis"
+
+EXIT_CODES = """\b
+Exit codes:
+  0  every verdict is as required, or as published where the suite publishes one
+  1  a check failed, could not decide or differs, or fewer verdicts than planned were reached, as after Ctrl-C;
+     with --strict also where a check of level should failed or could not decide
+  2  wrong usage or input, or every case was refused by every renderer
+  3  a renderer broke: the message names case, tick and HIP (outranks 1 and 2)
+  4  nothing was selected
+"""
+
+REPLAYED = """\b
+Exit codes:
+  0  every verdict is as required; with --as-recorded, the log follows from its renderer
+  1  a check failed, could not decide or differs; with --as-recorded, the log does not follow
+  2  wrong usage or input, or every renderer refused the case
+  3  a renderer broke
+"""
+
+LISTED = """\b
+Exit codes:
+  0  listed
+  2  wrong usage, or no such name
+"""
+
+REPORTED = """\b
+Exit codes:
+  0  the reports are written, whatever they say
+  1  interrupted: no reports are written
+  2  wrong usage, no results in the folder, or no reports can be written there
+"""
+
+
+def run(
+    suites: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="SUITE",
+            help=f"Suites, groups of suites or TOML files; {DEFAULT_SUITE} if none.",
+            show_default=False,
+        ),
+    ] = None,
+    renderers: Renderers = None,
+    select: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-k",
+            metavar="GLOB",
+            help="Only the cases, or case/check pairs, that match; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    directory: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Where results and reports go.")
+    ] = Path("results"),
+    seed: Seed = 0,
+    strict: Annotated[bool, typer.Option("--strict", help="Let warnings count: checks of level should.")] = False,
+) -> None:
+    """Run suites on renderers, judge, and write results and reports.
+
+    \b
+    Examples:
+      hapticeval run
+      hapticeval run thesis -r constraint -r minimum-distance@level-set
+      hapticeval run dynamics
+      hapticeval run -r mymodule:factory -k 'cassinian-*/continuous-contact'
+      hapticeval run mysuite.toml -o out
+    """
+    from hapticeval import api
+
+    raise typer.Exit(
+        reported(
+            lambda terminal: api.run(
+                renderers or (),
+                suites=suites or DEFAULT_SUITE,
+                select=select or (),
+                output=directory,
+                seed=seed,
+                strict=strict,
+                watch=terminal,
+            )
+        )
+    )
+
+
+def reported(judge: Callable[[Terminal], Results], before: Callable[[Results], str] | None = None) -> int:
+    """Have renderers judged, write the reports, print the summary, below what comes `before` it; the exit code."""
+    from hapticeval.runner.interrupts import Interrupts
+
+    with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
+        if kernels_are_new():
+            terminal.line("compiling kernels as they are first used, once: this run takes longer than later ones")
+        results = judge(terminal)
+        written = _report(results, terminal, interrupts)
+        first = "" if before is None else before(results)
+        say(paragraphs(first, summary(results.document, written or [results.file])))
+    return max(results.exit_code, int(written is None))
+
+
+def _report(results: Results, terminal: Terminal, interrupts: Interrupts) -> list[Path] | None:
+    """Write the reports of results, and return all paths.
+
+    Not where the user has stopped the run at once, or stops the drawing: then it says how to have them later, and
+    returns None. A first interrupt that has ended the run early does not stop the drawing as well.
+    """
+    meant_for_the_run = int(terminal.interrupted)
+
+    def stopped() -> bool:
+        return interrupts.count > meant_for_the_run
+
+    if not stopped():
+        try:
+            return results.report(progress=terminal.drawn, stopped=stopped)
+        except KeyboardInterrupt:
+            pass
+    terminal.line(f"no reports are written: hapticeval report {results.folder} makes them of what is kept")
+    return None
+
+
+def kernels_are_new(package: Path = Path(__file__).parents[1]) -> bool:
+    """Whether none is compiled yet; no, where they would be kept elsewhere than in the package."""
+    elsewhere = "NUMBA_CACHE_DIR" in os.environ or not os.access(package, os.W_OK)
+    return not elsewhere and next(package.rglob("*.nbi"), None) is None
+
+
+def report(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of an earlier run.")],
+) -> None:
+    """Write the reports of an earlier run anew, from its results.
+
+    \b
+    Example:
+      hapticeval report results
+    """
+    from hapticeval.api import Results
+    from hapticeval.runner.interrupts import Interrupts
+
+    results = Results.read(directory)
+    with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
+        written = _report(results, terminal, interrupts)
+    if written is not None:
+        say(wrote(written[1:]))
+    raise typer.Exit(int(written is None))
+
+
+def replay(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording.", show_default=False)],
+    renderers: Renderers = None,
+    as_recorded: Annotated[
+        bool, typer.Option("--as-recorded", help="Compute the recorded renderer again, and compare with the log.")
+    ] = False,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODEL",
+            help="What was touched, as in star:points=6, or a WKT or GeoJSON file, where the recording does not say.",
+            show_default=False,
+        ),
+    ] = None,
+    suite_case: Annotated[
+        str | None,
+        typer.Option(
+            "--suite-case", metavar="SUITE/CASE", help="Take model, scene and checks from a case.", show_default=False
+        ),
+    ] = None,
+    scene: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--scene",
+            metavar="KEY=VALUE",
+            help="An entry of the scene, such as stiffness=1000, in SI units; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    mapping: MappingFile = None,
+    format_: FormatName = None,
+    memory_limit: MemoryLimit = LIMIT,
+    directory: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="Where results and reports go: replay-FILE.", show_default=False
+        ),
+    ] = None,
+    seed: Seed = 0,
+) -> None:
+    """Lead renderers along a recorded hand path, and judge them beside the recorded run.
+
+    The path is played sample by sample at its recorded times. It is open loop: under another force the hand would
+    have moved otherwise.
+
+    \b
+    Examples:
+      hapticeval replay run7.h5 -r constraint -r minimum-distance
+      hapticeval replay signal.svc --mapping handwriting.toml --model circle --scene stiffness=1000
+      hapticeval replay run7.h5 --as-recorded
+    """
+    from hapticeval.discovery import own_renderers
+    from hapticeval.hardware.logs import load
+    from hapticeval.recordings.memory import limited
+    from hapticeval.replay.as_recorded import unsaid
+    from hapticeval.replay.subject import subject
+
+    directory = directory or Path(f"replay-{file_stem(file.stem)}")
+    if file.resolve().is_relative_to((directory / "recordings").resolve()) and not as_recorded:
+        raise InputError(
+            f"{file} is a recording of the results in '{directory}', which a replay into that folder would remove",
+            why="new results take the place of earlier ones",
+            todo="name another folder with -o",
+        )
+    with limited(memory_limit):
+        recording = load(file, mapping=mapping, format=format_)
+    made = subject(
+        file, recording, model=_model(model), suite_case=suite_case, scene=scene or (),
+        unsaid=unsaid(recording, renderers or ()) if as_recorded else None,
+    )  # fmt: skip
+    see = f"see `hapticeval inspect {file}{'' if mapping is None else f' --mapping {mapping}'}`"
+    if as_recorded:
+        raise typer.Exit(_as_recorded(made, renderers, see))
+    raise typer.Exit(_replay(made, renderers or list(own_renderers()), directory, seed, see))
+
+
+def _model(name: str | None) -> Mapping[str, Any] | None:
+    if name is None:
+        return None
+    found = model_named(name)
+    return {"kind": found.name, **found.parameters}
+
+
+def _replay(made: Subject, renderers: list[str], directory: Path, seed: int, see: str) -> int:
+    from hapticeval.api import carry_out
+    from hapticeval.replay.job import differences, prepared, replay_plan
+    from hapticeval.workers import cores
+
+    planned = replay_plan(made, renderers, seed=seed)
+    work = prepared(made)
+
+    def judged(terminal: Terminal) -> Results:
+        _warn(work.path.suspicious, see, terminal)
+        return carry_out(planned, output=directory, workers=cores(), watch=terminal, work=work)
+
+    return reported(judged, before=lambda results: differences(results.document))
+
+
+def _warn(suspicious: Sequence[str], see: str, terminal: Terminal) -> None:
+    """Say what an examination of the recording found: verdicts on it may say little."""
+    for each in suspicious:
+        terminal.line(f"suspicious: {each}")
+    if suspicious:
+        terminal.line(see)
+
+
+def _as_recorded(made: Subject, renderers: list[str] | None, see: str) -> int:
+    from hapticeval.replay.as_recorded import as_recorded
+
+    found = as_recorded(made, renderers or ())
+    with Terminal() as terminal:
+        _warn(found.suspicious, see, terminal)
+    say(found.told())
+    return int(not found.follows)
+
+
+def list_(
+    what: Annotated[
+        str, typer.Argument(help="renderers, suites, cases, checks, devices or models.", show_default=False)
+    ],
+) -> None:
+    """List the renderers, suites, cases, checks, devices or models.
+
+    \b
+    Examples:
+      hapticeval list renderers
+      hapticeval list cases
+    """
+    from hapticeval.commands import listing
+
+    say(columns(listing.listed(what)))
+
+
+def explain(
+    check: Annotated[str, typer.Argument(help="A check's id, as in `hapticeval list checks`.")],
+) -> None:
+    """Tell what a check asks, measures and allows, and why.
+
+    \b
+    Example:
+      hapticeval explain continuous-contact
+    """
+    from hapticeval.commands import listing
+
+    say(columns(listing.explained(check)))

@@ -1,0 +1,347 @@
+"""The commands that read recordings: inspect, convert, compare."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hapticeval.commands.arguments import Folder, FormatName, MappingFile, MemoryLimit, model_named, parse_point
+from hapticeval.commands.terminal import lines, paragraphs, say, wrote
+from hapticeval.errors import HapticevalError, InputError
+from hapticeval.recordings.memory import LIMIT
+
+if TYPE_CHECKING:
+    from hapticeval.geometry.curve import Curve
+    from hapticeval.recordings.compare.align import Run
+    from hapticeval.recordings.formats import Table
+    from hapticeval.recordings.integrity.consistency import Check
+    from hapticeval.recordings.recording import Recording
+
+INSPECTED = """\b
+Exit codes:
+  0  sound, as far as can be told
+  1  something is suspicious, or rows are missing
+  2  wrong usage, or unreadable
+"""
+
+CONVERTED = """\b
+Exit codes:
+  0  converted
+  1  converted, but rows are lost or masked, the run ended early, or something is suspicious
+  2  wrong usage, or unreadable; nothing is written
+"""
+
+COMPARED = """\b
+Exit codes:
+  0  aligned and drawn, and compared where there are repeats; or no renderers to compare
+  2  wrong usage or input, or a renderer without repeats to compare it by
+"""
+
+
+def inspect(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording, or a foreign file.", show_default=False)],
+    mapping: MappingFile = None,
+    write_mapping: Annotated[
+        Path | None,
+        typer.Option("--write-mapping", metavar="TOML", help="Write the proposed mapping here.", show_default=False),
+    ] = None,
+    format_: FormatName = None,
+    memory_limit: MemoryLimit = LIMIT,
+    model: Annotated[
+        str | None,
+        typer.Option("--model", metavar="MODEL", help="What was touched, as in circle:size=0.2.", show_default=False),
+    ] = None,
+    stiffness: Annotated[
+        float | None,
+        typer.Option("--stiffness", metavar="N/M", help="K_p, where K_d is zero.", show_default=False),
+    ] = None,
+    against: Annotated[
+        list[Path] | None,
+        typer.Option("--against", metavar="FILE", help="Another recording: is a signal copied?", show_default=False),
+    ] = None,
+    directory: Folder = Path(),
+) -> None:
+    """Examine a recording: clock, channels, units, and what has to follow from what.
+
+    Of a foreign file without a mapping it shows the columns and proposes a mapping; of a damaged recording, and of the
+    journal of a run that crashed, it examines what is whole.
+
+    \b
+    Examples:
+      hapticeval inspect run7.h5
+      hapticeval inspect log.mat --write-mapping rig.toml
+      hapticeval inspect log.mat --mapping rig.toml
+      hapticeval inspect run7.h5 --model circle:size=0.2 --stiffness 1000 --against run6.h5
+    """
+    from hapticeval.hardware.logs import load
+    from hapticeval.recordings.formats import read_table
+    from hapticeval.recordings.importing.convert import is_ours
+    from hapticeval.recordings.memory import limited
+
+    with limited(memory_limit):
+        if mapping is None and not is_ours(file):
+            raise typer.Exit(_foreign(read_table(file, format=format_), file, write_mapping))
+        recording = load(file, mapping=mapping, format=format_, salvaging=True)
+        others = {other.name: load(other, mapping=None if is_ours(other) else mapping) for other in against or []}
+    raise typer.Exit(_examined(recording, file, model, stiffness, others, directory))
+
+
+def _foreign(table: Table, file: Path, write_mapping: Path | None) -> int:
+    """Show the columns, and a mapping to begin with."""
+    from hapticeval.files import creating
+    from hapticeval.recordings.formats import formats
+    from hapticeval.recordings.importing.mapping import propose
+
+    text = propose(table, file=file.name)
+    parts = [f"{file}: {formats()[table.format].about if table.format in formats() else table.format}", text]
+    parts += [f"remark: {remark}" for remark in table.remarks] + [f"suspicious: {text}" for text in table.warnings]
+    if write_mapping is not None:
+        try:
+            with creating(write_mapping) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise HapticevalError(f"cannot write {write_mapping}", why=error.strerror or str(error)) from error
+        parts.append(f"wrote {write_mapping}")
+    else:
+        parts.append(f"To keep it: hapticeval inspect {file.name} --write-mapping mapping.toml")
+    say(lines(parts))
+    return 1 if table.warnings else 0
+
+
+def _examined(
+    recording: Recording,
+    file: Path,
+    model: str | None,
+    stiffness: float | None,
+    others: dict[str, Recording],
+    directory: Path,
+) -> int:
+    from hapticeval.recordings.integrity.contacts import impacts
+    from hapticeval.recordings.integrity.report import contacts, examine, sound_intervals, summary
+    from hapticeval.recordings.provenance import spring_of
+    from hapticeval.reports.integrity_figure import write_integrity
+
+    told, damped = spring_of(recording)
+    report = examine(
+        recording,
+        device=_device(recording),
+        model=_model(recording, model),
+        stiffness=told if stiffness is None else stiffness,
+        others=others,
+    )
+    report = replace(report, checks=(*report.checks, *_not_asked(recording, damped if stiffness is None else "")))
+    soundness = sound_intervals(recording, report)
+    parts = [summary(report, soundness, title=file.name)]
+    if recording.dimension == 1 and {"wall_force", "force"} & recording.channels.keys():
+        parts.append(contacts(impacts(recording)))
+    written = write_integrity(directory, recording, report, soundness, title=file.name, stem=_stem(file))
+    say(paragraphs(*parts, wrote(written)))
+    return int(report.suspicious)
+
+
+def _stem(file: Path) -> str:
+    """The name of the picture: the file's without its ending, where no other file beside it would have the same."""
+    beside = file.parent.iterdir() if file.parent.is_dir() else ()
+    alike = {
+        other.name
+        for other in beside
+        if other.stem.casefold() == file.stem.casefold() and other.suffix not in (".toml", ".png", ".svg")
+    }
+    plain = re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9._-]*", file.stem)
+    return file.stem if plain and alike <= {file.name} else ""
+
+
+def _device(recording: Recording) -> Any:
+    """The robot that a recording names, or why there is none."""
+    from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3, ParallelogramParameters
+
+    kinds = {"parallelogram-2dof": Parallelogram2, "parallelogram-3dof": Parallelogram3}
+    kind = kinds.get(str(recording.meta.get("device")))
+    if kind is None:
+        return None
+    known = ParallelogramParameters.__dataclass_fields__
+    said = recording.meta.get("device_parameters", {})
+    return kind(ParallelogramParameters(**{name: value for name, value in said.items() if name in known}))
+
+
+def _model(recording: Recording, name: str | None) -> Any:
+    from hapticeval.geometry.catalogue import make_model
+    from hapticeval.recordings.provenance import LINE, model_of
+
+    if name is not None:
+        made = model_named(name)
+        walled = recording.dimension == 1 and made.name == LINE
+        if recording.dimension != made.dimension and not walled:
+            raise InputError(
+                f"the recording is in {recording.dimension}D, the model '{name}' in {made.dimension}D",
+                why="hand and model must live in the same space",
+                todo="give the wall: --model line" if recording.dimension == 1 else "give another model with --model",
+            )
+        return made
+    said = model_of(recording)
+    return None if said is None else make_model(**said)
+
+
+def _not_asked(recording: Recording, damped: str) -> list[Check]:
+    """Checks that the recording's own words ask for, and cannot be given."""
+    from hapticeval.recordings.integrity.consistency import KINEMATICS, SPRING, Check
+
+    found = [Check(SPRING, why=damped)] if damped else []
+    name = recording.meta.get("device")
+    if name is not None and "joint_position" in recording.channels and _device(recording) is None:
+        why = f"the device '{name}' is none whose kinematics are known"
+        found.append(Check(KINEMATICS, why=why))
+    return found
+
+
+def convert(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording, or a foreign file.", show_default=False)],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="The file to write: .h5, .mat, .csv or .npz.")
+    ],
+    mapping: MappingFile = None,
+    format_: FormatName = None,
+    memory_limit: MemoryLimit = LIMIT,
+    salvage: Annotated[
+        bool, typer.Option("--salvage", help="Of a recording that is cut short or damaged take what is whole.")
+    ] = False,
+) -> None:
+    """Convert a foreign file or a journal to a recording, or a recording to .mat, .csv or .npz.
+
+    Nothing is written over. What the file lacks is told, and stays in the recording.
+
+    \b
+    Examples:
+      hapticeval convert log.mat --mapping rig.toml -o run7.h5
+      hapticeval convert run7.journal -o run7.h5
+      hapticeval convert run7.h5 -o run7.csv
+      hapticeval convert cut.h5 --salvage -o whole.h5
+    """
+    from hapticeval.hardware.logs import load
+    from hapticeval.recordings.importing.convert import export, refuse_existing
+    from hapticeval.recordings.integrity.report import converted
+    from hapticeval.recordings.memory import limited
+    from hapticeval.recordings.salvage import incomplete
+
+    refuse_existing(output)
+    with limited(memory_limit):
+        recording = load(file, mapping=mapping, format=format_, salvaging=salvage)
+    export(output, recording)
+    say(f"{converted(recording)}\nwrote {output}")
+    raise typer.Exit(int(incomplete(recording)))
+
+
+def compare(
+    files: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="[RENDERER=]FILE...",
+            help="Recordings; those of one renderer are its repeats.",
+            show_default=False,
+        ),
+    ],
+    by: Annotated[
+        str,
+        typer.Option(
+            metavar="WHAT",
+            help="angle (of the HIP), arc (length along the model), or a phase as CHANNEL:COLUMN.",
+        ),
+    ] = "angle",
+    centre: Annotated[str, typer.Option(metavar="X,Y", help="What the angle is about, m.")] = "0,0",
+    model: Annotated[
+        str | None,
+        typer.Option(metavar="MODEL", help="What was touched, where the recordings do not say.", show_default=False),
+    ] = None,
+    split: Annotated[
+        bool, typer.Option("--split", help="Take a run that turns back as a pass of its own for each way.")
+    ] = False,
+    mapping: MappingFile = None,
+    format_: FormatName = None,
+    memory_limit: MemoryLimit = LIMIT,
+    directory: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Where table and figure go.")
+    ] = Path(),
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the permutation test.", min=0)] = 0,
+) -> None:
+    """Compare direction and size of the force across runs that no clock can align.
+
+    Two renderers differ only as far as they differ by more than the repeats of one of them do. Record them in turns:
+    what drifts from the first run to the last would else count as theirs.
+
+    A permutation test at 5 per cent decides. 4 and 4 repeats are dealt to two renderers in 70 ways, of which 2 part
+    them as they were recorded, so p is 2/70 or more: 4 and 3 are the fewest that can tell. Both ways, with --split,
+    are two tests, and p is doubled: 5 and 3 are the fewest, and beside 4 of one it takes 5 of the other. Three
+    renderers take 5, 5 and 4 runs, one way or both. Where there are too few, what is printed says how many more.
+
+    \b
+    Examples:
+      hapticeval compare constraint-*.h5 mapping-*.h5 -o comparison
+      hapticeval compare --by arc --model star constraint=a.h5 constraint=b.h5 mapping=c.h5 mapping=d.h5
+    """
+    from hapticeval.recordings.compare.align import Abscissa, align
+    from hapticeval.recordings.compare.spread import bands
+    from hapticeval.recordings.compare.spread import compare as compared
+    from hapticeval.recordings.memory import limited
+    from hapticeval.reports.spread_figure import summary, write_spread
+
+    with limited(memory_limit):
+        runs = [_run(each, mapping, format_) for each in files]
+    x, y = (float(each) for each in parse_point(centre, 2, option="--centre"))
+    abscissa = Abscissa(by, centre=(x, y), curve=_curve(model, runs))
+    aligned = align(runs, abscissa, split=split)
+    refused: HapticevalError | None = None
+    try:
+        found = compared(aligned, seed=seed)
+    except InputError as error:
+        refused, found = error, ()
+    written = write_spread(directory, aligned, bands(aligned), found)
+    say(paragraphs(summary(aligned, found), wrote(written)))
+    if refused is not None and len({run.renderer for run in runs}) > 1:
+        raise refused
+
+
+def _run(text: str, mapping: Path | None, format_: str | None) -> Run:
+    from hapticeval.hardware.logs import load
+    from hapticeval.recordings.compare.align import Run
+    from hapticeval.recordings.importing.convert import is_ours
+
+    renderer, equals, name = text.partition("=")
+    file = Path(name if equals else text)
+    recording = load(file, mapping=None if is_ours(file) else mapping, format=format_)
+    recording.require("hip", "force")
+    said = renderer if equals else recording.meta.get("renderer")
+    if not isinstance(said, str) or not said:
+        raise InputError(
+            f"{file} does not say its renderer",
+            why="repeats of one renderer belong together",
+            todo=f"name it: constraint={file}",
+        )
+    return Run(str(file), said, recording)
+
+
+def _curve(model: str | None, runs: Sequence[Run]) -> Curve | None:
+    """The model's outline: the given one, else the one that all recordings name."""
+    from hapticeval.geometry.catalogue import make_model
+    from hapticeval.recordings.provenance import model_of
+
+    if model is not None:
+        return model_named(model).curve
+    models = [model_of(run.recording) for run in runs]
+    said = {json.dumps(model, sort_keys=True, default=str) for model in models}
+    if len(said) > 1:
+        raise InputError(
+            "the recordings are of different models",
+            why="what is felt is compared at places of one model",
+            todo="compare runs on one model, or say with --model which it was",
+        )
+    document = models[0] if models else None
+    if document is None:
+        return None
+    made = make_model(**document)
+    return made.curve if made.dimension == 2 else None

@@ -1,0 +1,196 @@
+"""What a renderer answers when it is asked again: to the same HIP by another way, and to the same way after a reset."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.sampling import (
+    LAG_TICKS,
+    NO_IHIP,
+    TELLS,
+    farthest_standoff,
+    hip_step,
+    lacks_ihip,
+    listed,
+    mm,
+    place,
+    placement,
+    touching,
+)
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array, IntArray
+
+NOTABLE = 1e-6
+"""Share by which the forces of two runs differ in size, and not in single ticks alone."""
+
+
+def judge_memoryless(runs: Runs, scene: Scene) -> Finding:
+    """Compare the IHIPs of HIPs that were reached forwards and backwards along the same points (Table 6.3)."""
+    assert runs.reverse is not None
+    base, back = runs.base, runs.reverse()
+    if lacks_ihip(base, scene):
+        return undecided(NO_IHIP)
+    distance, match = map(np.asarray, cKDTree(back.hip).query(base.hip))
+    contact = touching(base, scene) | touching(back, scene)[match]
+    answered = (np.arange(len(base)) < len(base) - LAG_TICKS) & (match < len(back) - LAG_TICKS)
+    common = np.flatnonzero((distance <= hip_step(base, scene)) & contact & answered)
+    if common.size == 0:
+        return undecided("no HIP in contact is reached along both paths")
+    apart, other = _closest(base, back, common, match[common])
+    worst = int(np.argmax(apart))
+    metric = Metric(MEMORYLESS.metric, float(apart[worst]), "m")
+    bound = placement(base, scene)
+    share = float(np.mean(apart > bound))
+    return compared(
+        metric,
+        bound,
+        {
+            **place(base, int(common[worst])),
+            "ihip_other_path": listed(back.ihip[other[worst]]),
+            "hips_compared": int(common.size),
+            "share_apart": share,
+        },
+        passes="the same HIP gives the same IHIP on both paths",
+        fails=f"the same HIP gives IHIPs {mm(metric.value)} apart, by the way it was reached "
+        f"({100 * share:.3g} per cent of the HIPs)",
+    )
+
+
+def _closest(base: Recording, back: Recording, common: IntArray, match: IntArray) -> tuple[Array, IntArray]:
+    """Return how far apart the answers to one HIP are on the two paths, m, and which row of the other has the closest.
+
+    The answer to a HIP is given in its own row or up to three later, on either path.
+    """
+    late = np.arange(LAG_TICKS + 1)
+    first = base.ihip[common[:, np.newaxis, np.newaxis] + late[:, np.newaxis]]
+    other = match[:, np.newaxis] + late
+    distance = np.linalg.norm(first - back.ihip[other[:, np.newaxis]], axis=3).reshape(common.size, -1)
+    best = np.argmin(distance, axis=1)
+    rows = np.arange(common.size)
+    return distance[rows, best], other[rows, best % late.size]
+
+
+def judge_reset_clears(runs: Runs, scene: Scene) -> Finding:
+    """Compare the run with another one through the same object, to the bit or to what the renderer declares."""
+    assert runs.again is not None
+    base, again = runs.base, runs.again()
+    rows = min(len(base), len(again))
+    scatter = _believed_scatter(base, scene)
+    lengths_differ = len(base) != len(again)
+    if any(scatter.values()):
+        # The hand answers to what the renderer may scatter, and from there on is elsewhere.
+        parted = np.flatnonzero(_apart(base, again, "hip", rows))
+        if parted.size:
+            rows, lengths_differ = int(parted[0]), False
+    if rows == 0:
+        return undecided("the hand of the second run is elsewhere from the start")
+    apart = {name: _apart(base, again, name, rows) for name in ("ihip", "force")}
+    beyond = {name: apart[name] > scatter[name] for name in apart}
+    off = beyond["ihip"] | beyond["force"]
+    named, name, unit = ("IHIP", "ihip", "m") if beyond["ihip"].any() and not beyond["force"].any() else FORCE
+    worst = int(np.argmax(apart[name]))
+    metric = Metric(f"{named} after a reset less that before", float(apart[name][worst]), unit)
+    ratio = _ratio(base.force[:rows], again.force[:rows])
+    evidence: dict[str, object] = {
+        **place(base, worst),
+        "ihip_apart_m": float(apart["ihip"].max()),
+        "force_apart_N": float(apart["force"].max()),
+        "force_ratio": ratio,
+    }
+    if not off.any() and not lengths_differ:
+        how = "as nearly as the renderer declares" if any(scatter.values()) else "to the bit"
+        message = f"after a reset the same way gives the same answers, {how}"
+        return Finding(Outcome.PASS, message, metric, scatter[name], evidence)
+    evidence["first_tick"] = int(np.argmax(off)) if off.any() else rows
+    message = (
+        f"a reset leaves something behind: the second run is off by up to {metric.value:.3g} {metric.unit}, "
+        f"first at tick {evidence['first_tick']}"
+    )
+    if ratio is not None and abs(ratio - 1.0) > NOTABLE:
+        message += (
+            f", and on the whole {abs(1e2 * (ratio - 1.0)):.3g} per cent {'softer' if ratio < 1.0 else 'stiffer'}"
+        )
+    if lengths_differ:
+        message += f"; it has {len(again)} ticks, and the first {len(base)}"
+    return Finding(Outcome.FAIL, message, metric, scatter[name], evidence)
+
+
+FORCE = ("force", "force", "N")
+
+
+def _believed_scatter(base: Recording, scene: Scene) -> dict[str, float]:
+    """Return the declared scatter of IHIP (m) and force (N), as far as it is believed.
+
+    A scatter of the IHIP beyond a fiftieth of the model, or of the force beyond a tenth of its largest, could hide
+    anything that a reset leaves.
+    """
+    largest = float(np.max(np.linalg.norm(base.force, axis=1), initial=0.0))
+    most = {"ihip": farthest_standoff(scene), "force": TELLS * largest}
+    return {name: min(float(base.meta.get(f"{name}_scatter", 0.0)), limit) for name, limit in most.items()}
+
+
+def _apart(base: Recording, again: Recording, name: str, rows: int) -> Array:
+    """Return how far a channel of the two runs is apart in each of the first `rows` rows; 0 where one lacks it."""
+    if name not in base.channels or name not in again.channels:
+        return np.zeros(rows)
+    return np.asarray(np.linalg.norm(base.channels[name][:rows] - again.channels[name][:rows], axis=1))
+
+
+def _ratio(first: Array, second: Array) -> float | None:
+    """Return the second run's force as a share of the first's (least squares); None without a force."""
+    square = float(np.sum(first**2))
+    return float(np.sum(first * second)) / square if square > 0.0 else None
+
+
+MEMORYLESS = Check(
+    id="memoryless",
+    phenomenon="none of the six: a property of the projection",
+    asks="Is the IHIP a function of the current HIP only, so that it can be looked up in a table?",
+    formula="IHIP(HIP) is the same on every path that leads to the HIP; compare (4.2) with (4.3)",
+    citation="thesis 5.1, 6.2; Table 6.3 'suitable for LUT'",
+    channels=("hip", "ihip"),
+    reads_also=("force",),
+    siblings={Sibling.REVERSE: "the same HIPs in the opposite order"},
+    needs={
+        Sibling.REVERSE: undecided("one recording reaches each HIP only once; a second path is needed to decide"),
+    },
+    metric="distance between the IHIPs of one HIP",
+    unit="m",
+    bound=(
+        "3 HIP steps + standoff, between the closest two of the IHIPs that either path has in the HIP's own row and in "
+        "the three after it: a proxy may lag by three ticks. The last three rows of a path, whose answers may come "
+        "after its end, are not compared."
+    ),
+    judge=judge_memoryless,
+    level=Level.INFO,
+)
+
+RESET_CLEARS = Check(
+    id="reset-clears",
+    phenomenon="none of the six: a property of the renderer's `reset`",
+    asks="Does the same way give the same answers again after a reset?",
+    formula="(ihip, force) of the second run = (ihip, force) of the first, row by row",
+    citation="the renderer protocol: reset(hip) starts a run",
+    channels=("hip", "force"),
+    reads_also=("ihip",),
+    siblings={Sibling.AGAIN: "the same stimulus once more through the same renderer"},
+    needs={
+        Sibling.AGAIN: Finding(
+            Outcome.NOT_APPLICABLE, "a recording shows one run only, and nobody can be asked for another"
+        ),
+    },
+    metric="force, or IHIP, after a reset less that before",
+    unit="N",
+    bound=(
+        "Nothing: the same arithmetic on the same numbers gives the same bits. A renderer whose answers scatter, "
+        "as one with noise in it or with threads, declares by how much (`Declaration`), and is held to that: of the "
+        "IHIP a fiftieth of the model is believed, and of the force a tenth of the largest. In a closed loop the rows "
+        "count in which the hand is where it was in the first run. The finding names the first tick that differs, the "
+        "largest difference, and the second run's force as a share of the first's."
+    ),
+    judge=judge_reset_clears,
+)

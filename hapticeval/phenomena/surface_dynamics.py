@@ -1,0 +1,274 @@
+"""Motion along and across a surface (Problem 7.1 b, c): output invariance, decoupling and tangential dynamics.
+
+Each measures how far the loop is from what the scene assigns, and takes away what only the sampling does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.devices.point_mass import PointMass
+from hapticeval.effects.force_sensor import ForceSensor
+from hapticeval.effects.viscosity import viscosity_of
+from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
+from hapticeval.phenomena.refinement import left
+from hapticeval.phenomena.sampling import TELLS, mm, place
+from hapticeval.phenomena.surface_motion import SLIDES, SurfaceMotion
+from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+GONE = 0.05
+"""Share of the largest distance below which the motion across counts as over."""
+
+SPEED_GIVEN = "a hand led along a given path has the speed that it is given"
+TOO_MUCH = "what the sampling may do to the speed is too much to decide"
+STILL = "the tool does not slide"
+
+
+def judge_output_invariance(runs: Runs, scene: Scene) -> Finding:
+    """Measure the largest distance from the surface that faster sampling does not remove."""
+    base = runs.base
+    motion = SurfaceMotion(base, scene)
+    if not motion.starts_on_surface:
+        return undecided("the tool does not start on the surface with a speed along it")
+    if motion.pushed.any():
+        return undecided("the operator pushes: what follows is the answer to that")
+    if motion.footless is not None or not motion.slides:
+        return undecided(motion.footless or STILL)
+    remains = left(runs, lambda recording: SurfaceMotion(recording, scene).distance)
+    distance = np.abs(remains.values)
+    tick = int(np.argmax(distance))
+    cost = float(np.max(np.abs(motion.centripetal))) / scene.stiffness
+    bound = remains.change if remains.settled else motion.held_distance()
+    bound += motion.sensor_error + 1e-10 * scene.model.size
+    evidence: dict[str, object] = {
+        **place(base, tick),
+        "distance_at_this_sampling_m": float(np.max(np.abs(motion.distance))),
+        "settled_by_refinement": remains.settled,
+        "m_kappa_v2_over_K_m": cost,
+    }
+    metric = Metric(OUTPUT_INVARIANCE.metric, float(distance[tick]), "m")
+    if cost > 0.0 and bound > TELLS * cost:
+        message = f"what the sampling may do, {mm(bound)}, hides what a missing centripetal force would"
+        return undecided(message, metric, bound, **evidence)
+    fails = f"the tool leaves the surface by {mm(metric.value)}, at t = {base.time[tick]:.4g} s"
+    return compared(metric, bound, evidence, passes="the tool stays on the surface", fails=fails)
+
+
+def judge_decoupling(runs: Runs, scene: Scene) -> Finding:
+    """Measure how far the foot's speed strays from the assigned one while the tool moves across."""
+    base = runs.base
+    motion = SurfaceMotion(base, scene)
+    if motion.footless is not None:
+        return undecided(motion.footless)
+    distance = np.abs(motion.distance)
+    farthest = float(distance.max())
+    if farthest <= motion.held_distance() + motion.sensor_error + 1e-9 * scene.model.size:
+        return undecided("the tool does not move across the surface")
+    if motion.pushed.any():
+        return undecided("the operator pushes, which changes the speed too")
+    start = float(motion.foot_speed[0])
+    if start * (base.time[-1] - base.time[0]) <= SLIDES * scene.model.size:
+        return undecided(STILL)
+    remains = left(runs, lambda recording: _speed_deviation(recording, scene))
+    last = min(int(np.flatnonzero(distance > GONE * farthest)[-1]), len(remains.values) - 1)
+    deviation = np.abs(remains.values[: last + 1])
+    tick = int(np.argmax(deviation))
+    metric = Metric(DECOUPLING.metric, float(deviation[tick]), "")
+    bound = (remains.change if remains.settled else float(motion.held_speed[last]) / start) + 1e-9
+    evidence: dict[str, object] = {
+        **place(base, tick),
+        "largest_distance_m": farthest,
+        "moves_across_until_s": float(base.time[last]),
+        "foot_speed_at_start_m_s": start,
+        "foot_speed_there_m_s": float(motion.foot_speed[tick]),
+        "settled_by_refinement": remains.settled,
+    }
+    if bound > TELLS:
+        return undecided(TOO_MUCH, metric, bound, **evidence)
+    return compared(
+        metric,
+        bound,
+        evidence,
+        passes="the speed along the surface is kept while the tool moves across",
+        fails=f"while the tool moves up to {mm(farthest)} across, its speed along the surface "
+        f"strays by {100.0 * metric.value:.3g} per cent",
+    )
+
+
+def _speed_deviation(recording: Recording, scene: Scene) -> Array:
+    """Return |p'| over the assigned one less 1, where b_d alone slows the foot: (n,)."""
+    speed = SurfaceMotion(recording, scene).foot_speed
+    assigned = speed[0] * np.exp(-viscosity_of(scene) / scene.mass * (recording.time - recording.time[0]))
+    return np.asarray(speed / assigned - 1.0)
+
+
+def judge_tangential_dynamics(runs: Runs, scene: Scene) -> Finding:
+    """Measure the speed that the foot has gained or lost beyond what the assigned acceleration adds up to."""
+    base = runs.base
+    motion = SurfaceMotion(base, scene)
+    if motion.footless is not None or not motion.slides:
+        return undecided(motion.footless or STILL)
+    sensed = isinstance(scene.robot, PointMass) or scene.effect(ForceSensor) is not None
+    if motion.pushed.any() and not sensed:
+        return undecided(
+            "the operator pushes a robot without a force sensor: its own inertia has a share in the motion"
+        )
+    top = float(motion.foot_speed.max())
+    remains = left(runs, lambda recording: _unexplained(recording, scene))
+    excess = np.linalg.norm(remains.values, axis=1) / top
+    tick = int(np.argmax(excess))
+    metric = Metric(TANGENTIAL_DYNAMICS.metric, float(excess[tick]), "")
+    bound = remains.change * np.sqrt(remains.values.shape[1]) if remains.settled else float(motion.held_speed[-1])
+    bound = bound / top + 1e-9
+    viscosity = _apparent_viscosity(motion)
+    evidence: dict[str, object] = {
+        **place(base, tick),
+        "assigned_viscosity_kg_s": viscosity_of(scene),
+        "apparent_viscosity_kg_s": viscosity,
+        "foot_speed_at_start_m_s": float(motion.foot_speed[0]),
+        "foot_speed_at_end_m_s": float(motion.foot_speed[-1]),
+        "settled_by_refinement": remains.settled,
+    }
+    if bound > TELLS:
+        return undecided(TOO_MUCH, metric, bound, **evidence)
+    fails = (
+        f"{100.0 * metric.value:.3g} per cent of the sliding speed come or go unassigned, as if the surface had a "
+        f"viscosity of {viscosity:.3g} kg/s instead of {viscosity_of(scene):.3g}"
+    )
+    return compared(metric, bound, evidence, passes="the tool slides as assigned", fails=fails)
+
+
+def _pushed_along(motion: SurfaceMotion) -> Array:
+    """Return what the hand adds to the assigned covariant acceleration of the foot, (n, N), m/s^2.
+
+    A force that is sensed is fed to the foot (8.9); else it moves the tool, and so the foot by (I + n W)^-1 of that.
+    """
+    push = motion.recording.channels.get("operator_force")
+    if push is None:
+        return np.zeros_like(motion.foot_velocity)
+    normal = motion.frame.normal
+    along = (push - np.sum(push * normal, axis=1)[:, np.newaxis] * normal) / motion.scene.mass
+    sensed = motion.scene.effect(ForceSensor) is not None
+    return along if sensed else motion.pulled_back(along)
+
+
+def _unexplained(recording: Recording, scene: Scene) -> Array:
+    """Return p'(t) - p'(0) less the integral of the assigned acceleration, in transported bases: (n, N - 1), m/s.
+
+    That acceleration is -(b_d / m) p' (7.18), and what the hand adds. Viscous terms by the trapezoidal rule; the
+    operator's force is recorded as its mean until the next sample.
+    """
+    motion = SurfaceMotion(recording, scene)
+    moved = motion.components(motion.foot_velocity)
+    viscous = -(viscosity_of(scene) / scene.mass) * moved
+    assigned = -(viscosity_of(scene) / scene.mass) * motion.foot_velocity + _pushed_along(motion)
+    pushed = motion.components(assigned) - viscous
+    step = np.diff(recording.time)[:, np.newaxis]
+    gained = np.cumsum(step * (0.5 * (viscous[:-1] + viscous[1:]) + pushed[:-1]), axis=0)
+    return np.asarray(moved - moved[0] - np.vstack([np.zeros((1, moved.shape[1])), gained]))
+
+
+def _apparent_viscosity(motion: SurfaceMotion) -> float:
+    """Return b (kg/s) that explains the loss of speed best: least squares of p'' - push / m = -(b / m) p', integrated.
+
+    The sum of p' . dp' is half the change of |p'|^2, so that no derivative is taken.
+    """
+    scene, recording = motion.scene, motion.recording
+    speed2 = motion.foot_speed**2
+    step = np.diff(recording.time)
+    viscous = (viscosity_of(scene) / scene.mass) * motion.foot_velocity
+    given = -viscous + _pushed_along(motion) + viscous
+    work = float(np.sum(step * np.sum(motion.foot_velocity * given, axis=1)[:-1]))
+    slid = float(np.sum(step * 0.5 * (speed2[:-1] + speed2[1:])))
+    return scene.mass * (work - 0.5 * float(speed2[-1] - speed2[0])) / slid if slid > 0.0 else 0.0
+
+
+FINER = {Sibling.REFINE: "the same experiment at 2 and 4 times the sampling rate"}
+
+OUTPUT_INVARIANCE = Check(
+    id="output-invariance",
+    phenomenon="Output invariance of the constraint",
+    asks="Does a tool that starts on the surface, moving along it, stay on the surface?",
+    formula="n(0) = n'(0) = 0 => n(t) = 0 (7.1 b)",
+    citation="thesis 7.1, Problem 7.1 (b); 7.3.2, Figure 7.3",
+    channels=("hip", "velocity"),
+    reads_also=("operator_force", "measured_hip"),
+    siblings=FINER,
+    not_for={
+        Situation.LED: "a hand led along a given path does not move by itself",
+        Situation.UNILATERAL: "a surface that only pushes does not keep a tool from leaving",
+    },
+    holds=True,
+    metric="distance from the surface that refinement leaves",
+    unit="m",
+    bound=(
+        "A held force is late by half a tick on average, which costs a distance of first order in the tick T or "
+        "smaller. 2 n(T/4) - n(T/2) is free of that first order, and is wrong by less than d' = n(T/4) - n(T/2) or, "
+        "where two orders cancel in that, by a third of 2 d' - d, d = n(T/2) - n(T): the larger of |d'| and half of "
+        "|2 d' - d| is the bound. Where halving the tick does not shrink the change by a quarter at least, as with "
+        "an encoder or with friction, or no finer run can be had, n itself must stay within what a held force "
+        "leaves: 1.5 ticks of change of the centripetal force over K_p, with the overshoot of the assigned "
+        "dynamics. To both comes what the position sensors are wrong by, and 1e-10 of the model for rounding. A "
+        "bound above a tenth of m kappa v^2 / K_p, what a renderer without the centripetal force pays, is "
+        "inconclusive."
+    ),
+    judge=judge_output_invariance,
+)
+
+DECOUPLING = Check(
+    id="decoupling",
+    phenomenon="Decoupling of across and along",
+    asks="Is the speed along the surface kept while the tool moves across it?",
+    formula="p' = (I + n W)^-1 P_T y'; |p'(t)| = |p'(0)| exp(-b_d t / m) while n moves",
+    citation="thesis 6.3.3, 7.3.2, (7.38)",
+    channels=("hip", "velocity", "force"),
+    reads_also=("operator_force", "measured_hip"),
+    siblings=FINER,
+    not_for={Situation.LED: SPEED_GIVEN},
+    holds=True,
+    metric="change of the foot's speed while the tool moves across",
+    unit="",
+    bound=(
+        "Judged from the start until the distance stays below a twentieth of its largest. The foot's speed is arc "
+        "length a second, so that moving across has no share in it by itself; a law that leaves out 2 kappa n' s' "
+        "changes it by 2 kappa n. 2 q(T/4) - q(T/2) of the relative change q removes the first order of sampling, "
+        "and the bound is what that leaves at the most, as for output-invariance. Where halving the tick does not "
+        "settle it, the impulse that 1.5 ticks of the force's change along the surface may have given, over m "
+        "|p'(0)|. A bound above a tenth is inconclusive."
+    ),
+    judge=judge_decoupling,
+)
+
+TANGENTIAL_DYNAMICS = Check(
+    id="tangential-dynamics",
+    phenomenon="Tangential dynamics",
+    asks="Along the surface, does the tool move as assigned: freely, or with the surface's viscosity?",
+    formula=(
+        "P_T(y'' - a) = 0 on S (7.1 c): Dp'/dt = -(b_d / m) p' (7.18), plus P_T F_o / m where F_o is sensed (8.9), "
+        "else (I + n W)^-1 of that"
+    ),
+    citation="thesis 7.1, Problem 7.1 (c); (7.17), (7.18); 6.3.2, 6.3.3",
+    channels=("hip", "velocity", "force"),
+    reads_also=("operator_force",),
+    siblings=FINER,
+    not_for={Situation.LED: SPEED_GIVEN},
+    holds=True,
+    metric="speed along the surface that the assigned dynamics do not explain, of the top speed",
+    unit="",
+    bound=(
+        "The foot's velocity, in bases carried along the surface without turning, changes at the covariant "
+        "acceleration's rate; what it has changed since the start less the assigned acceleration's integral must "
+        "vanish at all times. That is an integral, so that no noise is amplified. 2 q(T/4) - q(T/2) removes the "
+        "first order of sampling, and the bound is what that leaves at the most, as for output-invariance. Where "
+        "halving the tick does not settle it, the impulse that 1.5 ticks of the force's change along the surface "
+        "may have given. A bound above a tenth is inconclusive; so is a hand that pushes a robot without a force "
+        "sensor, for the assigned dynamics do not say what it should feel. The apparent viscosity is the "
+        "least-squares one of the whole run."
+    ),
+    judge=judge_tangential_dynamics,
+)
+
+CHECKS = (OUTPUT_INVARIANCE, DECOUPLING, TANGENTIAL_DYNAMICS)

@@ -1,0 +1,250 @@
+"""The command line from outside: what it prints, what it writes, and the exit code that a gate reads."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hapticeval import __version__
+from hapticeval.cli import main
+from hapticeval.commands import judging
+from hapticeval.phenomena.registry import CHECKS
+from hapticeval.runner.folder import prepare
+from hapticeval.runner.results import FILE, read_results
+
+
+def run(*arguments: str) -> int:
+    return main(["run", "slides.toml", *arguments])
+
+
+def words(text: str) -> str:
+    return " ".join(text.split())
+
+
+def test_the_version_is_the_package_s(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"hapticeval {__version__}\n"
+
+
+def test_a_good_renderer_passes_and_its_reports_can_be_written_anew(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("-r", "local_mine:Good") == 0
+    shown = capsys.readouterr()
+    assert "4 of 4 planned verdicts ran: 4 pass; none not as expected" in shown.out
+    assert "times real time" in shown.out
+    assert "[2/3] local_mine:Good on slides/flat-back: 1 pass" in shown.err
+    results = read_results(here / "results")
+    assert (results.ran, results.planned, results.complete) == (4, 4, True)
+    written = [Path(line.removeprefix("wrote ")) for line in shown.out.splitlines() if line.startswith("wrote ")]
+    assert written[0].name == FILE
+    reports = written[1:]
+    assert reports
+    for path in reports:
+        path.unlink()
+    assert main(["report", "results"]) == 0
+    assert capsys.readouterr().out.splitlines() == [f"wrote {path}" for path in reports]
+    assert all(path.is_file() for path in reports)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "expected"),
+    [
+        (
+            ["-r", "local_mine:Jumps", "-k", "flat/continuous-contact"],
+            1,
+            [
+                "fail: local_mine:Jumps on slides/flat/continuous-contact\n"
+                "  IHIP jump that refinement leaves = 0.02 m, bound 0.0001425 m"
+            ],
+        ),
+        (
+            ["-r", "local_mine:Differs"],
+            1,
+            [
+                "differs: local_mine:Differs on slides/flat/continuous-contact: pass, published fail",
+                "1 not as expected",
+            ],
+        ),
+        (
+            ["-r", "local_mine:Jumps", "-r", "local_mine:Breaks"],
+            3,
+            [
+                "broke: local_mine:Breaks on slides/flat\n",
+                "OSError: the sensor is gone at tick 106 (counted from 0), HIP (0.01007, -0.001) m",
+                "fail: local_mine:Jumps on slides/flat/continuous-contact",
+            ],
+        ),
+        (["-r", "local_mine:nothing"], 3, ["which is no renderer"]),
+        (["-r", "constraint", "-r", "ideal", "-k", "flat"], 0, ["2 runs"]),
+    ],
+)
+def test_the_summary_and_the_exit_code(
+    here: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], code: int, expected: list[str]
+) -> None:
+    assert run(*arguments) == code
+    shown = capsys.readouterr()
+    for text in expected:
+        assert text in shown.out + shown.err
+    assert "error: local_mine:Breaks" not in shown.out, "a run that broke is shown once, not once per check"
+
+
+def test_a_renderer_that_refuses_all_that_there_is_has_not_passed(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    alone = ["run", "-k", "star-convex-corner", "-r", "set-stabilisation"]
+    assert main(alone) == 2
+    shown = capsys.readouterr().out
+    assert "refuses: set-stabilisation on thesis/star-convex-corner" in shown
+    assert "what to do: choose a smooth model" in shown
+    assert main([*alone, "-r", "constraint"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "what"),
+    [
+        (["run", "thesi", "-r", "local_mine:Good"], 2, "unknown suite 'thesi'"),
+        (["run", "absent.toml", "-r", "local_mine:Good"], 2, "absent.toml"),
+        (["run", "slides.toml", "-r", "constrait"], 2, "unknown renderer 'constrait'"),
+        (["run", "slides.toml", "-r", "local_mine:Absent"], 2, "has no 'Absent'"),
+        (["run", "slides.toml", "-r", "local_mine:Good", "-o", "."], 2, "'.' is not empty"),
+        (["run", "slides.toml", "-r", "local_mine:Good", "-o", "slides.toml"], 2, "'slides.toml' is a file"),
+        (["run", "slides.toml", "-r", "local_mine:Good", "-o", "slides.toml/b"], 2, "cannot write into the folder"),
+        (["run", "slides.toml", "-r", "local_mine:Good", "-k", "flat", "-k", "flta"], 4, "nothing matches -k 'flta'"),
+        (["run", "--seed", "-1"], 2, "--seed"),
+        (["explain", "continuous-contct"], 2, "continuous-contact"),
+        (["report", "absent"], 2, "absent"),
+        (["list", "everything"], 2, "unknown listing 'everything'"),
+        (["list", "chekcs"], 2, "did you mean checks?"),
+    ],
+)
+def test_wrong_usage_and_input(
+    here: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], code: int, what: str
+) -> None:
+    assert main(arguments) == code
+    shown = capsys.readouterr()
+    assert what in shown.err
+    assert shown.out == ""
+    assert not (here / "results").exists()
+
+
+def test_only_an_earlier_run_is_overwritten(here: Path) -> None:
+    assert run("-r", "local_mine:Jumps", "-o", "out", "-k", "flat") == 1
+    assert run("-r", "local_mine:Good", "-o", "out", "-k", "flat") == 0
+    assert [run.renderer for run in read_results(here / "out").runs] == ["local_mine:Good"]
+    for number, text in enumerate(("", "[]", '{"verdicts": []}', '{"score": 3}')):
+        folder = here / f"foreign{number}"
+        folder.mkdir()
+        (folder / FILE).write_text(text)
+        assert run("-r", "local_mine:Good", "-o", folder.name) == 2
+        assert (folder / FILE).read_text() == text
+    (here / "foreign0" / FILE).write_text('{"format_version": 0, "planned": 1, "verdicts": []}')
+    prepare(here / "foreign0")
+
+
+def test_the_same_command_gives_the_same_verdicts(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    documents = []
+    for cores in (1, 2):
+        monkeypatch.setattr("hapticeval.api.cores", lambda cores=cores: cores)
+        run("-r", "local_mine:Jumps", "-r", "local_mine:Good", "-k", "flat*", "--seed", "7")
+        documents.append(read_results(here / "results"))
+    assert documents[0].verdicts == documents[1].verdicts
+    assert documents[0].seed == documents[1].seed == 7
+
+
+@pytest.mark.parametrize(
+    ("what", "entry"),
+    [
+        ("renderers", "minimum-distance"),
+        ("suites", "thesis"),
+        ("cases", "thesis/cassinian-deep-slide"),
+        ("checks", "continuous-contact"),
+        ("devices", "parallelogram-2dof"),
+        ("models", "cassinian"),
+    ],
+)
+def test_there_is_a_list_of_everything(capsys: pytest.CaptureFixture[str], what: str, entry: str) -> None:
+    assert main(["list", what]) == 0
+    out = capsys.readouterr().out
+    assert any(line.split()[0] == entry for line in out.splitlines())
+    assert "broken:" not in out
+
+
+COMMANDS = [
+    "run", "list", "explain", "report", "record", "inspect", "convert", "replay", "compare", "bench", "field", "flow",
+    "device", "limits", "integrators",
+]  # fmt: skip
+
+
+def test_the_help_teaches_by_examples_and_has_every_command_on_a_line_of_80_columns(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["--help"]) == 0
+    text = capsys.readouterr().out
+    assert "hapticeval run -r mymodule:factory" in text
+    assert re.findall(r"^ +(\d)  ", text, re.MULTILINE) == list("01234")
+    lines = text.split("Commands:\n", 1)[1].split("\n\n", 1)[0].splitlines()
+    assert [line.split()[0] for line in lines] == COMMANDS
+    assert all(line.endswith(".") and not line.endswith("...") and len(line) <= 80 for line in lines)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_help_of_a_command_has_an_example_and_its_exit_codes(
+    capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    assert main([command, "--help"]) == 0
+    out = capsys.readouterr().out
+    assert f"  hapticeval {command}" in out.split("Example", 1)[1]
+    assert "\n    0  " in out.split("Exit codes:", 1)[1]
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_explain_prints_all_that_a_check_says(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["explain", name]) == 0
+    out = capsys.readouterr().out
+    check = CHECKS[name]
+    texts = (check.asks, check.formula, check.citation, check.bound, check.metric, *check.siblings.values())
+    assert all(words(text) in words(out) for text in (*texts, *check.channels))
+    assert max(map(len, out.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("arguments", [["list", "checks"], ["--version"]])
+def test_a_reader_that_has_gone_away_is_no_error(arguments: list[str]) -> None:
+    command = [sys.executable, "-m", "hapticeval", *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0
+
+
+def test_the_first_run_says_that_it_compiles(
+    here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    (here / "geometry" / "__pycache__").mkdir(parents=True)
+    assert judging.kernels_are_new(here)
+    (here / "geometry" / "__pycache__" / "kernels.bend.nbi").touch()
+    assert not judging.kernels_are_new(here)
+    monkeypatch.setattr(judging, "kernels_are_new", lambda: True)
+    assert run("-r", "local_mine:Good", "-k", "flat") == 0
+    assert capsys.readouterr().err.startswith("compiling kernels as they are first used, once")
+
+
+def test_ctrl_c_that_no_command_answers_is_answered_in_a_word(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hapticeval.commands.judging.columns", lambda _: signal.raise_signal(signal.SIGINT))
+    assert main(["list", "checks"]) == 1
+    assert capsys.readouterr().err == "interrupted\n"
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

@@ -1,0 +1,272 @@
+"""The runner: the stream, what is kept when something dies, and that the same command gives the same verdicts."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from hapticeval.errors import InputError, NothingSelectedError, UnknownNameError
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.recordings.hdf5 import read_recording
+from hapticeval.runner.events import Interrupted, JobFinished, RunFinished, RunStarted
+from hapticeval.runner.execution import execute
+from hapticeval.runner.planning import plan
+from hapticeval.runner.results import read_results
+
+MODULE = """
+import os, random, time
+import numpy as np
+from hapticeval import Response
+
+class Good:
+    def __init__(self, scene):
+        self.curve, self.stiffness = scene.model.curve, scene.stiffness
+    def reset(self, hip):
+        pass
+    def step(self, hip, velocity, dt):
+        inside = self.curve.contains([hip])[0]
+        ihip = self.curve.position(self.curve.nearest([hip]))[0] if inside else hip
+        return Response(ihip, self.stiffness * (ihip - hip))
+
+class Raises(Good):
+    def step(self, hip, velocity, dt):
+        if hip[0] < -0.03:
+            raise RuntimeError("out of its depth")
+        return super().step(hip, velocity, dt)
+
+class Noisy(Good):
+    def step(self, hip, velocity, dt):
+        answer = super().step(hip, velocity, dt)
+        return Response(answer.ihip, answer.force * (1 + 1e-3 * (np.random.random() + random.random())))
+
+class Exits(Good):
+    def step(self, hip, velocity, dt):
+        raise SystemExit(0)
+
+class Overwrites(Good):
+    def run(self, hips, dt):
+        answers = [self.step(hip, 0 * hip, dt) for hip in hips]
+        hips[:] = 7.0
+        return [each.ihip for each in answers], [each.force for each in answers]
+
+class Talks(Good):
+    standoff = "0.1 mm"
+
+class Idle(Good):
+    def step(self, hip, velocity, dt):
+        return Response(hip, 0 * hip)
+
+class Sideways(Good):
+    surface = "model"
+
+class Waits(Good):
+    def step(self, hip, velocity, dt):
+        time.sleep(3600)
+
+class Dies(Good):
+    def step(self, hip, velocity, dt):
+        os._exit(7)
+
+def no_renderer(scene):
+    return 42
+"""
+
+SUITE = """
+title = "short"
+[[case]]
+name = "press"
+title = "press"
+model = { kind = "line" }
+scene = { mass = 1.0 }
+checks = ["contact-normal-force", "continuous-contact"]
+experiment = { duration = 0.2, position = [0.0, 0.001], force = [[0.0, 0.0, -1.0]] }
+[[case]]
+name = "slide"
+title = "slide"
+model = { kind = "circle" }
+checks = ["continuous-contact"]
+trajectory = { kind = "scaled", depth = 0.002, from_angle = 0, to_angle = 120, duration = 0.2 }
+"""
+
+
+@pytest.fixture
+def short(tmp_path, monkeypatch) -> Iterator[str]:
+    """The suite's path, with the module of renderers importable as `thirdparty`."""
+    (tmp_path / "thirdparty.py").write_text(MODULE)
+    (tmp_path / "short.toml").write_text(SUITE)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    yield str(tmp_path / "short.toml")
+    sys.modules.pop("thirdparty", None)
+
+
+@pytest.fixture
+def run(short, tmp_path):
+    """Run renderers, in two processes; the events, and those of jobs by case and renderer."""
+
+    def run(*renderers, directory="out", workers=2, **options):
+        events = list(execute(plan([short], renderers, **options), tmp_path / directory, workers=workers))
+        return events, {(each.run.case, each.run.renderer): each for each in events if isinstance(each, JobFinished)}
+
+    return run
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_the_stream_reports_the_plan_every_job_and_the_end(run, tmp_path, workers):
+    events, jobs = run("thirdparty:Good", "constraint", workers=workers)
+    assert events[0] == RunStarted(planned_verdicts=6, planned_jobs=4)
+    assert list(jobs) == [(case, name) for case in ("press", "slide") for name in ("thirdparty:Good", "constraint")]
+    assert isinstance(events[-1], RunFinished)
+    results = read_results(tmp_path / "out")
+    assert (results.planned, results.ran, results.complete) == (6, 6, True)
+    for entry in results.runs:
+        assert len(read_recording(tmp_path / "out" / entry.recording)) == 201
+        assert entry.simulated_seconds >= 0.2
+
+
+def test_without_a_folder_the_events_bring_the_recordings(short, tmp_path):
+    before = set(tmp_path.iterdir())
+    *_, job, end = execute(plan([short], ["constraint"], select=["slide"]), None, workers=0)
+    assert len(job.recording) == 201
+    assert end.results.runs[0].recording is None
+    assert set(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("name", "message", "others"),
+    [
+        ("Raises", "out of its depth", 1),
+        ("Exits", "SystemExit", 0),
+        ("Talks", "standoff = '0.1 mm'", 0),
+        ("Sideways", "surface is a str", 0),
+        ("no_renderer", "int", 0),
+        ("Dies", "ended the process", 0),
+    ],
+)
+def test_a_renderer_that_breaks_breaks_alone(run, tmp_path, name, message, others):
+    _, jobs = run("constraint", f"thirdparty:{name}", "minimum-distance")
+    broken = jobs["slide", f"thirdparty:{name}"]
+    assert message in str(broken.error)
+    assert broken.error.exit_code == 3
+    assert {verdict.outcome for verdict in broken.verdicts} == {Outcome.ERROR}
+    assert sum(job.error is None for job in jobs.values()) == 4 + others
+    assert read_results(tmp_path / "out").complete
+    if name == "Raises":
+        assert "in thirdparty.py, line 19, in step" in broken.error.why
+        assert broken.error.hip[0] < -0.03
+
+
+def test_a_batch_cannot_change_the_recorded_hip(run, tmp_path):
+    events, _ = run("thirdparty:Overwrites", "constraint", select=["slide"])
+    first, second = (read_recording(tmp_path / "out" / entry.recording) for entry in events[-1].results.runs)
+    np.testing.assert_array_equal(first.hip, second.hip)
+
+
+def test_a_renderer_that_never_touches_does_not_pass_a_gate(run):
+    events, _ = run("thirdparty:Idle")
+    assert not all(verdict.as_expected for verdict in events[-1].results.verdicts)
+
+
+def test_an_interrupt_lets_what_has_begun_finish(short, tmp_path):
+    """One process: the second job begins before the first is reported, and the third and the fourth never do."""
+    stream = execute(plan([short], ["constraint", "minimum-distance"]), tmp_path / "out", workers=1)
+    assert isinstance(next(stream), RunStarted)
+    assert isinstance(next(stream), JobFinished)
+    signal.raise_signal(signal.SIGINT)
+    interrupted, finished, end = stream
+    assert interrupted == Interrupted(begun=1)
+    assert finished.run.key == ("short", "press", "minimum-distance")
+    assert isinstance(end, RunFinished)
+    results = read_results(tmp_path / "out")
+    assert (results.reason, results.complete, results.ran) == ("interrupted by the user", False, 4)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_an_interrupt_after_the_last_job_makes_nothing_incomplete(short, tmp_path):
+    stream = execute(plan([short], ["constraint"], select=["slide"]), tmp_path / "out")
+    assert [type(next(stream)) for _ in range(2)] == [RunStarted, JobFinished]
+    signal.raise_signal(signal.SIGINT)
+    assert list(stream)[-1].results.complete
+
+
+def test_a_second_interrupt_kills_what_has_begun(short, tmp_path):
+    stream = execute(plan([short], ["constraint", "thirdparty:Waits"], select=["slide"]), tmp_path / "out", workers=2)
+    assert isinstance(next(stream), RunStarted)
+    assert next(stream).run.renderer == "constraint"
+    working = set(multiprocessing.active_children())
+    assert working
+    signal.raise_signal(signal.SIGINT)
+    assert next(stream) == Interrupted(begun=1)
+    signal.raise_signal(signal.SIGINT)
+    assert next(stream) == Interrupted(begun=1, at_once=True)
+    assert isinstance(next(stream), RunFinished)
+    assert not working & set(multiprocessing.active_children())
+    results = read_results(tmp_path / "out")
+    assert (results.reason, results.ran) == ("interrupted by the user", 1)
+
+
+def test_who_leaves_the_stream_leaves_no_process(short, tmp_path):
+    before = multiprocessing.active_children()
+    stream = execute(plan([short], ["constraint", "thirdparty:Waits"], select=["slide"]), tmp_path / "out", workers=2)
+    assert [type(next(stream)) for _ in range(2)] == [RunStarted, JobFinished]
+    assert len(multiprocessing.active_children()) > len(before)
+    stream.close()
+    assert multiprocessing.active_children() == before
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_it_runs_in_another_thread_too(run):
+    with ThreadPoolExecutor() as thread:
+        events, _ = thread.submit(run, "constraint").result()
+    assert events[-1].results.complete
+
+
+def test_the_seed_makes_a_random_renderer_repeatable(run, tmp_path):
+    def forces(seed, name, workers):
+        events, _ = run("thirdparty:Noisy", directory=name, seed=seed, select=["slide"], workers=workers)
+        return read_recording(tmp_path / name / events[-1].results.runs[0].recording).force
+
+    first, again, other = forces(1, "a", 1), forces(1, "b", 0), forces(2, "c", 1)
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+@pytest.mark.parametrize(
+    ("select", "planned"),
+    [
+        (["slide"], 1),
+        (["s*"], 1),
+        (["*"], 3),
+        (["*/continuous-contact"], 2),
+        (["press/*"], 2),
+        (["short/slide"], 1),
+        (["slide", "press/continuous-contact"], 2),
+    ],
+)
+def test_a_selection_is_by_case_or_by_check_and_adds_up(short, select, planned):
+    assert plan([short], ["constraint"], select=select).planned == planned
+
+
+@pytest.mark.parametrize("select", [["glide"], ["slide", "glide"]])
+def test_a_pattern_that_matches_nothing_has_its_own_exit_code(short, select):
+    message = r"nothing matches -k 'glide'\s*why: the cases are: press, slide"
+    with pytest.raises(NothingSelectedError, match=message) as at:
+        plan([short], ["constraint"], select=select)
+    assert at.value.exit_code == 4
+
+
+def test_what_cannot_run_is_refused_before_anything_runs(short, tmp_path):
+    with pytest.raises(UnknownNameError, match="constraint"):
+        plan([short], ["constrain"])
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "short.toml").write_text(SUITE)
+    with pytest.raises(InputError, match="two suites are named 'short'"):
+        plan([short, str(tmp_path / "other" / "short.toml")], ["constraint"])
+    (tmp_path / "bad.toml").write_text(SUITE.replace("position = [0.0, 0.001]", "position = [0.0, nan]"))
+    with pytest.raises(InputError, match=r"suite 'bad': case 'press'.*not finite"):
+        plan([str(tmp_path / "bad.toml")], ["constraint", "minimum-distance"])

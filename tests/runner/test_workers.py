@@ -1,0 +1,170 @@
+"""The processes that do the jobs: what they answer, and what is left when one dies, is killed, or loses its parent."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from hapticeval.workers import Answer, Ended, Workers
+
+
+class Untold(Exception):
+    """Cannot be pickled back: its arguments are not those of its making."""
+
+    def __init__(self, one, two):
+        super().__init__(one)
+
+
+def act(what, *more):
+    """What the processes are asked to do here."""
+    if what == "double":
+        return 2 * more[0]
+    if what == "pid":
+        return os.getpid()
+    if what == "wait":
+        time.sleep(3600.0)
+    if what == "die":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if what == "untold":
+        raise Untold("one", "two")
+    if what == "function":
+        return lambda: None
+    raise ValueError(what)
+
+
+def answered(crew, calls):
+    """Every answer of so many calls, by number."""
+    found = {}
+    while len(found) < calls:
+        found.update({answer.call: answer for answer in crew.answers(60.0)})
+    return found
+
+
+def test_calls_are_answered_by_as_many_processes_as_there_are():
+    with Workers(act, 2) as crew:
+        assert (crew.free, crew.busy) == (2, 0)
+        for call in range(2):
+            crew.begin(call, "pid")
+        assert (crew.free, crew.busy) == (0, 2)
+        pids = {answer.value for answer in answered(crew, 2).values()}
+        for call in range(2, 4):
+            crew.begin(call, "pid")
+        again = {answer.value for answer in answered(crew, 2).values()}
+    assert len(pids) == 2
+    assert again == pids
+    assert os.getpid() not in pids
+
+
+def test_an_answer_that_is_not_there_yet_is_not_waited_for():
+    with Workers(act, 1) as crew:
+        crew.begin(0, "wait")
+        assert crew.answers(0.0) == []
+        assert crew.busy == 1
+
+
+@pytest.mark.parametrize(
+    ("what", "kind", "words"),
+    [
+        ("error", ValueError, "error"),
+        ("untold", RuntimeError, "Untold: one"),
+        ("function", Exception, "lambda"),
+    ],
+)
+def test_an_error_says_where_it_was_raised(what, kind, words):
+    with Workers(act, 1) as crew:
+        crew.begin(0, what)
+        error = answered(crew, 1)[0].error
+        assert isinstance(error, kind)
+        assert words in str(error)
+        assert what == "untold" or "in another process:\nTraceback" in error.__notes__[0]
+        crew.begin(1, "double", 4)
+        assert answered(crew, 1)[1] == Answer(1, 8, None)
+
+
+def test_without_processes_a_call_is_made_here_and_now():
+    with Workers(act, 0) as crew:
+        crew.begin(0, "pid")
+        assert (crew.free, crew.busy) == (0, 1)
+        assert crew.answers() == [Answer(0, os.getpid(), None)]
+        crew.begin(1, "error")
+        assert isinstance(crew.answers()[0].error, ValueError)
+        assert crew.free == 1
+
+
+def test_a_process_that_dies_takes_its_call_alone():
+    with Workers(act, 2) as crew:
+        crew.begin(0, "die")
+        crew.begin(1, "double", 1)
+        found = answered(crew, 2)
+        assert isinstance(found[0].error, Ended)
+        assert found[1].value == 2
+        for call in (2, 3):
+            crew.begin(call, "double", call)
+        assert {call: answer.value for call, answer in answered(crew, 2).items()} == {2: 4, 3: 6}
+
+
+def test_a_process_that_dies_in_idleness_is_replaced():
+    with Workers(act, 1) as crew:
+        crew.begin(0, "pid")
+        pid = answered(crew, 1)[0].value
+        os.kill(pid, signal.SIGKILL)
+        os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)
+        crew.begin(1, "pid")
+        assert answered(crew, 1)[1].value not in (None, pid)
+
+
+def test_a_process_that_is_stopped_in_the_middle_of_an_answer_does_not_hold_up_the_end():
+    """The answer is larger than a pipe takes, so that its process stands in the middle of sending it."""
+    with Workers(act, 2) as crew:
+        crew.begin(0, "double", "x" * 10_000_000)
+        crew.begin(1, "wait")
+        assert crew._at[0].pipe.poll(60.0)
+    assert crew.busy == 0
+
+
+ORPHANS = """
+import os, sys
+from hapticeval.workers import Workers
+with Workers(os.getpid, 2) as crew:
+    found = []
+    for call in (0, 1):
+        crew.begin(call)
+    while len(found) < 2:
+        found += [answer.value for answer in crew.answers(60.0)]
+    print(*found, flush=True)
+    os.kill(os.getpid(), 9)
+"""
+
+
+def test_processes_end_when_their_parent_is_killed():
+    with subprocess.Popen([sys.executable, "-c", ORPHANS], stdout=subprocess.PIPE, text=True) as parent:
+        pids = [int(word) for word in parent.stdout.readline().split()]
+        # The pipe to here ends when the last process that holds it has ended.
+        assert parent.stdout.read() == ""
+    assert len(pids) == 2
+    assert parent.returncode == -signal.SIGKILL
+
+
+class Unread:
+    """Can be sent, and not be made again on the other side."""
+
+    def __reduce__(self):
+        return int, ("no number",)
+
+
+def test_what_cannot_travel_costs_no_process():
+    with Workers(act, 1) as crew:
+        crew.begin(0, "pid")
+        pid = answered(crew, 1)[0].value
+        with pytest.raises((pickle.PicklingError, AttributeError, TypeError)):
+            crew.begin(1, "double", lambda: None)
+        crew.begin(2, "double", Unread())
+        assert isinstance(answered(crew, 1)[2].error, ValueError)
+        crew.begin(3, "pid")
+        assert answered(crew, 1)[3].value == pid

@@ -1,0 +1,174 @@
+"""Judging from Python: names, classes and instances, in memory or into a folder, and what the results give."""
+
+from __future__ import annotations
+
+import signal
+import threading
+
+import numpy as np
+import pytest
+
+import hapticeval
+from hapticeval import InputError, NothingSelectedError, Response, UnknownNameError
+from hapticeval.runner.events import JobFinished
+
+
+class Nearest:
+    def __init__(self, scene):
+        self.boundary, self.stiffness = scene.model.boundary, scene.stiffness
+
+    def reset(self, hip):
+        pass
+
+    def step(self, hip, velocity, dt):
+        at = self.boundary.frame([hip])
+        ihip = at.foot[0] if at.distance[0] < 0 else hip
+        return Response(ihip, self.stiffness * (ihip - hip))
+
+
+SUITE = """
+title = "mine"
+[[case]]
+name = "flat"
+title = "Along a plane"
+model = { kind = "line" }
+checks = ["continuous-contact", "memoryless"]
+trajectory = { kind = "points", points = [[0.0, -0.001], [0.019, -0.001]], duration = 0.2 }
+[[case]]
+name = "back"
+title = "And back"
+model = { kind = "line" }
+checks = ["continuous-contact"]
+trajectory = { kind = "points", points = [[0.02, -0.001], [0.0, -0.001]], duration = 0.2 }
+[[row]]
+title = "Slides"
+check = "continuous-contact"
+cases = ["*"]
+published = { Nearest = "No" }
+"""
+
+
+@pytest.fixture
+def suite(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(SUITE)
+    return hapticeval.load_suite("mine.toml")
+
+
+def test_a_class_is_judged_in_memory_and_leaves_no_file(suite, tmp_path):
+    before = set(tmp_path.iterdir())
+    results = hapticeval.run(Nearest, suites=suite)
+    assert (results.complete, results.exit_code) == (True, 0)
+    frame = results.frame()
+    assert list(frame.case) == ["flat", "flat", "back"]
+    assert set(frame.renderer) == {"Nearest"}
+    assert set(frame.outcome) == {"pass"}
+    assert (frame.margin.dropna() == (frame.bound - frame.value).dropna()).all()
+    assert results.table().to_dict() == {"Nearest": {"Slides": "Yes"}}
+    recording = results.recording("mine/flat")
+    assert recording.meta["case"] == "flat"
+    assert len(recording) == 201
+    assert results.plot("flat").get_suptitle() == "Nearest on mine/flat"
+    page = results._repr_html_()
+    assert page.count("<table") == 2
+    assert "Results of Nearest: 3 pass" in page
+    assert set(tmp_path.iterdir()) == before
+    with pytest.raises(InputError, match="lie in no folder"):
+        results.report()
+
+
+def test_a_class_has_the_verdicts_of_its_name(suite, tmp_path, monkeypatch):
+    """By name it runs in processes and into a folder, which can be read and reported on later."""
+    hapticeval.run({"constraint": "constraint", "of-mine": Nearest}, suites="mine.toml", output="out")
+    again = hapticeval.Results.read("out")
+    assert set(again.frame().renderer) == {"constraint", "of-mine"}
+    alone = hapticeval.run(["constraint", Nearest], suites=[suite])
+    names = ["case", "check", "outcome", "value", "bound"]
+    assert again.frame()[names].equals(alone.frame()[names])
+    np.testing.assert_array_equal(again.recording("flat", "of-mine").force, alone.recording("flat", "Nearest").force)
+    assert {path.name for path in again.report()} == {"results.json", "table.md", "junit.xml", "report.html"}
+    with pytest.raises(InputError, match="is not empty"):
+        hapticeval.run(Nearest, suites=suite, output=tmp_path)
+
+
+def test_instances_factories_and_names_are_renderers_too(suite):
+    made = Nearest(suite.case("flat").build_scene())
+
+    def factory(scene):
+        return Nearest(scene)
+
+    results = hapticeval.run(
+        {"made": made, "factory": factory, "constraint": "constraint"}, suites=suite, select="flat"
+    )
+    assert set(results.frame().groupby("renderer").outcome.unique().map(tuple)) == {("pass",)}
+    assert list(hapticeval.run(factory, suites=suite, select="back").frame().renderer) == ["factory"]
+
+
+def test_one_renderer_is_judged_in_cases_of_any_suite_or_of_ones_own(suite):
+    results = hapticeval.judge("constraint", cases=["thesis/plane-press"], workers=0)
+    assert set(results.frame().suite) == {"thesis"}
+    assert results.exit_code == 0
+    own = hapticeval.judge(Nearest, cases=[suite.case("back")])
+    assert [(verdict.case, verdict.outcome) for verdict in own.verdicts] == [("back", "pass")]
+
+
+def test_what_breaks_is_in_the_results(suite):
+    class Breaks(Nearest):
+        def step(self, hip, velocity, dt):
+            raise OSError("the sensor is gone")
+
+    results = hapticeval.run(Breaks, suites=suite)
+    assert results.exit_code == 3
+    assert set(results.frame().outcome) == {"error"}
+    with pytest.raises(InputError, match="Breaks recorded nothing on flat") as caught:
+        results.recording("flat")
+    assert "the sensor is gone" in caught.value.why
+
+
+@pytest.mark.parametrize(
+    ("call", "kind", "message"),
+    [
+        (lambda suite: hapticeval.run(3, suites=suite), InputError, "3 is no renderer"),
+        (lambda suite: hapticeval.run([Nearest, type("Nearest", (), {})]), InputError, "two renderers are called"),
+        (lambda suite: hapticeval.run("constrait", suites=suite), UnknownNameError, "did you mean constraint"),
+        (lambda suite: hapticeval.run(Nearest, suites="thesys"), UnknownNameError, "did you mean thesis"),
+        (lambda suite: hapticeval.run(Nearest, suites=3), InputError, "suites: 3"),
+        (lambda suite: hapticeval.run(Nearest, suites=suite, select="flta"), NothingSelectedError, "'flta'"),
+        (lambda suite: hapticeval.run(Nearest, suites=suite, select=3), InputError, "select: 3"),
+        (lambda suite: hapticeval.run(Nearest, suites=suite, seed=-1), InputError, "seed = -1"),
+        (lambda suite: hapticeval.run(Nearest, suites=suite, workers=1.5), InputError, "workers = 1.5"),
+        (lambda suite: hapticeval.run(lambda scene: 1, suites=suite, workers=2), InputError, "process of its own"),
+        (lambda suite: hapticeval.judge(Nearest, cases=["a", suite.cases[0]]), InputError, "globs and"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(suite, call, kind, message):
+    with pytest.raises(kind, match=message):
+        call(suite)
+
+
+def test_a_run_is_found_by_its_names(suite):
+    results = hapticeval.run(["constraint", "minimum-distance"], suites=suite, select="flat", workers=0)
+    assert len(results.recording("flat", "constraint")) == 201
+    for names, message in (
+        (("flat",), "name suite/case, and the renderer"),
+        (("flta",), "did you mean flat"),
+        (("flat", "constrain"), "did you mean constraint"),
+    ):
+        with pytest.raises(InputError, match=message):
+            results.recording(*names)
+
+
+def test_ctrl_c_keeps_what_is_finished(suite):
+    class Waits(Nearest):
+        def step(self, hip, velocity, dt):
+            if hip[0] == 0.02:
+                signal.raise_signal(signal.SIGINT)
+                threading.Event().wait(60.0)
+            return super().step(hip, velocity, dt)
+
+    events = []
+    results = hapticeval.run(Waits, suites=suite, watch=events.append)
+    assert sum(isinstance(event, JobFinished) for event in events) == 1
+    assert (results.complete, results.stopped, results.exit_code) == (False, True, 1)
+    assert [verdict.case for verdict in results.verdicts] == ["flat", "flat"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
