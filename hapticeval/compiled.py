@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, ParamSpec, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
 import numba
 import numpy as np
@@ -20,8 +20,6 @@ from numba.core.typing.typeof import typeof_impl
 from numba.experimental.function_type import _get_wrapper_address
 from numpy.typing import ArrayLike, NDArray
 
-from hapticeval.types import Array
-
 try:
     import fcntl
 except ImportError:  # not on Windows
@@ -30,6 +28,7 @@ except ImportError:  # not on Windows
 P = ParamSpec("P")
 R = TypeVar("R")
 T = TypeVar("T", bound=np.generic)
+Array: TypeAlias = NDArray[np.float64]
 
 VECTOR = types.Array(types.float64, 1, "C")
 MATRIX = types.Array(types.float64, 2, "C")

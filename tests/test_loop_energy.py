@@ -27,7 +27,7 @@ from hapticeval.effects.saturation import Saturation
 from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.effects.viscosity import Viscosity
 from hapticeval.geometry.catalogue import ellipse, ellipsoid, line, sphere, torus
-from hapticeval.renderer import Compiled, CompiledLaw
+from hapticeval.renderer import CompiledLaw, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import drive
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
@@ -251,7 +251,7 @@ def test_energy_is_accounted_for_with_every_renderer(name, model, device, loop, 
     trial, renderer = pressing(model, hand), resolve(name)(scene)
     recording = drive(renderer, trial, scene, DT)
     assert "ended" not in recording.meta
-    if isinstance(renderer, Compiled) and renderer.law is not None:
+    if abilities_of(renderer).law is not None:
         asked = drive(Asked(renderer), trial, scene, DT)
         for channel in asked.channels:
             np.testing.assert_array_equal(recording.channels[channel], asked.channels[channel])
@@ -276,8 +276,8 @@ def test_the_list_has_every_device_inner_loop_and_effect_with_and_without_a_law(
         (effects, hand, bilateral) for effects in EFFECTS for hand in (False, True) for bilateral in (False, True)
     }
     with_law = {
-        isinstance(renderer, Compiled) and renderer.law is not None
-        for renderer in (resolve(name)(Scene(model=ellipse())) for name in ("constraint", "minimum-distance"))
+        abilities_of(renderer).law is not None
+        for renderer in (resolve(name)(Scene(model=ellipse())) for name in ("conformal", "minimum-distance"))
     }
     assert with_law == {False, True}
 

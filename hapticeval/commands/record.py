@@ -91,9 +91,8 @@ def record(
     from hapticeval.hardware.live import channels, run, signals, warm
     from hapticeval.hardware.wiring import CUTOFF
     from hapticeval.recordings.recorder import Recorder
-    from hapticeval.renderer import Renderer
+    from hapticeval.renderer import Renderer, abilities_of
     from hapticeval.runner.judging import built
-    from hapticeval.simulation.playback import declared
     from hapticeval.study.limits.search import too_stiff
 
     journal = output.with_suffix(".journal")
@@ -119,7 +118,7 @@ def record(
     if warning:
         typer.echo(f"warning: {warning}", err=True)
     cycles = max(1, round(seconds * rate))
-    meta = {**_meta(scene, wired, renderer, hardware=hardware, who=who), **declared(made)}
+    meta = {**_meta(scene, wired, renderer, hardware=hardware, who=who), **abilities_of(made).meta}
     failure: HapticevalError | None = None
     live: LiveRun | None = None
     recorder: Recorder | None = None

@@ -12,11 +12,11 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.integration import default_method
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Stage
-from hapticeval.errors import DomainError, InputError, RunawayError
+from hapticeval.errors import DomainError, InputError, RunawayError, renderer_errors
 from hapticeval.recordings.recording import Recording
-from hapticeval.renderer import CompiledLaw, Explaining, Feeling, Renderer, SelfDriven, stated
+from hapticeval.renderer import CompiledLaw, Renderer, SelfDriven, abilities_of
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import answered, ask, declared, feel, not_finite, start
+from hapticeval.simulation.playback import answered, ask, feel, not_finite, start
 from hapticeval.stimulus.stimulus import Experiment, sample_times
 from hapticeval.types import Array
 
@@ -61,7 +61,7 @@ def drive(renderer: Renderer | SelfDriven, experiment: Experiment, scene: Scene,
             f"the experiment is in {experiment.dimension}D, the {device.name} moves in {device.dimension}D",
             why="hand and device must move in the same space",
         )
-    law = stated(renderer, "law")
+    law = abilities_of(renderer).law
     if law is None and isinstance(device, PointMass) and _plain(experiment, scene):
         return _drive_point_mass(renderer, experiment, device, dt, reach=RUNAWAY * scene.model.size)
     return _drive_device(renderer, law, experiment, scene, dt)
@@ -142,7 +142,7 @@ def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float)
     sense, act = (specialised(kernel, loop, 0) for kernel in (kernels.sense, kernels.act))
     out, joints = loop.out, loop.state[kernels.JOINTS]
     hips, speeds, pushes = out[kernels.MEASURED_HIP], out[kernels.MEASURED_SPEED], out[kernels.MEASURED_FORCE]
-    feels = loop.feeling is not None and isinstance(renderer, Feeling)
+    feels = loop.feeling is not None and abilities_of(renderer).feel
     for tick in range(out.shape[1]):
         if tick > 0 and sense(loop, tick) == kernels.OUTSIDE:
             return _ended(tick, _outside(device, joints))
@@ -174,7 +174,7 @@ def _ended(tick: int, error: DomainError) -> _End:
 
 
 def _recorded(renderer: Renderer, time: Array, channels: Mapping[str, Array], dt: float, end: _End | None) -> Recording:
-    meta: dict[str, Any] = {"source": "experiment", "dt": dt, **declared(renderer)}
+    meta: dict[str, Any] = {"source": "experiment", "dt": dt, **abilities_of(renderer).meta}
     count = time.size
     if end is not None:
         count = end.tick
@@ -185,9 +185,10 @@ def _recorded(renderer: Renderer, time: Array, channels: Mapping[str, Array], dt
             "why": end.error.why,
         }
     recording = Recording(time[:count], {name: values[:count] for name, values in channels.items()}, meta=meta)
-    if not isinstance(renderer, Explaining):
+    if not abilities_of(renderer).signals:
         return recording
-    told = renderer.signals(recording)
+    with renderer_errors("signals()"):
+        told = dict(renderer.signals(recording))  # type: ignore[attr-defined]
     more = {name: values for name, (_, values) in told.items()}
     signals = {name: signal for name, (signal, _) in told.items()}
     return Recording(recording.time, {**recording.channels, **more}, meta=meta, signals=signals)

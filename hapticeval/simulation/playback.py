@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from hapticeval.errors import (
 )
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.recordings.recording import REQUIRED, SINGLE, Recording, backward_difference
-from hapticeval.renderer import Batch, Declaration, Feeling, Renderer, SelfDriven, Spring, stated
+from hapticeval.renderer import Batch, Renderer, SelfDriven, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Path, Stimulus, sample_times
 from hapticeval.types import Array
@@ -51,7 +50,7 @@ def play(renderer: Renderer | SelfDriven, path: Path, dt: float, *, scene: Scene
     velocity = backward_difference(hips, time)
     ihips, forces = lead(renderer, hips, velocity, dt, scene=scene)
     channels = {"hip": hips, "ihip": ihips, "force": forces, "velocity": velocity}
-    return Recording(time, channels, meta={"source": "playback", "dt": dt, **declared(renderer)})
+    return Recording(time, channels, meta={"source": "playback", "dt": dt, **abilities_of(renderer).meta})
 
 
 def lead(
@@ -73,7 +72,8 @@ def lead(
     a step a row, `dt` (n,), every renderer is asked row by row and given `velocity` (n, N). One that feels is told the
     measured `pushes` (n, N), N, row by row, where there are any. Errors count ticks from `first` on.
     """
-    if not isinstance(renderer, Feeling):
+    can = abilities_of(renderer)
+    if not can.feel:
         pushes = None
     way = way_in(renderer, hips, scene)
     count = way.shape[0]
@@ -83,7 +83,7 @@ def lead(
         hips, velocity = np.vstack([way, hips]), np.vstack([moving, velocity])
         dt = np.concatenate([np.full(count, step), dt]) if isinstance(dt, np.ndarray) else dt
         pushes = None if pushes is None else np.vstack([np.zeros_like(way), pushes])
-    if isinstance(renderer, Batch) and not isinstance(dt, np.ndarray) and pushes is None:
+    if can.run and not isinstance(dt, np.ndarray) and pushes is None:
         ihips, forces = _all_at_once(renderer, hips, velocity, dt, first, count)
     else:
         ihips, forces = _step_by_step(renderer, hips, velocity, dt, first, count, pushes)
@@ -101,7 +101,7 @@ def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
     none = np.empty((0, hips.shape[1]))
     if scene is None or scene.bilateral:
         return none
-    boundary: Boundary = stated(renderer, "surface") or scene.model.boundary
+    boundary: Boundary = abilities_of(renderer).surface or scene.model.boundary
     start = hips[0]
     frame = boundary.frame(start[np.newaxis])
     depth = -float(frame.distance[0])
@@ -109,7 +109,7 @@ def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
         return none
     pace = float(np.linalg.norm(np.diff(hips, axis=0), axis=1).max(initial=0.0)) or NEAR * scene.model.size
     outwards = (frame.foot[0] - start) / depth
-    before = frame.foot[0] + (declared(renderer)["standoff"] + pace) * outwards
+    before = frame.foot[0] + (abilities_of(renderer).standoff + pace) * outwards
     if not boundary.signed_distance(before[np.newaxis])[0] > 0.0:
         before = frame.foot[0]
     ticks = min(math.ceil(float(np.linalg.norm(start - before)) / pace), WAY)
@@ -143,47 +143,8 @@ def answered(renderer: SelfDriven, stimulus: Stimulus, dt: float) -> Recording:
     return recording
 
 
-def declared(renderer: object) -> Mapping[str, Any]:
-    """What a renderer says of itself, as metadata: `resolution` and `standoff`, m, 0 where it says nothing.
-
-    Beside them `spring`, `ihip_scatter` and `force_scatter` of its `Declaration`, where it makes one.
-    """
-    said: dict[str, Any] = {}
-    for name in ("resolution", "standoff"):
-        value = stated(renderer, name, 0.0)
-        try:
-            said[name] = float(value)
-        except (TypeError, ValueError):
-            said[name] = math.nan
-        if not (math.isfinite(said[name]) and said[name] >= 0.0):
-            raise RendererError(
-                f"the renderer declares {name} = {value!r}",
-                why="it is a length in metres: a finite number that is not negative",
-                todo=f"give {name} as a float, or leave it out",
-            )
-    return said | _promised(renderer)
-
-
-def _promised(renderer: object) -> dict[str, Any]:
-    promise = stated(renderer, "declares")
-    if promise is None:
-        return {}
-    scatter = (
-        (promise.ihip_scatter, promise.force_scatter) if isinstance(promise, Declaration) else (math.nan, math.nan)
-    )
-    sound = all(isinstance(each, int | float) and 0.0 <= each < math.inf for each in scatter)
-    if not sound or promise.spring not in (None, *Spring):
-        raise RendererError(
-            f"the renderer declares {promise!r}",
-            why="declares is a hapticeval.Declaration, with a Spring or None, and scatters finite and not negative",
-            todo="give such a one, or leave declares out",
-        )
-    told = {"ihip_scatter": float(scatter[0]), "force_scatter": float(scatter[1])}
-    return {**({} if promise.spring is None else {"spring": Spring(promise.spring).value}), **told}
-
-
 def _all_at_once(
-    renderer: Batch, hips: Array, velocity: Array, dt: float, first: int, ahead: int
+    renderer: Renderer, hips: Array, velocity: Array, dt: float, first: int, ahead: int
 ) -> tuple[Array, Array]:
     with renderer_errors(
         "run()",
@@ -193,7 +154,7 @@ def _all_at_once(
         todo="make run() equal to reset() and a step() a row",
     ):
         try:
-            answer = renderer.run(hips.copy(), dt)
+            answer = cast("Batch", renderer).run(hips.copy(), dt)
             ihips, forces = (np.asarray(part, dtype=np.float64) for part in answer)
         except (Exception, SystemExit) as error:
             if isinstance(error, HapticevalError) and not isinstance(error, RefusalError):
@@ -319,7 +280,7 @@ def compare_batch(renderer: Renderer, recording: Recording, *, stiffness: float,
     and difference, where they differ by more.
     """
     contact = np.flatnonzero(recording.contact)
-    if not isinstance(renderer, Batch) or contact.size == 0:
+    if not abilities_of(renderer).run or contact.size == 0:
         return
     dt = float(recording.meta["dt"])
     rounding = 4.0 * SINGLE * float(np.max(np.abs(recording.hip)))

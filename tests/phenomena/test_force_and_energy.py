@@ -25,10 +25,10 @@ from hapticeval.phenomena import passivity
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.passivity import laps
 from hapticeval.phenomena.verdict import Level
-from hapticeval.renderer import Declaration, Response, Spring
+from hapticeval.renderer import Declaration, Response, Spring, abilities_of
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import declared, play
+from hapticeval.simulation.playback import play
 from hapticeval.stimulus.paths import build_path
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.suite.reading import load_suite
@@ -356,14 +356,14 @@ def test_a_declared_scatter_is_allowed_up_to_a_tenth_of_the_force_and_where_the_
 
 
 def test_a_declaration_is_metadata_of_the_recording():
-    assert declared(resolve("minimum-distance")(ROUND))["spring"] == Spring.ERROR
-    assert declared(resolve("conformal")(ROUND))["spring"] == Spring.NORMAL
-    assert "spring" not in declared(resolve("minimum-distance+square-root")(ROUND))
+    assert abilities_of(resolve("minimum-distance")(ROUND)).meta["spring"] == Spring.ERROR
+    assert abilities_of(resolve("conformal")(ROUND)).meta["spring"] == Spring.NORMAL
+    assert "spring" not in abilities_of(resolve("minimum-distance+square-root")(ROUND)).meta
     for wrong in ("error", Declaration(force_scatter=math.nan), Declaration(ihip_scatter=-1.0)):
         renderer = honest.Spring(ROUND)
         renderer.declares = wrong
         with pytest.raises(RendererError, match="declares"):
-            declared(renderer)
+            abilities_of(renderer)
 
 
 # The loops of the suite

@@ -16,8 +16,8 @@ import numpy as np
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.model import Model
-from hapticeval.knob import Knob, Settings, configured, knobs_of
-from hapticeval.renderer import Renderer, RendererFactory
+from hapticeval.knob import Knob, Settings
+from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import ask, play, start
 from hapticeval.stimulus.paths import build_path
@@ -174,10 +174,10 @@ class Reference:
 
 def on_the_exact_curve(factory: RendererFactory) -> RendererFactory:
     """Return the same renderer on the exact curve, where it has a choice of representations; else itself."""
-    variant = getattr(factory, "variant", None)
-    if not callable(variant) or "curve" not in getattr(factory, "representations", ()):
+    choices = choices_of(factory)
+    if choices.variant is None or "curve" not in (choices.representations or ()):
         return factory
-    return cast("RendererFactory", variant(representation="curve"))
+    return choices.variant(representation="curve")
 
 
 def reference_of(name: str, factory: RendererFactory, work: Workload) -> Reference | None:
@@ -186,12 +186,12 @@ def reference_of(name: str, factory: RendererFactory, work: Workload) -> Referen
     With knobs the finest setting is the reference, and the one before it shows how far that has converged.
     """
     exact = on_the_exact_curve(factory)
-    knobs = knobs_of(exact)
+    knobs = choices_of(exact).knobs
     if not knobs:
-        known = getattr(exact, "representation", None) == "curve"
+        known = choices_of(exact).representation == "curve"
         return Reference("the exact curve", _asked(exact, work), None) if known else None
     before, last = refinements(knobs)
-    coarse, fine = (_asked(cast("Any", configured(exact, each, name=name)), work) for each in (before, last))
+    coarse, fine = (_asked(configured(exact, each, name=name), work) for each in (before, last))
     return Reference(
         f"itself at {', '.join(f'{knob} {value:g}' for knob, value in last.items())}",
         fine,

@@ -11,12 +11,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from types import FunctionType, MethodType, ModuleType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from hapticeval.recordings.recording import backward_difference
-from hapticeval.renderer import Batch, Renderer, RendererFactory
+from hapticeval.renderer import Batch, Renderer, RendererFactory, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array, IntArray
@@ -78,9 +78,9 @@ def step_times(renderer: Renderer, along: Track, count: int, *, first: int) -> I
 
 def batch_times(renderer: Renderer, along: Track, count: int) -> IntArray | None:
     """Time up to `count` whole runs, after one that does not count: (n,), ps per step; None without `run`."""
-    if not isinstance(renderer, Batch):
+    if not abilities_of(renderer).run:
         return None
-    clock, run, hips, dt = time.perf_counter_ns, renderer.run, along.hips, along.dt
+    clock, run, hips, dt = time.perf_counter_ns, cast("Batch", renderer).run, along.hips, along.dt
     begun = clock()
     run(hips, dt)
     took = (clock() - begun) * 1e-9

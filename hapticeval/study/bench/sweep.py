@@ -6,14 +6,14 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count, product
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import HapticevalError, InputError, RendererError, UnknownNameError, described
-from hapticeval.knob import Settings, configured, knobs_of
-from hapticeval.renderer import Renderer, RendererFactory
+from hapticeval.knob import Settings
+from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured
 from hapticeval.runner.judging import built
 from hapticeval.runner.results import environment
 from hapticeval.study.bench.accuracy import (
@@ -76,7 +76,7 @@ def own_variants() -> list[str]:
     """Name the renderers that come with hapticeval, each on every representation that it offers."""
     names = []
     for name in own_renderers():
-        offered = getattr(resolve(name), "representations", None)
+        offered = choices_of(resolve(name)).representations
         names += [f"{name}@{each}" for each in offered] if offered else [name]
     return names
 
@@ -91,7 +91,7 @@ def settings_of(
     knob that none of them has, and as `resolve` does.
     """
     factories = {name: resolve(name) for name in dict.fromkeys(renderers)}
-    knobs = {name: knobs_of(factory) for name, factory in factories.items()}
+    knobs = {name: choices_of(factory).knobs for name, factory in factories.items()}
     asked = dict(chosen or {})
     known = {knob for each in knobs.values() for knob in each}
     for knob in asked:
@@ -110,9 +110,7 @@ def settings_of(
             ]
         units = {knob: each.unit for knob, each in knobs[name].items()}
         for setting in every or [{}]:
-            found.append(
-                Setting(name, setting, cast("RendererFactory", configured(factory, setting, name=name)), units)
-            )
+            found.append(Setting(name, setting, configured(factory, setting, name=name), units))
     return found
 
 

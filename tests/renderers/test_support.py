@@ -18,6 +18,7 @@ from hapticeval.errors import RendererError, UnknownNameError
 from hapticeval.geometry.catalogue import circle, sphere
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
+from hapticeval.renderer import abilities_of
 from hapticeval.runner.judging import built, judge
 from hapticeval.runner.results import read_results
 from hapticeval.scene import requirements
@@ -133,6 +134,30 @@ def test_a_renderer_that_feels_needs_not_declare_the_sensor():
 def test_a_wrong_declaration_is_an_error(supports, error, words):
     with pytest.raises(error, match=words):
         built(lambda scene: type("Wrong", (Nearest,), {"supports": supports})(scene), PLAIN)
+
+
+@pytest.mark.parametrize("name", ["surface", "standoff", "declares", "supports", "law", "run", "feel", "signals"])
+def test_an_attribute_that_raises_or_is_of_another_kind_is_an_error_of_the_renderer(name):
+    def fails(self):
+        raise KeyError(name)
+
+    for wrong in (property(fails), "wrong"):
+        with pytest.raises(RendererError, match="the renderer"):
+            built(lambda scene, wrong=wrong: type("Wrong", (Nearest,), {name: wrong})(scene), PLAIN)
+
+
+def test_abilities_are_read_once():
+    class Counts(Nearest):
+        read = 0
+
+        @property
+        def standoff(self):
+            Counts.read += 1
+            return 1e-3 * Counts.read
+
+    made = built(Counts, PLAIN)
+    assert [abilities_of(made).standoff for _ in range(3)] == [1e-3] * 3
+    assert Counts.read == 1
 
 
 SUPPORTED = {
