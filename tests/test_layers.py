@@ -37,7 +37,7 @@ LAYERS = (
 )
 """From the bottom up. A unit (a module or a subpackage) imports from lower layers, and from itself."""
 
-RENDERERS_MAY = set().union(*LAYERS[:8])
+RENDERERS_MAY = set().union(*LAYERS[: 1 + next(k for k, layer in enumerate(LAYERS) if "renderer" in layer)])
 """The reference renderers know geometry, devices and the protocol: all that a third party's may know."""
 
 RUNNING = {
