@@ -33,7 +33,7 @@ def write_precision(directory: Path, document: Mapping[str, Any]) -> list[Path]:
     """
     devices = document["devices"]
     width = 0.6 + 4.2 * len(devices)
-    with figure(width, 4.6, settings={"grid.linewidth": 0.4, "grid.color": "#dddddd"}) as made:
+    with figure(width, 4.6, settings={"grid.linewidth": 0.4}) as made:
         panels = made.subplots(1, len(devices), squeeze=False, sharey=True)[0]
         made.subplots_adjust(left=0.7 / width, right=0.985, top=0.92, bottom=0.235, wspace=0.05)
         for axes, device in zip(panels, devices, strict=True):
