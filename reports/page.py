@@ -254,17 +254,10 @@ def _closed_forms(results: ResultsDocument, checks: set[str]) -> list[tuple[RunE
 
 def _brief(value: Any) -> str:
     """Evidence as JSON text, numbers to six digits."""
-    return value if isinstance(value, str) else json.dumps(_rounded(value), ensure_ascii=False)
-
-
-def _rounded(value: Any) -> Any:
-    if isinstance(value, float):
-        return float(f"{value:.6g}")
-    if isinstance(value, list):
-        return [_rounded(each) for each in value]
-    if isinstance(value, dict):
-        return {name: _rounded(each) for name, each in value.items()}
-    return value
+    if isinstance(value, str):
+        return value
+    rounded = json.loads(json.dumps(value), parse_float=lambda text: float(f"{float(text):.6g}"))
+    return json.dumps(rounded, ensure_ascii=False)
 
 
 def _model_words(run: RunEntry) -> str:
