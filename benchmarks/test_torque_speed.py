@@ -17,14 +17,14 @@ import numpy as np
 import pytest
 
 from hapticeval.compiled import compiled
-from hapticeval.devices.dynamics_kernels import solve
 from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.devices.motion_kernels import solve
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.devices.parallelogram_kernels import dynamics2, kinematics2
 from hapticeval.geometry.catalogue import cassinian
 from hapticeval.geometry.curve_kernels import project
 from hapticeval.renderers import set_stabilisation
-from hapticeval.renderers.curve_law import MASS, answer
+from hapticeval.renderers.stabilisation_laws import MASS, on_curve
 from hapticeval.scene import Scene
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "renderers"))
@@ -47,7 +47,7 @@ def torque_of(state, out, room, data):
     hip, velocity, drift, ihip, force, push = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]
     goal, bias, jacobian, inertia = rows[7], rows[8], squares[0], squares[1]
     kinematics2(parameters, joints, rates, hip, velocity, jacobian, drift)
-    refusal = answer(data, hip, velocity, push, 1e-3, ihip, force)
+    refusal = on_curve(data, hip, velocity, push, 1e-3, ihip, force)
     dynamics2(parameters, joints, rates, inertia, bias)
     for i in range(2):
         goal[i] = force[i] / reals[MASS] - drift[i]

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, ParamSpec, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
 import numba
 import numpy as np
@@ -20,8 +20,6 @@ from numba.core.typing.typeof import typeof_impl
 from numba.experimental.function_type import _get_wrapper_address
 from numpy.typing import ArrayLike, NDArray
 
-from hapticeval.types import Array
-
 try:
     import fcntl
 except ImportError:  # not on Windows
@@ -30,6 +28,7 @@ except ImportError:  # not on Windows
 P = ParamSpec("P")
 R = TypeVar("R")
 T = TypeVar("T", bound=np.generic)
+Array: TypeAlias = NDArray[np.float64]
 
 VECTOR = types.Array(types.float64, 1, "C")
 MATRIX = types.Array(types.float64, 2, "C")
@@ -42,6 +41,9 @@ DYNAMICS = types.void(VECTOR, VECTOR, VECTOR, MATRIX, VECTOR)
 
 MARGIN = types.float64(VECTOR, VECTOR)
 """(parameters, joints): positive inside the functional configuration space, see `Device.margin`."""
+
+EFFECT = types.float64(VECTOR, MATRIX, MATRIX, types.int64, types.float64, VECTOR, VECTOR)
+"""(params, samples, state, tick, dt, first, second): one tick of an effect, see `hapticeval.effects.effect.Part`."""
 
 
 NOTHING: Array = np.empty((0, 0))
@@ -100,7 +102,16 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     Without that each would do all the work, and two that add to a cache at once may leave an entry of its index that
     leads to other code.
     """
-    kernel: Any = numba.njit(cache=True, error_model="numpy")(function)
+    return _compiled(function)
+
+
+def inner(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function that only kernels call: without a way in from Python, which takes long to compile."""
+    return _compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
+def _compiled(function: Callable[P, R], **options: bool) -> Callable[P, R]:
+    kernel: Any = numba.njit(cache=True, error_model="numpy", **options)(function)
     if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT is set
         return function
     compile_ = kernel.compile
@@ -116,6 +127,15 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 
     kernel.compile = compile_alone
     return kernel  # type: ignore[no-any-return]
+
+
+def specialised(kernel: Callable[P, R], *arguments: Any) -> Callable[P, R]:
+    """Return the code of a kernel for arguments of the types of these, which skips to look types up at each call."""
+    if not hasattr(kernel, "overloads"):  # NUMBA_DISABLE_JIT is set
+        return kernel
+    signature = tuple(numba.typeof(each) for each in arguments)
+    kernel.compile(signature)  # type: ignore[attr-defined]
+    return kernel.overloads[signature].entry_point  # type: ignore[no-any-return]
 
 
 @contextmanager

@@ -9,6 +9,7 @@ scheme's own name may hold a plus: only the first one separates.
 
 from __future__ import annotations
 
+import re
 import sys
 import traceback
 from collections.abc import Mapping
@@ -18,7 +19,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from hapticeval.errors import InputError, UnknownNameError, described
+from hapticeval.errors import InputError, UnknownNameError, described, renderer_errors
 
 if TYPE_CHECKING:
     from hapticeval.renderer import RendererFactory
@@ -69,29 +70,29 @@ def resolve(name: str) -> RendererFactory:
     called, and for a suffix on a factory that has no variants.
     """
     parts = parse(name)
-    factory = load(parts.base)
+    factory = cast("RendererFactory", load(parts.base))
     if parts.regulation is None and parts.representation is None:
-        return cast("RendererFactory", factory)
-    variant = getattr(factory, "variant", None)
-    if not callable(variant):
+        return factory
+    from hapticeval.renderer import choices_of
+
+    choices = choices_of(factory)
+    if choices.variant is None:
         raise InputError(
             f"'{parts.base}' has no variants, so '{name}' names nothing",
             why="+SCHEME and @REPRESENTATION need a factory with variant(regulation=..., representation=...)",
             todo=f"use '{parts.base}' as it is",
         )
     chosen: dict[str, str] = {}
-    for keyword, kind, offer in (
-        ("regulation", "regulation scheme", "regulations"),
-        ("representation", "representation", "representations"),
+    for keyword, value, kind, offered in (
+        ("regulation", parts.regulation, "regulation scheme", choices.regulations),
+        ("representation", parts.representation, "representation", choices.representations),
     ):
-        value = getattr(parts, keyword)
-        if value is None:
-            continue
-        offered = getattr(factory, offer, None)
-        if offered is not None and value not in offered:
-            raise UnknownNameError(f"{kind} of {parts.base}", value, offered)
-        chosen[keyword] = value
-    return cast("RendererFactory", variant(**chosen))
+        if value is not None:
+            if offered is not None and value not in offered:
+                raise UnknownNameError(f"{kind} of {parts.base}", value, offered)
+            chosen[keyword] = value
+    with renderer_errors("variant()"):
+        return choices.variant(**chosen)
 
 
 def resolve_installed(name: str, *, source: str) -> RendererFactory:
@@ -110,31 +111,42 @@ def resolve_installed(name: str, *, source: str) -> RendererFactory:
 
 
 def load(base: str, *, kind: str = "renderer") -> Any:
-    """What is called to make what `base` names: `package.module:factory`, or an entry point where it is a renderer.
+    """Return what is called to make what `base` names: `package.module:factory`, or an entry point of renderers.
 
     `kind` is what it is in messages; a driver of hardware is named as renderers are. Raises as `resolve` does.
     """
     module, colon, attribute = base.partition(":")
-    if not colon and kind == "renderer":
+    if colon or kind != "renderer":
+        if not module or not attribute:
+            raise InputError(
+                f"'{base}' does not name a {kind}",
+                why="package.module:factory needs a module before the colon and a factory after it",
+            )
+        _see_current_directory()
+    else:
         known = known_renderers()
         if base not in known:
-            raise _unknown(base, known)
+            error = UnknownNameError("renderer", base, known)
+            meant = _meant(base)
+            error.todo = (
+                f"did you mean {' or '.join(meant)}?"
+                if meant
+                else f"{error.todo}; a renderer of your own is named package.module:factory"
+            )
+            raise error
         module, _, attribute = known[base].value.partition(":")
-    elif not module or not attribute:
-        raise InputError(
-            f"'{base}' does not name a {kind}",
-            why="package.module:factory needs a module before the colon and a factory after it",
-        )
-    else:
-        _see_current_directory()
     return _factory(base, module.strip(), attribute.strip(), kind)
 
 
-def _unknown(base: str, known: Mapping[str, EntryPoint]) -> UnknownNameError:
-    """The error for a name that is no entry point; a module given without its factory is a common slip."""
-    error = UnknownNameError("renderer", base, known)
-    error.todo += "; a renderer of your own is named package.module:factory"
-    return error
+def _meant(base: str) -> list[str]:
+    """Return the names that `base` may mean in a file of the current directory: `mine`, `mine.py`, `mine.Nearest`."""
+    stem = base.removesuffix(".py")
+    for module, attribute in ((stem, ""), stem.rpartition(".")[::2]):
+        file = Path(f"{module.replace('.', '/')}.py")
+        if module and file.is_file():
+            public = re.findall(r"^(?:class|def) ([^\W_]\w*)", file.read_text(encoding="utf-8", errors="replace"), re.M)
+            return [f"{module}:{each}" for each in ([attribute] if attribute else public[:8])]
+    return []
 
 
 def _factory(base: str, module: str, attribute: str, kind: str) -> Any:
@@ -142,19 +154,21 @@ def _factory(base: str, module: str, attribute: str, kind: str) -> Any:
     try:
         found: Any = import_module(module)
     except (Exception, SystemExit) as error:
+        todo = f"see that `python -c 'import {module}'` works in the folder where you start hapticeval"
         raise InputError(
             f"{kind} '{base}': cannot import the module '{module}'",
             why=_cause(error),
-            todo=f"see that `python -c 'import {module}'` works in the folder where you start hapticeval",
+            todo=f"name the module, not its file: {base.replace('.py:', ':')}" if module.endswith(".py") else todo,
         ) from error
     for part in attribute.split("."):
         try:
             found = getattr(found, part)
         except AttributeError as error:
+            public = [name for name, value in vars(found).items() if not name.startswith("_") and callable(value)]
             raise InputError(
                 f"{kind} '{base}': the module '{module}' has no '{attribute}'",
                 why=str(error),
-                todo=f"it has: {', '.join(_public(found)) or 'no public names'}",
+                todo=f"it has: {', '.join(public[:8]) or 'no public names'}",
             ) from error
     if not callable(found):
         takes = "a factory takes a scene and returns a renderer" if kind == "renderer" else "it must be a class"
@@ -163,11 +177,6 @@ def _factory(base: str, module: str, attribute: str, kind: str) -> Any:
             why=f"it is a {type(found).__name__}; {takes}",
         )
     return found
-
-
-def _public(module: Any) -> list[str]:
-    """The callables that a user may have meant."""
-    return [name for name, value in vars(module).items() if not name.startswith("_") and callable(value)][:8]
 
 
 def _cause(error: BaseException) -> str:

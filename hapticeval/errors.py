@@ -117,8 +117,21 @@ def renderer_errors(
     except HapticevalError:
         raise
     except (Exception, SystemExit) as error:
-        what = f"the renderer's {call} raised {described(error)}"
-        raise RendererError(what, tick=tick, hip=hip, why=why or origin(error), todo=todo) from error
+        raise blamed(call, error, tick=tick, hip=hip, why=why, todo=todo) from error
+
+
+def blamed(
+    call: str,
+    error: BaseException,
+    *,
+    tick: int | None = None,
+    hip: Iterable[float] | None = None,
+    why: str = "",
+    todo: str = "",
+) -> RendererError:
+    """Return the `RendererError` for what a renderer's `call` raised: see `renderer_errors`."""
+    what = f"the renderer's {call} raised {described(error)}"
+    return RendererError(what, tick=tick, hip=hip, why=why or origin(error), todo=todo)
 
 
 @contextmanager

@@ -1,18 +1,13 @@
 """Knobs: what of a renderer can be set finer or coarser, so that `hapticeval bench` can sweep it.
 
-A factory may have
-
-- `knobs`: a mapping from names to `Knob`s;
-- `with_knobs(**values)`: the factory with some of them set.
-
-Both are looked up by name, on any factory, ours or a third party's: there is nothing to inherit.
+A factory declares them as `knobs`, a mapping from names to `Knob`s, and sets them by `with_knobs(**values)`, which
+returns the factory with some of them set: see `renderer.Choices`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import cast
 
 from hapticeval.errors import InputError, UnknownNameError
 
@@ -39,33 +34,6 @@ class Knob:
 
 Settings = Mapping[str, float]
 """Values by knob."""
-
-
-def knobs_of(factory: object) -> Mapping[str, Knob]:
-    """Return the knobs that a factory declares; none where it declares none.
-
-    Raises `InputError` where it declares knobs and has no `with_knobs` to set them.
-    """
-    knobs = getattr(factory, "knobs", None) or {}
-    if knobs and not callable(getattr(factory, "with_knobs", None)):
-        raise InputError(
-            f"the factory {factory!r} declares the knobs {', '.join(knobs)} and cannot set them",
-            why="it has no with_knobs(**values)",
-            todo="add with_knobs(**values), which returns the factory with those values",
-        )
-    return cast("Mapping[str, Knob]", knobs)
-
-
-def configured(factory: Callable[..., object], settings: Settings, *, name: str) -> Callable[..., object]:
-    """Return the factory with its knobs at `settings`; `name` is what the user called the renderer.
-
-    Raises `UnknownNameError`, with the closest, for a knob that it does not have.
-    """
-    if not settings:
-        return factory
-    refuse_unknown(settings, knobs_of(factory), name=name)
-    with_knobs = cast("Callable[..., Callable[..., object]]", getattr(factory, "with_knobs"))  # noqa: B009
-    return with_knobs(**settings)
 
 
 def refuse_unknown(given: Mapping[str, object], known: Mapping[str, Knob], *, name: str) -> None:

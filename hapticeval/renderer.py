@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import math
+import weakref
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 from hapticeval.compiled import LawData
-from hapticeval.errors import RefusalError, RendererError, UnknownNameError
-from hapticeval.recordings.channels import Signal
+from hapticeval.effects.force_sensor import ForceSensor
+from hapticeval.errors import InputError, RefusalError, RendererError, UnknownNameError, renderer_errors
+from hapticeval.geometry.boundary import Boundary
+from hapticeval.knob import Knob, refuse_unknown
 from hapticeval.recordings.recording import Recording
-from hapticeval.scene import FORCE_SENSOR, PLANE, REQUIREMENTS, SPACE, Scene
+from hapticeval.scene import PLANE, SPACE, Scene, requirements
 from hapticeval.stimulus.stimulus import Stimulus
 from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from hapticeval.compiled import LawData
 
 
 class Spring(StrEnum):
@@ -38,6 +46,14 @@ class Declaration:
     ihip_scatter: float = 0.0
     force_scatter: float = 0.0
 
+    @property
+    def sound(self) -> bool:
+        """Whether its values are such as they should be."""
+        scatters = (self.ihip_scatter, self.force_scatter)
+        return self.spring in (None, *Spring) and all(
+            isinstance(each, int | float) and 0.0 <= each < math.inf for each in scatters
+        )
+
 
 class Response(NamedTuple):
     """A renderer's answer to one HIP: the IHIP (N,), m, and the force on the hand (N,), N."""
@@ -53,17 +69,8 @@ class Renderer(Protocol):
     N is 2, or 3 where the model is a surface in space: `scene.model.boundary.frame(points)` works in both, and
     `scene.model.curve` refuses a surface. The force acts on the hand, and is zero in free space.
 
-    A renderer may also have
-
-    - `run(hips, dt) -> (ihips, forces)`: the whole trajectory at once, when that is faster;
-    - `resolution` and `standoff` (m): how coarse its own representation of the model is, see `Recording`;
-    - `surface`: the `Curve` that it really renders, where that is not the model's own;
-    - `supports`: names of what it can beside a unilateral contact without viscosity, see `supported`; its factory may
-      have that instead;
-    - `declares`: the `Declaration` of what its answers keep to;
-    - `law`, `feel` and `signals`: see `Compiled`, `Feeling` and `Explaining`.
-
-    A step that is led out of where the renderer is defined raises `DomainError`, which ends an experiment there.
+    What it may offer beside is in `Abilities`. A step that is led out of where the renderer is defined raises
+    `DomainError`, which ends an experiment there.
     """
 
     def reset(self, hip: Array) -> None:
@@ -112,45 +119,135 @@ class CompiledLaw(NamedTuple):
     refusals: Mapping[int, str]
 
 
-@runtime_checkable
-class Compiled(Protocol):
-    """A renderer that offers its step as compiled code too; `law` is None where it cannot, in this scene."""
+RendererFactory: TypeAlias = Callable[[Scene], Renderer | SelfDriven]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Abilities:
+    """What a renderer offers beside the protocol: the one place where its attributes are read, by `abilities_of`.
+
+    `steps` says that it is a `Renderer`; else it is `SelfDriven`. The others are its attributes of the same name, all
+    optional, and false or empty where it has none:
+
+    - `run`: whether it has `run(hips, dt) -> (ihips, forces)`, see `Batch`;
+    - `feel`: whether it has `feel(push)`, and so wants the hand's measured force (N,), N, before each step of a scene
+      with a force sensor (8.6);
+    - `signals`: whether it has `signals(recording)`, which returns for a run in closed loop name -> (`Signal`, array),
+      one row per sample: its own coordinates, answers that it did not use;
+    - `law`: its step as compiled code;
+    - `surface`: the `Boundary` that it really renders, where that is not the model's own;
+    - `resolution` and `standoff` (m): how coarse its own representation of the model is, see `Recording`;
+    - `declares`: the `Declaration` of what its answers keep to;
+    - `supports`: names of what it can beside a unilateral contact without viscosity, see `check_support`.
+    """
+
+    steps: bool
+    run: bool = False
+    feel: bool = False
+    signals: bool = False
+    law: CompiledLaw | None = None
+    surface: Boundary | None = None
+    resolution: float = 0.0
+    standoff: float = 0.0
+    declares: Declaration | None = None
+    supports: frozenset[str] | None = None
 
     @property
-    def law(self) -> CompiledLaw | None:
-        """The step for compiled loops."""
+    def meta(self) -> dict[str, Any]:
+        """What the metadata of a recording tells of the renderer."""
+        lengths = {"resolution": self.resolution, "standoff": self.standoff}
+        said = self.declares
+        if said is None:
+            return lengths
+        spring = {} if said.spring is None else {"spring": Spring(said.spring).value}
+        scatter = {"ihip_scatter": float(said.ihip_scatter), "force_scatter": float(said.force_scatter)}
+        return {**lengths, **spring, **scatter}
 
 
-@runtime_checkable
-class Feeling(Protocol):
-    """A renderer that wants the hand's force, where the scene has a force sensor (8.6)."""
+def abilities_of(renderer: object) -> Abilities:
+    """Return what a renderer offers: read when it is first asked for, and the same from then on.
 
-    def feel(self, push: Array) -> None:
-        """Told before each step: the measured force of the hand on the tool (N,), N."""
-
-
-@runtime_checkable
-class Explaining(Protocol):
-    """A renderer that can tell of a run what went on inside it: its own coordinates, the answers it did not use."""
-
-    def signals(self, recording: Recording) -> Mapping[str, tuple[Signal, Array]]:
-        """Name -> what it is, and its numbers a row of the recording: (n,) or (n, columns)."""
-
-
-def supported(declaring: object) -> frozenset[str] | None:
-    """The requirements that a renderer, or its factory, declares to support; None where it declares nothing.
-
-    `declaring.supports` is a collection of names of `hapticeval.scene.REQUIREMENTS`. "plane" and "space" narrow the
-    models: where neither is declared a renderer is given both kinds, and its own code refuses what it cannot take, as
-    `scene.model.curve` does. A renderer that has `feel` supports "force-sensor" without declaring it.
-
-    Raises `RendererError` for anything but a collection of strings, and `UnknownNameError`, with the closest names,
-    for one that is no requirement.
+    Raises `RendererError` for what is no renderer, for an attribute that raises or is not what it should be, and
+    `UnknownNameError`, with the closest names, for a requirement that there is not.
     """
+    known = _READ.get(id(renderer))
+    if known is not None and known[0]() is renderer:
+        return known[1]
+    with renderer_errors("attributes"):
+        found = _read(renderer)
+    with suppress(TypeError):  # what cannot be referred to weakly is read again
+        key = id(renderer)
+        _READ[key] = weakref.ref(renderer, lambda _: _READ.pop(key, None)), found
+    return found
+
+
+_READ: dict[int, tuple[weakref.ref[object], Abilities]] = {}
+
+
+def _read(renderer: object) -> Abilities:
+    steps = _has(renderer, "reset") and _has(renderer, "step")
+    if not steps and not _has(renderer, "answer"):
+        raise RendererError(
+            f"the factory made a {type(renderer).__name__}, which is no renderer",
+            why="a renderer has reset(hip) and step(hip, velocity, dt) -> (ihip, force)",
+            todo="see docs/write-a-renderer.md",
+        )
+    surface, law, promise = (getattr(renderer, name, None) for name in ("surface", "law", "declares"))
+    if surface is not None and not isinstance(surface, Boundary):
+        raise RendererError(
+            f"the renderer's surface is a {type(surface).__name__}",
+            todo="give the Boundary of hapticeval.geometry that it renders, or leave surface out",
+        )
+    if law is not None and not isinstance(law, CompiledLaw):
+        raise RendererError(f"the renderer's law is a {type(law).__name__}", todo="give a CompiledLaw, or None")
+    if promise is not None and not (isinstance(promise, Declaration) and promise.sound):
+        raise RendererError(
+            f"the renderer declares {promise!r}",
+            why="declares is a hapticeval.Declaration, with a Spring or None, and scatters finite and not negative",
+            todo="give such a one, or leave declares out",
+        )
+    return Abilities(
+        steps=steps,
+        run=_has(renderer, "run"),
+        feel=_has(renderer, "feel"),
+        signals=_has(renderer, "signals"),
+        law=law,
+        surface=surface,
+        resolution=_length(renderer, "resolution"),
+        standoff=_length(renderer, "standoff"),
+        declares=promise,
+        supports=_supported(renderer),
+    )
+
+
+def _has(renderer: object, name: str) -> bool:
+    method = getattr(renderer, name, None)
+    if method is not None and not callable(method):
+        raise RendererError(f"the renderer's {name} is a {type(method).__name__}", why=f"{name}() is called")
+    return method is not None
+
+
+def _length(renderer: object, name: str) -> float:
+    value = getattr(renderer, name, 0.0)
+    try:
+        length = float(value)
+    except (TypeError, ValueError):
+        length = math.nan
+    if not 0.0 <= length < math.inf:
+        raise RendererError(
+            f"the renderer declares {name} = {value!r}",
+            why="it is a length in metres: a finite number that is not negative",
+            todo=f"give {name} as a float, or leave it out",
+        )
+    return length
+
+
+def _supported(declaring: object) -> frozenset[str] | None:
+    """Return the requirements that a renderer, or its factory, declares to support; None where it declares nothing."""
     names = getattr(declaring, "supports", None)
     if isinstance(declaring, type) and not isinstance(names, Collection):
         return None  # a property of what the class makes
-    feels = {FORCE_SENSOR} if isinstance(declaring, Feeling) else set()
+    feels = {ForceSensor.requirement} if hasattr(declaring, "feel") else set()
     if names is None:
         return frozenset(feels) or None
     if isinstance(names, str) or not (isinstance(names, Collection) and all(isinstance(name, str) for name in names)):
@@ -160,28 +257,77 @@ def supported(declaring: object) -> frozenset[str] | None:
             todo='write for instance supports = {"bilateral"}',
         )
     for name in names:
-        if name not in REQUIREMENTS:
-            raise UnknownNameError("requirement", name, REQUIREMENTS)
+        if name not in requirements():
+            raise UnknownNameError("requirement", name, requirements())
     return frozenset(names) | feels
 
 
 def check_support(scene: Scene, supports: frozenset[str]) -> None:
-    """Raise `RefusalError`, naming the requirements, where the scene asks for what is not among `supports`."""
+    """Raise `RefusalError`, naming the requirements, where the scene asks for what is not among `supports`.
+
+    These are names of `hapticeval.scene.requirements()`. "plane" and "space" narrow the models: where neither is
+    declared a renderer is given both kinds, and its own code refuses what it cannot take, as `scene.model.curve` does.
+    A renderer that has `feel` supports "force-sensor" without declaring it.
+    """
     anywhere = supports.isdisjoint((PLANE, SPACE))
-    lacking = [
-        each
-        for each in scene.requirements
-        if each.name not in supports and not (anywhere and each.name in (PLANE, SPACE))
-    ]
+    lacking = {
+        name: meaning
+        for name, meaning in scene.requirements.items()
+        if name not in supports and not (anywhere and name in (PLANE, SPACE))
+    }
     if lacking:
-        declared = ", ".join(name for name in REQUIREMENTS if name in supports)
+        declared = ", ".join(name for name in requirements() if name in supports)
         raise RefusalError(
-            "the scene asks for " + ", and for ".join(f"'{each.name}' ({each.meaning})" for each in lacking),
+            "the scene asks for " + ", and for ".join(f"'{name}' ({meaning})" for name, meaning in lacking.items()),
             why="the renderer is for unilateral contact without viscosity"
             + (f", and declares support for {declared}" if declared else ", as it declares no more"),
             todo="choose another renderer or case; one of your own that can do it declares so: "
-            f"supports = {{{', '.join(repr(each.name) for each in lacking)}}}".replace("'", '"'),
+            f"supports = {{{', '.join(map(repr, lacking))}}}".replace("'", '"'),
         )
 
 
-RendererFactory: TypeAlias = Callable[[Scene], Renderer | SelfDriven]
+@dataclass(frozen=True, kw_only=True)
+class Choices:
+    """What a factory offers beside being called with a scene, read by `choices_of`; all of it is optional.
+
+    `summary` says in a line what it makes. `supports` is as of `Abilities`, and refuses before anything is built.
+    `regulations` and `representations` name what `variant(*, regulation, representation)` takes, and `representation`
+    is the one that it has. `knobs` can be set finer or coarser, by `with_knobs(**values)`.
+    """
+
+    summary: str = ""
+    supports: frozenset[str] | None = None
+    variant: Callable[..., RendererFactory] | None = None
+    regulations: tuple[str, ...] | None = None
+    representations: tuple[str, ...] | None = None
+    representation: str | None = None
+    knobs: Mapping[str, Knob]
+    with_knobs: Callable[..., RendererFactory] | None = None
+
+
+def choices_of(factory: object) -> Choices:
+    """Return what a factory offers. Raises `RendererError` for an attribute that raises or is not what it should be."""
+    with renderer_errors("factory's attributes"):
+        found = {each: getattr(factory, each, None) for each in Choices.__dataclass_fields__}
+        names = {each: found[each] and tuple(found[each]) for each in ("regulations", "representations")}
+        knobs = (
+            dict(found["knobs"] or {}) if not isinstance(factory, type) or isinstance(found["knobs"], Mapping) else {}
+        )
+        if knobs and not callable(found["with_knobs"]):
+            raise InputError(
+                f"the factory {factory!r} declares the knobs {', '.join(knobs)} and cannot set them",
+                why="it has no with_knobs(**values)",
+                todo="add with_knobs(**values), which returns the factory with those values",
+            )
+        summary = found["summary"] or (factory.__doc__ or "").strip().partition("\n")[0]
+        return Choices(**{**found, **names, "summary": summary, "supports": _supported(factory), "knobs": knobs})
+
+
+def configured(factory: RendererFactory, settings: Mapping[str, float], *, name: str) -> RendererFactory:
+    """Return the factory with its knobs at `settings`; `name` is what the user called the renderer.
+
+    Raises `UnknownNameError`, with the closest, for a knob that it does not have.
+    """
+    choices = choices_of(factory)
+    refuse_unknown(settings, choices.knobs, name=name)
+    return choices.with_knobs(**settings) if settings and choices.with_knobs is not None else factory

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from hapticeval.devices.device import Device
-from hapticeval.devices.imperfections import Imperfections
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
+from hapticeval.effects.catalogue import EFFECTS, in_order
+from hapticeval.effects.effect import Effect
 from hapticeval.errors import InputError
 from hapticeval.geometry.model import Model
+
+E = TypeVar("E", bound=Effect)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,13 +23,15 @@ class Scene:
 
     `stiffness` K_p (N/m) and `damping` K_d (N s/m) are the gains of (4.6); `mass` (kg) is the virtual tool's;
     `restitution` is c_r of (3.5); `bilateral` holds the tool on the surface from both sides, as in section 6.3,
-    where a unilateral contact only pushes outwards; `sampling_time` (s) is that of the haptic thread; `viscosity` b_d
-    (kg/s) is that of the surface (7.18), for renderers that assign tangential dynamics.
+    where a unilateral contact only pushes outwards; `sampling_time` (s) is that of the haptic thread. `effects` are
+    what the scene calls for beside that, at most one of a kind; they are kept in the order of the catalogue, without
+    those that are off.
 
-    An experiment adds the robot: `device`, a point mass of the tool's `mass` where None, the `inner_loop` that turns
-    the renderer's force into joint torques, and the `imperfections` that the scene calls for.
+    An experiment adds the robot: `device`, a point mass of the tool's `mass` where None, and the `inner_loop` that
+    turns the renderer's force into joint torques.
 
-    Raises `InputError` for a gain or a mass that is negative, zero where it may not be, or not finite.
+    Raises `InputError` for a gain or a mass that is negative, zero where it may not be, or not finite, and for effects
+    that make no sense together or on the device.
     """
 
     model: Model
@@ -36,10 +41,9 @@ class Scene:
     restitution: float = 0.0
     bilateral: bool = False
     sampling_time: float = 1e-3
-    viscosity: float = 0.0
     device: Device | None = None
     inner_loop: InnerLoop = InnerLoop.STATIC
-    imperfections: Imperfections = field(default_factory=Imperfections)
+    effects: tuple[Effect, ...] = ()
 
     def __post_init__(self) -> None:
         for name, unit, zero_allowed in (
@@ -48,7 +52,6 @@ class Scene:
             ("mass", "kg", False),
             ("restitution", "", True),
             ("sampling_time", "s", False),
-            ("viscosity", "kg/s", True),
         ):
             value = getattr(self, name)
             if not math.isfinite(value) or value < 0.0 or (value == 0.0 and not zero_allowed):
@@ -61,11 +64,26 @@ class Scene:
                 f"restitution = {self.restitution!r}",
                 why="a collision that creates energy is not passive: c_r of (3.5) lies between 0 and 1",
             )
+        object.__setattr__(self, "effects", in_order(self.effects))
+        for each in self.effects:
+            each.check(self.robot)
+
+    def effect(self, kind: type[E]) -> E | None:
+        """Return the scene's effect of that class; None where it does not call for it."""
+        return next((each for each in self.effects if isinstance(each, kind)), None)
+
+    def with_effects(self, *effects: Effect) -> Scene:
+        """Return the scene with these effects, in place of its own of the same kinds."""
+        kinds = {each.kind for each in effects}
+        return replace(self, effects=(*(each for each in self.effects if each.kind not in kinds), *effects))
 
     @property
-    def requirements(self) -> tuple[Requirement, ...]:
-        """What this scene asks of a renderer, in the order of `REQUIREMENTS`."""
-        return tuple(each for each in REQUIREMENTS.values() if each.asked(self))
+    def requirements(self) -> dict[str, str]:
+        """Return what this scene asks of a renderer: name -> meaning, to complete "the scene asks for NAME: ..."."""
+        asked = [PLANE if self.model.dimension == 2 else SPACE]
+        asked += [BILATERAL] if self.bilateral else []
+        asked += [each.requirement for each in self.effects if each.requirement is not None]
+        return {name: requirements()[name] for name in asked}
 
     @property
     def robot(self) -> Device:
@@ -73,34 +91,14 @@ class Scene:
         return PointMass(self.mass, self.model.dimension) if self.device is None else self.device
 
 
-@dataclass(frozen=True)
-class Requirement:
-    """One thing that a scene may ask of a renderer, under the `name` by which a renderer declares that it supports it.
-
-    `meaning` completes "the scene asks for NAME: ..."; `asked` decides whether a scene does.
-    """
-
-    name: str
-    meaning: str
-    asked: Callable[[Scene], bool]
+PLANE, SPACE, BILATERAL = "plane", "space", "bilateral"
 
 
-PLANE, SPACE, FORCE_SENSOR = "plane", "space", "force-sensor"
-
-REQUIREMENTS = {
-    each.name: each
-    for each in (
-        Requirement(PLANE, "the model is a plane curve", lambda scene: scene.model.dimension == 2),
-        Requirement(SPACE, "the model is a surface in space", lambda scene: scene.model.dimension == 3),
-        Requirement("bilateral", "the surface holds the tool from both sides", lambda scene: scene.bilateral),
-        Requirement(
-            "viscosity", "the surface brakes the tool that slides along it (7.18)", lambda scene: scene.viscosity > 0.0
-        ),
-        Requirement(
-            FORCE_SENSOR,
-            "the hand's force is measured, and the tool moves along the surface as under that force (8.6)",
-            lambda scene: scene.imperfections.force_sensor is not None,
-        ),
-    )
-}
-"""All requirements by name. Whatever more a scene may call for is registered here, and nowhere else."""
+def requirements() -> dict[str, str]:
+    """Return all that a scene may ask of a renderer, under the names by which a renderer declares to support it."""
+    return {
+        PLANE: "the model is a plane curve",
+        SPACE: "the model is a surface in space",
+        BILATERAL: "the surface holds the tool from both sides",
+        **{each.requirement: each.meaning for each in EFFECTS.values() if each.requirement is not None},
+    }

@@ -11,8 +11,8 @@ than printed. The virtual output σ = (|y| - r_c, t̂) of (7.58), (7.59) is made
     (∂σ/∂y) ÿ = v - (d/dt ∂σ/∂y) ẏ
 
 with the Jacobian (7.60), v⊥ of (7.14) and v∥ of (7.67), or (8.9) with the hand's force as sensed; the force is
-F_r = m ÿ - F_o. Both charts give the same force where both are defined, and so does `surface_law` without charts.
-In a unilateral contact the foot's acceleration that `surface_law` assigns is (7.67) with b_d + 2 m |y|˙/|y| for b_d.
+F_r = m ÿ - F_o. Both charts give the same force where both are defined, and so does `on_surface` without charts. In a
+unilateral contact the foot's acceleration that `on_surface` assigns is (7.67) with b_d + 2 m |y|˙/|y| for b_d.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ import numpy as np
 
 from hapticeval.compiled import LawData, compiled
 from hapticeval.geometry.surface_kernels import FIRST, Triple, dot, place, plus
-from hapticeval.renderers.surface_law import (
+from hapticeval.renderers.law import HELD, as_rows, release
+from hapticeval.renderers.stabilisation_laws import (
     BEYOND,
     BILATERAL,
     DAMPING,
@@ -32,9 +33,8 @@ from hapticeval.renderers.surface_law import (
     MASS,
     STIFFNESS,
     VISCOSITY,
-    release,
+    ends,
 )
-from hapticeval.renderers.unilateral import TOUCHES, ends
 from hapticeval.types import Array, BoolArray, IntArray
 
 EDGE = 1e-9
@@ -56,25 +56,13 @@ class ChartAnswer(NamedTuple):
     force: Array
 
 
-def charts(
-    y: Array,
-    yd: Array,
-    *,
-    radius: float,
-    stiffness: float,
-    damping: float,
-    mass: float,
-    viscosity: float,
-    push: Array | None = None,
-) -> tuple[ChartAnswer, ChartAnswer]:
-    """What charts 1 and 2 each answer at positions `y` (n, 3), m, with velocities `yd` (n, 3), m/s.
+def charts(data: LawData, y: Array, yd: Array, push: Array | None = None) -> tuple[ChartAnswer, ChartAnswer]:
+    """Return what charts 1 and 2 each answer at positions `y` (n, 3), m, with velocities `yd` (n, 3), m/s.
 
-    The gains as in a scene; `push` (n, 3), N, is the hand's force as sensed, None without a sensor.
+    `data` is that of the law; `push` (n, 3), N, is the hand's force as sensed, None without a sensor.
     """
-    y, yd = np.ascontiguousarray(y, dtype=np.float64), np.ascontiguousarray(yd, dtype=np.float64)
-    pushes = np.zeros_like(y) if push is None else np.ascontiguousarray(push, dtype=np.float64)
-    gains = (radius, stiffness, damping, mass, viscosity)
-    one, two = (ChartAnswer(*_chart_many(number, y, yd, pushes, *gains)) for number in (1, 2))
+    rows = [as_rows(each) for each in (y, yd, np.zeros_like(y) if push is None else push)]
+    one, two = (ChartAnswer(*_chart_many(number, data.params, data.segments[0], *rows)) for number in (1, 2))
     return one, two
 
 
@@ -140,36 +128,34 @@ def accelerated(radius: float, q: Triple, u: Triple, v_across: float, slowing: f
 
 
 @compiled
-def answer(
-    data: LawData,
-    hip: Array,
-    velocity: Array,
-    push: Array,
-    dt: float,  # noqa: ARG001 - every law has it
-    ihip: Array,
-    force: Array,
-) -> int:
-    """One tick through the active chart, of signature `LAW`, with the `reals` of `surface_law.answer`."""
-    reals, memory = data.params, data.state
+def by_charts(
+    data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """One tick through the active chart, of signature `LAW`, with the data of `stabilisation_laws.on_surface`."""
+    params, state, surface = data.params, data.state, data.segments[0]
     y, yd, pushed = (hip[0], hip[1], hip[2]), (velocity[0], velocity[1], velocity[2]), (push[0], push[1], push[2])
-    foot, normal, n = place(reals, y)
-    bilateral = reals[BILATERAL] != 0.0
-    if not bilateral and n > 0.0 and memory[TOUCHES] == 0.0:
-        return release(hip, ihip, force)
-    radius, mass, rate = reals[FIRST], reals[MASS], dot(normal, yd)
+    foot, normal, n = place(surface, y)
+    bilateral = params[BILATERAL] != 0.0
+    if not bilateral and n > 0.0 and state[HELD] == 0.0:
+        return release(state, hip, ihip, force)
+    radius, mass, rate = surface[FIRST], params[MASS], dot(normal, yd)
     length = radius + n
     if not length / radius > FOCAL:
         return BEYOND
-    damper = reals[DAMPING] * rate
-    press = -reals[STIFFNESS] * n - damper - dot(normal, pushed)
-    slowing, share = reals[VISCOSITY] / mass, 1.0
+    damper = params[DAMPING] * rate
+    press = -params[STIFFNESS] * n - damper - dot(normal, pushed)  # m v⊥ - F_o·ν
+    slowing, share = params[VISCOSITY] / mass, 1.0
     if not bilateral:
         slowing, share = slowing + 2.0 * rate / length, radius / length
-    made = _force(radius, mass, y, yd, press, slowing, share, normal, pushed)
+    number, f = active_chart(y), share / mass
+    v_across = (press + dot(normal, pushed)) / mass
+    moving = turned(number, (f * pushed[0], f * pushed[1], f * pushed[2]))
+    made = returned(number, accelerated(radius, turned(number, y), turned(number, yd), v_across, slowing, moving))
+    made = (mass * made[0] - pushed[0], mass * made[1] - pushed[1], mass * made[2] - pushed[2])
     if not bilateral:
         pressing = dot(normal, made)
-        if ends(memory, n, pressing, pressing + damper):
-            return release(hip, ihip, force)
+        if ends(state, n, pressing, pressing + damper):
+            return release(state, hip, ihip, force)
         if pressing <= 0.0:
             made = (0.0, 0.0, 0.0)
     for i in range(3):
@@ -178,40 +164,10 @@ def answer(
 
 
 @compiled
-def _force(
-    radius: float,
-    mass: float,
-    y: Triple,
-    yd: Triple,
-    press: float,
-    slowing: float,
-    share: float,
-    normal: Triple,
-    push: Triple,
-) -> Triple:
-    """F_r = m ÿ - F_o by the active chart; `press` is m v⊥ - F_o·ν, `share` that of F_o that moves the foot."""
-    number = active_chart(y)
-    f = share / mass
-    pushed = (f * push[0], f * push[1], f * push[2])
-    q, u = turned(number, y), turned(number, yd)
-    v_across = (press + dot(normal, push)) / mass
-    made = returned(number, accelerated(radius, q, u, v_across, slowing, turned(number, pushed)))
-    return mass * made[0] - push[0], mass * made[1] - push[1], mass * made[2] - push[2]
-
-
-@compiled
 def _chart_many(
-    number: int,
-    y: Array,
-    yd: Array,
-    push: Array,
-    radius: float,
-    stiffness: float,
-    damping: float,
-    mass: float,
-    viscosity: float,
+    number: int, params: Array, surface: Array, y: Array, yd: Array, push: Array
 ) -> tuple[BoolArray, Array, Array]:
-    count = y.shape[0]
+    radius, mass, count = surface[FIRST], params[MASS], y.shape[0]
     defined, eta, force = np.zeros(count, np.bool_), np.zeros((count, 4)), np.zeros((count, 3))
     for i in range(count):
         q = turned(number, (y[i, 0], y[i, 1], y[i, 2]))
@@ -224,8 +180,8 @@ def _chart_many(
         rows = jacobian(q)
         eta[i, 0], eta[i, 1] = math.atan2(q[1], q[0]), dot(rows[1], u)
         eta[i, 2], eta[i, 3] = math.atan2(across, q[2]), dot(rows[2], u)
-        v_across = -(stiffness * (length - radius) + damping * dot(rows[0], u)) / mass
-        made = accelerated(radius, q, u, v_across, viscosity / mass, turned(number, pushed))
+        v_across = -(params[STIFFNESS] * (length - radius) + params[DAMPING] * dot(rows[0], u)) / mass
+        made = accelerated(radius, q, u, v_across, params[VISCOSITY] / mass, turned(number, pushed))
         made = returned(number, made)
         for k in range(3):
             force[i, k] = mass * made[k] - push[i, k]

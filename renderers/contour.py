@@ -11,19 +11,18 @@ from __future__ import annotations
 
 import math
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from hapticeval.compiled import compiled, for_kernels
+from hapticeval.compiled import NOTHING, LawData, compiled, for_kernels
 from hapticeval.errors import InputError, RefusalError
-from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.level_set import LevelSet
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon import Polygon
 from hapticeval.geometry.polygon_kernels import nearest_kernel
-from hapticeval.renderers.projection import Projected
-from hapticeval.types import Array, BoolArray, IntArray
+from hapticeval.renderers.law import BILATERAL, ERROR, OWN, once, regulate, release
+from hapticeval.renderers.projective import CompiledProjection
+from hapticeval.types import Array
 
 CUTS = 8
 """Chords that an arc is cut into in the outline from which the nearest point is looked for."""
@@ -32,39 +31,46 @@ CUTS = 8
 class Contour(NamedTuple):
     """The arcs, in anticlockwise order, and what is looked for in them.
 
-    `ends` (n, 2): arc k runs from ends[k] to ends[k + 1] in cell `cells[k]` (column, row) of the grid with nodes
-    `values` (ny, nx), first node `origin` (2,) and steps `cell` (2,), m. `vertices` (CUTS n, 2) cut every arc into
-    equal shares of its chord; `tree` is their polygon's.
+    `arcs` (n, 4): arc k runs from arcs[k, :2] to arcs[k + 1, :2] (m) in the cell at column arcs[k, 2] and row
+    arcs[k, 3] of the grid with nodes `values` (ny, nx), first node (x0, y0) and steps dx, dy, m. `vertices`
+    (CUTS n, 2) cut every arc into equal shares of its chord; `tree` is their polygon's.
     """
 
-    ends: Array
-    cells: IntArray
+    arcs: Array
     values: Array
-    origin: Array
-    cell: Array
     vertices: Array
     tree: Array
+    x0: float
+    y0: float
+    dx: float
+    dy: float
+
+
+@compiled
+def contour_in(data: LawData) -> Contour:
+    """Return the contour that a law works on."""
+    x0, y0, dx, dy = data.params[OWN], data.params[OWN + 1], data.params[OWN + 2], data.params[OWN + 3]
+    return Contour(data.segments, data.lookup, data.vertices, data.tree, x0, y0, dx, dy)
 
 
 def contour_of(level_set: LevelSet) -> tuple[Contour, Polygon]:
     """The contour without islands, and the polygon of its cut arcs. Raises `InputError` as `LevelSet.contour` does."""
     level_set = level_set.without_islands()
-    ends = for_kernels(level_set.contour().vertices)
+    ends = level_set.contour().vertices
     x, y = level_set.x, level_set.y
     origin = np.array([x[0], y[0]])
     cell = np.array([(x[-1] - x[0]) / (x.size - 1), (y[-1] - y[0]) / (y.size - 1)])
     middles = 0.5 * (ends + np.roll(ends, -1, axis=0))
-    cells = np.floor((middles - origin) / cell).astype(np.int64)
-    cells = np.clip(cells, 0, np.array([x.size - 2, y.size - 2]))
-    bare = Contour(ends, cells, for_kernels(level_set.values), origin, cell, np.empty((0, 2)), np.empty((0, 6)))
+    cells = np.clip(np.floor((middles - origin) / cell), 0, np.array([x.size - 2, y.size - 2]))
+    bare = Contour(np.hstack([ends, cells]), for_kernels(level_set.values), NOTHING, NOTHING, *origin, *cell)
     outline = Polygon(_cut(bare))
-    return bare._replace(vertices=for_kernels(outline.vertices), tree=outline.tree), outline
+    return bare._replace(vertices=for_kernels(outline.vertices), tree=for_kernels(outline.tree)), outline
 
 
 @compiled
 def value_at(c: Contour, x: float, y: float) -> float:
     """The interpolated signed distance; infinite off the grid, which covers the model."""
-    across, up = (x - c.origin[0]) / c.cell[0], (y - c.origin[1]) / c.cell[1]
+    across, up = (x - c.x0) / c.dx, (y - c.y0) / c.dy
     rows, columns = c.values.shape
     if not (0.0 <= across <= columns - 1 and 0.0 <= up <= rows - 1):
         return math.inf
@@ -79,7 +85,7 @@ def nearest_on_contour(c: Contour, x: float, y: float) -> tuple[float, float, fl
     Between points of the cut outline that are equally near to a thousandth of a cell, either may be taken. At a joint
     of two arcs every direction between their normals is one: there it is the direction between the two points.
     """
-    count = c.ends.shape[0]
+    count = c.arcs.shape[0]
     edge, along, _ = nearest_kernel(c.vertices, c.tree, x, y)
     arc = edge // CUTS
     t = _foot(c, arc, (edge % CUTS + along) / CUTS, x, y)
@@ -92,7 +98,7 @@ def nearest_on_contour(c: Contour, x: float, y: float) -> tuple[float, float, fl
         there = math.hypot(x - qx, y - qy)
         if 0.0 < s < 1.0 and there < far:
             return qx, qy, mx, my
-        if far > 1e-9 * c.cell[0]:
+        if far > 1e-9 * c.dx:
             side = far if (x - px) * (nx + mx) + (y - py) * (ny + my) > 0.0 else -far
             nx, ny = (x - px) / side, (y - py) / side
     return px, py, nx, ny
@@ -101,21 +107,21 @@ def nearest_on_contour(c: Contour, x: float, y: float) -> tuple[float, float, fl
 @compiled
 def _in_cell(c: Contour, i: int, j: int, x: float, y: float) -> tuple[float, float, float]:
     """The bilinear function of cell (i, j), continued beyond it: value and gradient."""
-    a = (x - c.origin[0]) / c.cell[0] - i
-    b = (y - c.origin[1]) / c.cell[1] - j
+    a = (x - c.x0) / c.dx - i
+    b = (y - c.y0) / c.dy - j
     v00, v10, v01, v11 = c.values[j, i], c.values[j, i + 1], c.values[j + 1, i], c.values[j + 1, i + 1]
     low, high = v00 + a * (v10 - v00), v01 + a * (v11 - v01)
-    gx = ((1.0 - b) * (v10 - v00) + b * (v11 - v01)) / c.cell[0]
-    return low + b * (high - low), gx, (high - low) / c.cell[1]
+    gx = ((1.0 - b) * (v10 - v00) + b * (v11 - v01)) / c.dx
+    return low + b * (high - low), gx, (high - low) / c.dy
 
 
 @compiled
 def _point(c: Contour, arc: int, t: float) -> tuple[float, float, float, float]:
     """The point of an arc over the share t of its chord, and the outward unit normal there."""
-    following = arc + 1 if arc + 1 < c.ends.shape[0] else 0
-    i, j = c.cells[arc, 0], c.cells[arc, 1]
-    ax, ay = c.ends[arc, 0], c.ends[arc, 1]
-    dx, dy = c.ends[following, 0] - ax, c.ends[following, 1] - ay
+    following = arc + 1 if arc + 1 < c.arcs.shape[0] else 0
+    i, j = int(c.arcs[arc, 2]), int(c.arcs[arc, 3])
+    ax, ay = c.arcs[arc, 0], c.arcs[arc, 1]
+    dx, dy = c.arcs[following, 0] - ax, c.arcs[following, 1] - ay
     x, y = ax + t * dx, ay + t * dy
     length = math.hypot(dx, dy)
     mx, my = dy / length, -dx / length
@@ -124,7 +130,7 @@ def _point(c: Contour, arc: int, t: float) -> tuple[float, float, float, float]:
         slope = gx * mx + gy * my
         # along the line the function is quadratic: its bend is the cell's one mixed difference
         mixed = c.values[j, i] - c.values[j, i + 1] - c.values[j + 1, i] + c.values[j + 1, i + 1]
-        bend = mixed / (c.cell[0] * c.cell[1]) * mx * my
+        bend = mixed / (c.dx * c.dy) * mx * my
         root = math.sqrt(max(slope * slope - 4.0 * bend * value, 0.0))
         off = -2.0 * value / (slope + math.copysign(root, slope))
         x, y = x + off * mx, y + off * my
@@ -172,7 +178,7 @@ def _foot(c: Contour, arc: int, t: float, x: float, y: float) -> float:
 
 @compiled
 def _cut(c: Contour) -> Array:
-    count = c.ends.shape[0]
+    count = c.arcs.shape[0]
     out = np.empty((CUTS * count, 2))
     for arc in range(count):
         for k in range(CUTS):
@@ -190,75 +196,48 @@ tan(a / 2)) cells, which is 1.2 at 60 degrees and 2.6 at 30. What is missing bey
 REFINE = "refine the grid, or use minimum-distance on the curve or the polygon"
 
 
-class LevelSetProjection:
-    """The nearest point of the zero contour of the bilinear interpolant; in contact while that is negative.
+def nearest_on_level_set(model: Model, shape: tuple[int, int], *, bilateral: bool) -> CompiledProjection:
+    """Return the projection to the nearest point of the zero contour, in contact while the interpolant is negative.
 
     Islands of the contour, which tips and slits narrower than a cell may leave, are not part of it: how far its surface
-    is off the model decides whether that is refused. `surface` is the contour cut into straight edges, eight per cell.
-    With `bilateral` the hand is projected from outside too.
+    is off the model decides whether that is refused. Its surface is the contour cut into straight edges, eight per
+    cell. With `bilateral` the hand is projected from outside too. Raises `RefusalError`.
     """
-
-    def __init__(self, model: Model, shape: tuple[int, int], *, bilateral: bool) -> None:
-        self._bilateral = bilateral
-        self._contour, self.surface, self.standoff = _kept_contour(model, shape)
-        self.resolution = model.level_set(shape).cell
-
-    def reset(self, hip: Array) -> None:
-        """Nothing is remembered."""
-
-    def project(self, hip: Array) -> Projected:
-        """One tick."""
-        x, y = hip.tolist()
-        return Projected(*_project(self._contour, self._bilateral, x, y))
-
-    def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
-        """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""
-        return _trace(self._contour, self._bilateral, hips)
+    return once(model, ("level-set", shape, bilateral), lambda: _made(model, shape, bilateral=bilateral))
 
 
-def _kept_contour(model: Model, shape: tuple[int, int]) -> tuple[Contour, Curve, float]:
-    """The contour of a model's level set, its outline as a curve, and that outline's distance from the model."""
-    kept = _KEPT.setdefault(model, {})
-    if shape not in kept:
-        level_set = model.level_set(shape)
-        try:
-            contour, outline = contour_of(level_set)
-        except InputError as error:
-            raise RefusalError(
-                f"model '{model.name}' cannot be held as a level set of {shape[0]} by {shape[1]} nodes",
-                why=f"of its zero contour: {error.what}; {error.why}",
-                todo=REFINE,
-            ) from error
-        curve, standoff = outline, outline.standoff_from(model.curve)
-        if standoff > LOST * level_set.cell:
-            raise RefusalError(
-                f"model '{model.name}' loses a part on a level set of {shape[0]} by {shape[1]} nodes: the contour is "
-                f"up to {standoff * 1e3:.3g} mm off the surface, with cells of {level_set.cell * 1e3:.3g} mm",
-                why="a tip, slit or neck that is narrower than a cell has no node inside, or none that is joined to "
-                "the rest",
-                todo=REFINE,
-            )
-        kept[shape] = contour, curve, standoff
-    return kept[shape]
-
-
-_KEPT: WeakKeyDictionary[Model, dict[tuple[int, int], tuple[Contour, Curve, float]]] = WeakKeyDictionary()
+def _made(model: Model, shape: tuple[int, int], *, bilateral: bool) -> CompiledProjection:
+    level_set = model.level_set(shape)
+    try:
+        c, outline = contour_of(level_set)
+    except InputError as error:
+        raise RefusalError(
+            f"model '{model.name}' cannot be held as a level set of {shape[0]} by {shape[1]} nodes",
+            why=f"of its zero contour: {error.what}; {error.why}",
+            todo=REFINE,
+        ) from error
+    standoff = outline.standoff_from(model.curve)
+    if standoff > LOST * level_set.cell:
+        raise RefusalError(
+            f"model '{model.name}' loses a part on a level set of {shape[0]} by {shape[1]} nodes: the contour is "
+            f"up to {standoff * 1e3:.3g} mm off the surface, with cells of {level_set.cell * 1e3:.3g} mm",
+            why="a tip, slit or neck narrower than a cell has no node inside, or none that is joined to the rest",
+            todo=REFINE,
+        )
+    return CompiledProjection(
+        on_level_set, outline, bilateral=bilateral, own=(c.x0, c.y0, c.dx, c.dy), segments=c.arcs,
+        lookup=c.values, vertices=c.vertices, tree=c.tree, resolution=level_set.cell, standoff=standoff,
+    )  # fmt: skip
 
 
 @compiled
-def _project(c: Contour, bilateral: bool, x: float, y: float) -> tuple[tuple[float, float], tuple[float, float], bool]:
-    if not (bilateral or value_at(c, x, y) < 0.0):
-        return (x, y), (0.0, 0.0), False
-    px, py, nx, ny = nearest_on_contour(c, x, y)
-    return (px, py), (nx, ny), True
-
-
-@compiled
-def _trace(c: Contour, bilateral: bool, hips: Array) -> tuple[Array, Array, BoolArray]:
-    ihips, normals = np.empty_like(hips), np.empty_like(hips)
-    contact = np.empty(hips.shape[0], np.bool_)
-    for i in range(hips.shape[0]):
-        ihip, normal, contact[i] = _project(c, bilateral, hips[i, 0], hips[i, 1])
-        ihips[i, 0], ihips[i, 1] = ihip
-        normals[i, 0], normals[i, 1] = normal
-    return ihips, normals, contact
+def on_level_set(
+    data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """One tick, of signature `LAW`."""
+    c, params, state = contour_in(data), data.params, data.state
+    x, y = hip[0], hip[1]
+    if params[BILATERAL] == 0.0 and not value_at(c, x, y) < 0.0:
+        return release(state, hip, ihip, force)
+    ihip[0], ihip[1], state[ERROR + 2], state[ERROR + 3] = nearest_on_contour(c, x, y)
+    return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import math
 from typing import Protocol
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import piece_of
-from hapticeval.geometry.maps.conformal import ConformalMap, conformal_map
+from hapticeval.geometry.maps.conformal import conformal_map
 from hapticeval.geometry.maps.flow import FlowSettings
 from hapticeval.geometry.maps.flow_map import flow_map
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
-from hapticeval.renderers.nearest import MinimumDistanceProjection
-from hapticeval.renderers.outline import Boundary, boundary_of, frame, nearest_on, outline_of
-from hapticeval.renderers.projection import Projected, Projection
+from hapticeval.renderers.law import once
+from hapticeval.renderers.nearest import nearest_in_plane
+from hapticeval.renderers.outline import Outline, frame, nearest_on, outline_of, representation_of
+from hapticeval.renderers.projective import Projected, Projection
 from hapticeval.types import Array, BoolArray
 
 ROUNDING = 1e-14
@@ -56,34 +56,28 @@ class DiskProjection:
         self.resolution = resolution
         self.standoff = 0.0
         self.map = disk
-        self._boundary = boundary_of(curve)
+        self._boundary = outline_of(curve)
         self._bilateral = bilateral
-
-    def reset(self, hip: Array) -> None:
-        """Nothing is remembered."""
 
     def project(self, hip: Array) -> Projected:
         """One tick."""
         x, y = hip.tolist()
         inside, _ = _side(self._boundary, x, y)
-        if inside:
-            return Projected(*_at(self._boundary.pieces, self._boundary.joints, self.map.parameter(x, y), x, y), True)
-        if self._bilateral:
-            return Projected(*_nearest(self._boundary, x, y), True)
-        return Projected((x, y), (0.0, 0.0), False)
+        u = self.map.parameter(x, y) if inside else math.nan
+        px, py, nx, ny = _answer(self._boundary, self._bilateral, inside, u, x, y)
+        return Projected((px, py), (nx, ny), inside or self._bilateral)
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
         """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""
         inside = _insides(self._boundary, hips)
-        held = np.ascontiguousarray(hips[inside])
         parameters = np.full(inside.size, np.nan)
-        parameters[inside] = self.map.surface(self.map.to_angle(held))
-        ihips, normals = _frames(self._boundary, self._bilateral, inside, parameters, hips)
-        return ihips, normals, np.ones_like(inside) if self._bilateral else inside
+        parameters[inside] = self.map.surface(self.map.to_angle(np.ascontiguousarray(hips[inside])))
+        answers = _answers(self._boundary, self._bilateral, inside, parameters, hips)
+        return answers[:, :2], answers[:, 2:], np.ones_like(inside) if self._bilateral else inside
 
 
 @compiled
-def _side(b: Boundary, x: float, y: float) -> tuple[bool, float]:
+def _side(b: Outline, x: float, y: float) -> tuple[bool, float]:
     """Whether a point is inside the curve, and a distance to which every point is on the same side as it.
 
     Where squares of distances overflow, a point is outside, and nothing is known of others: the distance is negative.
@@ -101,7 +95,7 @@ def _side(b: Boundary, x: float, y: float) -> tuple[bool, float]:
 
 
 @compiled
-def _insides(b: Boundary, points: Array) -> BoolArray:
+def _insides(b: Outline, points: Array) -> BoolArray:
     """Whether each point is inside: one close to the point before it, for its distance, need not be looked up.
 
     Distances are known to the rounding of coordinates.
@@ -119,28 +113,27 @@ def _insides(b: Boundary, points: Array) -> BoolArray:
 
 
 @compiled
-def _at(pieces: Array, joints: Array, u: float, x: float, y: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    px, py, nx, ny = frame(pieces, joints, True, piece_of(pieces, u), u, x, y)
-    return (px, py), (nx, ny)
-
-
-@compiled
-def _nearest(b: Boundary, x: float, y: float) -> tuple[tuple[float, float], tuple[float, float]]:
+def _answer(
+    b: Outline, bilateral: bool, inside: bool, u: float, x: float, y: float
+) -> tuple[float, float, float, float]:
+    """IHIP and normal of a HIP: at the parameter u where it is `inside`."""
+    if inside:
+        return frame(b.pieces, b.joints, piece_of(b.pieces, u), u, x, y)
+    if not bilateral:
+        return x, y, 0.0, 0.0
     piece, u, _, _ = nearest_on(b, x, y)
-    px, py, nx, ny = frame(b.pieces, b.joints, b.closed, piece, u, x, y)
-    return (px, py), (nx, ny)
+    return frame(b.pieces, b.joints, piece, u, x, y)
 
 
 @compiled
-def _frames(b: Boundary, bilateral: bool, inside: BoolArray, parameters: Array, hips: Array) -> tuple[Array, Array]:
-    ihips, normals = hips.copy(), np.zeros_like(hips)
+def _answers(b: Outline, bilateral: bool, inside: BoolArray, parameters: Array, hips: Array) -> Array:
+    """IHIP and normal (n, 4) a row of `hips` (n, 2)."""
+    out = np.empty((hips.shape[0], 4))
     for i in range(hips.shape[0]):
-        x, y = hips[i, 0], hips[i, 1]
-        if inside[i]:
-            (ihips[i, 0], ihips[i, 1]), (normals[i, 0], normals[i, 1]) = _at(b.pieces, b.joints, parameters[i], x, y)
-        elif bilateral:
-            (ihips[i, 0], ihips[i, 1]), (normals[i, 0], normals[i, 1]) = _nearest(b, x, y)
-    return ihips, normals
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = _answer(
+            b, bilateral, inside[i], parameters[i], hips[i, 0], hips[i, 1]
+        )
+    return out
 
 
 def mapping_projection(model: Model, *, bilateral: bool, settings: FlowSettings) -> Projection:
@@ -152,7 +145,7 @@ def mapping_projection(model: Model, *, bilateral: bool, settings: FlowSettings)
     map.
     """
     if not model.curve.closed:
-        return MinimumDistanceProjection(outline_of(model, "curve"), bilateral=bilateral)
+        return nearest_in_plane(representation_of(model, "curve"), bilateral=bilateral)
     made = flow_map(model, settings)
     return DiskProjection(made, model.curve, bilateral=bilateral, resolution=made.spacing)
 
@@ -164,12 +157,6 @@ def conformal_projection(model: Model, *, bilateral: bool, nodes: int | None = N
     Raises `CrowdingError` and `InputError` as `conformal_map` does.
     """
     if not model.curve.closed:
-        return MinimumDistanceProjection(outline_of(model, "curve"), bilateral=bilateral)
-    kept = _KEPT.setdefault(model, {})
-    if nodes not in kept:
-        kept[nodes] = conformal_map(model.curve, nodes=nodes)
-    made = kept[nodes]
+        return nearest_in_plane(representation_of(model, "curve"), bilateral=bilateral)
+    made = once(model, ("conformal", nodes), lambda: conformal_map(model.curve, nodes=nodes))
     return DiskProjection(made, model.curve, bilateral=bilateral, resolution=made.blur)
-
-
-_KEPT: WeakKeyDictionary[Model, dict[int | None, ConformalMap]] = WeakKeyDictionary()

@@ -11,8 +11,8 @@ from hapticeval.knob import Knob, Settings, refuse_unknown
 from hapticeval.renderers.regulation import REGULATIONS
 
 if TYPE_CHECKING:
-    from hapticeval.renderers.projection import Projection
-    from hapticeval.renderers.projective import ProjectiveRenderer
+    from hapticeval.renderer import Renderer
+    from hapticeval.renderers.projective import Projection
     from hapticeval.scene import Scene
 
 VERTICES = 40
@@ -157,17 +157,11 @@ class ProjectiveFamily:
         kept = {name: value for name, value in self.settings.items() if name in self.offered_knobs.get(chosen, {})}
         return replace(self, regulation=scheme, representation=chosen, settings=kept)
 
-    def __call__(self, scene: Scene) -> ProjectiveRenderer:
+    def __call__(self, scene: Scene) -> Renderer:
         """The renderer for a scene; its gains are the scene's."""
-        from hapticeval.renderers.projective import ProjectiveRenderer
+        from hapticeval.renderers.projective import regulated
 
-        return ProjectiveRenderer(
-            self._projection(scene),
-            REGULATIONS[self.regulation],
-            stiffness=scene.stiffness,
-            damping=scene.damping,
-            mass=scene.mass,
-        )
+        return regulated(self._projection(scene), REGULATIONS[self.regulation], scene)
 
     def _projection(self, scene: Scene) -> Projection:
         if self.representation != LUT:
@@ -179,28 +173,25 @@ class ProjectiveFamily:
 
 def by_constraint(scene: Scene, representation: str, *, vertices: float = VERTICES) -> Projection:
     """The constraint projection (4.3) on a representation of the scene's model."""
-    from hapticeval.renderers.god_object import ConstraintProjection
-    from hapticeval.renderers.outline import outline_of
+    from hapticeval.renderers.god_object import god_object
+    from hapticeval.renderers.outline import representation_of
 
-    return ConstraintProjection(outline_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)
+    return god_object(representation_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)
 
 
 def by_minimum_distance(
     scene: Scene, representation: str, *, vertices: float = VERTICES, grid: float = GRID[0]
 ) -> Projection:
     """The minimum distance projection (4.2) on a representation of the scene's model; in space on the exact surface."""
+    from hapticeval.renderers.contour import nearest_on_level_set
+    from hapticeval.renderers.nearest import nearest_in_plane, nearest_in_space
+    from hapticeval.renderers.outline import representation_of
+
     if scene.model.dimension == 3 and representation == "curve":
-        from hapticeval.renderers.nearest import NearestOnSurface
-
-        return NearestOnSurface(scene.model.surface, bilateral=scene.bilateral)
-    from hapticeval.renderers.nearest import MinimumDistanceProjection
-    from hapticeval.renderers.outline import outline_of
-
+        return nearest_in_space(scene.model.surface, bilateral=scene.bilateral)
     if representation == "level-set" and scene.model.curve.closed:
-        from hapticeval.renderers.contour import LevelSetProjection
-
-        return LevelSetProjection(scene.model, (int(grid), int(grid)), bilateral=scene.bilateral)
-    return MinimumDistanceProjection(outline_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)
+        return nearest_on_level_set(scene.model, (int(grid), int(grid)), bilateral=scene.bilateral)
+    return nearest_in_plane(representation_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)
 
 
 def by_conformal(scene: Scene, representation: str, *, nodes: float | None = None) -> Projection:  # noqa: ARG001

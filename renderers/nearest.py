@@ -1,5 +1,5 @@
 """The minimum distance projection (4.2) on curves and polygons, and on surfaces in space: the hand goes to the
-closest surface point.
+closest surface point, without memory; in contact while it is inside, or, in a bilateral scene, anywhere.
 """
 
 from __future__ import annotations
@@ -8,139 +8,64 @@ import math
 
 import numpy as np
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import LawData, compiled
 from hapticeval.geometry.kernels import evaluate
 from hapticeval.geometry.surface import Surface
-from hapticeval.geometry.surface_kernels import Triple, bend, dot, place, times
-from hapticeval.renderers.outline import Boundary, Outline, clear_of, frame, nearest_on
-from hapticeval.renderers.projection import Projected
-from hapticeval.types import Array, BoolArray
+from hapticeval.geometry.surface_kernels import bend, dot, place, times
+from hapticeval.renderers.law import BILATERAL, ERROR, SCHEME, regulate, release
+from hapticeval.renderers.outline import Representation, clear_of, frame, nearest_on, outline_in
+from hapticeval.renderers.projective import CompiledProjection
+from hapticeval.renderers.regulation import PP_PD_C
+from hapticeval.types import Array
 
 
-class MinimumDistanceProjection:
-    """The globally nearest surface point, without memory; in contact while the hand is inside.
+def nearest_in_plane(shown: Representation, *, bilateral: bool) -> CompiledProjection:
+    """Return the projection to the globally nearest point of a curve or a polygon."""
+    return CompiledProjection(in_plane, shown.surface, bilateral=bilateral, **shown.tables)
 
-    With `bilateral` the hand is projected from outside too.
-    """
 
-    def __init__(self, outline: Outline, *, bilateral: bool) -> None:
-        self.surface = outline.surface
-        self.resolution = outline.resolution
-        self.standoff = outline.standoff
-        self.boundary = outline.boundary
-        self.bilateral = bilateral
-
-    def reset(self, hip: Array) -> None:
-        """Nothing is remembered."""
-
-    def project(self, hip: Array) -> Projected:
-        """One tick."""
-        x, y = hip.tolist()
-        return Projected(*_project(self.boundary, self.bilateral, x, y))
-
-    def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
-        """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""
-        return _trace(self.boundary, self.bilateral, hips)
-
-    def centripetal(self, hips: Array, velocities: Array) -> Array:
-        """κ (t·ẏ)^2 a row of `hips` (n, 2) and `velocities` (n, 2), at the nearest point: (n,), m/s^2."""
-        return _centripetal(self.boundary, hips, velocities)
+def nearest_in_space(surface: Surface, *, bilateral: bool) -> CompiledProjection:
+    """Return the projection to the globally nearest point of a surface in space."""
+    return CompiledProjection(in_space, surface, bilateral=bilateral, segments=surface.row[np.newaxis])
 
 
 @compiled
-def falling(pieces: Array, piece: int, u: float, vx: float, vy: float) -> float:
-    """How fast a curve bends away from under a hand that passes its point at (piece, u): κ (t·ẏ)^2, m/s^2."""
-    _, _, dx, dy, ddx, ddy = evaluate(pieces[piece], u)
-    speed = math.hypot(dx, dy)
-    along = (dx * vx + dy * vy) / speed
-    return (dx * ddy - dy * ddx) / (speed * speed * speed) * (along * along)
-
-
-@compiled
-def _centripetal(b: Boundary, hips: Array, velocities: Array) -> Array:
-    out = np.empty(hips.shape[0])
-    for i in range(hips.shape[0]):
-        piece, u, _, _ = nearest_on(b, hips[i, 0], hips[i, 1])
-        out[i] = falling(b.pieces, piece, u, velocities[i, 0], velocities[i, 1])
-    return out
-
-
-@compiled
-def _project(b: Boundary, bilateral: bool, x: float, y: float) -> tuple[tuple[float, float], tuple[float, float], bool]:
+def in_plane(
+    data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """One tick on a curve or a polygon, of signature `LAW`."""
+    b, params, state = outline_in(data), data.params, data.state
+    x, y = hip[0], hip[1]
+    bilateral = params[BILATERAL] != 0.0
     if not bilateral and b.stray > 0.0 and clear_of(b, x, y):
-        return (x, y), (0.0, 0.0), False
+        return release(state, hip, ihip, force)
     piece, u, _, side = nearest_on(b, x, y)
     if not (bilateral or side < 0.0):
-        return (x, y), (0.0, 0.0), False
-    px, py, nx, ny = frame(b.pieces, b.joints, b.closed, piece, u, x, y)
-    return (px, py), (nx, ny), True
+        return release(state, hip, ihip, force)
+    ihip[0], ihip[1], state[ERROR + 2], state[ERROR + 3] = frame(b.pieces, b.joints, piece, u, x, y)
+    fall = 0.0
+    if params[SCHEME] == PP_PD_C:
+        # κ (t·ẏ)^2: how fast the curve bends away from under the hand
+        _, _, dx, dy, ddx, ddy = evaluate(b.pieces[piece], u)
+        speed = math.hypot(dx, dy)
+        along = (dx * velocity[0] + dy * velocity[1]) / speed
+        fall = (dx * ddy - dy * ddx) / (speed * speed * speed) * (along * along)
+    return regulate(params, state, hip, velocity, fall, dt, ihip, force)
 
 
 @compiled
-def _trace(b: Boundary, bilateral: bool, hips: Array) -> tuple[Array, Array, BoolArray]:
-    ihips, normals = np.empty_like(hips), np.empty_like(hips)
-    contact = np.empty(hips.shape[0], np.bool_)
-    for i in range(hips.shape[0]):
-        ihip, normal, contact[i] = _project(b, bilateral, hips[i, 0], hips[i, 1])
-        ihips[i, 0], ihips[i, 1] = ihip
-        normals[i, 0], normals[i, 1] = normal
-    return ihips, normals, contact
-
-
-class NearestOnSurface:
-    """The globally nearest point of a surface, without memory; in contact while the hand is inside.
-
-    With `bilateral` the hand is projected from outside too. Exact: `resolution` and `standoff` are zero.
-    """
-
-    resolution = 0.0
-    standoff = 0.0
-
-    def __init__(self, surface: Surface, *, bilateral: bool) -> None:
-        self.surface = surface
-        self._row = surface.row
-        self.bilateral = bilateral
-
-    def reset(self, hip: Array) -> None:
-        """Nothing is remembered."""
-
-    def project(self, hip: Array) -> Projected:
-        """One tick."""
-        ihips, normals, contact = self.trace(hip[np.newaxis])
-        return Projected(tuple(ihips[0].tolist()), tuple(normals[0].tolist()), bool(contact[0]))
-
-    def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
-        """A tick a row of `hips` (n, 3): IHIPs, normals and contact."""
-        return _trace_in_space(self._row, self.bilateral, np.ascontiguousarray(hips, dtype=np.float64))
-
-    def centripetal(self, hips: Array, velocities: Array) -> Array:
-        """<W ẏ, ẏ> a row of `hips` (n, 3) and `velocities` (n, 3), at the nearest point: (n,), m/s^2."""
-        return _centripetal_in_space(self._row, hips, velocities)
-
-
-@compiled
-def falling_in_space(surface: Array, foot: Triple, normal: Triple, velocity: Triple) -> float:
-    """How fast a surface bends away from under a hand that passes its point `foot`: <W ẏ, ẏ>, m/s^2."""
-    return dot(velocity, times(bend(surface, foot, normal), velocity))
-
-
-@compiled
-def _centripetal_in_space(surface: Array, hips: Array, velocities: Array) -> Array:
-    out = np.empty(hips.shape[0])
-    for i in range(hips.shape[0]):
-        foot, normal, _ = place(surface, (hips[i, 0], hips[i, 1], hips[i, 2]))
-        out[i] = falling_in_space(surface, foot, normal, (velocities[i, 0], velocities[i, 1], velocities[i, 2]))
-    return out
-
-
-@compiled
-def _trace_in_space(surface: Array, bilateral: bool, hips: Array) -> tuple[Array, Array, BoolArray]:
-    ihips, normals = hips.copy(), np.zeros_like(hips)
-    contact = np.empty(hips.shape[0], np.bool_)
-    for i in range(hips.shape[0]):
-        foot, normal, distance = place(surface, (hips[i, 0], hips[i, 1], hips[i, 2]))
-        contact[i] = bilateral or distance < 0.0
-        if contact[i]:
-            for k in range(3):
-                ihips[i, k], normals[i, k] = foot[k], normal[k]
-    return ihips, normals, contact
+def in_space(
+    data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """One tick on a surface in space, whose row `segments` holds, of signature `LAW`."""
+    surface, params, state = data.segments[0], data.params, data.state
+    foot, normal, distance = place(surface, (hip[0], hip[1], hip[2]))
+    if params[BILATERAL] == 0.0 and not distance < 0.0:
+        return release(state, hip, ihip, force)
+    for i in range(3):
+        ihip[i], state[ERROR + 3 + i] = foot[i], normal[i]
+    fall = 0.0
+    if params[SCHEME] == PP_PD_C:
+        v = (velocity[0], velocity[1], velocity[2])
+        fall = dot(v, times(bend(surface, foot, normal), v))
+    return regulate(params, state, hip, velocity, fall, dt, ihip, force)

@@ -17,11 +17,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from hapticeval.compiled import compiled, for_kernels
+from hapticeval.compiled import NOTHING, LawData, compiled, for_kernels
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import STRAIGHT, joint_turn, project
 from hapticeval.geometry.kernels import (
@@ -32,6 +31,7 @@ from hapticeval.geometry.kernels import (
     LINE,
     U0,
     U1,
+    UNBOUNDED,
     A,
     B,
     C,
@@ -44,7 +44,8 @@ from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon import Polygon
 from hapticeval.geometry.polygon_kernels import first_crossing_kernel, nearest_kernel, side_kernel
 from hapticeval.renderers.family import VERTICES
-from hapticeval.types import Array, IntArray
+from hapticeval.renderers.law import OWN, once
+from hapticeval.types import Array
 
 MARGIN = 1.1
 """A sampled maximum is raised by this much."""
@@ -88,6 +89,9 @@ def _cassinian(scale: float, lobes: float, above: float) -> tuple[float, float]:
     return MARGIN * float(mixed), MARGIN * float(third)
 
 
+TURN, BEND, BEND_PER_METRE, CHORD = range(4)
+"""Columns of `Outline.joints`."""
+
 RESTS, LEAVES = 0, 1
 LONGEST_MARCH = 100_000
 """Steps on curved pieces after which a march stops where it is; marches at a fold take some hundreds."""
@@ -105,15 +109,7 @@ def at(pieces: Array, k: int, u: float) -> tuple[float, float, float, float, flo
 
 @compiled
 def slide(
-    pieces: Array,
-    joints: Array,
-    third: Array,
-    closed: bool,
-    releases: bool,
-    piece: int,
-    u: float,
-    x: float,
-    y: float,
+    pieces: Array, joints: Array, releases: bool, piece: int, u: float, x: float, y: float
 ) -> tuple[int, int, float]:
     """From (piece, u) downhill to the local minimum of the distance to (x, y): (RESTS or LEAVES, piece, u).
 
@@ -129,7 +125,7 @@ def slide(
         px, py, dx, dy, ddx, ddy = at(pieces, piece, u)
         ex, ey = x - px, y - py
         if releases and ex * dy - ey * dx > 0.0:
-            k = _other_wall(pieces, joints, closed, piece, u, x, y) if onwards == 0.0 else -1
+            k = _other_wall(pieces, joints, piece, u, x, y) if onwards == 0.0 else -1
             if k < 0:
                 return LEAVES, piece, u
             u = pieces[k, U0] if u == pieces[piece, U1] else pieces[k, U1]
@@ -142,9 +138,9 @@ def slide(
         if g * onwards < 0.0 or (g == 0.0 and slope >= 0.0):
             return RESTS, piece, u
         # a step of zero length means that g has vanished to rounding
-        bend = third[piece, 0]
-        if third[piece, 1] > 0.0:
-            bend += third[piece, 1] * math.hypot(ex, ey)
+        bend = joints[piece, BEND]
+        if joints[piece, BEND_PER_METRE] > 0.0:
+            bend += joints[piece, BEND_PER_METRE] * math.hypot(ex, ey)
         step = _first_zero(abs(g), slope, bend)
         following = u + onwards * step
         end = pieces[piece, U1] if onwards > 0.0 else pieces[piece, U0]
@@ -155,11 +151,11 @@ def slide(
                 return RESTS, piece, following
             u = following
             continue
-        if not closed:
+        if pieces[0, KIND] == UNBOUNDED:
             return RESTS, piece, following
         k = (piece + 1) % count if onwards > 0.0 else (piece - 1) % count
         start = pieces[k, U0] if onwards > 0.0 else pieces[k, U1]
-        turn = joints[k] if onwards > 0.0 else joints[piece]
+        turn = joints[k if onwards > 0.0 else piece, TURN]
         px, py, dx, dy, _, _ = at(pieces, k, start)
         ex, ey = x - px, y - py
         if releases and turn > -STRAIGHT and ex * dy - ey * dx > 0.0:
@@ -179,17 +175,17 @@ def _first_zero(g: float, slope: float, bend: float) -> float:
 
 
 @compiled
-def _other_wall(pieces: Array, joints: Array, closed: bool, piece: int, u: float, x: float, y: float) -> int:
+def _other_wall(pieces: Array, joints: Array, piece: int, u: float, x: float, y: float) -> int:
     """The piece that still holds the tool in a concave corner when it is free of `piece`, or -1."""
-    if not closed:
-        return -1
     count = pieces.shape[0]
+    if pieces[0, KIND] == UNBOUNDED:
+        return -1
     if u == pieces[piece, U1]:
         k = (piece + 1) % count
-        turn, there = joints[k], pieces[k, U0]
+        turn, there = joints[k, TURN], pieces[k, U0]
     elif u == pieces[piece, U0]:
         k = (piece - 1) % count
-        turn, there = joints[piece], pieces[k, U1]
+        turn, there = joints[piece, TURN], pieces[k, U1]
     else:
         return -1
     if turn > -STRAIGHT:
@@ -199,9 +195,7 @@ def _other_wall(pieces: Array, joints: Array, closed: bool, piece: int, u: float
 
 
 @compiled
-def frame(
-    pieces: Array, joints: Array, closed: bool, piece: int, u: float, x: float, y: float
-) -> tuple[float, float, float, float]:
+def frame(pieces: Array, joints: Array, piece: int, u: float, x: float, y: float) -> tuple[float, float, float, float]:
     """The surface point at (piece, u), and the outward unit normal that holds the HIP (x, y) there.
 
     At a corner every direction between the two faces' normals is one: there it is the direction between HIP and
@@ -213,10 +207,10 @@ def frame(
     if pieces[piece, KIND] != LINE:
         speed = math.hypot(dx, dy)
         nx, ny = nx / speed, ny / speed
-    if closed and u in (first, last):
+    if pieces[0, KIND] != UNBOUNDED and u in (first, last):
         count = pieces.shape[0]
         k = (piece + 1) % count if u == last else (piece - 1) % count
-        turn = joints[k] if u == last else joints[piece]
+        turn = joints[k if u == last else piece, TURN]
         if abs(turn) > STRAIGHT:
             _, _, dx, dy, _, _ = evaluate(pieces[k], pieces[k, U0] if u == pieces[piece, U1] else pieces[k, U1])
             speed = math.hypot(dx, dy)
@@ -235,86 +229,68 @@ CHORDS = 4096
 """Chords of a whole curve in its collision outline: of the 200 mm Cassinian they stray by 0.1 micrometre."""
 
 
-class Boundary(NamedTuple):
+class Outline(NamedTuple):
     """What is rendered, and the outline of chords in which collisions with it are looked for.
 
-    `pieces` as in `geometry.kernels`; `joints` (n,) the turn (rad) where each piece starts; `third` (n, 2) as in
-    `third_bounds`; `samples` the curve's table for its nearest point. The outline has `vertices` (m, 2) and `tree`;
-    piece k is cut into the chords from `chords[k]` up to `chords[k + 1]`, by equal steps of u; no chord strays from
-    the curve by more than `stray` (m), which is zero for straight pieces. `closed` is false for the line.
+    `pieces` as in `geometry.kernels`, and `joints` (n, 4) for each: the turn (rad) where it starts, its two
+    `third_bounds`, and its first chord. `samples` is the curve's table for its nearest point. The outline has
+    `vertices` (m, 2) and `tree`; each piece is cut into chords by equal steps of u, and no chord strays from the curve
+    by more than `stray` (m), which is zero for straight pieces. The unbounded line has no chords.
     """
 
     pieces: Array
     joints: Array
-    third: Array
     samples: Array
     vertices: Array
     tree: Array
-    chords: IntArray
     stray: float
-    closed: bool
 
 
-def boundary_of(surface: Curve | Polygon) -> Boundary:
-    """The bundle of a curve or a polygon."""
-    made = _of_polygon(surface) if isinstance(surface, Polygon) else _of_curve(surface)
-    arrays: dict[str, Any] = {
-        k: for_kernels(part) for k, part in made._asdict().items() if isinstance(part, np.ndarray)
-    }
-    return made._replace(**arrays)
+STRAY = OWN
+"""Where in the `params` of a law the `stray` of its boundary is."""
+
+
+@compiled
+def outline_in(data: LawData) -> Outline:
+    """Return the boundary that a law works on."""
+    return Outline(data.segments, data.joints, data.lookup, data.vertices, data.tree, data.params[STRAY])
+
+
+@compiled
+def closed(b: Outline) -> bool:
+    """Return whether it is closed; else it is the unbounded line."""
+    return b.pieces[0, KIND] != UNBOUNDED
 
 
 def straight(curve: Curve) -> bool:
-    """Whether a curve is made of straight edges alone, and so is its own polygon."""
+    """Return whether a curve is made of straight edges alone, and so is its own polygon."""
     return bool(np.all(curve.pieces[:, KIND] == LINE))
 
 
-def _of_polygon(polygon: Polygon) -> Boundary:
-    pieces = for_kernels(polygon.pieces)
-    count = pieces.shape[0]
-    return Boundary(
-        pieces,
-        _turns(pieces),
-        np.zeros((count, 2)),
-        np.empty((0, 8)),
-        polygon.vertices,
-        polygon.tree,
-        np.arange(count + 1),
-        0.0,
-        True,
-    )
-
-
-def _of_curve(curve: Curve) -> Boundary:
+def outline_of(curve: Curve) -> Outline:
+    """Return the boundary of a curve, cut into chords, or of a polygon, whose edges they are."""
     pieces = for_kernels(curve.pieces)
+    count = len(pieces)
+    joints = np.zeros((count, 4))
     if not curve.closed:
-        nothing = np.empty((0, 2))
-        third = np.zeros((1, 2))
-        tree, chords = np.empty((0, 6)), np.zeros(2, dtype=np.int64)
-        return Boundary(pieces, np.zeros(1), third, curve.samples, nothing, tree, chords, 0.0, False)
+        return Outline(pieces, joints, for_kernels(curve.samples), np.empty((0, 2)), np.empty((0, 6)), 0.0)
+    joints[:, TURN], joints[:, CHORD] = _turns(pieces), np.arange(count)
+    if isinstance(curve, Polygon):
+        return Outline(pieces, joints, NOTHING, for_kernels(curve.vertices), for_kernels(curve.tree), 0.0)
     start, end = curve.u_range
-    cuts = np.ones(pieces.shape[0], dtype=np.int64)
+    cuts = np.ones(count, dtype=np.int64)
     curved = pieces[:, KIND] != LINE
     share = (pieces[curved, U1] - pieces[curved, U0]) / (end - start)
     cuts[curved] = np.maximum(16, np.ceil(CHORDS * share))
-    chords = np.concatenate([[0], np.cumsum(cuts)])
+    joints[:, BEND : BEND_PER_METRE + 1], joints[:, CHORD] = third_bounds(pieces), np.cumsum(cuts) - cuts
     us = np.concatenate([np.linspace(p[U0], p[U1], n, endpoint=False) for p, n in zip(pieces, cuts, strict=True)])
-    ends = np.append(us[1:], end)
     vertices = evaluate_many(pieces, us)[:, :2]
-    middles = evaluate_many(pieces, 0.5 * (us + ends))[:, :2]
+    middles = evaluate_many(pieces, 0.5 * (us + np.append(us[1:], end)))[:, :2]
     sagitta = np.hypot(*(middles - 0.5 * (vertices + np.roll(vertices, -1, axis=0))).T)
-    outline = Polygon(vertices)
-    return Boundary(
-        pieces,
-        _turns(pieces),
-        third_bounds(pieces),
-        curve.samples,
-        outline.vertices,
-        outline.tree,
-        chords,
-        2.0 * float(sagitta.max()) if curved.any() else 0.0,
-        True,
-    )
+    polygon = Polygon(vertices)
+    stray = 2.0 * float(sagitta.max()) if curved.any() else 0.0
+    samples = for_kernels(curve.samples)
+    return Outline(pieces, joints, samples, for_kernels(polygon.vertices), for_kernels(polygon.tree), stray)
 
 
 @compiled
@@ -326,12 +302,10 @@ def _turns(pieces: Array) -> Array:
 
 
 @compiled
-def nearest_on(b: Boundary, x: float, y: float) -> tuple[int, float, float, float]:
+def nearest_on(b: Outline, x: float, y: float) -> tuple[int, float, float, float]:
     """The nearest surface point: (piece, u, distance, side), side -1.0 inside and 1.0 outside or on it."""
-    if b.stray > 0.0 or not b.closed:
+    if b.stray > 0.0 or not closed(b):
         u, distance, side = project(b.pieces, b.samples, x, y)
-        if b.samples.shape[0] > 0 or not b.closed:
-            return 0, u, distance, side
         return piece_of(b.pieces, u), u, distance, side
     edge, along, distance2 = nearest_kernel(b.vertices, b.tree, x, y)
     row = b.pieces[edge]
@@ -340,22 +314,22 @@ def nearest_on(b: Boundary, x: float, y: float) -> tuple[int, float, float, floa
 
 
 @compiled
-def clear_of(b: Boundary, x: float, y: float) -> bool:
+def clear_of(b: Outline, x: float, y: float) -> bool:
     """Whether a point is outside by more than the chords stray: what can be told at the cost of a polygon."""
-    if not b.closed:
+    if not closed(b):
         return False
     edge, along, distance2 = nearest_kernel(b.vertices, b.tree, x, y)
     return distance2 > b.stray * b.stray and side_kernel(b.vertices, edge, along, x, y) > 0.0
 
 
 @compiled
-def entered(b: Boundary, x0: float, y0: float, x1: float, y1: float, leaving: bool) -> tuple[bool, int, float]:
+def entered(b: Outline, x0: float, y0: float, x1: float, y1: float, leaving: bool) -> tuple[bool, int, float]:
     """Whether a tool that moves straight from (x0, y0), outside or on the surface, runs into it: and (piece, u) where.
 
     `leaving`: it starts on the surface. A crossing of the chords counts wherever both ends lie, so that nothing is
     too thin to be hit. A curve lies up to `stray` beside its chords: there the exact side of the end decides.
     """
-    if not b.closed:
+    if not closed(b):
         _, u, _, side = nearest_on(b, x1, y1)
         if side > 0.0:
             return False, 0, 0.0
@@ -376,7 +350,7 @@ def entered(b: Boundary, x0: float, y0: float, x1: float, y1: float, leaving: bo
     if distance > b.stray:
         # deep inside without a crossing: it started between curve and chord
         near, v, _, _ = nearest_on(b, x0, y0)
-        _, near, v = slide(b.pieces, b.joints, b.third, b.closed, False, near, v, x1, y1)
+        _, near, v = slide(b.pieces, b.joints, False, near, v, x1, y1)
         px, py, dx, dy, _, _ = evaluate(b.pieces[near], v)
         if (x1 - px) * dy - (y1 - py) * dx < 0.0:
             return True, near, v
@@ -384,47 +358,54 @@ def entered(b: Boundary, x0: float, y0: float, x1: float, y1: float, leaving: bo
 
 
 @compiled
-def _piece_at(b: Boundary, chord: int, t: float) -> tuple[int, float]:
+def _piece_at(b: Outline, chord: int, t: float) -> tuple[int, float]:
     """The (piece, u) at fraction t of a chord."""
     low, high = 0, b.pieces.shape[0] - 1
     while low < high:
         middle = (low + high + 1) // 2
-        if b.chords[middle] <= chord:
+        if b.joints[middle, CHORD] <= chord:
             low = middle
         else:
             high = middle - 1
-    first, after = b.chords[low], b.chords[low + 1]
+    first = b.joints[low, CHORD]
+    after = b.joints[low + 1, CHORD] if low + 1 < b.pieces.shape[0] else b.vertices.shape[0]
     share = (chord - first + t) / (after - first)
     return low, b.pieces[low, U0] + share * (b.pieces[low, U1] - b.pieces[low, U0])
 
 
 @dataclass(frozen=True)
-class Outline:
-    """A boundary for the compiled loops, the same as a curve, and its `resolution` and `standoff` (m)."""
+class Representation:
+    """A curve as the compiled loops take it, the curve itself, and its `resolution` and `standoff` (m)."""
 
-    boundary: Boundary
+    outline: Outline
     surface: Curve
     resolution: float
     standoff: float
 
+    @property
+    def tables(self) -> dict[str, Any]:
+        """What a compiled projection on it is made of, see `outline_in`."""
+        b = self.outline
+        return {
+            "segments": b.pieces, "joints": b.joints, "lookup": b.samples, "vertices": b.vertices, "tree": b.tree,
+            "own": (b.stray,), "resolution": self.resolution, "standoff": self.standoff,
+        }  # fmt: skip
 
-def outline_of(model: Model, representation: str, vertices: int = VERTICES) -> Outline:
-    """The representation of a model, made once: its polygon of so many vertices, or its exact curve.
+
+def representation_of(model: Model, representation: str, vertices: int = VERTICES) -> Representation:
+    """Return the representation of a model, made once: its polygon of so many vertices, or its exact curve.
 
     A model of straight edges is its own polygon; the unbounded line has no other representation than itself.
     """
-    curve = model.curve
-    kept = _KEPT.setdefault(model, {})
-    key = f"{representation} {vertices}" if representation == "polygon" else representation
-    if key not in kept:
+
+    def make() -> Representation:
+        curve = model.curve
         if curve.closed and straight(curve):
-            kept[key] = Outline(boundary_of(model.polygon()), curve, 0.0, 0.0)
-        elif curve.closed and representation == "polygon":
-            polygon = model.polygon(vertices)
-            kept[key] = Outline(boundary_of(polygon), polygon, polygon.resolution, polygon.standoff_from(curve))
-        else:
-            kept[key] = Outline(boundary_of(curve), curve, 0.0, 0.0)
-    return kept[key]
+            return Representation(outline_of(model.polygon()), curve, 0.0, 0.0)
+        if not as_polygon:
+            return Representation(outline_of(curve), curve, 0.0, 0.0)
+        polygon = model.polygon(vertices)
+        return Representation(outline_of(polygon), polygon, polygon.resolution, polygon.standoff_from(curve))
 
-
-_KEPT: WeakKeyDictionary[Model, dict[str, Outline]] = WeakKeyDictionary()
+    as_polygon = representation == "polygon" and model.curve.closed
+    return once(model, ("outline", vertices if as_polygon else 0), make)

@@ -1,129 +1,207 @@
-"""A renderer made of a projection and a regulation scheme: the kind that thesis chapter 4 describes."""
+"""A projection and a regulation scheme make a renderer: the kind that thesis chapter 4 describes."""
 
 from __future__ import annotations
 
-from functools import cached_property
-from operator import sub
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from hapticeval.errors import RefusalError
+from hapticeval.compiled import LAW, LawData, compiled, first_class, law_data
 from hapticeval.geometry.boundary import Boundary
+from hapticeval.recordings.recording import backward_difference
 from hapticeval.renderer import CompiledLaw, Declaration, Response
-from hapticeval.renderers.projection import Bending, Projection
-from hapticeval.renderers.regulation import Components, Regulation
-from hapticeval.types import Array
+from hapticeval.renderers.law import (
+    BILATERAL,
+    ERROR,
+    HELD,
+    OWN,
+    ROOM,
+    LawRenderer,
+    as_rows,
+    gains,
+    regulate,
+    release,
+)
+from hapticeval.renderers.regulation import Regulation
+from hapticeval.scene import Scene
+from hapticeval.types import Array, BoolArray
 
 
-class ProjectiveRenderer:
-    """Projects the HIP (4.4), and regulates the position error (4.5) with the scene's gains (4.6).
+class Projected(NamedTuple):
+    """Where one HIP is projected to: IHIP (N,), m, and outward unit normal (N,) there, and whether it touches.
 
-    In free space the IHIP is the HIP and the force zero. `step`, `run` and `law` agree to the last bit. `mass` (kg) is
-    the virtual tool's, for schemes that bend its way. Raises `RefusalError` for such a scheme on a projection that does
-    not know how the surface bends.
+    Out of contact the IHIP is the HIP and the normal is zero.
+    """
+
+    ihip: ArrayLike
+    normal: ArrayLike
+    contact: bool
+
+
+class Projection(Protocol):
+    """HIP to IHIP (4.4): the first half of a projective renderer, from the hand to the virtual tool (thesis 4.1).
+
+    `surface` is the curve, or surface in space, that is really rendered; `resolution` (m) is the length of it over
+    which the projection is blurred, and `standoff` (m) how far it may lie off the model: both zero where it is exact.
+    """
+
+    surface: Boundary
+    resolution: float
+    standoff: float
+
+    def project(self, hip: Array) -> Projected:
+        """One tick, for a projection without memory."""
+
+    def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
+        """A tick a row of `hips` (n, N): IHIPs (n, N), normals (n, N) and contact (n,), as `project` gives them."""
+
+
+def regulated(projection: Projection, regulation: Regulation, scene: Scene) -> ProjectiveRenderer | ProjectedRenderer:
+    """Return the renderer that a projection makes with a scheme and the scene's gains."""
+    kind = ProjectiveRenderer if isinstance(projection, CompiledProjection) else ProjectedRenderer
+    return kind(projection, regulation, scene)
+
+
+class CompiledProjection:
+    """A projection as the kernel `law`, of signature `LAW`, that projects and lets `regulate` make the force.
+
+    `tables` are fields of its `LawData`; its `params` begin with the gains, and `own` follows. `begin` (data, hip)
+    prepares a state of `memory` more numbers at the start of a run, for a projection with memory.
     """
 
     def __init__(
-        self, projection: Projection, regulation: Regulation, *, stiffness: float, damping: float, mass: float
+        self,
+        law: Callable[..., Any],
+        surface: Boundary,
+        *,
+        bilateral: bool,
+        own: ArrayLike = (),
+        memory: int = 0,
+        begin: Callable[[LawData, Array], None] | None = None,
+        resolution: float = 0.0,
+        standoff: float = 0.0,
+        **tables: ArrayLike,
     ) -> None:
-        if regulation.bends and not isinstance(projection, Bending):
-            raise RefusalError(
-                f"the scheme '{regulation.name}' has no curvature to follow on '{projection.surface.name}'",
-                why="this projection does not know how the surface bends",
-                todo="use it with minimum-distance, or use set-stabilisation",
-            )
+        self.law = law
+        self.surface, self.resolution, self.standoff = surface, resolution, standoff
+        self.begin = begin
+        params = np.concatenate([np.zeros(OWN), np.asarray(own, dtype=np.float64)])
+        params[BILATERAL] = float(bilateral)
+        self._data = law_data(params, state=ROOM[surface.dimension] + memory, **tables)
+
+    def project(self, hip: Array) -> Projected:
+        """One tick, for a projection without memory."""
+        return Projected(*(each[0] for each in self.trace(hip[np.newaxis])))
+
+    def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
+        """A tick a row of `hips` (n, N): IHIPs, normals and contact."""
+        data, hips = self.data(self._data.params[:OWN]), as_rows(hips)
+        if self.begin is not None:
+            self.begin(data, hips[0])
+        return _trace(first_class(self.law, LAW), data, hips)
+
+    def data(self, gains: Array) -> LawData:
+        """Return what the law works on with gains (OWN,), in a state of its own."""
+        params = np.concatenate([gains, self._data.params[OWN:]])
+        return self._data._replace(params=params, state=np.zeros_like(self._data.state))
+
+
+class ProjectiveRenderer(LawRenderer):
+    """Projects the HIP (4.4), and regulates the position error (4.5) with the scene's gains (4.6), in compiled code.
+
+    In free space the IHIP is the HIP and the force zero.
+    """
+
+    def __init__(self, projection: CompiledProjection, regulation: Regulation, scene: Scene) -> None:
+        law = CompiledLaw(projection.law, projection.data(gains(regulation, scene)), refusals={})
+        super().__init__(law, projection.surface, resolution=projection.resolution, standoff=projection.standoff)
         self.projection = projection
         self.regulation = regulation
-        self.stiffness = stiffness
-        self.damping = damping
-        self.mass = mass
-        self._error: list[float] | None = None
-
-    @property
-    def surface(self) -> Boundary:
-        """The curve, or surface in space, that is really rendered."""
-        return self.projection.surface
-
-    @property
-    def resolution(self) -> float:
-        """Longest edge or cell of the representation (m); zero where it is exact."""
-        return self.projection.resolution
-
-    @property
-    def standoff(self) -> float:
-        """Largest distance (m) of the rendered surface from the model's."""
-        return self.projection.standoff
-
-    @property
-    def declares(self) -> Declaration:
-        """That the force is a spring, where the scheme has one that is linear."""
-        return Declaration(spring=self.regulation.spring)
-
-    @cached_property
-    def law(self) -> CompiledLaw | None:
-        """The same step for compiled loops: for minimum distance on the exact curve or surface and on polygons."""
-        from hapticeval.renderers.projective_law import law_of
-
-        gains = {"stiffness": self.stiffness, "damping": self.damping, "mass": self.mass}
-        return law_of(self.projection, self.regulation, **gains)
+        self.declares = Declaration(spring=regulation.spring)
 
     def reset(self, hip: Array) -> None:
         """Start a run with the hand at `hip` (N,), m: inside the model it starts in contact."""
-        self.projection.reset(hip)
-        self._error = None
-        if self.law is not None:
-            self.law.data.state[:] = 0.0
+        super().reset(hip)
+        if self.projection.begin is not None:
+            self.projection.begin(self.law.data, as_rows(hip))
+
+
+class ProjectedRenderer:
+    """The same for a projection without memory that is no kernel: it projects in Python, and regulates compiled.
+
+    `step` and `run` agree to the last bit.
+    """
+
+    def __init__(self, projection: Projection, regulation: Regulation, scene: Scene) -> None:
+        self.projection = projection
+        self.regulation = regulation
+        self.surface, self.resolution, self.standoff = projection.surface, projection.resolution, projection.standoff
+        self.declares = Declaration(spring=regulation.spring)
+        self._params = gains(regulation, scene)
+        self._state = np.zeros(ROOM[self.surface.dimension])
+
+    def reset(self, hip: Array) -> None:  # noqa: ARG002 - the protocol's
+        """Start a run: there was no contact yet."""
+        self._state[:] = 0.0
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s."""
+        hip = as_rows(hip)
         ihip, normal, contact = self.projection.project(hip)
-        if not contact:
-            self._error = None
-            return Response(np.array(hip, dtype=np.float64), np.zeros(len(ihip)))
-        error = list(map(sub, hip.tolist(), ihip))
-        rate = [0.0] * len(error)
-        if self.regulation.needs_rate:
-            if self._error is not None:
-                rate = [(e - before) / dt for e, before in zip(error, self._error, strict=True)]
-            self._error = error
-        force = self._force(error, normal, velocity.tolist(), rate)
-        if isinstance(self.projection, Bending) and self.regulation.bends:
-            fall = self.projection.centripetal(hip[np.newaxis], velocity[np.newaxis]).item()
-            force = tuple([f - self.mass * fall * n for f, n in zip(force, normal, strict=True)])
-        return Response(np.array(ihip), np.array(force))
+        answers, forces = np.array([[*ihip, *normal]]), np.empty((1, hip.size))
+        rows = hip[np.newaxis], as_rows(velocity)[np.newaxis]
+        _regulate_many(self._params, self._state, *rows, dt, answers, np.array([contact]), forces)
+        return Response(answers[0, : hip.size], forces[0])
 
     def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
-        """A whole trajectory: `reset` at the first row of `hips` (n, N), and a `step` a row.
+        """A whole path: `reset` at the first row of `hips` (n, N), and a `step` a row, with a recording's velocities.
 
-        The velocity is the difference backwards in time, zero at the first row. Returns IHIPs and forces, (n, N).
+        Returns IHIPs and forces, (n, N).
         """
-        hips = np.ascontiguousarray(hips, dtype=np.float64)
+        hips = as_rows(hips)
+        velocities = backward_difference(hips, dt * np.arange(len(hips)))
         self.reset(hips[0])
         ihips, normals, contact = self.projection.trace(hips)
-        velocities = np.zeros_like(hips)
-        velocities[1:] = np.diff(hips, axis=0) / dt
-        errors = hips - ihips
-        rates = np.zeros_like(hips)
-        if self.regulation.needs_rate:
-            rates[1:] = np.diff(errors, axis=0) / dt
-            held = np.zeros(contact.size, dtype=bool)
-            held[1:] = contact[1:] & contact[:-1]
-            rates[~held] = 0.0
-            self._error = errors[-1].tolist() if contact[-1] else None
-        force = self._force(errors.T, normals.T, velocities.T, rates.T)
-        forces = np.stack(np.broadcast_arrays(*force), axis=1)
-        if isinstance(self.projection, Bending) and self.regulation.bends:
-            forces -= (self.mass * self.projection.centripetal(hips, velocities))[:, np.newaxis] * normals
-        forces[~contact] = 0.0
+        answers, forces = np.hstack([ihips, normals]), np.empty_like(hips)
+        _regulate_many(self._params, self._state, hips, velocities, dt, answers, contact, forces)
         return ihips, forces
 
-    def _force(
-        self,
-        error: Components | Array | list[float],
-        normal: Components | Array | list[float],
-        velocity: Components | Array | list[float],
-        rate: Components | Array | list[float],
-    ) -> Components:
-        return self.regulation.law(
-            self.stiffness, self.damping, tuple(error), tuple(normal), tuple(velocity), tuple(rate)
-        )
+
+@compiled
+def _trace(law: Callable[..., Any], data: LawData, hips: Array) -> tuple[Array, Array, BoolArray]:
+    """Answer each of `hips` (n, N) by a law for a hand at rest: IHIPs, normals and contact as its state has them."""
+    count, size = hips.shape
+    ihips, normals, contact = np.empty_like(hips), np.zeros_like(hips), np.empty(count, np.bool_)
+    rest, force = np.zeros(size), np.empty(size)
+    for row in range(count):
+        law(data, hips[row], rest, rest, 1.0, ihips[row], force)
+        contact[row] = data.state[HELD] != 0.0
+        if contact[row]:
+            for i in range(size):
+                normals[row, i] = data.state[ERROR + size + i]
+    return ihips, normals, contact
+
+
+@compiled
+def _regulate_many(
+    params: Array,
+    state: Array,
+    hips: Array,
+    velocities: Array,
+    dt: float,
+    answers: Array,
+    contact: BoolArray,
+    forces: Array,
+) -> None:
+    """Write the forces (n, N) of projected rows: `answers` (n, 2 N) are IHIP and normal."""
+    count, size = hips.shape
+    for row in range(count):
+        ihip = answers[row, :size]
+        if contact[row]:
+            for i in range(size):
+                state[ERROR + size + i] = answers[row, size + i]
+            regulate(params, state, hips[row], velocities[row], 0.0, dt, ihip, forces[row])
+        else:
+            release(state, hips[row], ihip, forces[row])

@@ -48,7 +48,7 @@ class SetStabilisation:
         if scene.model.dimension == 3:
             from hapticeval.renderers.stabilisation import SurfaceStabilisation
 
-            return SurfaceStabilisation(scene, charts=self.representation == ATLAS)
+            return SurfaceStabilisation(scene, atlas=self.representation == ATLAS)
         if self.representation == ATLAS:
             raise RefusalError(
                 f"model '{scene.model.name}' has no atlas",

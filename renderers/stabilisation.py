@@ -2,70 +2,50 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hapticeval.compiled import law_data
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
+from hapticeval.effects.viscosity import viscosity_of
 from hapticeval.errors import DomainError, InputError, RefusalError
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
-from hapticeval.geometry.surface import Surface
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recording import Recording
-from hapticeval.renderer import CompiledLaw, Response
-from hapticeval.renderers import atlas, curve_law, surface_law
-from hapticeval.renderers.unilateral import MEMORY
+from hapticeval.renderer import CompiledLaw
+from hapticeval.renderers.atlas import active, by_charts, charts
+from hapticeval.renderers.law import LawRenderer
+from hapticeval.renderers.stabilisation_laws import BEYOND, MEMORY, on_curve, on_surface
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 
-class LawRenderer(ABC):
-    """The step of `law` in `dimension` N = 2 or 3, one tick at a time, with its memory and the hand's sensed force."""
+class Stabilisation(LawRenderer):
+    """The step of a law of set stabilisation, with the hand's force as sensed."""
 
-    def __init__(self, law: CompiledLaw, dimension: int) -> None:
-        self._law = law
-        self._push = np.zeros(dimension)
-
-    @property
-    def law(self) -> CompiledLaw:
-        """The same step for compiled loops."""
-        return self._law
-
-    def reset(self, hip: Array) -> None:  # noqa: ARG002 - the protocol's
-        """Start a run: nothing is touched yet, and nothing felt."""
-        self._law.data.state[:] = 0.0
-        self._push[:] = 0.0
+    def __init__(self, scene: Scene, law: Callable[..., Any], surface: Boundary, **tables: ArrayLike) -> None:
+        check_gains(scene)
+        gains = (scene.stiffness, scene.damping, scene.mass, viscosity_of(scene), float(scene.bilateral))
+        data = law_data(gains, state=MEMORY, **tables)
+        where = "the centre of curvature" if surface.dimension == 2 else "a centre of curvature"
+        refusals = {BEYOND: f"the hand is at {where} of its nearest surface point, or beyond it"}
+        super().__init__(CompiledLaw(law, data, refusals), surface)
 
     def feel(self, push: Array) -> None:
-        """The measured force of the hand on the tool (N,), N, for the ticks that follow."""
+        """Take the measured force of the hand on the tool (N,), N, for the ticks that follow."""
         self._push[:] = push
 
-    def step(self, hip: Array, velocity: Array, dt: float) -> Response:
-        """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the law is not defined."""
-        ihip, force = np.empty_like(self._push), np.empty_like(self._push)
-        law, hip = self._law, np.array(hip, dtype=np.float64)
-        velocity = np.array(velocity, dtype=np.float64)
-        refusal = law.function(law.data, hip, velocity, self._push, dt, ihip, force)
-        if refusal:
-            raise self.led_out(hip, law.refusals[refusal])
-        return Response(ihip, force)
 
-    @abstractmethod
-    def led_out(self, hip: Array, what: str) -> DomainError:
-        """The error for a hand at `hip` (N,), m, where the law says `what` and is not defined."""
-
-
-REFUSALS = {curve_law.BEYOND: "the hand is at the centre of curvature of its nearest surface point, or beyond it"}
-
-
-class CurveStabilisation(LawRenderer):
+class CurveStabilisation(Stabilisation):
     """Holds the hand on a smooth plane curve, or outside of it, as a frictionless constraint (7.11), (7.14), (7.22).
 
-    The force is that on the hand, F_r = m ÿ_cmd less what the hand pushes where that is sensed: see `curve_law`. An
+    The force is that on the hand, F_r = m ÿ_cmd less what the hand pushes where that is sensed: see `on_curve`. An
     inner loop that is `linearised` (6.7) makes the torques of (7.11) of it. The IHIP is the nearest point. Where that
     jumps (the medial axis) the force does too: one point does not show it, and only a centre of curvature is guarded.
 
@@ -75,12 +55,8 @@ class CurveStabilisation(LawRenderer):
     """
 
     def __init__(self, scene: Scene) -> None:
-        self.surface: Curve = smooth_curve(scene.model)
-        check_gains(scene)
-        reals = (scene.stiffness, scene.damping, scene.mass, scene.viscosity, float(scene.bilateral))
-        data = law_data(reals, segments=self.surface.pieces, lookup=self.surface.samples, state=MEMORY)
-        law = CompiledLaw(curve_law.answer, data, REFUSALS)
-        super().__init__(law, dimension=2)
+        curve = smooth_curve(scene.model)
+        super().__init__(scene, on_curve, curve, segments=curve.pieces, lookup=curve.samples)
 
     def led_out(self, hip: Array, what: str) -> DomainError:
         """Where 1 + n κ <= 0."""
@@ -135,46 +111,37 @@ def check_gains(scene: Scene) -> None:
             f"{f' = {2.0 * scene.damping / period:.6g} N/m' if d < 2.0 else ''}",
             todo="sample faster, lower the stiffness, or change the damping",
         )
-    if not scene.viscosity * period < 2.0 * mass:
+    if not viscosity_of(scene) * period < 2.0 * mass:
         raise InputError(
-            f"viscosity {scene.viscosity:g} kg/s is unstable at {period:g} s",
-            why=f"the sampled speed is multiplied by {1.0 - scene.viscosity * period / mass:g} at each tick",
+            f"viscosity {viscosity_of(scene):g} kg/s is unstable at {period:g} s",
+            why=f"the sampled speed is multiplied by {1.0 - viscosity_of(scene) * period / mass:g} at each tick",
             todo=f"choose it below {2.0 * mass / period:g} kg/s, or sample faster",
         )
 
 
-SURFACE_REFUSALS = {
-    surface_law.BEYOND: "the hand is at a centre of curvature of its nearest surface point, or beyond it"
-}
-
-
-class SurfaceStabilisation(LawRenderer):
+class SurfaceStabilisation(Stabilisation):
     """Holds the hand on a smooth surface, or outside of it, as a frictionless or viscous constraint (7.11), (7.14).
 
-    The force is that on the hand, F_r = m ÿ less what the hand pushes where that is sensed: see `surface_law` and, with
-    `charts`, `atlas`. An inner loop that is `linearised` (6.7) makes the torques of (7.11) of it. The IHIP is
+    The force is that on the hand, F_r = m ÿ less what the hand pushes where that is sensed: see `on_surface` and, with
+    `atlas`, `by_charts`. An inner loop that is `linearised` (6.7) makes the torques of (7.11) of it. The IHIP is
     the nearest point. Where that jumps, in the medial disc of an ellipsoid, the force does too: one point does not show
     it, and only where I + nW is no longer positive is guarded.
 
-    Raises `RefusalError` for a plane model and, with `charts`, for anything but a sphere, and `InputError` for gains
+    Raises `RefusalError` for a plane model and, with `atlas`, for anything but a sphere, and `InputError` for gains
     that are unstable at the sampling time.
     """
 
-    def __init__(self, scene: Scene, *, charts: bool) -> None:
-        self.surface: Surface = scene.model.surface
-        if charts and self.surface.kind != "sphere":
+    def __init__(self, scene: Scene, *, atlas: bool) -> None:
+        surface = scene.model.surface
+        if atlas and surface.kind != "sphere":
             raise RefusalError(
                 f"model '{scene.model.name}' has no atlas",
                 why="the charts of (7.45) to (7.56) are those of the sphere",
                 todo="use set-stabilisation as it is, which needs no charts",
             )
-        check_gains(scene)
-        gains = (scene.stiffness, scene.damping, scene.mass, scene.viscosity, float(scene.bilateral))
-        data = law_data(np.concatenate([self.surface.row, gains]), state=MEMORY)
-        law = CompiledLaw(atlas.answer if charts else surface_law.answer, data, SURFACE_REFUSALS)
-        super().__init__(law, dimension=3)
+        super().__init__(scene, by_charts if atlas else on_surface, surface, segments=surface.row[np.newaxis])
         self._scene = scene
-        self.charts = charts
+        self._atlas = atlas
 
     def signals(self, recording: Recording) -> Mapping[str, tuple[Signal, Array]]:
         """With charts, what Figures 7.7 and 7.8 show: the active chart, the coordinates and the torques of each.
@@ -182,18 +149,15 @@ class SurfaceStabilisation(LawRenderer):
         `eta1` and `eta2` (n, 4) are (t̂_1, its rate, t̂_2, its rate) of (7.10), rad and rad/s; `torque1` and `torque2`
         (n, N) what each chart asks of the joints, N m, on a robot. Of the states that the renderer was given.
         """
-        if not self.charts:
+        if not self._atlas:
             return {}
         given = recording.channels
         y, yd = given.get("measured_hip", recording.hip), given.get("measured_velocity", recording.velocity)
-        scene, push = self._scene, given.get("measured_force")
+        push = given.get("measured_force")
         told: dict[str, tuple[Signal, Array]] = {
-            "chart": (Signal("1", "the chart that the switching law (7.56) uses"), atlas.active(y).astype(float))
+            "chart": (Signal("1", "the chart that the switching law (7.56) uses"), active(y).astype(float))
         }
-        answers = atlas.charts(
-            y, yd, radius=float(self.surface.reals[0]), stiffness=scene.stiffness, damping=scene.damping,
-            mass=scene.mass, viscosity=scene.viscosity, push=push,
-        )  # fmt: skip
+        answers = charts(self.law.data, y, yd, push)
         for number, answer in enumerate(answers, start=1):
             told[f"eta{number}"] = (Signal("rad, rad/s", f"coordinates and rates of chart {number} (7.10)"), answer.eta)
             if "joint_position" in given:

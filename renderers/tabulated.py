@@ -29,16 +29,15 @@ import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.curve import Curve, as_curve
-from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon_kernels import signed_distances
-from hapticeval.renderers.outline import boundary_of
-from hapticeval.renderers.projection import Projected, Projection
+from hapticeval.renderers.law import once
+from hapticeval.renderers.outline import outline_of
+from hapticeval.renderers.projective import Projected, Projection
 from hapticeval.renderers.table import ASK, CELL, EDGE, HELD, MARKED, TOUCHES, Table, empty, grid_over
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, ByteArray
@@ -82,7 +81,7 @@ def source_of(projection: Projection) -> Source:
         ihips, normals, _ = projection.trace(np.ascontiguousarray(points))
         return ihips, normals
 
-    outline = boundary_of(curve_of(projection))
+    outline = outline_of(curve_of(projection))
 
     def distance(points: Array) -> Array:
         return signed_distances(outline.vertices, outline.tree, points)
@@ -293,9 +292,6 @@ class LutProjection:
         self.standoff = max(table.standoff, exact.standoff)
         self._exact = exact
 
-    def reset(self, hip: Array) -> None:
-        """Nothing is remembered."""
-
     def project(self, hip: Array) -> Projected:
         """One tick."""
         x, y = hip.tolist()
@@ -324,13 +320,12 @@ def tabulated(
     """
     if not scene.model.curve.closed:
         return project(scene, representation, **settings)
-    exact = project(scene, representation, **settings)
-    kept = _KEPT.setdefault(scene.model, {})
-    key = (project, representation, cell, scene.bilateral, *sorted(settings.items()))
-    if key not in kept:
+
+    def make() -> Table:
         both_sides = project(replace(scene, bilateral=True), representation, **settings)
-        kept[key] = tabulate(both_sides, cell=cell, everywhere=scene.bilateral)
-    return LutProjection(kept[key], curve_of(exact), resolution=max(cell, exact.resolution), exact=exact)
+        return tabulate(both_sides, cell=cell, everywhere=scene.bilateral)
 
-
-_KEPT: WeakKeyDictionary[Model, dict[object, Table]] = WeakKeyDictionary()
+    exact = project(scene, representation, **settings)
+    key = (project, representation, cell, scene.bilateral, *sorted(settings.items()))
+    table = once(scene.model, key, make)
+    return LutProjection(table, curve_of(exact), resolution=max(cell, exact.resolution), exact=exact)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hapticeval.reports.canvas import MM, drawn, figure, page_svg
-from hapticeval.study.bench.document import BenchResults
+from hapticeval.study.bench.document import BenchResults, Kind, SettingEntry
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,80 +23,92 @@ LIMITS = ((1000.0, "1 ms tick"), (10.0, "10 µs"))
 EXACT = 1e-5
 """Error (mm) at which exact settings, and those closer to it than that, are drawn."""
 
-TITLES = {"step": "one step at a time, from Python", "batch": "a whole trajectory at once"}
+TITLES: Mapping[Kind, str] = {"step": "one step at a time, from Python", "batch": "a whole trajectory at once"}
+
+
+Placed = list[tuple[SettingEntry, tuple[float, float]]]
+"""Settings, each with its time (us) and its error (mm)."""
 
 
 def bench_plots(bench: BenchResults) -> list[tuple[str, str]]:
-    """Return the plots of a bench, each with its title; none where nothing has been measured."""
-    if not any(each["claims"] and each["step"] for each in bench.settings):
-        return []
-    return [(title, bench_svg(bench, kind, prefix=f"b{kind}")) for kind, title in TITLES.items()]
+    """Return the plots of a bench as SVG elements for a page, each with its title; none where nothing is measured."""
+    plots = []
+    for kind, title in TITLES.items():
+        placed = {model: _placed(settings, kind) for model, settings in bench.by_model().items()}
+        if any(placed.values()):
+            plots.append((title, _svg({model: each for model, each in placed.items() if each}, kind)))
+    return plots
 
 
-def bench_svg(bench: BenchResults, kind: str, *, prefix: str) -> str:
-    """Draw one panel per model, as an SVG element for a page; `kind` is `step` or `batch`."""
-    models = list(dict.fromkeys(each["model"] for each in bench.settings))
-    names = list(dict.fromkeys(each["renderer"] for each in bench.settings if each["claims"] and each[kind]))
-    rows = (len(names) + 3) // 4
-    title = f"Work-precision plot, {TITLES[kind]}: IHIP error against time a step"
-    with figure(10.0, 4.6 + 0.2 * rows, page=True) as made:
-        low = (0.62 + 0.2 * rows) / (4.6 + 0.2 * rows)
-        width = 0.93 / max(len(models), 1)
-        panels = [made.add_axes((0.065 + k * width, low, width - 0.055, 0.93 - low)) for k in range(len(models))]
-        for axes, model in zip(panels, models, strict=True):
-            _draw_panel(axes, [each for each in bench.settings if each["model"] == model], kind, names)
-            axes.set_title(model)
-        if panels:
-            panels[0].set_ylabel("IHIP error, 99 % (mm)")
-            handles: dict[str, Any] = {}
-            for axes in panels:
-                drawings, labels = axes.get_legend_handles_labels()
-                handles = {**dict(zip(labels, drawings, strict=True)), **handles}
-            made.legend(
-                handles.values(), handles.keys(), loc="lower center", ncols=4, frameon=False, fontsize=8,
-                handlelength=1.2, columnspacing=1.6,
-            )  # fmt: skip
-        return page_svg(made, prefix=prefix, title=title)
+def _placed(settings: Sequence[SettingEntry], kind: Kind) -> Placed:
+    """Those that have both a time of that kind and a proven error."""
+    return [
+        (each, (US * times.median, max(MM * each.claims["ihip"]["p99"], EXACT)))
+        for each in settings
+        if each.claims and (times := each.times(kind))
+    ]
 
 
-def _draw_panel(axes: Axes, entries: Sequence[Mapping[str, Any]], kind: str, names: Sequence[str]) -> None:
-    shown = [each for each in entries if each["claims"] and each[kind]]
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlabel("time a step, median (µs)")
-    axes.grid(True, which="major", linewidth=0.5)
-    axes.set_axisbelow(True)
-    for name in dict.fromkeys(each["renderer"] for each in shown):
+def _svg(models: Mapping[str, Placed], kind: Kind) -> str:
+    """One panel per model."""
+    names = list(dict.fromkeys(each.renderer for placed in models.values() for each, _ in placed))
+    below = 0.2 * ((len(names) + 3) // 4)
+    with figure(10.0, 4.6 + below, page=True) as made:
+        low = (0.62 + below) / (4.6 + below)
+        width = 0.93 / len(models)
+        handles: dict[str, Any] = {}
+        for k, (model, placed) in enumerate(models.items()):
+            axes = made.add_axes((0.065 + k * width, low, width - 0.055, 0.93 - low))
+            _draw_panel(axes, placed, kind, names)
+            axes.set_title(model, loc="left")
+            if k == 0:
+                axes.set_ylabel("IHIP error, 99 % (mm)")
+            drawings, labels = axes.get_legend_handles_labels()
+            handles |= {label: each for label, each in zip(labels, drawings, strict=True) if label not in handles}
+        made.legend(
+            handles.values(), handles.keys(), loc="lower center", ncols=4, fontsize=8, handlelength=1.2,
+            columnspacing=1.6,
+        )  # fmt: skip
+        title = f"Work-precision plot, {TITLES[kind]}: IHIP error against time a step"
+        return page_svg(made, prefix=f"b{kind}", title=title)
+
+
+def _draw_panel(axes: Axes, placed: Placed, kind: Kind, names: Sequence[str]) -> None:
+    axes.set(xscale="log", yscale="log", xlabel="time a step, median (µs)")
+    axes.grid(True, which="major")
+    wanted = [(each, at) for each, at in placed if kind in each.front]
+    if wanted:  # steps from each setting on the front to the next: what is reachable lies above and to the right
+        front = sorted(at for _, at in wanted)
+        label = "Pareto front"
+        axes.step(*zip(*front, strict=True), where="post", color=drawn("ink"), linewidth=1.4, zorder=1.8, label=label)
+    for name in dict.fromkeys(each.renderer for each, _ in placed):
         colour, marker = _look(name, names)
-        held = [each for each in shown if each["renderer"] == name]
-        places = [_place(each, kind) for each in held]
-        axes.plot(*zip(*places, strict=True), color=colour, linewidth=0.7, alpha=0.6)
-        for proven in (True, False):
-            label = name if proven or not any(each["proven"] for each in held) else None
-            some = [at for each, at in zip(held, places, strict=True) if bool(each["proven"]) is proven]
+        held = [(each, at) for each, at in placed if each.renderer == name]
+        wanted += [held[0], held[-1]]
+        axes.plot(*zip(*(at for _, at in held), strict=True), color=colour, linewidth=0.7, alpha=0.6)
+        label = name
+        for proven, fill in ((True, colour), (False, "none")):
+            some = [at for each, at in held if bool(each.proven) is proven]
             if some:
                 axes.plot(
                     *zip(*some, strict=True), linestyle="none", marker=marker, markersize=6, color=colour,
-                    markerfacecolor=colour if proven else "none", label=label,
+                    markerfacecolor=fill, label=label,
                 )  # fmt: skip
-    _draw_front(axes, [_place(each, kind) for each in shown if kind in each["front"]])
-    _limit(axes, shown, kind)
-    _draw_labels(axes, shown, kind)
+                label = "_"  # of a name the legend shows one mark
+    _limit(axes, placed)
+    _name(axes, wanted)
     axes.axhline(GOOD_ENOUGH, color=drawn("mark"), linewidth=1.0, zorder=1.5)
-    axes.annotate("0.1 mm", (1.0, GOOD_ENOUGH), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=7)
+    small: dict[str, Any] = {"fontsize": 7}
+    axes.annotate("0.1 mm", (1.0, GOOD_ENOUGH), xycoords=("axes fraction", "data"), ha="right", va="bottom", **small)
+    low, high = axes.get_xlim()
     for at, text in LIMITS:
-        low, high = axes.get_xlim()
         if low < at < high:
             axes.axvline(at, color=drawn("quiet"), linewidth=0.9, linestyle=(0, (4, 2)), zorder=1.5)
-            axes.annotate(
-                text, (at, 1.0), xycoords=("data", "axes fraction"), xytext=(3, -2), textcoords="offset points",
-                va="top", fontsize=7,
-            )  # fmt: skip
+            where: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
+            axes.annotate(text, (at, 1.0), xytext=(3, -2), va="top", **where, **small)
         elif at >= high:
-            axes.annotate(
-                f"{text} lies {at / high:.2g} times further right →", (1.0, 1.01), xycoords="axes fraction",
-                ha="right", va="bottom", fontsize=7,
-            )  # fmt: skip
+            words = f"{text} lies {at / high:.2g} times further right →"
+            axes.annotate(words, (1.0, 1.01), xycoords="axes fraction", ha="right", va="bottom", **small)
 
 
 def _look(name: str, names: Sequence[str]) -> tuple[str, str]:
@@ -107,29 +119,15 @@ def _look(name: str, names: Sequence[str]) -> tuple[str, str]:
     return drawn(ROLES[bases.index(base) % len(ROLES)]), MARKERS[kinds.index(kind) % len(MARKERS)]
 
 
-def _place(entry: Mapping[str, Any], kind: str) -> tuple[float, float]:
-    """Time (us) and error (mm) of a setting."""
-    return US * entry[kind]["median"], max(MM * entry["claims"]["ihip"]["p99"], EXACT)
-
-
-def _draw_front(axes: Axes, places: Sequence[tuple[float, float]]) -> None:
-    """Steps from each setting on the front to the next: what is reachable lies above and to the right."""
-    if not places:
-        return
-    times, errors = zip(*sorted(places), strict=True)
-    axes.step(times, errors, where="post", color=drawn("ink"), linewidth=1.4, zorder=1.8, label="Pareto front")
-
-
-def _limit(axes: Axes, shown: Sequence[Mapping[str, Any]], kind: str) -> None:
-    places = [_place(each, kind) for each in shown]
-    times, errors = [at for at, _ in places], [error for _, error in places]
-    low, high = min([*times, 8.0]), max([*times, 12.0])
+def _limit(axes: Axes, placed: Placed) -> None:
+    times, errors = zip(*(at for _, at in placed), strict=True)
+    low, high = min(*times, 8.0), max(*times, 12.0)
     axes.set_xlim(low / 1.35, high * 1.6)
     ticks = [m * 10.0**k for k in range(-3, 6) for m in ((1, 2, 5) if high / low < 100.0 else (1,))]
     axes.set_xticks([at for at in ticks if low / 1.35 <= at <= high * 1.6])
     axes.set_xticks([], minor=True)
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.set_ylim(min(errors) / 2.0, max([*errors, 0.2]) * 3.0)
+    axes.set_ylim(min(errors) / 2.0, max(*errors, 0.2) * 3.0)
     if min(errors) <= EXACT:
         axes.axhspan(EXACT / 2.0, EXACT * 2.0, color=drawn("grid"), alpha=0.6, zorder=0.1)
         axes.annotate(
@@ -138,19 +136,12 @@ def _limit(axes: Axes, shown: Sequence[Mapping[str, Any]], kind: str) -> None:
         )  # fmt: skip
 
 
-def _draw_labels(axes: Axes, shown: Sequence[Mapping[str, Any]], kind: str) -> None:
-    """The settings on the front, and the coarsest and finest of each line, where there is room for them."""
-    ends = []
-    for name in dict.fromkeys(each["renderer"] for each in shown):
-        held = [each for each in shown if each["renderer"] == name]
-        ends += [held[0], held[-1]]
-    wanted = [each for each in shown if kind in each["front"]] + ends
+def _name(axes: Axes, wanted: Placed) -> None:
+    """Write the settings beside their marks, where there is room for them."""
     taken: list[tuple[float, float]] = []
-    for each in wanted:
-        text = str(each["label"]).removeprefix(str(each["renderer"])).strip()
-        place = _place(each, kind)
+    for each, place in wanted:
+        text = each.label.removeprefix(each.renderer).strip()
         x, y = axes.transData.transform(place)
-        if not text or any(abs(x - a) < 42.0 and abs(y - b) < 9.0 for a, b in taken):
-            continue
-        taken.append((x, y))
-        axes.annotate(text, place, xytext=(5, 3), textcoords="offset points", fontsize=6.5, zorder=6)
+        if text and not any(abs(x - a) < 42.0 and abs(y - b) < 9.0 for a, b in taken):
+            taken.append((x, y))
+            axes.annotate(text, place, xytext=(5, 3), textcoords="offset points", fontsize=6.5, zorder=6)

@@ -100,7 +100,6 @@ STYLE: Mapping[str, Any] = {
     "grid.linewidth": 0.5,
     "legend.fontsize": 7.5,
     "legend.frameon": False,
-    "legend.borderaxespad": 0.0,
     "lines.linewidth": 1.1,
     "axes.unicode_minus": True,
 }
@@ -210,7 +209,11 @@ def legend_above(axes: Axes, *beside: Axes, **options: Any) -> None:
     for other in beside:
         more = other.get_legend_handles_labels()
         handles, labels = handles + more[0], labels + more[1]
-    axes.legend(handles, labels, **{"loc": "lower right", "bbox_to_anchor": (1.0, 0.97), "ncols": 4, **options})
+    axes.legend(
+        handles,
+        labels,
+        **{"loc": "lower right", "bbox_to_anchor": (1.0, 0.97), "ncols": 4, "borderaxespad": 0.0, **options},
+    )
 
 
 def inlined(svg: str, *, prefix: str, title: str) -> str:

@@ -70,7 +70,7 @@ def comparison_svg(runs: Mapping[str, Recording], model: Model, *, prefix: str, 
             axes.grid(True)
             axes.set_xlim(0.0, max(float(each.time[-1]) for each in runs.values()))
         handles, names = off.get_legend_handles_labels()
-        made.legend(handles, names, loc="upper center", ncols=min(4, len(names)), handlelength=2.6, borderaxespad=0.5)
+        made.legend(handles, names, loc="upper center", ncols=min(4, len(names)), handlelength=2.6)
         return page_svg(made, prefix=prefix, title=title)
 
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hapticeval.files import file_stem
-from hapticeval.reports.canvas import INK, QUIET, figure, save_figure
-from hapticeval.reports.fields_figure import COLOURS
+from hapticeval.reports.canvas import INK, PALETTE, QUIET, figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,85 +19,67 @@ SERIES = ("#56b4e9", "#0072b2", "#1c1f23", "#d55e00")
 
 
 def write_limits(directory: Path, document: Mapping[str, Any]) -> list[Path]:
-    """Draw the document of `study_limits` into `directory` as SVG and PNG, with the numbers as JSON; the
-    paths written. Raises `HapticevalError` where a file cannot be written.
+    """Draw the document of `study_limits` into `directory` as SVG and PNG, with the numbers as JSON.
+
+    Return the paths written. Raises `HapticevalError` where a file cannot be written.
     """
     case = document["scene"].rpartition("/")[2]
-    panels = 3 if document["workspace"] else 2
-    with figure(4.6 * panels, 4.4, settings={"axes.edgecolor": QUIET}, layout="constrained") as made:
-        axes = made.subplots(1, panels)
-        _width(axes[0], document)
-        _delay(axes[1], document)
-        if document["workspace"]:
-            _workspace(axes[2], document)
-        made.suptitle(
-            f"Stable stiffness: {document['scene']}, {document['renderer']} on {document['device']}",
-            fontsize=11, color=INK,
-        )  # fmt: skip
+    panels = [_width, _delay, *([_workspace] if document["workspace"] else [])]
+    with figure(4.6 * len(panels), 4.4, settings={"axes.edgecolor": QUIET}, layout="constrained") as made:
+        for axes, draw in zip(made.subplots(1, len(panels)), panels, strict=True):
+            draw(axes, document)
+            axes.legend(fontsize=8, loc="upper right" if draw is _workspace else "best")
+        title = f"Stable stiffness: {document['scene']}, {document['renderer']} on {document['device']}"
+        made.suptitle(title, fontsize=11, color=INK)
         return save_figure(made, directory, file_stem(f"limits-{case}-{document['device']}"), document=document)
 
 
 def _width(axes: Axes, document: Mapping[str, Any]) -> None:
     """K over B for several T: stable below the solid line, passive below the dashed one."""
+    passive: dict[str, Any] = {"linestyle": "--", "linewidth": 1.0}
     for colour, curve in zip(SERIES, document["width"], strict=True):
         label = f"T = {1e3 * curve['sampling_time']:.3g} ms"
         axes.plot(curve["damping"], _kilo(curve["eigenvalues"]), color=colour, label=label)
-        axes.plot(curve["damping"], _kilo(curve["passive"]), color=colour, linestyle="--", linewidth=1.0)
+        axes.plot(curve["damping"], _kilo(curve["passive"]), color=colour, **passive)
     if document["passive"] is not None:
-        axes.plot([], [], color=QUIET, linestyle="--", linewidth=1.0, label="passive (2.40)")
-    axes.plot(
-        [document["damping"]],
-        [1e-3 * document["stiffness"]],
-        "o",
-        color=COLOURS["jump"],
-        label="the scene",
-        zorder=5,
-        clip_on=False,
-    )
+        axes.plot([], [], color=QUIET, label="passive (2.40)", **passive)
+    place = [document["damping"]], [1e-3 * document["stiffness"]]
+    axes.plot(*place, "o", color=PALETTE["jump"], label="the scene", zorder=5, clip_on=False)
     axes.set_yscale("symlog", linthresh=0.1)
     axes.set_ylim(bottom=0.0)
     axes.set_xscale("symlog", linthresh=document["width"][-1]["damping"][1])
     axes.set_xlim(left=0.0)
     axes.set_xticks([0.0, *(10.0**power for power in range(-2, 4))])
     axes.set(xlabel="damping B (N s/m)", ylabel="stiffness K (kN/m)", title="Z-width: stable below the line")
-    axes.legend(frameon=False, fontsize=8)
 
 
 def _delay(axes: Axes, document: Mapping[str, Any]) -> None:
+    """K over the delay. Wide under narrow and broken, and not clipped: where both are zero they lie on the axis."""
     curve = document["delay"]
-    # Wide under narrow and broken, and not clipped: where both are zero they lie on each other and on the axis.
-    axes.plot(
-        1e3 * np.array(curve["delay"]), _kilo(curve["eigenvalues"]), color=SERIES[0], linewidth=3.5,
-        label="eigenvalues", clip_on=False,
-    )  # fmt: skip
-    axes.axhline(1e-3 * document["stiffness"], color=COLOURS["jump"], linewidth=1.0, linestyle="-.", label="the scene")
+    delay, limit = 1e3 * np.array(curve["delay"]), _kilo(curve["eigenvalues"])
+    axes.plot(delay, limit, color=SERIES[0], linewidth=3.5, label="eigenvalues", clip_on=False)
+    axes.axhline(1e-3 * document["stiffness"], color=PALETTE["jump"], linewidth=1.0, linestyle="-.", label="the scene")
     if document["passive"] is not None:
-        axes.plot(
-            1e3 * np.array(curve["delay"]), _kilo(curve["passive"]), color=SERIES[2], linestyle="--",
-            linewidth=1.2, label="passive (2.40)", clip_on=False,
-        )  # fmt: skip
+        style: dict[str, Any] = {"color": SERIES[2], "linestyle": "--", "linewidth": 1.2}
+        axes.plot(delay, _kilo(curve["passive"]), label="passive (2.40)", clip_on=False, **style)
     if not any(value is None or value > 0.0 for value in curve["eigenvalues"]):
         axes.text(0.5, 0.5, "no stiffness is stable at any delay", transform=axes.transAxes, ha="center", fontsize=9)
     axes.set_ylim(bottom=0.0)
     axes.set_xlim(left=0.0)
     axes.set(xlabel="computation delay (ms)", ylabel="stiffness K (kN/m)", title="Delay")
-    axes.legend(frameon=False, fontsize=8)
 
 
 def _workspace(axes: Axes, document: Mapping[str, Any]) -> None:
     """The limit at each pose, at a wall that faces the worst direction there."""
     found = document["workspace"]
-    limits = np.array([[np.nan if value is None else value for value in row] for row in found["eigenvalues"]])
     first, second = (1e3 * np.array(found[name]) for name in ("first", "second"))
-    mesh = axes.pcolormesh(first, second, 1e-3 * limits, cmap="cividis", shading="nearest", rasterized=True)
-    bar = axes.figure.colorbar(mesh, ax=axes, shrink=0.85)
-    bar.set_label("stiffness K (kN/m)")
+    limits = np.array([_kilo(row) for row in found["eigenvalues"]])
+    mesh = axes.pcolormesh(first, second, limits, cmap="cividis", shading="nearest", rasterized=True)
+    axes.figure.colorbar(mesh, ax=axes, shrink=0.85, label="stiffness K (kN/m)")
     point = 1e3 * np.array(document["point"])
-    axes.plot([point[0]], [point[-1]], "o", color=COLOURS["jump"], label="the place", zorder=5)
-    axes.set_aspect("equal")
-    names = [f"y{'₀₁₂₃'[int(name[1:])]}" for name in found["axes"]]
-    axes.set(xlabel=f"{names[0]} (mm)", ylabel=f"{names[1]} (mm)", title="Workspace, worst wall direction")
-    axes.legend(frameon=False, fontsize=8, loc="upper right")
+    axes.plot([point[0]], [point[-1]], "o", color=PALETTE["jump"], label="the place", zorder=5)
+    names = [f"y{'₀₁₂₃'[int(name[1:])]} (mm)" for name in found["axes"]]
+    axes.set(xlabel=names[0], ylabel=names[1], title="Workspace, worst wall direction", aspect="equal")
 
 
 def _kilo(values: Sequence[float | None]) -> list[float]:

@@ -91,7 +91,7 @@ def render_html(
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
-    from hapticeval.closed_forms.form import CLOSED_FORMS as FORMS
+    from hapticeval.closed_forms import CLOSED_FORMS as FORMS
     from hapticeval.phenomena.registry import CHECKS
 
     files = resources.files("hapticeval.reports")

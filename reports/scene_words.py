@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Iterator, Mapping
-from typing import Any
 
+from hapticeval.devices.point_mass import PointMass
+from hapticeval.effects.catalogue import make_effect
 from hapticeval.quantity import quantity
-from hapticeval.runner.results import RunEntry
+from hapticeval.runner.results import RunEntry, SceneEntry
 
-GAINS = {"stiffness": "N/m", "damping": "N s/m", "mass": "kg", "restitution": "", "viscosity": "kg/s"}
+GAINS = {"stiffness": "N/m", "damping": "N s/m", "mass": "kg", "restitution": ""}
 LOOPS = {
     "static": "static inner loop, torques Jᵀ F (2.8)",
     "compensated": "inner loop with dynamic compensation (2.11)",
@@ -23,6 +22,7 @@ def scene_words(run: RunEntry) -> str:
     """The scene of a run document in one line, every number with its unit."""
     scene = run.scene
     words = [f"{name} {quantity(getattr(scene, name), unit)}" for name, unit in GAINS.items() if getattr(scene, name)]
+    words += _effects(scene, of_surface=True)
     if scene.sampling_time:
         words.append(f"{1.0 / scene.sampling_time:.4g} Hz")
     return ", ".join([*words, "bilateral" if scene.bilateral else "unilateral"])
@@ -41,33 +41,15 @@ def robot_words(run: RunEntry) -> str:
         words += [dynamics.get(device.dynamics or "", device.dynamics or ""), f"d₀ with {device.base_inertia}² x₃"]
     if device.kind != "point-mass" and scene.inner_loop is not None:
         words.append(LOOPS[scene.inner_loop])
-    wrong = list(_imperfections(scene.imperfections or {}, turning=device.kind != "point-mass"))
+    wrong = _effects(scene, of_surface=False)
     return f"{', '.join(words)}; {', '.join(wrong) if wrong else 'no imperfections'}"
 
 
-def _imperfections(given: Mapping[str, Any], *, turning: bool) -> Iterator[str]:
-    torque, angle = ("N m", "rad") if turning else ("N", "m")
-    step = given.get("encoder_step")
-    if step:
-        counts = f" ({2.0 * math.pi / step:,.0f} counts a turn)" if turning else ""
-        yield f"encoders of {quantity(step, angle)} a count{counts}"
-    if given.get("velocity_cutoff"):
-        yield f"velocity from differences, low-passed at {quantity(given['velocity_cutoff'], 'Hz')}"
-    if given.get("delay"):
-        yield f"torques {quantity(1e3 * given['delay'], 'ms')} late"
-    if given.get("torque_limit"):
-        yield f"motors saturate at {quantity(given['torque_limit'], torque)}"
-    if given.get("friction"):
-        yield f"Coulomb friction of {quantity(given['friction'], torque)} in each joint"
-    sensor = given.get("force_sensor")
-    if sensor is not None:
-        of = [f"{word} {quantity(sensor[name], 'N')}" for name, word in _SENSOR.items() if sensor.get(name)]
-        if sensor.get("cutoff"):
-            of.append(f"low-passed at {quantity(sensor['cutoff'], 'Hz')}")
-        yield "force sensor" + (f" ({', '.join(of)})" if of else ", ideal")
-
-
-_SENSOR = {"step": "quantum", "noise": "noise"}
+def _effects(scene: SceneEntry, *, of_surface: bool) -> list[str]:
+    """Describe each effect that the scene calls for, of the surface or of the robot."""
+    turning = scene.device is not None and scene.device.kind != PointMass.name
+    found = (make_effect(each) for each in scene.effects)
+    return [each.describe(turning=turning) for each in found if (each.stage is None) == of_surface]
 
 
 def ended_words(run: RunEntry) -> str:

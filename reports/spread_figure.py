@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hapticeval.errors import HapticevalError
-from hapticeval.files import plain, replacing, without_non_finite
+from hapticeval.files import plain, without_non_finite
 from hapticeval.recordings.compare.align import COLUMNS, Aligned
 from hapticeval.recordings.compare.spread import Band, Comparison
+from hapticeval.reports.canvas import QUIET, figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLOURS = ("#0067b1", "#c4501b", "#2f7d32", "#7b3f99", "#8a6d00", "#00757a")
-INK, QUIET = "#1d2329", "#9aa2aa"
 SCALE = {"rad": (180.0 / math.pi, "degrees"), "m": (1e3, "mm"), "N": (1.0, "N")}
 TITLES = {
     "direction": "direction of the force",
@@ -29,176 +27,123 @@ TITLES = {
     "depth": "distance of IHIP and HIP",
 }
 ALONG = {"angle": "polar angle of the HIP", "arc": "arc length along the model"}
-SETTINGS: Mapping[str, Any] = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "hapticeval",
-    "font.size": 8.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.6,
-    "axes.edgecolor": QUIET,
-    "axes.titlesize": 9.0,
-    "axes.titlelocation": "left",
-    "legend.fontsize": 8.0,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "xtick.color": QUIET,
-    "ytick.color": QUIET,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "grid.color": "#e4e7ea",
-}
+WAYS = {1: "forward", -1: "backward"}
+SETTINGS = {"axes.edgecolor": QUIET, "xtick.color": QUIET, "ytick.color": QUIET, "grid.color": "#e4e7ea"} | {
+    "axes.titlesize": 9.0, "axes.titlelocation": "left", "xtick.labelcolor": "black", "ytick.labelcolor": "black",
+}  # fmt: skip
 
 
 def write_spread(
     directory: Path, aligned: Aligned, bands: Sequence[Band], comparisons: Sequence[Comparison]
 ) -> list[Path]:
-    """Write comparison.svg, .png, .md and .json into `directory`; the paths written.
+    """Write comparison.svg, .png, .md and .json into `directory`; return the paths written.
 
     Raises `HapticevalError` where a file cannot be written.
     """
-    paths = [directory / f"comparison.{suffix}" for suffix in ("svg", "png", "md", "json")]
-    texts = table(aligned, comparisons) + "\n", json.dumps(_document(aligned, bands, comparisons), indent=1) + "\n"
-    try:
-        _write_figure(paths[:2], aligned, bands)
-        for path, text in zip(paths[2:], texts, strict=True):
-            with replacing(path) as temporary:
-                temporary.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
-    return paths
-
-
-def _write_figure(paths: Sequence[Path], aligned: Aligned, bands: Sequence[Band]) -> None:
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     columns = [name for name in TITLES if any(band.column == name for band in bands)]
-    settings: Any = dict(SETTINGS)
-    with rc_context(settings):
-        rows = (len(columns) + 1) // 2
-        figure = Figure(figsize=(9.0, 0.9 + 2.6 * rows), facecolor="white")
-        FigureCanvasAgg(figure)
-        axes = figure.subplots(rows, 2, squeeze=False)
-        for place, column in zip(axes.flat, columns, strict=False):
-            _draw(place, aligned, [band for band in bands if band.column == column], column)
-        for place in list(axes.flat)[len(columns) :]:
-            place.set_visible(False)
-        handles, labels = axes.flat[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="upper left", ncols=3, frameon=False)
-        figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 0.35 / (0.9 + 2.6 * rows)))
-        for path in paths:
-            with replacing(path) as temporary:
-                vector = path.suffix == ".svg"
-                figure.savefig(temporary, format=path.suffix[1:], dpi=160, metadata={"Date": None} if vector else None)
+    rows = (len(columns) + 1) // 2
+    height = 0.9 + 2.6 * rows
+    with figure(9.0, height, settings=SETTINGS) as made:
+        panels = list(made.subplots(rows, 2, squeeze=False).flat)
+        for axes, column in zip(panels, columns, strict=False):
+            _draw(axes, aligned, [band for band in bands if band.column == column])
+        for axes in panels[len(columns) :]:
+            axes.set_visible(False)
+        made.legend(*panels[0].get_legend_handles_labels(), loc="upper left", ncols=3)
+        made.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 0.35 / height))
+        document = _document(aligned, bands, comparisons)
+        return save_figure(made, directory, "comparison", text=table(aligned, comparisons), document=document)
 
 
-def _draw(axes: Axes, aligned: Aligned, bands: Sequence[Band], column: str) -> None:
-    scale, unit = SCALE.get(COLUMNS[column][0], (1.0, COLUMNS[column][0]))
-    across, along = SCALE.get(aligned.unit, (1.0, aligned.unit))
+def _draw(axes: Axes, aligned: Aligned, bands: Sequence[Band]) -> None:
+    column = bands[0].column
+    scale, unit = _scaled(COLUMNS[column][0])
+    across, along = _scaled(aligned.unit)
     names = list(dict.fromkeys(band.renderer for band in bands))
     ways = len({band.direction for band in bands}) > 1
     for band in bands:
         order = names.index(band.renderer)
         colour = COLOURS[order % len(COLOURS)]
         width = 0.9 + 1.1 * (len(names) - 1 - order) / max(len(names) - 1, 1)  # curves that coincide are all seen
-        seen = band.count > 0
-        label = band.renderer + (f", {'forward' if band.direction > 0 else 'backward'}" if ways else "")
-        label += f" ({int(band.count.max())} repeats)"
-        at = across * aligned.grid
+        label = f"{band.renderer}{f', {WAYS[band.direction]}' if ways else ''} ({int(band.count.max())} repeats)"
+        low, high, median = (
+            np.where(band.count > 0, scale * each, np.nan) for each in (band.low, band.high, band.median)
+        )
+        axes.fill_between(across * aligned.grid, low, high, color=colour, alpha=0.18, linewidth=0.0)
+        style = "-" if band.direction > 0 else "--"
+        axes.plot(across * aligned.grid, median, color=colour, linewidth=width, label=label, linestyle=style)
+    axes.set(title=TITLES[column], xlabel=f"{ALONG.get(aligned.by, aligned.by)} ({along})", ylabel=unit)
+    axes.grid(True)
 
-        def shown(values: Any, seen: Any = seen) -> Any:
-            return np.where(seen, scale * values, np.nan)
 
-        axes.fill_between(at, shown(band.low), shown(band.high), color=colour, alpha=0.18, linewidth=0.0)
-        axes.plot(
-            at, shown(band.median), color=colour, linewidth=width, label=label,
-            linestyle="-" if band.direction > 0 else "--",
-        )  # fmt: skip
-    axes.set_title(TITLES[column])
-    axes.set_xlabel(f"{ALONG.get(aligned.by, aligned.by)} ({along})")
-    axes.set_ylabel(unit)
-    axes.grid(True, linewidth=0.5)
-    axes.set_axisbelow(True)
+def _scaled(unit: str) -> tuple[float, str]:
+    """The factor to the unit that is shown, and that unit."""
+    return SCALE.get(unit, (1.0, unit))
 
 
 def table(aligned: Aligned, comparisons: Sequence[Comparison]) -> str:
-    """How renderers differ, and every pass that was aligned, as markdown."""
-    return "\n".join([*_statements(aligned, comparisons), "", *_passes(aligned)])
+    """Describe how renderers differ, and every pass that was aligned, as markdown."""
+    head = ("renderer", "run", "direction", "lap", "from (s)", "to (s)", "coverage")
+    rows = []
+    for each in aligned.passes:
+        run = aligned.runs[each.run]
+        when = (f"{each.start:.4g}", f"{each.end:.4g}", f"{100.0 * each.coverage:.3g} %")
+        rows.append((run.renderer, run.label, WAYS[each.direction], str(each.lap + 1), *when))
+    return _markdown(aligned, comparisons, head, rows)
 
 
 def summary(aligned: Aligned, comparisons: Sequence[Comparison]) -> str:
-    """How renderers differ, and a row for each run, as markdown."""
-    return "\n".join([*_statements(aligned, comparisons), "", *_runs(aligned)])
-
-
-def _runs(aligned: Aligned) -> Iterator[str]:
-    """Of each run how many passes it makes, and what share of the way they cover together, forward and backward."""
-    yield "| renderer | run | covered forward | covered backward |"
-    yield "|---|---|---|---|"
+    """Describe how renderers differ, and for each run what share of the way its passes cover, as markdown."""
+    rows = []
     for number, run in enumerate(aligned.runs):
         cells = []
-        for direction in (1, -1):
+        for direction in WAYS:
             own = [each.mask for each in aligned.passes if each.run == number and each.direction == direction]
             share = f"{100.0 * float(np.mean(np.any(own, axis=0))):.3g} %" if own else ""
             cells.append(f"{share} in {len(own)} passes" if len(own) > 1 else share)
-        yield f"| {run.renderer} | {run.label} | {cells[0]} | {cells[1]} |"
+        rows.append((run.renderer, run.label, *cells))
+    return _markdown(aligned, comparisons, ("renderer", "run", "covered forward", "covered backward"), rows)
 
 
-def _passes(aligned: Aligned) -> Iterator[str]:
-    yield "| renderer | run | direction | lap | from (s) | to (s) | coverage |"
-    yield "|---|---|---|---|---|---|---|"
-    for each in aligned.passes:
-        run = aligned.runs[each.run]
-        way = "forward" if each.direction > 0 else "backward"
-        yield (
-            f"| {run.renderer} | {run.label} | {way} | {each.lap + 1} | {each.start:.4g} | {each.end:.4g} | "
-            f"{100.0 * each.coverage:.3g} % |"
-        )
+def _markdown(
+    aligned: Aligned, comparisons: Sequence[Comparison], head: Sequence[str], rows: Sequence[Sequence[str]]
+) -> str:
+    said = list(_statements(aligned, comparisons)) or [
+        "Nothing is compared: that takes two renderers with repeats of each."
+    ]
+    first, *lines = (f"| {' | '.join(row)} |" for row in (head, *rows))
+    return "\n".join([*said, "", first, f"|{'---|' * len(head)}", *lines])
 
 
 def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator[str]:
-    if not comparisons:
-        yield "Nothing is compared: that takes two renderers with repeats of each."
-        return
-    across, along = SCALE.get(aligned.unit, (1.0, aligned.unit))
+    """One line for each two renderers, direction and column."""
+    across, along = _scaled(aligned.unit)
     for each in comparisons:
-        scale, unit = SCALE.get(COLUMNS[each.column][0], (1.0, COLUMNS[each.column][0]))
+        scale, unit = _scaled(COLUMNS[each.column][0])
         size = f"{scale * each.difference:.3g} {unit}"
         tested = f"p = {each.p:.2g}, {each.repeats[0]} and {each.repeats[1]} repeats ({each.basis})"
-        head = f"- {each.first} and {each.second}, {'forward' if each.direction > 0 else 'backward'}, "
-        head += f"{TITLES[each.column]}: "
+        spreads = f"which is {each.times:.3g} times the repeat spread of {scale * each.spread:.3g} {unit}"
+        if each.spread == 0.0:
+            spreads = "where repeats do not differ at all"
         if each.outcome == "too little in common":
-            yield f"{head}too little in common: {100.0 * each.common:.3g} % of the way"
+            said = f"too little in common: {100.0 * each.common:.3g} % of the way"
         elif each.outcome == "the same to rounding":
-            yield (
-                f"{head}the same to rounding: {scale * each.largest:.2g} {unit} apart at most, and no two repeats by "
+            said = (
+                f"the same to rounding: {scale * each.largest:.2g} {unit} apart at most, and no two repeats by "
                 f"more than {each.rounding:.2g} of what their numbers resolve; not tested"
             )
         elif each.outcome in ("differs", "the runs differ"):
-            whose = (
-                ""
-                if each.outcome == "differs"
-                else (". These are single runs: whether other runs of the same renderers would differ is not known")
-            )
-            yield (
-                f"{head}{each.outcome} by {size}, {_in_spreads(each, scale, unit)} ({tested}); "
-                f"most at {across * each.worst:.4g} {along}{whose}"
-            )
+            said = f"{each.outcome} by {size}, {spreads} ({tested}); most at {across * each.worst:.4g} {along}"
+            if each.outcome == "the runs differ":
+                said += ". These are single runs: whether other runs of the same renderers would differ is not known"
         elif each.outcome == "within the spread":
-            yield f"{head}within the spread: {size} apart, repeats {scale * each.spread:.3g} {unit} ({tested})"
+            said = f"within the spread: {size} apart, repeats {scale * each.spread:.3g} {unit} ({tested})"
         else:
-            yield (
-                f"{head}too few repeats to tell: {size} apart, {_in_spreads(each, scale, unit)}, "
+            said = (
+                f"too few repeats to tell: {size} apart, {spreads}, "
                 f"and these repeats cannot give a p below {each.least:.2g} ({tested}); {_needed(each)}"
             )
-
-
-def _in_spreads(each: Comparison, scale: float, unit: str) -> str:
-    if each.spread == 0.0:
-        return "where repeats do not differ at all"
-    return f"which is {each.times:.3g} times the repeat spread of {scale * each.spread:.3g} {unit}"
+        yield f"- {each.first} and {each.second}, {WAYS[each.direction]}, {TITLES[each.column]}: {said}"
 
 
 def _needed(each: Comparison) -> str:
@@ -215,22 +160,23 @@ def _needed(each: Comparison) -> str:
 
 
 def _document(aligned: Aligned, bands: Sequence[Band], comparisons: Sequence[Comparison]) -> Any:
+    passes = [
+        {
+            "renderer": aligned.runs[each.run].renderer,
+            "run": aligned.runs[each.run].label,
+            "direction": each.direction,
+            "lap": each.lap,
+            "start_s": each.start,
+            "end_s": each.end,
+            "coverage": each.coverage,
+        }
+        for each in aligned.passes
+    ]
     document = {
         "by": aligned.by,
         "unit": aligned.unit,
         "grid": aligned.grid,
-        "passes": [
-            {
-                "renderer": aligned.runs[each.run].renderer,
-                "run": aligned.runs[each.run].label,
-                "direction": each.direction,
-                "lap": each.lap,
-                "start_s": each.start,
-                "end_s": each.end,
-                "coverage": each.coverage,
-            }
-            for each in aligned.passes
-        ],
+        "passes": passes,
         "bands": [asdict(band) for band in bands],
         "comparisons": [{**asdict(each), "times": each.times, "outcome": each.outcome} for each in comparisons],
     }

@@ -11,11 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hapticeval.compiled import compiled, law_data
-from hapticeval.devices.imperfections import ENCODER_STEP, ForceSensor, Imperfections
 from hapticeval.devices.inner_loop import InnerLoop
-from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
+from hapticeval.devices.parallelogram import ENCODER_STEP, Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.discovery import resolve
+from hapticeval.effects.catalogue import read_effects
+from hapticeval.effects.delay import Delay
+from hapticeval.effects.encoder import Encoder
+from hapticeval.effects.force_sensor import ForceSensor
+from hapticeval.effects.joint_friction import JointFriction
+from hapticeval.effects.saturation import Saturation
+from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.errors import DomainError, InputError, RendererError
 from hapticeval.geometry.catalogue import circle, line, make_model
 from hapticeval.renderer import CompiledLaw, Response
@@ -167,7 +173,7 @@ def test_a_loop_far_from_the_origin_runs_as_one_at_it(effects):
     found = []
     for origin in (np.zeros(2), np.array([1e6, -1e6])):
         scene = Scene(model=make_model("polygon", vertices=(square + origin).tolist()), damping=5.0)
-        scene = replace(scene, imperfections=Imperfections(**effects))
+        scene = replace(scene, effects=read_effects({"imperfections": effects})[1])
         push = Experiment(
             0.2, origin + np.array([0.01, 0.0505]), np.array([0.05, -0.1]), np.zeros(1), np.array([[0.0, -1.0]])
         )
@@ -188,7 +194,9 @@ def test_a_loop_runs_away_at_a_million_model_sizes_wherever_it_is(origin, size, 
             return Response(hip, 1e9 * (hip - origin))
 
     vertices = origin + size * np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-    scene = Scene(model=make_model("polygon", vertices=vertices.tolist()), imperfections=Imperfections(**effects))
+    scene = Scene(
+        model=make_model("polygon", vertices=vertices.tolist()), effects=read_effects({"imperfections": effects})[1]
+    )
     push = Experiment(1.0, np.array([origin + 1e-3, origin]), np.zeros(2), np.zeros(1), np.zeros((1, 2)))
     with pytest.raises(RendererError, match="ran away") as caught:
         drive(Explosive(), push, scene, 1e-3)
@@ -240,14 +248,14 @@ class Spring:
 
 DEVICES = (PointMass(0.3), PointMass(0.3, 3), Parallelogram2(), Parallelogram3())
 EFFECTS = {
-    "none": Imperfections(),
-    "all": Imperfections(
-        encoder_step=ENCODER_STEP,
-        torque_limit=0.5,
-        delay=1.4e-3,
-        friction=0.02,
-        velocity_cutoff=80.0,
-        force_sensor=ForceSensor(step=0.01, noise=0.02, cutoff=300.0, seed=3),
+    "none": (),
+    "all": (
+        Encoder(ENCODER_STEP),
+        VelocityFilter(80.0),
+        Saturation(0.5),
+        Delay(1.4e-3),
+        JointFriction(0.02),
+        ForceSensor(step=0.01, noise=0.02, cutoff=300.0, seed=3),
     ),
 }
 
@@ -281,7 +289,7 @@ def same(one, other):
 )
 def test_a_compiled_law_gives_the_numbers_of_its_renderer_in_python(effects, hand, device, loop, stiffness, push):
     """To the last bit, in every channel; and the loop of the plain point mass is the same in either way."""
-    scene = Scene(model=line(), mass=1.0, device=device, inner_loop=loop, imperfections=EFFECTS[effects])
+    scene = Scene(model=line(), mass=1.0, device=device, inner_loop=loop, effects=EFFECTS[effects])
     pushed = trial(device.dimension, hand=hand, push=push)
     runs = [drive(Spring(law=law, stiffness=stiffness), pushed, scene, 1e-3) for law in (True, False)]
     same(*runs)

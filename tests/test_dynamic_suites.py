@@ -246,7 +246,7 @@ def test_results_say_what_robot_was_driven(tmp_path):
     run = read_results(tmp_path / "out").runs[0]
     assert run.scene.device == Robot(kind="parallelogram-2dof", dynamics="lagrangian", base_inertia="sin")
     assert run.scene.inner_loop == "linearised"
-    assert run.scene.imperfections == {"encoder_step": pytest.approx(2.0 * np.pi / 262144)}
+    assert run.scene.effects == [{"kind": "encoder", "step": pytest.approx(2.0 * np.pi / 262144)}]
     assert (run.ended, run.closed_form) == (None, None)
 
 

@@ -20,6 +20,7 @@ LAYERS = (
     {"documents"},
     {"files", "geometry", "knob", "quantity", "workers"},
     {"devices", "recordings"},
+    {"effects"},
     {"scene"},
     {"stimulus"},
     {"closed_forms", "renderer"},
@@ -36,7 +37,7 @@ LAYERS = (
 )
 """From the bottom up. A unit (a module or a subpackage) imports from lower layers, and from itself."""
 
-RENDERERS_MAY = set().union(*LAYERS[:8])
+RENDERERS_MAY = set().union(*LAYERS[: 1 + next(i for i, layer in enumerate(LAYERS) if "renderer" in layer)])
 """The reference renderers know geometry, devices and the protocol: all that a third party's may know."""
 
 RUNNING = {

@@ -15,13 +15,19 @@ import numpy as np
 import pytest
 
 from hapticeval.compiled import compiled, law_data
-from hapticeval.devices.imperfections import ENCODER_STEP, ForceSensor, Imperfections
 from hapticeval.devices.inner_loop import InnerLoop
-from hapticeval.devices.parallelogram import Dynamics, Parallelogram2, Parallelogram3
+from hapticeval.devices.parallelogram import ENCODER_STEP, Dynamics, Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.discovery import load, own_renderers, resolve
+from hapticeval.effects.delay import Delay
+from hapticeval.effects.encoder import Encoder
+from hapticeval.effects.force_sensor import ForceSensor
+from hapticeval.effects.joint_friction import JointFriction
+from hapticeval.effects.saturation import Saturation
+from hapticeval.effects.velocity_filter import VelocityFilter
+from hapticeval.effects.viscosity import Viscosity
 from hapticeval.geometry.catalogue import ellipse, ellipsoid, line, sphere, torus
-from hapticeval.renderer import Compiled, CompiledLaw
+from hapticeval.renderer import CompiledLaw, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import drive
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
@@ -29,14 +35,14 @@ from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 DT = 1e-3
 FRICTION, LIMIT = 0.02, 0.4
 EFFECTS = {
-    "ideal": Imperfections(),
-    "real": Imperfections(
-        encoder_step=ENCODER_STEP,
-        velocity_cutoff=80.0,
-        torque_limit=LIMIT,
-        delay=DT,
-        friction=FRICTION,
-        force_sensor=ForceSensor(step=0.01, noise=0.01, cutoff=200.0),
+    "ideal": (),
+    "real": (
+        Encoder(ENCODER_STEP),
+        VelocityFilter(80.0),
+        ForceSensor(step=0.01, noise=0.01, cutoff=200.0),
+        Saturation(LIMIT),
+        Delay(DT),
+        JointFriction(FRICTION),
     ),
 }
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)
@@ -88,7 +94,7 @@ def motors(recording, scene):
     """The motors' torque in each tick; of a point mass it is made of the renderer's force here."""
     if "joint_torque" in recording.channels:
         return recording.channels["joint_torque"]
-    torque, ideal = recording.force, scene.imperfections == Imperfections()
+    torque, ideal = recording.force, not any(each.stage for each in scene.effects)
     if scene.inner_loop is InnerLoop.LINEARISED:
         felt = np.zeros_like(torque) if ideal else recording.channels["measured_force"]
         torque = scene.robot.mass * (torque + felt) / scene.mass - felt
@@ -127,7 +133,7 @@ def balance(recording, trial, scene):
     joints = recording.channels.get("joint_position", recording.hip)
     rates = recording.channels.get("joint_velocity", recording.velocity)
     torque = motors(recording, scene)
-    friction = scene.imperfections.friction or 0.0
+    friction = FRICTION if scene.effect(JointFriction) else 0.0
     kinetic = np.array([0.5 * v @ device.inertia(q) @ v for q, v in zip(joints, rates, strict=True)])
     rows = []
     for k in range(len(recording) - 1):
@@ -163,7 +169,7 @@ def balance(recording, trial, scene):
     ids=lambda d: f"{d.name}{d.dimension}",
 )
 def test_energy_is_accounted_for(device, loop, effects, hand):
-    scene = Scene(model=line(), mass=1.0, device=device, inner_loop=loop, imperfections=EFFECTS[effects])
+    scene = Scene(model=line(), mass=1.0, device=device, inner_loop=loop, effects=EFFECTS[effects])
     trial = experiment(device.dimension, hand)
     recording = drive(Spring(300.0, 3.0), trial, scene, DT)
     assert "ended" not in recording.meta
@@ -239,13 +245,13 @@ def pressing(model, hand):
 @pytest.mark.parametrize(("name", "model", "device", "loop", "effects", "hand", "bilateral"), list(loops()))
 def test_energy_is_accounted_for_with_every_renderer(name, model, device, loop, effects, hand, bilateral):
     scene = Scene(
-        model=model, stiffness=300.0, damping=8.0, mass=0.3, bilateral=bilateral, viscosity=0.2, device=device,
-        inner_loop=loop, imperfections=EFFECTS[effects],
+        model=model, stiffness=300.0, damping=8.0, mass=0.3, bilateral=bilateral, device=device,
+        inner_loop=loop, effects=(Viscosity(0.2), *EFFECTS[effects]),
     )  # fmt: skip
     trial, renderer = pressing(model, hand), resolve(name)(scene)
     recording = drive(renderer, trial, scene, DT)
     assert "ended" not in recording.meta
-    if isinstance(renderer, Compiled) and renderer.law is not None:
+    if abilities_of(renderer).law is not None:
         asked = drive(Asked(renderer), trial, scene, DT)
         for channel in asked.channels:
             np.testing.assert_array_equal(recording.channels[channel], asked.channels[channel])
@@ -270,8 +276,8 @@ def test_the_list_has_every_device_inner_loop_and_effect_with_and_without_a_law(
         (effects, hand, bilateral) for effects in EFFECTS for hand in (False, True) for bilateral in (False, True)
     }
     with_law = {
-        isinstance(renderer, Compiled) and renderer.law is not None
-        for renderer in (resolve(name)(Scene(model=ellipse())) for name in ("constraint", "minimum-distance"))
+        abilities_of(renderer).law is not None
+        for renderer in (resolve(name)(Scene(model=ellipse())) for name in ("conformal", "minimum-distance"))
     }
     assert with_law == {False, True}
 

@@ -7,11 +7,11 @@ import pytest
 
 from hapticeval.errors import RefusalError, RendererError, described
 from hapticeval.geometry.catalogue import line
-from hapticeval.renderer import Declaration, Response
+from hapticeval.renderer import Declaration, Response, abilities_of
 from hapticeval.runner.judging import built
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import drive
-from hapticeval.simulation.playback import Closeup, ask, compare_batch, declared, lead, play
+from hapticeval.simulation.playback import Closeup, ask, compare_batch, lead, play
 from hapticeval.stimulus.stimulus import Experiment, Path
 
 PATH = Path(np.array([0.0, 1.0]), np.array([[0.0, 0.0], [0.1, 0.0]]))
@@ -328,4 +328,4 @@ def test_a_spring_that_is_none_is_refused():
     renderer = OwnBuffers()
     renderer.declares = Declaration(spring="sprung")
     with pytest.raises(RendererError, match="declares"):
-        declared(renderer)
+        abilities_of(renderer)

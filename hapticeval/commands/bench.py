@@ -58,7 +58,7 @@ def bench(
       hapticeval bench --within 0.1mm --budget 10us
       hapticeval bench --quick -o new --compare old
     """
-    from dataclasses import replace
+    from msgspec.structs import replace
 
     from hapticeval.quantity import parse_duration, parse_length
     from hapticeval.runner.folder import prepare
@@ -84,6 +84,6 @@ def bench(
         results = replace(results, comparison=compare_benches(results, samples, *before))
     written = write_bench(directory, results, samples)
     say(paragraphs(describe(results), wrote(written)))
-    missed = within is not None and any(each["what"] == "step" and each["key"] is None for each in results.answers)
-    worse = any(each["verdict"] == "worse" for each in results.comparison)
+    missed = within is not None and any(each.what == "step" and each.key is None for each in results.answers)
+    worse = any(each.verdict == "worse" for each in results.comparison)
     raise typer.Exit(max([int(missed or worse or not results.complete), *(each.exit_code for each in sweep.failures)]))

@@ -126,7 +126,7 @@ def flow(
     """
     from hapticeval.geometry.maps.flow import FlowSettings
     from hapticeval.geometry.maps.flow import flow as shrink
-    from hapticeval.reports.flow_figure import write_flow
+    from hapticeval.reports.fields_figure import write_flow
 
     shape = model_named(model)
     title = f"{velocity} flow of {model_title(model)}"

@@ -12,6 +12,7 @@ from hapticeval.discovery import known_renderers, resolve
 from hapticeval.errors import HapticevalError, UnknownNameError
 from hapticeval.geometry.catalogue import MODELS
 from hapticeval.phenomena.registry import CHECKS
+from hapticeval.renderer import choices_of
 from hapticeval.suite.installed import find_suites, suite_groups
 from hapticeval.suite.reading import load_suite
 
@@ -20,15 +21,15 @@ def renderers() -> Iterator[tuple[str, str]]:
     """Every renderer that is installed, and the suffixes that it takes; a broken one says why."""
     for name in known_renderers():
         try:
-            factory = resolve(name)
+            offered = choices_of(resolve(name))
         except HapticevalError as error:
             yield name, f"broken: {error.why}"
             continue
-        yield name, getattr(factory, "summary", None) or (factory.__doc__ or "").strip().partition("\n")[0]
+        yield name, offered.summary
         choices = [
             f"{sign}{choice}"
-            for sign, offer in (("+", "regulations"), ("@", "representations"))
-            for choice in getattr(factory, offer, ())
+            for sign, offer in (("+", offered.regulations), ("@", offered.representations))
+            for choice in offer or ()
         ]
         if choices:
             yield "", f"takes {' '.join(choices)}"

@@ -88,9 +88,8 @@ def record(
     from hapticeval.hardware.live import channels, run, signals, warm
     from hapticeval.hardware.wiring import CUTOFF
     from hapticeval.recordings.recorder import Recorder
-    from hapticeval.renderer import Renderer
+    from hapticeval.renderer import Renderer, abilities_of
     from hapticeval.runner.judging import built
-    from hapticeval.simulation.playback import declared
     from hapticeval.study.limits.search import too_stiff
 
     journal = output.with_suffix(".journal")
@@ -116,7 +115,7 @@ def record(
     if warning:
         typer.echo(f"warning: {warning}", err=True)
     cycles = max(1, round(seconds * rate))
-    meta = {**_meta(scene, wired, renderer, hardware=hardware, who=who), **declared(made)}
+    meta = {**_meta(scene, wired, renderer, hardware=hardware, who=who), **abilities_of(made).meta}
     failure: HapticevalError | None = None
     live: LiveRun | None = None
     recorder: Recorder | None = None
@@ -207,7 +206,7 @@ def _wiring(hardware: str, robot: str | None, file: Path | None) -> Wiring:
     still, deep in the model, and the force of that would go to the motors.
     """
     from hapticeval.devices.catalogue import device_named
-    from hapticeval.devices.imperfections import ENCODER_COUNTS
+    from hapticeval.devices.parallelogram import ENCODER_COUNTS
     from hapticeval.devices.point_mass import PointMass
     from hapticeval.hardware.wiring import Wiring, read_wiring
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.devices.device import Device, checked_joints
-from hapticeval.devices.imperfections import ENCODER_STEP
+from hapticeval.devices.parallelogram import ENCODER_STEP
 from hapticeval.devices.workspace import lattice
 from hapticeval.errors import InputError
 from hapticeval.types import Array

@@ -70,6 +70,10 @@ class Device(Protocol):
         """N."""
 
     @property
+    def turning(self) -> bool:
+        """Whether its joints turn: joints are then in rad and torques in N m, else in m and N."""
+
+    @property
     def parameters(self) -> Array:
         """What the kernels are given: (k,), writable."""
 

@@ -43,20 +43,15 @@ class InnerLoop(StrEnum):
 
         These are the numbers of a closed loop, from the same kernel.
         """
-        from hapticeval.compiled import DYNAMICS, KINEMATICS, first_class
-        from hapticeval.devices import dynamics_kernels as kernels
+        from hapticeval.devices.inner_loop_kernels import Inner, torque
+        from hapticeval.devices.motion_kernels import DRIFT, JACOBIAN, POSITION, VELOCITY, plant_of, scratch_of
 
-        size = device.dimension
-        parameters = device.parameters
-        vectors = [np.array(each, dtype=np.float64) for each in (joints, rates, force)]
+        q, rate, given = (np.array(each, dtype=np.float64) for each in (joints, rates, force))
         sensed = None if push is None else np.array(push, dtype=np.float64)
-        squares, rows, out = np.empty((3, size, size)), np.empty((5, size)), np.empty(size)
-        first_class(device.kernels.kinematics, KINEMATICS)(
-            parameters, vectors[0], vectors[1], rows[2], rows[3], squares[2], rows[4]
+        plant, scratch, out = plant_of(device), scratch_of(device.dimension), np.empty(device.dimension)
+        rows = scratch.rows
+        plant.kinematics(
+            plant.parameters, q, rate, rows[POSITION], rows[VELOCITY], scratch.squares[JACOBIAN], rows[DRIFT]
         )
-        dynamics = first_class(device.kernels.dynamics, DYNAMICS)
-        kernels.torque(
-            self.code, mass, dynamics, parameters, vectors[0], vectors[1], squares[2], rows[4], vectors[2], sensed,
-            squares, rows, out,
-        )  # fmt: skip
+        torque(Inner(self.code, mass), plant, q, rate, given, sensed, scratch, out)
         return out

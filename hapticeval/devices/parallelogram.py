@@ -17,6 +17,12 @@ from hapticeval.errors import DomainError, InputError
 from hapticeval.geometry.validate import checked_number, checked_size
 from hapticeval.types import Array
 
+ENCODER_COUNTS = 262_144
+"""Counts per turn of the robot's encoders, four for each of 65,536 lines (thesis A.1)."""
+
+ENCODER_STEP = 2.0 * math.pi / ENCODER_COUNTS
+"""2.4e-5 rad per count."""
+
 EDGES = ("elbow", "stop", "shoulder", "elbow", "stop")
 """The limit that each edge of (2.38) is, from the corner with the least angles on, anticlockwise."""
 
@@ -87,6 +93,7 @@ class Parallelogram(ABC):
 
     name = ""
     dimension = 0
+    turning = True
 
     def __post_init__(self) -> None:
         for name, choices in (("dynamics", Dynamics), ("base_inertia", BaseInertia)):

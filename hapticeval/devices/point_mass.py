@@ -19,6 +19,7 @@ class PointMass:
     dimension: int = 2
 
     name = "point-mass"
+    turning = False
 
     @property
     def parameters(self) -> Array:

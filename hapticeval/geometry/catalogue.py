@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry import kernels as pieces
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import CASSINIAN, COLUMNS, ELLIPSE, UNBOUNDED
 from hapticeval.geometry.model import Model
@@ -29,6 +30,9 @@ from hapticeval.types import Array
 UNIT, SHARPEST = math.ulp(2.0 * math.pi) / 2.0, 1e-12
 """Rounding (rad) of an angle within one turn; and how far it may move a point of a Cassinian, as a share of its radius.
 """
+
+FLATTEST = 1e6
+"""Largest ratio of two axes."""
 
 LOBE_SHARE, FILLET_SHARE = 0.38, 0.5
 """Dumbbell: lobe radius as a share of half the size, fillet radius as a share of the lobe radius."""
@@ -56,7 +60,7 @@ def star(points: int = 5, tip_angle: float = 60.0, size: float = 0.2) -> Model:
     angles = math.pi / 2.0 + np.arange(2 * points) * (math.pi / points)
     radii = np.where(np.arange(2 * points) % 2 == 0, outer, inner)
     vertices = np.column_stack([radii * np.cos(angles), radii * np.sin(angles)])
-    return _polygonal("star", vertices, {"points": points, "tip_angle": tip_angle, "size": size})
+    return _polygonal("star", vertices, points=points, tip_angle=tip_angle, size=size)
 
 
 def cassinian(lobes: int = 4, a_n: float = 2.0, a_d: float = 1.0, size: float = 0.2) -> Model:
@@ -86,30 +90,27 @@ def cassinian(lobes: int = 4, a_n: float = 2.0, a_d: float = 1.0, size: float = 
             todo="choose a larger a_n, or give the outline as a polygon",
         )
     row = np.array([[CASSINIAN, 0.0, 2.0 * math.pi, size / 2.0, float(lobes), 1.0 + above, above, 0.0, 0.0]])
-    parameters = {"lobes": lobes, "a_n": a_n, "a_d": a_d, "size": size}
-    return Model("cassinian", MappingProxyType(parameters), Curve("cassinian", row, True))
+    return _model(Curve("cassinian", row, True), lobes=lobes, a_n=a_n, a_d=a_d, size=size)
 
 
 def circle(size: float = 0.2) -> Model:
     """A circle of diameter `size` (m) about the origin: constant curvature, closed-form answers."""
     size = checked_size(size)
     rows = pieces.strung([pieces.arc((0.0, 0.0), size / 2.0, 0.0, 2.0 * math.pi)])
-    return Model("circle", MappingProxyType({"size": size}), Curve("circle", rows, True))
+    return _model(Curve("circle", rows, True), size=size)
 
 
 def ellipse(ratio: float = 2.0, size: float = 0.2) -> Model:
     """An ellipse whose long axis, `size` (m), lies along x and is `ratio` times the short one."""
     size = checked_size(size)
     ratio = checked_number("ratio", ratio)
-    if not 1.0 <= ratio <= 1e6:
+    if not 1.0 <= ratio <= FLATTEST:
         raise InputError(
-            f"ratio = {ratio!r}",
-            why="it is the long axis over the short one, between 1 and 1e6",
-            todo="invert it",
+            f"ratio = {ratio!r}", why="it is the long axis over the short one, between 1 and 1e6", todo="invert it"
         )
     row = np.zeros((1, COLUMNS))
     row[0, :5] = ELLIPSE, 0.0, 2.0 * math.pi, size / 2.0, size / 2.0 / ratio
-    return Model("ellipse", MappingProxyType({"ratio": ratio, "size": size}), Curve("ellipse", row, True))
+    return _model(Curve("ellipse", row, True), ratio=ratio, size=size)
 
 
 def dumbbell(neck: float = 0.5, size: float = 0.2) -> Model:
@@ -140,20 +141,19 @@ def dumbbell(neck: float = 0.5, size: float = 0.2) -> Model:
         pieces.line((-end, -half_width), (end, -half_width)),
         pieces.arc((end, -height), fillet, math.pi / 2.0, -bend),
     ]
-    curve = Curve("dumbbell", pieces.strung(rows), True)
-    return Model("dumbbell", MappingProxyType({"neck": neck, "size": size}), curve)
+    return _model(Curve("dumbbell", pieces.strung(rows), True), neck=neck, size=size)
 
 
 def line() -> Model:
     """The half-plane y < 0, whose boundary is the x axis run towards -x: the flat wall of chapter 6."""
     row = np.array([[UNBOUNDED, -math.inf, math.inf, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0]])
-    return Model("line", MappingProxyType({}), Curve("line", row, False))
+    return _model(Curve("line", row, False))
 
 
 def sphere(size: float = 0.2) -> Model:
     """A sphere of diameter `size` (m) about the origin: the surface of thesis (7.50)."""
     size = checked_size(size)
-    return Model("sphere", MappingProxyType({"size": size}), Surface("sphere", "sphere", (size / 2.0,)))
+    return _model(Surface("sphere", "sphere", (size / 2.0,)), size=size)
 
 
 def ellipsoid(a: float = 0.1, b: float = 0.07, c: float = 0.05) -> Model:
@@ -162,8 +162,9 @@ def ellipsoid(a: float = 0.1, b: float = 0.07, c: float = 0.05) -> Model:
     Raises `InputError` if one is more than 1e6 times another.
     """
     a, b, c = checked_size(a, "a"), checked_size(b, "b"), checked_size(c, "c")
-    surface = Surface("ellipsoid", "ellipsoid", (a, b, c))
-    return Model("ellipsoid", MappingProxyType({"a": a, "b": b, "c": c}), surface)
+    if max(a, b, c) > FLATTEST * min(a, b, c):
+        raise InputError(f"semi-axes of {min(a, b, c):g} m and {max(a, b, c):g} m", why="their ratio is at most 1e6")
+    return _model(Surface("ellipsoid", "ellipsoid", (a, b, c)), a=a, b=b, c=c)
 
 
 def torus(major: float = 0.07, minor: float = 0.03) -> Model:
@@ -172,42 +173,43 @@ def torus(major: float = 0.07, minor: float = 0.03) -> Model:
     Raises `InputError` unless `minor` is below `major`: then the tube crosses itself on the axis.
     """
     major, minor = checked_size(major, "major"), checked_size(minor, "minor")
-    surface = Surface("torus", "torus", (major, minor))
-    return Model("torus", MappingProxyType({"major": major, "minor": minor}), surface)
+    if not minor < major * (1.0 - 1e-9):
+        raise InputError(
+            f"a torus with a tube of radius {minor:g} m about a circle of radius {major:g} m",
+            why="it crosses itself on its axis unless the tube's radius is the smaller one",
+            todo="choose minor below major",
+        )
+    if major > FLATTEST * minor:
+        raise InputError(f"radii of {minor:g} m and {major:g} m", why="their ratio is at most 1e6")
+    return _model(Surface("torus", "torus", (major, minor)), major=major, minor=minor)
 
 
 def from_vertices(vertices: ArrayLike | Sequence[Sequence[float]], *, name: str = "polygon") -> Model:
     """A polygon of given corners (n, 2), m, anticlockwise. Raises `InputError` as `checked_vertices` does."""
     array = checked_vertices(vertices)
-    return _polygonal(name, array, {"vertices": array.tolist(), "name": name})
+    return _polygonal(name, array, vertices=array.tolist(), name=name)
 
 
 def from_wkt(text: str, *, name: str = "wkt") -> Model:
     """A polygon in well-known text, in metres: one anticlockwise outer ring."""
-    return _polygonal(name, vertices_from_wkt(text), {"text": text, "name": name})
+    return _polygonal(name, vertices_from_wkt(text), text=text, name=name)
 
 
 def from_geojson(document: str | Mapping[str, Any], *, name: str = "geojson") -> Model:
     """A GeoJSON Polygon, as text or as a mapping, in metres: one anticlockwise outer ring."""
-    return _polygonal(name, vertices_from_geojson(document), {"document": document, "name": name})
+    return _polygonal(name, vertices_from_geojson(document), document=document, name=name)
 
 
+NAMED = (star, cassinian, circle, ellipse, dumbbell, line, sphere, ellipsoid, torus)
 MODELS: Mapping[str, Callable[..., Model]] = MappingProxyType(
     {
-        "star": star,
-        "cassinian": cassinian,
-        "circle": circle,
-        "ellipse": ellipse,
-        "dumbbell": dumbbell,
-        "line": line,
-        "sphere": sphere,
-        "ellipsoid": ellipsoid,
-        "torus": torus,
+        **{maker.__name__: maker for maker in NAMED},
         "polygon": from_vertices,
         "wkt": from_wkt,
         "geojson": from_geojson,
     }
 )
+"""What makes a model of each kind. A further kind is a line here: its boundary keeps the protocol `Boundary`."""
 
 
 def make_model(kind: str, **parameters: Any) -> Model:
@@ -229,8 +231,12 @@ def make_model(kind: str, **parameters: Any) -> Model:
     return maker(**parameters)
 
 
-def _polygonal(name: str, vertices: Array, parameters: dict[str, Any]) -> Model:
-    return Model(name, MappingProxyType(parameters), Curve(name, pieces.closed_polyline(vertices), True))
+def _model(boundary: Boundary, /, **parameters: Any) -> Model:
+    return Model(boundary.name, MappingProxyType(parameters), boundary)
+
+
+def _polygonal(title: str, vertices: Array, /, **parameters: Any) -> Model:
+    return _model(Curve(title, pieces.closed_polyline(vertices), True), **parameters)
 
 
 def _count(what: str, value: object, least: int, most: int) -> int:

@@ -17,32 +17,11 @@ MARGIN = 3
 
 @dataclass(frozen=True, eq=False)
 class LevelSet:
-    """Signed distance `values` (ny, nx), m, at the nodes `x` (nx,) and `y` (ny,), bilinear between them.
-
-    Raises `InputError` for arrays that do not fit together, nodes that are not equally spaced, or numbers
-    that are not finite.
-    """
+    """Signed distance `values` (ny, nx), m, at the equally spaced nodes `x` (nx,) and `y` (ny,), bilinear between."""
 
     x: Array
     y: Array
     values: Array
-
-    def __post_init__(self) -> None:
-        for name in ("x", "y", "values"):
-            array = np.array(getattr(self, name), dtype=np.float64, order="C")
-            if not np.isfinite(array).all():
-                raise InputError(f"level set: {name} holds a number that is not finite")
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
-        if self.x.ndim != 1 or self.y.ndim != 1 or self.values.shape != (self.y.size, self.x.size):
-            raise InputError(
-                f"level set: values of shape {self.values.shape} on {self.x.shape} by {self.y.shape} nodes",
-                why="values are (ny, nx)",
-            )
-        for name, nodes in (("x", self.x), ("y", self.y)):
-            steps = np.diff(nodes)
-            if nodes.size < 2 or not np.all(steps > 0.0) or np.ptp(steps) > 1e-6 * steps.max():
-                raise InputError(f"level set: the nodes in {name} do not increase by equal steps")
 
     @property
     def cell(self) -> float:

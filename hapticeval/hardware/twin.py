@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from hapticeval.devices.criteria import MOTOR_TORQUE
 from hapticeval.devices.device import Device
-from hapticeval.devices.imperfections import Imperfections
+from hapticeval.devices.integration import default_method
+from hapticeval.effects.delay import Delay
+from hapticeval.effects.effect import Effect, Stage
+from hapticeval.effects.joint_friction import JointFriction
+from hapticeval.effects.saturation import Saturation
 from hapticeval.errors import HapticevalError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.hardware.device import Reading
@@ -31,22 +37,22 @@ GRIP = (250.0, 4.0)
 class Twin:
     """A `HardwareDevice` that is a simulation: each `read` moves the robot on by one cycle of `dt` seconds.
 
-    It starts at rest at `position` (N,), m, held by `hand`; encoders count by the `wiring`; of the `imperfections`
-    torque limit, delay and friction are the robot's own. It has no network and no clock, so that runs can be repeated.
+    It starts at rest at `position` (N,), m, held by `hand`; encoders count as `wiring` says; of the `effects`
+    those of motors and joints are the robot's own. Without a network and a clock, so that runs can be repeated.
     """
 
     def __init__(
-        self, wiring: Wiring, imperfections: Imperfections, *, position: Array, hand: Hand | None, dt: float
+        self, wiring: Wiring, effects: Sequence[Effect], *, position: Array, hand: Hand | None, dt: float
     ) -> None:
         self.wiring = wiring
         self.dt = dt
-        self._plant = _Plant(wiring.device, imperfections, position, hand, dt)
+        self._plant = _Plant(wiring.device, effects, position, hand, dt)
         self._count = 0
 
     def read(self) -> Reading:
         """Return the encoders after one more cycle; the first time where it started."""
         if self._count:
-            self._plant.advance((self._count - 1) * self.dt)
+            self._plant.advance(self._count - 1)
         self._count += 1
         raw = self.wiring.raw(self._plant.joints)
         return Reading(round((self._count - 1) * self.dt * 1e9), self._count, raw)
@@ -60,66 +66,54 @@ class Twin:
 
 
 class _Plant:
-    """Joints, rates and the torques on their way, moved by the integrator of closed loops."""
+    """Joints, rates and the torques of the motors, moved by the kernels of closed loops."""
 
     def __init__(
-        self, device: Device, imperfections: Imperfections, position: Array, hand: Hand | None, dt: float
+        self, device: Device, effects: Sequence[Effect], position: Array, hand: Hand | None, dt: float
     ) -> None:
-        from hapticeval.compiled import DYNAMICS, KINEMATICS, first_class
-        from hapticeval.devices import dynamics_kernels as motion
-        from hapticeval.devices.imperfections import actuation
-        from hapticeval.devices.integration import control, default_method
-        from hapticeval.devices.integration_kernels import advance
+        from hapticeval.compiled import specialised
+        from hapticeval.devices.motion_kernels import Grip, Load, advance, motion_of
+        from hapticeval.simulation.kernels import hook_of, take_part
 
-        count = device.dimension
-        method = default_method()
-        self._advance = advance
-        self._kernels = (
-            first_class(device.kernels.kinematics, KINEMATICS),
-            first_class(device.kernels.dynamics, DYNAMICS),
-            device.parameters,
-        )
+        size = device.dimension
+        parts = [(each.stage, each.part(0, size, dt)) for each in effects]
+        friction = [part.params for stage, part in parts if stage is Stage.JOINTS]
         self.device, self.hand, self.dt = device, hand, dt
         self.joints = np.array(device.joints(position), dtype=np.float64)
-        self.rates = np.zeros(count)
-        friction = imperfections.friction
-        self._friction = None if friction is None else np.full(count, friction)
-        self._grip = None if hand is None else np.array([hand.stiffness, hand.damping])
-        motors = actuation(imperfections, dt)
-        self._limit, ticks, self._rest = (np.inf, 0.0, 0.0) if motors is None else (float(each) for each in motors)
-        self._line = [np.zeros(count) for _ in range(int(ticks) + 2)]
-        self._settings = (method.table, control(method), np.array([dt]))
-        self._scratch = (
-            np.zeros((motion.ROWS, count)),
-            np.empty((motion.SQUARES, count, count)),
-            np.empty((method.b.size, count)),
-        )
-        self._move(self.joints.copy(), self.rates.copy(), 0.0, 0.0, dt, np.zeros(count))  # compiles, before time counts
+        self.rates = np.zeros(size)
+        self._grip = None if hand is None else Grip(np.empty((2, size)), np.array([hand.stiffness, hand.damping]))
+        load = Load(dt, None, self._grip, np.sum(friction, axis=0) if friction else None)
+        self._motion, self._advance = motion_of(device, load, default_method()), advance
+        self._motors, self._take_part = hook_of(part for stage, part in parts if stage is Stage.COMMAND), take_part
+        self._command, self._held, self._before = np.zeros(size), np.zeros(size), np.zeros(size)
+        # Compile before time counts.
+        specialised(take_part, self._motors, 0, dt, self._held, self._before)
+        self._move(self.joints.copy(), self.rates.copy(), 0.0, 0.0, dt, np.zeros(size))
 
     def command(self, torques: Array) -> None:
-        """Put torques (N,), N m, behind those that the delay still holds back."""
-        self._line[0] = np.clip(torques, -self._limit, self._limit)
+        """Give the motors torques (N,), N m."""
+        self._command[:] = torques
 
-    def advance(self, start: float) -> None:
-        """Move on by one cycle from `start`, s."""
-        self._move(self.joints, self.rates, start, 0.0, self._rest, self._line[-1])
-        self._move(self.joints, self.rates, start, self._rest, self.dt, self._line[-2])
+    def advance(self, cycle: int) -> None:
+        """Move by one cycle, counted from 0."""
+        start, dt = cycle * self.dt, self.dt
+        self._held[:] = self._command
+        switch = self._take_part(self._motors, cycle, dt, self._held, self._before)
+        self._move(self.joints, self.rates, start, 0.0, switch, self._before)
+        self._move(self.joints, self.rates, start, switch, dt, self._held)
         if self.device.margin(self.joints) <= 0.0:
             raise HapticevalError(
                 f"the simulated robot hit a joint limit: joints {np.round(self.joints, 4).tolist()} rad",
                 todo="keep the hand's path inside the workspace: see hapticeval device",
             )
-        self._line = [self._line[0].copy(), *self._line[:-1]]
 
     def _move(self, joints: Array, rates: Array, start: float, begin: float, finish: float, torque: Array) -> None:
         """Move from `begin` to `finish` seconds into the cycle that starts at `start`."""
         if finish <= begin:
             return
-        path = None if self.hand is None else self.hand.desired(np.array([start, start + self.dt]))
-        taken = self._advance(
-            *self._kernels, joints, rates, begin, finish, self.dt, torque, None, path, self._grip, self._friction,
-            *self._settings, *self._scratch,
-        )  # fmt: skip
+        if self.hand is not None and self._grip is not None:
+            self._grip.path[:] = self.hand.desired(np.array([start, start + self.dt]))
+        taken = self._advance(self._motion, 0, begin, finish, joints, rates, torque)
         if taken == 0 or not np.isfinite(joints).all():
             raise HapticevalError("the simulated robot ran away", why="its motors feed energy into it without end")
 
@@ -129,7 +123,7 @@ def demonstration(wiring: Wiring, scene: Scene) -> Twin:
 
     It begins where the surface is nearest to a point 100 mm right of home.
     """
-    effects = Imperfections(torque_limit=MOTOR_TORQUE, delay=DELAY, friction=FRICTION)
+    effects = (Saturation(MOTOR_TORQUE), Delay(DELAY), JointFriction(FRICTION))
     path = _to_and_fro(scene.model.boundary)
     hand = Hand(path=path, stiffness=GRIP[0], damping=GRIP[1])
     return Twin(wiring, effects, position=path.points[0], hand=hand, dt=scene.sampling_time)

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from hapticeval.devices.catalogue import make_device, parameters_of
-from hapticeval.devices.device import Device
-from hapticeval.devices.imperfections import blend
+from hapticeval.devices.device import Device, checked_joints
 from hapticeval.documents import read_toml
+from hapticeval.effects.velocity_filter import blend
 from hapticeval.errors import DomainError, InputError, at
 from hapticeval.types import Array
 
@@ -181,9 +181,7 @@ class Kinematics:
         """Raise `DomainError` for joints outside of the functional configuration space, naming the limit."""
         if self.inside(joints):
             return
-        check = getattr(self.device, "check", None)
-        if check is not None:
-            check(joints)
+        checked_joints(self.device, joints)
         raise DomainError(
             f"the {self.device.name} is outside of its functional configuration space: joints {joints.tolist()}"
         )

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy.signal import lfilter, lfilter_zi
 
-from hapticeval.closed_forms.equations import Gains, transversal
+from hapticeval.closed_forms import Gains, transversal
 from hapticeval.geometry.boundary import Frame
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
 from hapticeval.phenomena.sampling import (

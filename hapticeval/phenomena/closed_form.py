@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.closed_forms.form import CLOSED_FORMS
+from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
 from hapticeval.phenomena.refinement import extrapolated
 from hapticeval.phenomena.sampling import listed, mm, place

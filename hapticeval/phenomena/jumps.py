@@ -224,7 +224,7 @@ def _scale(recording: Recording, scene: Scene, steps: Array, row: int, before: t
     led = np.any(np.diff(recording.hip[wide], axis=0) != 0.0, axis=1)
     moved = np.any(np.diff(recording.ihip[wide], axis=0) != 0.0, axis=1)
     halvings = math.log2(before[0].hip_step / hip_step) if before and hip_step > 0.0 else 0.0
-    return Scale(halvings, float(steps[row]), spread, hip_step, bool(np.mean(moved[led]) > 0.5))
+    return Scale(halvings, float(steps[row]), spread, hip_step, bool(2 * np.sum(moved[led]) > np.sum(led)))
 
 
 def _comes_along(

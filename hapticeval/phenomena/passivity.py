@@ -192,11 +192,7 @@ def _gain(sampled: Sequence[Sampled], way: Way, rounding: Array, *, anywhere: bo
 
 def active_by_nature(scene: Scene) -> str | None:
     """What the scene calls for that gives energy away whatever the renderer does; None where nothing does."""
-    if scene.imperfections.delay > 0.0:
-        return "motors that are late give energy away at any sampling rate"
-    if scene.imperfections.velocity_cutoff is not None and scene.damping > 0.0:
-        return "a damper on a filtered velocity is late, and so gives energy away"
-    return None
+    return next((why for each in scene.effects if (why := each.active(scene.damping)) is not None), None)
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:

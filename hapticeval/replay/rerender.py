@@ -13,10 +13,10 @@ from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.integrity.issue import Fault, Severity
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.recordings.stretches import Stretch, steps, stretches
-from hapticeval.renderer import Renderer, SelfDriven
+from hapticeval.renderer import Renderer, SelfDriven, abilities_of
 from hapticeval.replay.subject import Subject
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import answered, declared, lead
+from hapticeval.simulation.playback import answered, lead
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array
 
@@ -192,7 +192,7 @@ def _led(
 ) -> Recording:
     ihip, force = lead(renderer, hip, velocity, dt, scene=scene, pushes=pushes, first=first)
     channels = {"hip": hip, "ihip": ihip, "force": force, "velocity": velocity}
-    return Recording(time, channels, {"source": "replay", **declared(renderer), "dt": float(np.median(dt))})
+    return Recording(time, channels, {"source": "replay", **abilities_of(renderer).meta, "dt": float(np.median(dt))})
 
 
 def _answered(renderer: SelfDriven, time: Array, hip: Array, dt: float | Array) -> Recording:
@@ -208,7 +208,7 @@ def _answered(renderer: SelfDriven, time: Array, hip: Array, dt: float | Array) 
             f"the renderer's answer() gave {len(answer)} samples for {time.size}",
             why="a replay needs an answer at every recorded sample",
         )
-    meta = {**answer.meta, "source": "replay", **declared(renderer), "dt": dt}
+    meta = {**answer.meta, "source": "replay", **abilities_of(renderer).meta, "dt": dt}
     return Recording(time, answer.channels, meta, events=answer.events)
 
 

@@ -7,6 +7,7 @@ from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from hapticeval.effects.catalogue import short_forms
 from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.files import file_stem
 from hapticeval.phenomena.registry import CHECKS
@@ -19,13 +20,16 @@ from hapticeval.suite.reading import case_named
 SUITE = "replay"
 """The suite that a replay's verdicts belong to."""
 
-GIVEN = ("device", "inner_loop", "imperfections", "model")
+GIVEN = ("device", "inner_loop", "effects", "model")
 """Entries of a scene that cannot be given as key=value."""
 
-ENTRIES = tuple(each.name for each in fields(Scene) if each.name != "model")
+ENTRIES = (*(each.name for each in fields(Scene) if each.name != "model"), *short_forms())
 """Entries of a scene beside its model."""
 
-KEYS = tuple(each.name for each in fields(Scene) if each.name not in GIVEN)
+NUMBERS = {
+    **{each.name: each.default for each in fields(Scene) if each.name not in GIVEN},
+    **{name: 0.0 for name, is_number in short_forms().items() if is_number},
+}
 
 
 @dataclass(frozen=True)
@@ -115,9 +119,9 @@ def _checks(recording: Recording, scene: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _entry(text: str) -> tuple[str, Any]:
     key, equals, value = (part.strip() for part in text.partition("="))
-    if key not in KEYS:
-        raise UnknownNameError("entry of a scene", key, KEYS)
-    default = next(each.default for each in fields(Scene) if each.name == key)
+    if key not in NUMBERS:
+        raise UnknownNameError("entry of a scene", key, NUMBERS)
+    default = NUMBERS[key]
     if isinstance(default, bool):
         if value.lower() in ("true", "false"):
             return key, value.lower() == "true"

@@ -7,13 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from hapticeval.errors import HapticevalError, RefusalError, RendererError, described, renderer_errors
-from hapticeval.geometry.boundary import Boundary
+from hapticeval.errors import HapticevalError, RefusalError, described, renderer_errors
 from hapticeval.phenomena.check import Runs, without_channel
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
 from hapticeval.recordings.recording import MissingChannelError, Recording
-from hapticeval.renderer import Renderer, RendererFactory, SelfDriven, check_support, supported
+from hapticeval.renderer import Renderer, RendererFactory, SelfDriven, abilities_of, check_support, choices_of
 from hapticeval.runner.results import Replay
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import drive
@@ -89,25 +88,16 @@ def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
     Raises `RefusalError` where the scene asks for what neither declares to support, before anything is built where the
     factory declares it, and `RendererError` for what is no renderer.
     """
-    declared = supported(factory)
+    declared = choices_of(factory).supports
     if declared is not None:
         check_support(scene, declared)
     with renderer_errors("factory"):
         renderer = factory(scene)
-    surface = getattr(renderer, "surface", None)
-    if surface is not None and not isinstance(surface, Boundary):
-        raise RendererError(
-            f"the renderer's surface is a {type(surface).__name__}",
-            todo="give the Boundary of hapticeval.geometry that it renders, or leave surface out",
-        )
-    if not isinstance(renderer, Renderer | SelfDriven):
-        raise RendererError(
-            f"the factory made a {type(renderer).__name__}, which is no renderer",
-            why="a renderer has reset(hip) and step(hip, velocity, dt) -> (ihip, force)",
-            todo="see docs/write-a-renderer.md",
-        )
+    supports = abilities_of(renderer).supports
     if declared is None:
-        check_support(scene, supported(renderer) or frozenset())
+        check_support(scene, supports or frozenset())
+    for each in scene.effects:
+        renderer = each.around(renderer, scene)
     return renderer
 
 

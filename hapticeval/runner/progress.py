@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
 from pathlib import Path
 
 from hapticeval.files import plain
@@ -127,7 +126,7 @@ def _run(job: Job, judged: Judged, file: Path | None) -> RunEntry:
 
 
 def _scene(case: Case) -> SceneEntry:
-    """The scene's numbers, and what an experiment drives: device, inner loop and imperfections."""
+    """The scene's numbers, and what an experiment drives: device and inner loop."""
     scene = case.build_scene()
     numbers = scene_document(scene)
     if case.stimulus_kind == "trajectory":
@@ -138,5 +137,4 @@ def _scene(case: Case) -> SceneEntry:
         **numbers,
         device=Robot(kind=device.name, **choices),
         inner_loop=scene.inner_loop,
-        imperfections={name: value for name, value in asdict(scene.imperfections).items() if value},
     )

@@ -118,7 +118,7 @@ class Robot(Entry, frozen=True, kw_only=True):
 
 
 class SceneEntry(Entry, frozen=True, kw_only=True):
-    """A scene's numbers in SI units; the last three only of an experiment."""
+    """A scene's numbers in SI units and its effects; device and inner loop only of an experiment."""
 
     stiffness: float
     damping: float
@@ -126,10 +126,9 @@ class SceneEntry(Entry, frozen=True, kw_only=True):
     bilateral: bool
     restitution: float
     sampling_time: float
-    viscosity: float
     device: Robot | None = None
     inner_loop: InnerLoop | None = None
-    imperfections: dict[str, Any] | None = None
+    effects: list[dict[str, Any]] = []
 
 
 class Replay(Entry, frozen=True, kw_only=True):

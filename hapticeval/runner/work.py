@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hapticeval.discovery import resolve
+from hapticeval.effects.catalogue import read_effects
 from hapticeval.files import file_stem
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
@@ -60,7 +61,7 @@ def _labelled(recording: Recording, job: Job) -> Recording:
         "renderer": job.renderer,
         "suite": job.suite,
         "case": case.name,
-        "scene": {**scene_document(case.build_scene()), **case.scene, "model": dict(case.model)},
+        "scene": {**scene_document(case.build_scene()), **read_effects(case.scene)[0], "model": dict(case.model)},
         "checks": list(case.checks),
     }
     return replace(recording, meta={**origin, **recording.meta})
@@ -72,7 +73,7 @@ def recording_file(job: Job) -> Path:
 
 
 def scene_document(scene: Scene) -> Mapping[str, Any]:
-    """The scene's numbers, as recordings and results tell them."""
+    """Return the scene's numbers and effects as JSON values, as recordings and results hold them."""
     return {
         "stiffness": scene.stiffness,
         "damping": scene.damping,
@@ -80,5 +81,5 @@ def scene_document(scene: Scene) -> Mapping[str, Any]:
         "bilateral": scene.bilateral,
         "restitution": scene.restitution,
         "sampling_time": scene.sampling_time,
-        "viscosity": scene.viscosity,
+        **({"effects": [each.document() for each in scene.effects]} if scene.effects else {}),
     }

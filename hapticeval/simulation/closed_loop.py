@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.devices.device import Device
-from hapticeval.devices.imperfections import Imperfections, actuation, feeling, sensing
+from hapticeval.devices.device import Device, checked_joints
 from hapticeval.devices.inner_loop import InnerLoop
-from hapticeval.devices.integration import control, default_method
+from hapticeval.devices.integration import default_method
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.errors import DomainError, InputError, RendererError, RunawayError
+from hapticeval.effects.effect import Stage
+from hapticeval.errors import DomainError, InputError, RunawayError, renderer_errors
 from hapticeval.recordings.recording import Recording
-from hapticeval.renderer import Compiled, CompiledLaw, Explaining, Feeling, Renderer, SelfDriven
+from hapticeval.renderer import CompiledLaw, Renderer, SelfDriven, abilities_of
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import answered, ask, declared, start
+from hapticeval.simulation.playback import answered, ask, feel, not_finite, start
 from hapticeval.stimulus.stimulus import Experiment, sample_times
 from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from hapticeval.simulation.kernels import Loop
 
 RUNAWAY = 1e6
 """Model sizes that a point mass, and radians that a joint, may be away from the start: no controller means more."""
@@ -35,9 +38,8 @@ def drive(renderer: Renderer | SelfDriven, experiment: Experiment, scene: Scene,
     """Run `experiment` on the scene's robot, with the renderer sampled every `dt` seconds.
 
     A tick: the sensors are read, the renderer answers, the inner loop makes torques of its force, and the motors hold
-    them to the next tick, while the device moves as it would in continuous time. The scene's imperfections come in
-    where they do in the world: the encoders and the filtered velocity before the renderer, saturation and then delay
-    after the inner loop, friction in the joints. Until the delay has passed, the motors give nothing.
+    them to the next tick, while the device moves as it would in continuous time. The scene's effects come in at their
+    `stage`: those of the sensors before the renderer, those of the motors after the inner loop.
 
     The operator's prescribed force and the hand's path are taken at the ticks and run straight in between. The channel
     `force` is the renderer's, `operator_force` the mean over the tick that follows the sample, and `joint_torque` what
@@ -59,10 +61,10 @@ def drive(renderer: Renderer | SelfDriven, experiment: Experiment, scene: Scene,
             f"the experiment is in {experiment.dimension}D, the {device.name} moves in {device.dimension}D",
             why="hand and device must move in the same space",
         )
-    law = renderer.law if isinstance(renderer, Compiled) else None
+    law = abilities_of(renderer).law
     if law is None and isinstance(device, PointMass) and _plain(experiment, scene):
         return _drive_point_mass(renderer, experiment, device, dt, reach=RUNAWAY * scene.model.size)
-    return _drive_device(renderer, law, experiment, scene, device, dt)
+    return _drive_device(renderer, law, experiment, scene, dt)
 
 
 def _plain(experiment: Experiment, scene: Scene) -> bool:
@@ -70,7 +72,7 @@ def _plain(experiment: Experiment, scene: Scene) -> bool:
     return (
         scene.inner_loop is not InnerLoop.LINEARISED
         and experiment.hand is None
-        and scene.imperfections == Imperfections()
+        and all(each.stage is None for each in scene.effects)
     )
 
 
@@ -106,44 +108,53 @@ def _drive_point_mass(
 
 
 def _drive_device(
-    renderer: Renderer, law: CompiledLaw | None, experiment: Experiment, scene: Scene, device: Device, dt: float
+    renderer: Renderer, law: CompiledLaw | None, experiment: Experiment, scene: Scene, dt: float
 ) -> Recording:
     """Any device and any effect, by compiled kernels; the renderer by its own, where it has any."""
-    from hapticeval.simulation import kernels as kernels
+    from hapticeval.compiled import LAW, first_class
+    from hapticeval.simulation import kernels
 
     time = sample_times(experiment.duration, dt)
-    loop = _Loop(experiment, scene, device, time, dt)
-    loop.begin()
-    start(renderer, loop.out[kernels.MEASURED_HIP, 0])
+    loop = _loop(experiment, scene, time, dt)
+    out = loop.out
+    start(renderer, out[kernels.MEASURED_HIP, 0])
     end = None
     if law is None:
-        feels = renderer if isinstance(renderer, Feeling) and loop.feeling is not None else None
-        for tick in range(time.size):
-            if tick > 0 and loop.sense(tick) == kernels.OUTSIDE:
-                end = _ended(tick, loop.outside())
-                break
-            if feels is not None:
-                feels.feel(loop.out[kernels.MEASURED_FORCE, tick].copy())
-            try:
-                loop.out[kernels.IHIP, tick], loop.out[kernels.FORCE, tick] = ask(
-                    renderer, tick, loop.out[kernels.MEASURED_HIP, tick], loop.out[kernels.MEASURED_SPEED, tick], dt
-                )
-            except DomainError as error:
-                end = _ended(tick, error)
-                break
-            if loop.act(tick) != kernels.DONE:
-                raise _ran_away(tick, loop.out[kernels.HIP, tick], loop.state[kernels.JOINTS])
+        end = _ask_tick_by_tick(renderer, loop, scene.robot, dt)
     else:
-        tick, status = loop.run(law)
+        tick, status = kernels.run(first_class(law.function, LAW), law.data, loop)
         if status == kernels.OUTSIDE:
-            end = _ended(tick, loop.outside())
+            end = _ended(tick, _outside(scene.robot, loop.state[kernels.JOINTS]))
         elif status == kernels.RAN_AWAY:
-            raise _ran_away(tick, loop.out[kernels.HIP, tick], loop.state[kernels.JOINTS])
+            raise _ran_away(tick, out[kernels.HIP, tick], loop.state[kernels.JOINTS])
         elif status == kernels.NOT_FINITE:
-            raise _not_finite(tick, loop.out[:, tick])
+            raise not_finite(tick, *(out[each, tick] for each in (kernels.MEASURED_HIP, kernels.IHIP, kernels.FORCE)))
         elif status >= kernels.REFUSED:
-            end = _ended(tick, _refused(law, status - kernels.REFUSED + 1, loop.out[kernels.MEASURED_HIP, tick]))
-    return _recorded(renderer, time, loop.channels(), dt, end)
+            end = _ended(tick, _refused(law, status - kernels.REFUSED + 1, out[kernels.MEASURED_HIP, tick]))
+    return _recorded(renderer, time, _channels(loop, scene), dt, end)
+
+
+def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float) -> _End | None:
+    """Run a loop with a renderer in Python; return where and why it ended before its time."""
+    from hapticeval.compiled import specialised
+    from hapticeval.simulation import kernels
+
+    sense, act = (specialised(kernel, loop, 0) for kernel in (kernels.sense, kernels.act))
+    out, joints = loop.out, loop.state[kernels.JOINTS]
+    hips, speeds, pushes = out[kernels.MEASURED_HIP], out[kernels.MEASURED_SPEED], out[kernels.MEASURED_FORCE]
+    feels = loop.feeling is not None and abilities_of(renderer).feel
+    for tick in range(out.shape[1]):
+        if tick > 0 and sense(loop, tick) == kernels.OUTSIDE:
+            return _ended(tick, _outside(device, joints))
+        if feels:
+            feel(renderer, tick, hips[tick], pushes[tick])
+        try:
+            out[kernels.IHIP, tick], out[kernels.FORCE, tick] = ask(renderer, tick, hips[tick], speeds[tick], dt)
+        except DomainError as error:
+            return _ended(tick, error)
+        if act(loop, tick) != kernels.DONE:
+            raise _ran_away(tick, out[kernels.HIP, tick], joints)
+    return None
 
 
 def _refused(law: CompiledLaw, number: int, hip: Array) -> DomainError:
@@ -163,7 +174,7 @@ def _ended(tick: int, error: DomainError) -> _End:
 
 
 def _recorded(renderer: Renderer, time: Array, channels: Mapping[str, Array], dt: float, end: _End | None) -> Recording:
-    meta: dict[str, Any] = {"source": "experiment", "dt": dt, **declared(renderer)}
+    meta: dict[str, Any] = {"source": "experiment", "dt": dt, **abilities_of(renderer).meta}
     count = time.size
     if end is not None:
         count = end.tick
@@ -174,9 +185,10 @@ def _recorded(renderer: Renderer, time: Array, channels: Mapping[str, Array], dt
             "why": end.error.why,
         }
     recording = Recording(time[:count], {name: values[:count] for name, values in channels.items()}, meta=meta)
-    if not isinstance(renderer, Explaining):
+    if not abilities_of(renderer).signals:
         return recording
-    told = renderer.signals(recording)
+    with renderer_errors("signals()"):
+        told = dict(renderer.signals(recording))  # type: ignore[attr-defined]
     more = {name: values for name, (_, values) in told.items()}
     signals = {name: signal for name, (signal, _) in told.items()}
     return Recording(recording.time, {**recording.channels, **more}, meta=meta, signals=signals)
@@ -192,124 +204,81 @@ def _ran_away(tick: int, hip: Array, joints: Array) -> RunawayError:
     )
 
 
-def _not_finite(tick: int, planes: Array) -> RendererError:
-    """In the words of `playback.ask`."""
-    from hapticeval.simulation.kernels import FORCE, IHIP, MEASURED_HIP
+def _loop(experiment: Experiment, scene: Scene, time: Array, dt: float) -> Loop:
+    """Assemble what the scene calls for into a loop, with the device where the experiment starts.
 
-    return RendererError(
-        f"the renderer's answer is not finite: IHIP {planes[IHIP]}, force {planes[FORCE]}",
-        tick=tick,
-        hip=planes[MEASURED_HIP],
-        why="a number that is not finite would reach the motors",
+    Raises `DomainError` where it cannot be.
+    """
+    from hapticeval.devices.inner_loop_kernels import Inner
+    from hapticeval.devices.motion_kernels import Grip, Load, motion_of
+    from hapticeval.simulation import kernels
+
+    device, hand = scene.robot, experiment.hand
+    count, size = time.size, device.dimension
+    parts = [(each.stage, each.part(count, size, dt)) for each in scene.effects if each.stage is not None]
+    hooks = (
+        kernels.hook_of(part for stage, part in parts if stage is wanted)
+        for wanted in (Stage.SENSE, Stage.FEEL, Stage.COMMAND)
+    )
+    frictions = [part.params for stage, part in parts if stage is Stage.JOINTS]
+    ends = np.append(time, count * dt)
+    push = experiment.operator_force(ends)
+    load = Load(
+        dt,
+        np.ascontiguousarray(push) if hand is not None or push.any() else None,
+        None if hand is None else Grip(hand.desired(ends), np.array([hand.stiffness, hand.damping])),
+        np.sum(frictions, axis=0) if frictions else None,
+    )
+    exact = isinstance(device, PointMass) and hand is None and not frictions
+    state = np.zeros((kernels.ROWS, size))
+    joints = device.joints(experiment.position)
+    state[kernels.JOINTS] = state[kernels.START] = joints
+    if device.margin(joints) > 0.0:
+        state[kernels.RATES] = np.linalg.solve(device.jacobian(joints), experiment.velocity)
+    loop = kernels.Loop(
+        motion_of(device, load, default_method()),
+        Inner(scene.inner_loop.code, scene.mass),
+        *hooks,
+        device.parameters[:1].copy() if exact else None,
+        RUNAWAY * (1.0 if device.turning else scene.model.size),
+        state,
+        np.zeros((kernels.PLANES, count, size)),
+    )
+    if kernels.sense(loop, 0) == kernels.OUTSIDE:
+        raise _outside(device, joints)
+    return loop
+
+
+def _outside(device: Device, joints: Array) -> DomainError:
+    """Return why the device is not defined at `joints`."""
+    try:
+        checked_joints(device, joints)
+    except DomainError as error:
+        return error
+    return DomainError(
+        f"the {device.name} is outside of its functional configuration space: joints {joints}",
+        why=f"its margin to joint limits and singularities is {device.margin(joints):.3g}",
     )
 
 
-class _Loop:
-    """A run's arrays, and the kernels that work on them."""
+def _channels(loop: Loop, scene: Scene) -> dict[str, Array]:
+    """Return what the recording holds of a run: the channels of any loop, of its effects, and of joints that turn."""
+    from hapticeval.simulation import kernels
 
-    def __init__(self, experiment: Experiment, scene: Scene, device: Device, time: Array, dt: float) -> None:
-        from hapticeval.compiled import DYNAMICS, KINEMATICS, MARGIN, first_class
-        from hapticeval.devices import dynamics_kernels as motion
-        from hapticeval.simulation import kernels as kernels
-
-        self.kernels = kernels
-        self.device = device
-        self.experiment = experiment
-        self.imperfections = scene.imperfections
-        count, size = time.size, device.dimension
-        ends = np.append(time, count * dt)
-        hand = experiment.hand
-        exact = isinstance(device, PointMass) and hand is None and scene.imperfections.friction is None
-        method = default_method()
-        code = device.kernels
-        self.kinematics = first_class(code.kinematics, KINEMATICS)
-        self.dynamics = first_class(code.dynamics, DYNAMICS)
-        self.margin = first_class(code.margin, MARGIN)
-        self.parameters = device.parameters
-        reach = RUNAWAY * (scene.model.size if isinstance(device, PointMass) else 1.0)
-        self.settings = np.array([float(scene.inner_loop.code), scene.mass, dt, reach])
-        self.exact = self.parameters[:1].copy() if exact else None
-        push = experiment.operator_force(ends)
-        self.push = np.ascontiguousarray(push) if hand is not None or push.any() else None
-        self.path = None if hand is None else hand.desired(ends)
-        self.grip = None if hand is None else np.array([hand.stiffness, hand.damping])
-        self.sensing = sensing(scene.imperfections, dt)
-        self.actuation = actuation(scene.imperfections, dt)
-        friction = scene.imperfections.friction
-        self.friction = None if friction is None else np.full(size, friction)
-        self.noise, self.feeling = feeling(scene.imperfections.force_sensor, (count, size), dt)
-        self.table, self.control, self.pace = method.table, control(method), np.array([dt])
-        self.state = np.zeros((kernels.ROWS, size))
-        self.squares = np.empty((motion.SQUARES, size, size))
-        self.rows = np.zeros((motion.ROWS, size))
-        self.stages = np.empty((method.b.size, size))
-        self.out = np.zeros((kernels.PLANES, count, size))
-
-    def begin(self) -> None:
-        """Put the device where the experiment starts. Raises `DomainError` where it cannot be."""
-        joints = self.device.joints(self.experiment.position)
-        self.state[self.kernels.JOINTS] = self.state[self.kernels.START] = joints
-        if self.device.margin(joints) > 0.0:
-            self.state[self.kernels.RATES] = np.linalg.solve(self.device.jacobian(joints), self.experiment.velocity)
-        if self.sense(0) == self.kernels.OUTSIDE:
-            raise self.outside()
-
-    def outside(self) -> DomainError:
-        """Why the device is not defined where it is."""
-        joints = self.state[self.kernels.JOINTS]
-        check = getattr(self.device, "check", None)
-        if check is not None:
-            try:
-                check(joints)
-            except DomainError as error:
-                return error
-        return DomainError(
-            f"the {self.device.name} is outside of its functional configuration space: joints {joints}",
-            why=f"its margin to joint limits and singularities is {self.device.margin(joints):.3g}",
-        )
-
-    def sense(self, tick: int) -> int:
-        """Read the sensors."""
-        return self.kernels.sense(
-            tick, self.kinematics, self.margin, self.parameters, self.settings, self.push, self.path, self.grip,
-            self.sensing, self.noise, self.feeling, self.state, self.squares, self.out,
-        )  # fmt: skip
-
-    def act(self, tick: int) -> int:
-        """Drive the motors, and move."""
-        return self.kernels.act(
-            tick, self.kinematics, self.dynamics, self.parameters, self.settings, self.exact, self.push, self.path,
-            self.grip, self.actuation, self.friction, self.feeling, self.table, self.control, self.pace, self.state,
-            self.squares, self.rows, self.stages, self.out,
-        )  # fmt: skip
-
-    def run(self, law: CompiledLaw) -> tuple[int, int]:
-        """All ticks with a compiled law: the tick that the run ended at, and how."""
-        from hapticeval.compiled import LAW, first_class
-
-        return self.kernels.run(
-            first_class(law.function, LAW), law.data, self.kinematics, self.dynamics, self.margin, self.parameters,
-            self.settings, self.exact, self.push, self.path, self.grip, self.sensing, self.actuation, self.friction,
-            self.noise, self.feeling, self.table, self.control, self.pace, self.state, self.squares, self.rows,
-            self.stages, self.out,
-        )  # fmt: skip
-
-    def channels(self) -> dict[str, Array]:
-        """What the recording holds of the run."""
-        kernels, effects = self.kernels, self.imperfections
-        planes = {
-            "hip": kernels.HIP,
-            "ihip": kernels.IHIP,
-            "force": kernels.FORCE,
-            "velocity": kernels.SPEED,
-            "operator_force": kernels.OPERATOR,
-        }
-        if effects.encoder_step is not None:
-            planes["measured_hip"] = kernels.MEASURED_HIP
-        if self.sensing is not None:
-            planes["measured_velocity"] = kernels.MEASURED_SPEED
-        if self.feeling is not None:
-            planes["measured_force"] = kernels.MEASURED_FORCE
-        if not isinstance(self.device, PointMass):
-            planes |= {"joint_position": kernels.JOINT, "joint_velocity": kernels.RATE, "joint_torque": kernels.TORQUE}
-        return {name: self.out[plane] for name, plane in planes.items()}
+    kept = {
+        "hip": kernels.HIP,
+        "ihip": kernels.IHIP,
+        "force": kernels.FORCE,
+        "velocity": kernels.SPEED,
+        "operator_force": kernels.OPERATOR,
+    }
+    measured = {
+        "measured_hip": kernels.MEASURED_HIP,
+        "measured_velocity": kernels.MEASURED_SPEED,
+        "measured_force": kernels.MEASURED_FORCE,
+    }
+    added = {name for each in scene.effects for name in each.channels}
+    kept |= {name: plane for name, plane in measured.items() if name in added}
+    if scene.robot.turning:
+        kept |= {"joint_position": kernels.JOINT, "joint_velocity": kernels.RATE, "joint_torque": kernels.TORQUE}
+    return {name: loop.out[plane] for name, plane in kept.items()}

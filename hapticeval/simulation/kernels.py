@@ -1,255 +1,266 @@
 """The closed loop of Figure 6.17 as compiled code: sensing, inner loop, motors and motion, tick by tick.
 
 A tick is `sense`, the renderer's answer, `act`. `run` is all ticks, with the renderer's compiled law; a renderer in
-Python is asked between the other two, and the numbers are the same. Imperfections that are off are None, and their
-branches are then gone from the compiled code.
-
-What a run keeps lies in `out` (PLANES, ticks, N), one plane a channel. The other arguments, throughout:
-
-- `kinematics`, `dynamics`, `margin`, `parameters`: the device, see `hapticeval.devices.device`;
-- `settings` (4,): which inner loop, mass of the virtual tool (kg), dt (s), and how far a joint may go from where it
-  started (rad, m);
-- `exact` (1,): the mass (kg) of a point mass that moves by its exact integral;
-- `push` (ticks + 1, N): the operator's prescribed force at the samples; `path` (ticks + 1, N) and `grip` (2,): where
-  the hand draws to at the samples, and its stiffness and damping;
-- `sensing` (2,): encoder step (0: exact), blend of the velocity filter (0: exact);
-- `actuation` (3,): torque limit, whole ticks and seconds of delay;
-- `friction` (N,): of each joint;
-- `noise` (ticks, N) and `feeling` (2,): the force sensor's noise at each sample, its step (0: none) and blend (1:
-  none).
+Python is asked between the other two, and the numbers are the same. What a scene does not call for is None in `Loop`.
+Each such field has a kernel of its own that tests its argument for None: numba then leaves the rest of it out.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterable
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-import numpy as np
-
-from hapticeval.compiled import LawData, compiled
-from hapticeval.devices.dynamics_kernels import JACOBIAN, torque
-from hapticeval.devices.integration_kernels import advance, fall_free
+from hapticeval.compiled import EFFECT, FirstClass, LawData, compiled, first_class, inner
+from hapticeval.devices.inner_loop_kernels import Inner, torque
+from hapticeval.devices.motion_kernels import DRIFT, JACOBIAN, Grip, Motion, advance, fall_free
 from hapticeval.types import Array
 
+if TYPE_CHECKING:
+    from hapticeval.effects.effect import Part
+
 (
-    HIP, IHIP, FORCE, SPEED, OPERATOR, MEASURED_HIP, MEASURED_SPEED, MEASURED_FORCE, JOINT, RATE, TORQUE, COMMAND,
-    PLANES,
-) = range(13)  # fmt: skip
+    HIP, IHIP, FORCE, SPEED, OPERATOR, MEASURED_HIP, MEASURED_SPEED, MEASURED_FORCE, JOINT, RATE, TORQUE, PLANES,
+) = range(12)  # fmt: skip
+"""Planes of `Loop.out`: one per channel."""
 
-JOINTS, RATES, SEEN, SEEN_RATES, FELT, DRIFT, ROW_A, ROW_B, ROW_C, ROW_D, START, ROWS = range(12)
-"""Rows of `state` (ROWS, N): true joints and rates, those that the controller believes in, filtered force; scratch;
-joints at the start."""
-
-LOOP, TOOL, DT, REACH = range(4)
+JOINTS, RATES, SEEN, SEEN_RATES, BEFORE, PLACE, PACE, DRAWN, START, ROWS = range(10)
+"""Rows of `Loop.state`: true joints and rates, and those that the controller is given; what the motors gave before;
+position and velocity at the end of a part of a tick, the integral of the position; joints at the start."""
 
 DONE, OUTSIDE, RAN_AWAY, NOT_FINITE, REFUSED = range(5)
 """How a run ends; REFUSED and above is REFUSED - 1 plus the law's own number."""
 
 
-@compiled
-def rounded(value: float, quantum: float) -> float:
-    """The multiple of `quantum` nearest to `value`."""
-    return quantum * float(np.rint(value / quantum))
+class Attached(NamedTuple):
+    """An effect in a loop: its `Part`, with the function as compiled code."""
+
+    function: FirstClass
+    params: Array
+    samples: Array
+    state: Array
+
+
+Hook: TypeAlias = "tuple[Attached, ...]"
+"""The effects of one stage of a tick, in order."""
+
+
+class Loop(NamedTuple):
+    """A closed loop, ready to run.
+
+    `exact` (1,) is the mass (kg) of a point mass that moves by its exact integral; `reach` (rad, m) is how far a joint
+    may go from where it started. `state` (ROWS, N) is what a tick leaves to the next, and `out` (PLANES, ticks, N) all
+    that a run keeps.
+    """
+
+    motion: Motion
+    servo: Inner
+    sensors: Hook | None
+    feeling: Hook | None
+    motors: Hook | None
+    exact: Array | None
+    reach: float
+    state: Array
+    out: Array
+
+
+def hook_of(parts: Iterable[Part]) -> Hook | None:
+    """Return the effects of a stage as kernels take them, each compiled at its first use; None for no effects."""
+    found = tuple(
+        Attached(first_class(compiled_once(function), EFFECT), *rest)
+        for function, *rest in parts
+        if function is not None
+    )
+    return found or None
+
+
+compiled_once = cache(compiled)
 
 
 @compiled
-def sense(
-    tick: int,
-    kinematics: Callable[..., Any],
-    margin: Callable[..., Any],
-    parameters: Array,
-    settings: Array,
-    push: Array | None,
-    path: Array | None,
-    grip: Array | None,
-    sensing: Array | None,
-    noise: Array | None,
-    feeling: Array | None,
-    state: Array,
-    squares: Array,
-    out: Array,
-) -> int:
-    """Write what is and what the sensors say at the sample `tick`; OUTSIDE where the device is not defined."""
-    joints, rates, seen, seen_rates, felt = state[JOINTS], state[RATES], state[SEEN], state[SEEN_RATES], state[FELT]
-    size, jacobian = joints.shape[0], squares[JACOBIAN]
-    if not margin(parameters, joints) > 0.0:
+def take_part(hook: Hook | None, tick: int, dt: float, first: Array, second: Array) -> float:
+    """Let the effects of a stage change `first` and `second`; return the last of the times (s) that they give."""
+    last = 0.0
+    if hook is None:
+        return last
+    for k in range(len(hook)):
+        each = hook[k]
+        last = max(last, each.function(each.params, each.samples, each.state, tick, dt, first, second))
+    return last
+
+
+@inner
+def pushed(push: Array | None, tick: int, i: int, time: float, dt: float) -> float:
+    """Return the operator's prescribed force along axis `i`, N, at `time` seconds into the tick of `dt`."""
+    if push is None:
+        return 0.0
+    if time <= 0.0:
+        return float(push[tick, i])
+    if time >= dt:
+        return float(push[tick + 1, i])
+    return float(push[tick, i] + time * ((push[tick + 1, i] - push[tick, i]) / dt))
+
+
+@inner
+def drawn(grip: Grip | None, tick: int, i: int, dt: float, hip: Array, speed: Array) -> float:
+    """Return the force of the hand along axis `i`, N, at the sample."""
+    if grip is None:
+        return 0.0
+    pace = (grip.path[tick + 1, i] - grip.path[tick, i]) / dt
+    return float(grip.gains[0] * (grip.path[tick, i] - hip[i]) + grip.gains[1] * (pace - speed[i]))
+
+
+@inner
+def feel(feeling: Hook | None, loop: Loop, tick: int) -> None:
+    """Write what the force sensor gives at the sample."""
+    if feeling is None:
+        return
+    load, force = loop.motion.load, loop.out[MEASURED_FORCE, tick]
+    for i in range(force.shape[0]):
+        force[i] = pushed(load.push, tick, i, 0.0, load.dt)
+        force[i] += drawn(load.grip, tick, i, load.dt, loop.out[HIP, tick], loop.out[SPEED, tick])
+    take_part(feeling, tick, load.dt, force, force)
+
+
+@inner
+def see(sensors: Hook | None, loop: Loop, tick: int) -> None:
+    """Write what the controller is given of joints, rates, HIP and velocity at the sample."""
+    state, out, motion = loop.state, loop.out, loop.motion
+    seen, seen_rates = state[SEEN], state[SEEN_RATES]
+    for i in range(seen.shape[0]):
+        seen[i], seen_rates[i] = state[JOINTS, i], state[RATES, i]
+        out[MEASURED_HIP, tick, i], out[MEASURED_SPEED, tick, i] = out[HIP, tick, i], out[SPEED, tick, i]
+    if sensors is None:
+        return
+    take_part(sensors, tick, motion.load.dt, seen, seen_rates)
+    motion.plant.kinematics(
+        motion.plant.parameters, seen, seen_rates, out[MEASURED_HIP, tick], out[MEASURED_SPEED, tick],
+        motion.scratch.squares[JACOBIAN], motion.scratch.rows[DRIFT],
+    )  # fmt: skip
+
+
+@compiled
+def sense(loop: Loop, tick: int) -> int:
+    """Write what is and what the sensors give at the sample `tick`; return OUTSIDE where the device is not defined."""
+    state, out, plant, scratch = loop.state, loop.out, loop.motion.plant, loop.motion.scratch
+    joints, rates = state[JOINTS], state[RATES]
+    if not plant.margin(plant.parameters, joints) > 0.0:
         return OUTSIDE
-    hip, speed = out[HIP, tick], out[SPEED, tick]
-    kinematics(parameters, joints, rates, hip, speed, jacobian, state[DRIFT])
-    for i in range(size):
+    plant.kinematics(
+        plant.parameters, joints, rates, out[HIP, tick], out[SPEED, tick], scratch.squares[JACOBIAN],
+        scratch.rows[DRIFT],
+    )  # fmt: skip
+    for i in range(joints.shape[0]):
         out[JOINT, tick, i], out[RATE, tick, i] = joints[i], rates[i]
-    if feeling is not None and noise is not None:
-        for i in range(size):
-            force = 0.0
-            if push is not None:
-                force += push[tick, i]
-            if path is not None and grip is not None:
-                pace = (path[tick + 1, i] - path[tick, i]) / settings[DT]
-                force += grip[0] * (path[tick, i] - hip[i]) + grip[1] * (pace - speed[i])
-            felt[i] = force if tick == 0 else felt[i] + feeling[1] * (force - felt[i])
-            force = felt[i] + noise[tick, i]
-            out[MEASURED_FORCE, tick, i] = rounded(force, feeling[0]) if feeling[0] > 0.0 else force
-    if sensing is None:
-        for i in range(size):
-            seen[i], seen_rates[i] = joints[i], rates[i]
-            out[MEASURED_HIP, tick, i], out[MEASURED_SPEED, tick, i] = hip[i], speed[i]
-        return DONE
-    for i in range(size):
-        now = rounded(joints[i], sensing[0]) if sensing[0] > 0.0 else joints[i]
-        if sensing[1] == 0.0 or tick == 0:
-            seen_rates[i] = rates[i]
-        else:
-            seen_rates[i] += sensing[1] * ((now - seen[i]) / settings[DT] - seen_rates[i])
-        seen[i] = now
-    kinematics(parameters, seen, seen_rates, out[MEASURED_HIP, tick], out[MEASURED_SPEED, tick], jacobian, state[DRIFT])
+    feel(loop.feeling, loop, tick)
+    see(loop.sensors, loop, tick)
     return DONE
 
 
-@compiled
-def act(
-    tick: int,
-    kinematics: Callable[..., Any],
-    dynamics: Callable[..., Any],
-    parameters: Array,
-    settings: Array,
-    exact: Array | None,
-    push: Array | None,
-    path: Array | None,
-    grip: Array | None,
-    actuation: Array | None,
-    friction: Array | None,
-    feeling: Array | None,
-    table: Array,
-    control: Array,
-    pace: Array,
-    state: Array,
-    squares: Array,
-    rows: Array,
-    stages: Array,
-    out: Array,
-) -> int:
-    """From the renderer's force in out[FORCE, tick] to the device's state at the next sample."""
-    joints, rates = state[JOINTS], state[RATES]
-    size, dt, command = joints.shape[0], settings[DT], out[COMMAND, tick]
+@inner
+def command(feeling: Hook | None, loop: Loop, tick: int) -> None:
+    """Write the torques that the inner loop makes of the renderer's force, and of the hand's where it is measured."""
+    state, motion = loop.state, loop.motion
+    seen, seen_rates, force = state[SEEN], state[SEEN_RATES], loop.out[FORCE, tick]
+    held = loop.out[TORQUE, tick]
     if feeling is None:
-        torque(
-            int(settings[LOOP]), settings[TOOL], dynamics, parameters, state[SEEN], state[SEEN_RATES],
-            squares[JACOBIAN], state[DRIFT], out[FORCE, tick], None, squares[1:], state[ROW_A:], command,
-        )  # fmt: skip
+        torque(loop.servo, motion.plant, seen, seen_rates, force, None, motion.scratch, held)
     else:
-        torque(
-            int(settings[LOOP]), settings[TOOL], dynamics, parameters, state[SEEN], state[SEEN_RATES],
-            squares[JACOBIAN], state[DRIFT], out[FORCE, tick], out[MEASURED_FORCE, tick], squares[1:], state[ROW_A:],
-            command,
-        )  # fmt: skip
-    held, before, switch = out[TORQUE, tick], state[ROW_C], 0.0
-    for i in range(size):
-        held[i] = command[i]
-    if actuation is not None:
-        whole, switch = int(actuation[1]), actuation[2]
-        for i in range(size):
-            command[i] = min(max(command[i], -actuation[0]), actuation[0])
-            held[i] = out[COMMAND, tick - whole, i] if tick >= whole else 0.0
-            before[i] = out[COMMAND, tick - whole - 1, i] if tick > whole else 0.0
-    if path is not None:
-        for i in range(size):
-            state[ROW_D, i] = 0.0
-    for part in range(2):
-        if part == 0 and switch == 0.0:
-            continue
-        begin, end = (0.0, switch) if part == 0 else (switch, dt)
-        force = before if part == 0 else held
-        if exact is not None:
-            for i in range(size):
-                state[ROW_A, i], state[ROW_B, i] = 0.0, 0.0
-                if push is not None:
-                    slope = (push[tick + 1, i] - push[tick, i]) / dt
-                    state[ROW_A, i] = push[tick, i] + begin * slope if begin > 0.0 else push[tick, i]
-                    state[ROW_B, i] = push[tick, i] + end * slope if end < dt else push[tick + 1, i]
-            fall_free(exact[0], joints, rates, force, state[ROW_A], state[ROW_B], end - begin)
-        else:
-            if path is not None:
-                kinematics(parameters, joints, rates, state[ROW_A], state[ROW_B], squares[JACOBIAN], state[DRIFT])
-                for i in range(size):
-                    state[ROW_D, i] += 0.5 * (end - begin) * (state[ROW_A, i] + (end - begin) / 6.0 * state[ROW_B, i])
-            steps = advance(
-                kinematics, dynamics, parameters, joints, rates, begin, end, dt, force,
-                None if push is None else push[tick:], None if path is None else path[tick:], grip, friction, table,
-                control, pace, rows, squares, stages,
-            )  # fmt: skip
-            if steps == 0:
-                return RAN_AWAY
-            if path is not None:
-                kinematics(parameters, joints, rates, state[ROW_A], state[ROW_B], squares[JACOBIAN], state[DRIFT])
-                for i in range(size):
-                    state[ROW_D, i] += 0.5 * (end - begin) * (state[ROW_A, i] - (end - begin) / 6.0 * state[ROW_B, i])
-    for i in range(size):
+        push = loop.out[MEASURED_FORCE, tick]
+        torque(loop.servo, motion.plant, seen, seen_rates, force, push, motion.scratch, held)
+
+
+@inner
+def move(exact: Array | None, loop: Loop, tick: int, begin: float, end: float, torque: Array) -> bool:
+    """Move the device from `begin` to `end` seconds into the tick; return False where it has no finite state."""
+    state, load = loop.state, loop.motion.load
+    joints, rates = state[JOINTS], state[RATES]
+    if exact is None:
+        add_position(load.grip, loop, 0.5 * (end - begin), (end - begin) / 6.0)
+        if advance(loop.motion, tick, begin, end, joints, rates, torque) == 0:
+            return False
+        add_position(load.grip, loop, 0.5 * (end - begin), -(end - begin) / 6.0)
+    else:
+        first, last = state[PLACE], state[PACE]
+        for i in range(joints.shape[0]):
+            first[i], last[i] = pushed(load.push, tick, i, begin, load.dt), pushed(load.push, tick, i, end, load.dt)
+        fall_free(exact[0], joints, rates, torque, first, last, end - begin)
+    return True
+
+
+@inner
+def add_position(grip: Grip | None, loop: Loop, share: float, lever: float) -> None:
+    """Add to state[DRAWN] this end's part in the integral of the position: Hermite's rule, from values and rates."""
+    if grip is None:
+        return
+    state, plant, scratch = loop.state, loop.motion.plant, loop.motion.scratch
+    plant.kinematics(
+        plant.parameters, state[JOINTS], state[RATES], state[PLACE], state[PACE], scratch.squares[JACOBIAN],
+        scratch.rows[DRIFT],
+    )  # fmt: skip
+    for i in range(state.shape[1]):
+        state[DRAWN, i] += share * (state[PLACE, i] + lever * state[PACE, i])
+
+
+@inner
+def mean_push(push: Array | None, tick: int, i: int) -> float:
+    """Return the mean of the prescribed force over the tick along axis `i`, N."""
+    return 0.0 if push is None else float(0.5 * (push[tick, i] + push[tick + 1, i]))
+
+
+@inner
+def add_drawn(grip: Grip | None, loop: Loop, tick: int, i: int, mean: float) -> float:
+    """Return `mean` and the mean of the hand's force over the tick along axis `i`, N."""
+    if grip is None:
+        return mean
+    path, dt = grip.path, loop.motion.load.dt
+    mean += grip.gains[0] * (0.5 * (path[tick, i] + path[tick + 1, i]) - loop.state[DRAWN, i] / dt)
+    moved = loop.state[PLACE, i] - loop.out[HIP, tick, i]
+    return float(mean + grip.gains[1] * (path[tick + 1, i] - path[tick, i] - moved) / dt)
+
+
+@compiled
+def act(loop: Loop, tick: int) -> int:
+    """Go from the renderer's force in out[FORCE, tick] to the device's state at the next sample."""
+    state, out, load = loop.state, loop.out, loop.motion.load
+    dt, held, before = load.dt, out[TORQUE, tick], state[BEFORE]
+    command(loop.feeling, loop, tick)
+    switch = take_part(loop.motors, tick, dt, held, before)
+    for i in range(held.shape[0]):
+        state[DRAWN, i] = 0.0
+    for late in range(2):  # one place that calls: it is compiled once
+        begin, end = (switch, dt) if late else (0.0, switch)
+        if end > begin and not move(loop.exact, loop, tick, begin, end, held if late else before):
+            return RAN_AWAY
+    for i in range(held.shape[0]):
         if switch > 0.0:
             held[i] = (switch * before[i] + (dt - switch) * held[i]) / dt
-        mean = 0.0
-        if push is not None:
-            mean = 0.5 * (push[tick, i] + push[tick + 1, i])
-        if path is not None and grip is not None:
-            # Hermite's rule gives the mean position from its values and rates at the ends.
-            mean += grip[0] * (0.5 * (path[tick, i] + path[tick + 1, i]) - state[ROW_D, i] / dt)
-            mean += grip[1] * (path[tick + 1, i] - path[tick, i] - (state[ROW_A, i] - out[HIP, tick, i])) / dt
-        out[OPERATOR, tick, i] = mean
-    for i in range(size):
-        if not abs(joints[i] - state[START, i]) < settings[REACH]:
+        out[OPERATOR, tick, i] = add_drawn(load.grip, loop, tick, i, mean_push(load.push, tick, i))
+    for i in range(held.shape[0]):
+        if not abs(state[JOINTS, i] - state[START, i]) < loop.reach:
             return RAN_AWAY
     return DONE
 
 
 @compiled
-def run(
-    law: Callable[..., Any],
-    data: LawData,
-    kinematics: Callable[..., Any],
-    dynamics: Callable[..., Any],
-    margin: Callable[..., Any],
-    parameters: Array,
-    settings: Array,
-    exact: Array | None,
-    push: Array | None,
-    path: Array | None,
-    grip: Array | None,
-    sensing: Array | None,
-    actuation: Array | None,
-    friction: Array | None,
-    noise: Array | None,
-    feeling: Array | None,
-    table: Array,
-    control: Array,
-    pace: Array,
-    state: Array,
-    squares: Array,
-    rows: Array,
-    stages: Array,
-    out: Array,
-) -> tuple[int, int]:
-    """All ticks with a compiled law: the tick that the run ended at, and how."""
-    count, size = out.shape[1], out.shape[2]
-    for tick in range(count):
-        status = sense(
-            tick, kinematics, margin, parameters, settings, push, path, grip, sensing, noise, feeling, state, squares,
-            out,
-        )  # fmt: skip
+def run(law: Callable[..., Any], data: LawData, loop: Loop) -> tuple[int, int]:
+    """Run all ticks with a compiled law; return the tick that the run ended at, and how."""
+    out, dt = loop.out, loop.motion.load.dt
+    for tick in range(out.shape[1]):
+        status = sense(loop, tick)
         if status != DONE:
             return tick, status
         number = law(
-            data, out[MEASURED_HIP, tick], out[MEASURED_SPEED, tick], out[MEASURED_FORCE, tick], settings[DT],
-            out[IHIP, tick], out[FORCE, tick],
+            data, out[MEASURED_HIP, tick], out[MEASURED_SPEED, tick], out[MEASURED_FORCE, tick], dt, out[IHIP, tick],
+            out[FORCE, tick],
         )  # fmt: skip
         if number != 0:
             return tick, REFUSED - 1 + number
-        for i in range(size):
+        for i in range(out.shape[2]):
             if not math.isfinite(out[IHIP, tick, i]) or not math.isfinite(out[FORCE, tick, i]):
                 return tick, NOT_FINITE
-        status = act(
-            tick, kinematics, dynamics, parameters, settings, exact, push, path, grip, actuation, friction, feeling,
-            table, control, pace, state, squares, rows, stages, out,
-        )  # fmt: skip
+        status = act(loop, tick)
         if status != DONE:
             return tick, status
-    return count, DONE
+    return out.shape[1], DONE

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
-from hapticeval.errors import DomainError, HapticevalError, RefusalError, RendererError, renderer_errors
+from hapticeval.errors import (
+    DomainError,
+    HapticevalError,
+    RefusalError,
+    RendererError,
+    blamed,
+    described,
+    renderer_errors,
+)
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.recordings.recording import REQUIRED, SINGLE, Recording, backward_difference
-from hapticeval.renderer import Batch, Declaration, Feeling, Renderer, SelfDriven, Spring
+from hapticeval.renderer import Batch, Renderer, SelfDriven, abilities_of
 from hapticeval.scene import Scene
-from hapticeval.stimulus.stimulus import Path, Stimulus
+from hapticeval.stimulus.stimulus import Path, Stimulus, sample_times
 from hapticeval.types import Array
 
 NEAR = 1e-4
@@ -23,6 +30,9 @@ NEAR = 1e-4
 
 WAY = 100
 """Ticks that a hand is led in at the most, in longer steps than the path's where that needs more: none is judged."""
+
+CLOCK = 1e-6
+"""A share of the sampling time by which a clock may differ from what was asked: rounding."""
 
 REST = 10
 """Ticks that it then rests where the path begins: more than any granted lag."""
@@ -40,7 +50,7 @@ def play(renderer: Renderer | SelfDriven, path: Path, dt: float, *, scene: Scene
     velocity = backward_difference(hips, time)
     ihips, forces = lead(renderer, hips, velocity, dt, scene=scene)
     channels = {"hip": hips, "ihip": ihips, "force": forces, "velocity": velocity}
-    return Recording(time, channels, meta={"source": "playback", "dt": dt, **declared(renderer)})
+    return Recording(time, channels, meta={"source": "playback", "dt": dt, **abilities_of(renderer).meta})
 
 
 def lead(
@@ -62,7 +72,8 @@ def lead(
     a step a row, `dt` (n,), every renderer is asked row by row and given `velocity` (n, N). One that feels is told the
     measured `pushes` (n, N), N, row by row, where there are any. Errors count ticks from `first` on.
     """
-    if not isinstance(renderer, Feeling):
+    can = abilities_of(renderer)
+    if not can.feel:
         pushes = None
     way = way_in(renderer, hips, scene)
     count = way.shape[0]
@@ -72,7 +83,7 @@ def lead(
         hips, velocity = np.vstack([way, hips]), np.vstack([moving, velocity])
         dt = np.concatenate([np.full(count, step), dt]) if isinstance(dt, np.ndarray) else dt
         pushes = None if pushes is None else np.vstack([np.zeros_like(way), pushes])
-    if isinstance(renderer, Batch) and not isinstance(dt, np.ndarray) and pushes is None:
+    if can.run and not isinstance(dt, np.ndarray) and pushes is None:
         ihips, forces = _all_at_once(renderer, hips, velocity, dt, first, count)
     else:
         ihips, forces = _step_by_step(renderer, hips, velocity, dt, first, count, pushes)
@@ -90,7 +101,7 @@ def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
     none = np.empty((0, hips.shape[1]))
     if scene is None or scene.bilateral:
         return none
-    boundary: Boundary = getattr(renderer, "surface", None) or scene.model.boundary
+    boundary: Boundary = abilities_of(renderer).surface or scene.model.boundary
     start = hips[0]
     frame = boundary.frame(start[np.newaxis])
     depth = -float(frame.distance[0])
@@ -98,7 +109,7 @@ def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
         return none
     pace = float(np.linalg.norm(np.diff(hips, axis=0), axis=1).max(initial=0.0)) or NEAR * scene.model.size
     outwards = (frame.foot[0] - start) / depth
-    before = frame.foot[0] + (declared(renderer)["standoff"] + pace) * outwards
+    before = frame.foot[0] + (abilities_of(renderer).standoff + pace) * outwards
     if not boundary.signed_distance(before[np.newaxis])[0] > 0.0:
         before = frame.foot[0]
     ticks = min(math.ceil(float(np.linalg.norm(start - before)) / pace), WAY)
@@ -107,7 +118,7 @@ def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
 
 
 def answered(renderer: SelfDriven, stimulus: Stimulus, dt: float) -> Recording:
-    """`renderer.answer(...)`, refused unless it is a recording, with what it raises told as a `RendererError`."""
+    """Return `renderer.answer(...)`. Raises `RendererError` unless that is a recording of what was asked for."""
     with renderer_errors("answer()"):
         recording = renderer.answer(stimulus, dt)
     if not isinstance(recording, Recording):
@@ -115,50 +126,25 @@ def answered(renderer: SelfDriven, stimulus: Stimulus, dt: float) -> Recording:
             f"the renderer's answer() gave a {type(recording).__name__}", todo="return a hapticeval.Recording"
         )
     recording.require(*REQUIRED)
+    time = stimulus.sampled(dt)[0] if isinstance(stimulus, Path) else sample_times(stimulus.duration, dt)
+    if recording.time.shape != time.shape or np.max(np.abs(recording.time - time)) > CLOCK * dt:
+        raise RendererError(
+            f"the renderer's answer() has {len(recording)} samples from {recording.time[0]:.6g} to "
+            f"{recording.time[-1]:.6g} s",
+            why=f"it was asked for {time.size} samples every {dt:.6g} s, from 0 to {time[-1]:.6g} s",
+            todo="record a sample at each of hapticeval's sample times, the last one included",
+        )
+    if recording.hip.shape[1] != stimulus.dimension:
+        raise RendererError(
+            f"the renderer's answer() has a HIP in {recording.hip.shape[1]}D, and the stimulus is in "
+            f"{stimulus.dimension}D",
+            todo="record the HIP in the space of the stimulus",
+        )
     return recording
 
 
-def declared(renderer: object) -> Mapping[str, Any]:
-    """What a renderer says of itself, as metadata: `resolution` and `standoff`, m, 0 where it says nothing.
-
-    Beside them `spring`, `ihip_scatter` and `force_scatter` of its `Declaration`, where it makes one.
-    """
-    said: dict[str, Any] = {}
-    for name in ("resolution", "standoff"):
-        value = getattr(renderer, name, 0.0)
-        try:
-            said[name] = float(value)
-        except (TypeError, ValueError):
-            said[name] = math.nan
-        if not (math.isfinite(said[name]) and said[name] >= 0.0):
-            raise RendererError(
-                f"the renderer declares {name} = {value!r}",
-                why="it is a length in metres: a finite number that is not negative",
-                todo=f"give {name} as a float, or leave it out",
-            )
-    return said | _promised(renderer)
-
-
-def _promised(renderer: object) -> dict[str, Any]:
-    promise = getattr(renderer, "declares", None)
-    if promise is None:
-        return {}
-    scatter = (
-        (promise.ihip_scatter, promise.force_scatter) if isinstance(promise, Declaration) else (math.nan, math.nan)
-    )
-    sound = all(isinstance(each, int | float) and 0.0 <= each < math.inf for each in scatter)
-    if not sound or promise.spring not in (None, *Spring):
-        raise RendererError(
-            f"the renderer declares {promise!r}",
-            why="declares is a hapticeval.Declaration, with a Spring or None, and scatters finite and not negative",
-            todo="give such a one, or leave declares out",
-        )
-    told = {"ihip_scatter": float(scatter[0]), "force_scatter": float(scatter[1])}
-    return {**({} if promise.spring is None else {"spring": Spring(promise.spring).value}), **told}
-
-
 def _all_at_once(
-    renderer: Batch, hips: Array, velocity: Array, dt: float, first: int, ahead: int
+    renderer: Renderer, hips: Array, velocity: Array, dt: float, first: int, ahead: int
 ) -> tuple[Array, Array]:
     with renderer_errors(
         "run()",
@@ -168,7 +154,7 @@ def _all_at_once(
         todo="make run() equal to reset() and a step() a row",
     ):
         try:
-            answer = renderer.run(hips.copy(), dt)
+            answer = cast("Batch", renderer).run(hips.copy(), dt)
             ihips, forces = (np.asarray(part, dtype=np.float64) for part in answer)
         except (Exception, SystemExit) as error:
             if isinstance(error, HapticevalError) and not isinstance(error, RefusalError):
@@ -176,7 +162,6 @@ def _all_at_once(
             # A batch does not say where it broke; single steps do.
             _step_by_step(renderer, hips, velocity, dt, first, ahead)
             raise
-    answers = []
     for name, array in (("IHIPs", ihips), ("forces", forces)):
         if array.shape != hips.shape:
             raise RendererError(
@@ -188,8 +173,7 @@ def _all_at_once(
         if bad.any():
             tick = int(np.argmax(bad))
             raise RendererError(f"{name} not finite: {array[tick]}", tick=first + max(tick - ahead, 0), hip=hips[tick])
-        answers.append(array)
-    return answers[0], answers[1]
+    return ihips, forces
 
 
 def _step_by_step(
@@ -209,7 +193,7 @@ def _step_by_step(
     for row, step in enumerate(steps):
         tick = first + max(row - ahead, 0)
         if pushes is not None:
-            _feel(renderer, tick, hips[row], pushes[row])
+            feel(renderer, tick, hips[row], pushes[row])
         try:
             ihips[row], forces[row] = ask(renderer, tick, hips[row], velocity[row], step)
         except RefusalError as refusal:
@@ -225,26 +209,41 @@ def _step_by_step(
     return ihips, forces
 
 
-def _feel(renderer: Renderer, tick: int, hip: Array, push: Array) -> None:
-    with renderer_errors("feel()", tick=tick, hip=hip):
-        renderer.feel(push.copy())  # type: ignore[attr-defined]
-
-
 def start(renderer: Renderer, hip: Array) -> None:
-    """`renderer.reset(hip)`, with what it raises told as a `RendererError`."""
+    """Call `renderer.reset(hip)`. Raises `RendererError` for what it raises."""
     with renderer_errors("reset()", tick=0, hip=hip):
         renderer.reset(hip.copy())
 
 
-def ask(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
-    """`renderer.step(...)`, refused with tick and HIP unless it is two finite vectors like `hip`.
+def feel(renderer: Renderer, tick: int, hip: Array, push: Array) -> None:
+    """Call `renderer.feel(push)`. Raises `RendererError` for what it raises."""
+    with renderer_errors("feel()", tick=tick, hip=hip):
+        renderer.feel(push.copy())  # type: ignore[attr-defined]
 
-    The renderer gets copies: what it does to its arguments must not reach the recording.
+
+def ask(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
+    """Return IHIP and force, (N,) each, of `renderer.step(...)`, in copies of their own.
+
+    The renderer gets copies too: what it does to its arguments, and to its answers later, must not reach the recording.
+    Raises `RendererError`, with tick and HIP, unless it answers two finite vectors like `hip`.
     """
-    with renderer_errors("step()", tick=tick, hip=hip):
-        answer, push = renderer.step(hip.copy(), velocity.copy(), dt)  # an (ihip, force) pair of any kind
-        # Copies: a renderer may answer in arrays of its own, and write the next answer into them.
-        ihip, force = np.array(answer, dtype=np.float64), np.array(push, dtype=np.float64)
+    try:
+        answer = renderer.step(hip.copy(), velocity.copy(), dt)  # an (ihip, force) pair of any kind
+    except HapticevalError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise blamed("step()", error, tick=tick, hip=hip) from error
+    try:
+        first, second = answer
+        ihip, force = np.array(first, dtype=np.float64), np.array(second, dtype=np.float64)
+    except (Exception, SystemExit) as error:
+        raise RendererError(
+            f"the renderer's step() returned {type(answer).__name__}, no pair of an IHIP and a force",
+            tick=tick,
+            hip=hip,
+            why=described(error),
+            todo="return hapticeval.Response(ihip, force), or any pair of two vectors",
+        ) from error
     if ihip.shape != hip.shape or force.shape != hip.shape:
         raise RendererError(
             f"the renderer answered an IHIP of shape {ihip.shape} and a force of shape {force.shape}",
@@ -252,14 +251,19 @@ def ask(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -
             hip=hip,
             why=f"both must have the HIP's shape {hip.shape}",
         )
-    if not (np.isfinite(ihip).all() and np.isfinite(force).all()):
-        raise RendererError(
-            f"the renderer's answer is not finite: IHIP {ihip}, force {force}",
-            tick=tick,
-            hip=hip,
-            why="a number that is not finite would reach the motors",
-        )
+    if not all(map(math.isfinite, [*ihip.tolist(), *force.tolist()])):
+        raise not_finite(tick, hip, ihip, force)
     return ihip, force
+
+
+def not_finite(tick: int, hip: Array, ihip: Array, force: Array) -> RendererError:
+    """Return the error of a renderer whose answer holds a number that is not finite."""
+    return RendererError(
+        f"the renderer's answer is not finite: IHIP {ihip}, force {force}",
+        tick=tick,
+        hip=hip,
+        why="a number that is not finite would reach the motors",
+    )
 
 
 COMPARED = (4, 64)
@@ -276,7 +280,7 @@ def compare_batch(renderer: Renderer, recording: Recording, *, stiffness: float,
     and difference, where they differ by more.
     """
     contact = np.flatnonzero(recording.contact)
-    if not isinstance(renderer, Batch) or contact.size == 0:
+    if not abilities_of(renderer).run or contact.size == 0:
         return
     dt = float(recording.meta["dt"])
     rounding = 4.0 * SINGLE * float(np.max(np.abs(recording.hip)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -78,27 +78,17 @@ class Runner:
     """Integrates a benchmark by one method, with the kernel of the closed loop; `knobs` are from `control`."""
 
     def __init__(self, benchmark: IntegrationBenchmark, method: Method, knobs: Array) -> None:
-        from hapticeval.compiled import DYNAMICS, KINEMATICS, first_class
-        from hapticeval.devices.dynamics_kernels import ROWS, SQUARES
-        from hapticeval.devices.integration_kernels import advance_many
+        from hapticeval.devices.motion_kernels import Grip, Load, advance_many, motion_of
 
-        size = benchmark.device.dimension
-        code = benchmark.device.kernels
         self.benchmark = benchmark
-        self.whole: Callable[..., int] = advance_many
-        self.before: tuple[Any, ...] = (
-            first_class(code.kinematics, KINEMATICS), first_class(code.dynamics, DYNAMICS), benchmark.device.parameters,
-        )  # fmt: skip
-        self.after: tuple[Any, ...] = (
-            benchmark.dt, benchmark.torque, None, benchmark.path, benchmark.grip, None, method.table,
-            knobs, np.array([benchmark.dt]), np.zeros((ROWS, size)), np.empty((SQUARES, size, size)),
-            np.empty((method.b.size, size)),
-        )  # fmt: skip
+        self.advance = advance_many
+        load = Load(benchmark.dt, None, Grip(benchmark.path, benchmark.grip), None)
+        self.motion = motion_of(benchmark.device, load, method, knobs)
 
     def __call__(self, *, afresh: bool) -> tuple[Array, int]:
         """Return states (n + 1, 2 N) and the number of steps; `afresh`: each tick starts from the reference state."""
         states = self.benchmark.states.copy()
-        steps = self.whole(*self.before, states, afresh, *self.after)
+        steps = self.advance(self.motion, states, afresh, self.benchmark.torque)
         return states, int(steps)
 
 

@@ -9,10 +9,11 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct
 
-from hapticeval.closed_forms.form import CLOSED_FORMS
+from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.errors import InputError, at
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.model import Model
+from hapticeval.renderer import abilities_of
 from hapticeval.scene import Scene
 from hapticeval.stimulus.experiments import ExperimentTable
 from hapticeval.stimulus.paths import AnyTrajectory
@@ -73,7 +74,9 @@ class Case(CaseEntries, frozen=True, kw_only=True):
             stimulus: Stimulus = self.experiment.experiment(self.folder)
         else:
             assert self.trajectory is not None
-            own = getattr(renderer, "surface", None) if self.depth_of == "representation" else None
+            own = None
+            if renderer is not None and self.depth_of == "representation":
+                own = abilities_of(renderer).surface
             stimulus = self.trajectory.path(own or scene.model.boundary, self.folder)
         dimension = scene.model.dimension
         if stimulus.dimension != dimension:

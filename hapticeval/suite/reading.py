@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
 
-from hapticeval.closed_forms.form import CLOSED_FORMS
+from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.documents import convert, read_toml
 from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.phenomena.registry import CHECKS

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import cache
@@ -12,43 +11,39 @@ from msgspec import Struct, defstruct, structs
 
 from hapticeval.devices.catalogue import make_device
 from hapticeval.devices.device import Device
-from hapticeval.devices.imperfections import ForceSensor, Imperfections
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.documents import convert
-from hapticeval.errors import DomainError, InputError, UnknownNameError
+from hapticeval.effects.catalogue import LISTED, read_effects
+from hapticeval.errors import DomainError, InputError
 from hapticeval.geometry.model import Model
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment
 
+BUILT = ("model", LISTED)
+"""Entries of a scene that its table does not give as they are."""
+
 
 @cache
 def _table() -> type[Struct]:
-    """Make the type of a `scene` table: the numbers and choices of `Scene`, and what is built of words."""
-    hints = get_type_hints(Scene) | {"device": str | dict[str, Any] | None, "imperfections": dict[str, Any]}
-    entries = [(each.name, hints[each.name], each.default) for each in fields(Scene) if each.name != "model"]
-    return defstruct(
-        "SceneTable",
-        [(name, kind, {} if name == "imperfections" else d) for name, kind, d in entries],
-        forbid_unknown_fields=True,
-        frozen=True,
-    )
+    """Make the type of a `scene` table without its effects: the numbers and choices of `Scene`, and a device."""
+    hints = get_type_hints(Scene) | {"device": str | dict[str, Any] | None}
+    entries = [(each.name, hints[each.name], each.default) for each in fields(Scene) if each.name not in BUILT]
+    return defstruct("SceneTable", entries, forbid_unknown_fields=True, frozen=True)
 
 
 def build_scene(model: Model, table: Mapping[str, Any]) -> Scene:
     """Return the scene of a suite's `scene` table.
 
     `device` is a name of `devices.catalogue` or a table of `kind` and its parameters; a point mass has the tool's mass
-    and the model's dimension where it gives none. `imperfections` are
-    those of `Imperfections`, with `encoder_counts` (counts a turn) instead of `encoder_step` where that is wanted, and
-    a table `force_sensor`. Raises `InputError` for an entry that a scene does not have, for a device of another
-    dimension than the model, and as `Scene` does.
+    and the model's dimension where it gives none. Effects are listed under `effects`, or have short forms: see
+    `read_effects`. Raises `InputError` for an entry that a scene does not have, for a device of another dimension than
+    the model, and as `Scene` does.
     """
-    values = structs.asdict(convert(dict(table), _table(), "scene"))
+    rest, effects = read_effects(table)
+    values = structs.asdict(convert(rest, _table(), "scene"))
     if values["device"] is not None:
         values["device"] = _device(values["device"], values["mass"], model)
-    turning = values["device"] is not None and not isinstance(values["device"], PointMass)
-    values["imperfections"] = _imperfections(values["imperfections"], turning)
-    return Scene(model=model, **values)
+    return Scene(model=model, effects=effects, **values)
 
 
 def _device(given: str | Mapping[str, Any], mass: float, model: Model) -> Device:
@@ -63,28 +58,6 @@ def _device(given: str | Mapping[str, Any], mass: float, model: Model) -> Device
             todo=f"use point-mass, or parallelogram-{model.dimension}dof",
         )
     return device
-
-
-def _imperfections(spec: Mapping[str, Any], turning: bool) -> Imperfections:
-    values = dict(spec)
-    known = [*(each.name for each in fields(Imperfections)), "encoder_counts"]
-    for name in values:
-        if name not in known:
-            raise UnknownNameError("entry of imperfections", name, known)
-    counts = values.pop("encoder_counts", None)
-    if counts is not None:
-        if "encoder_step" in values:
-            raise InputError("both encoder_counts and encoder_step are given", todo="leave one out")
-        if not turning:
-            raise InputError(
-                f"encoder_counts = {counts!r} for a point mass",
-                why="counts are of a turn, and its joints are its position in metres",
-                todo="give encoder_step (m), or a device with joints that turn",
-            )
-        values["encoder_step"] = 2.0 * math.pi / counts
-    if "force_sensor" in values:
-        values["force_sensor"] = ForceSensor(**values["force_sensor"])
-    return Imperfections(**values)
 
 
 def check_workspace(scene: Scene, experiment: Experiment) -> None:

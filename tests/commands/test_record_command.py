@@ -14,7 +14,7 @@ import pytest
 
 from hapticeval.cli import main
 from hapticeval.commands.record import _steps
-from hapticeval.devices.imperfections import ENCODER_COUNTS
+from hapticeval.devices.parallelogram import ENCODER_COUNTS
 from hapticeval.hardware import device, udp
 from hapticeval.hardware import live as live_module
 from hapticeval.hardware.live import LiveRun

@@ -44,8 +44,8 @@ def results(*verdicts: VerdictEntry, strict: bool = False, **more: Any) -> Resul
 
 
 def job(*verdicts: VerdictEntry, error: HapticevalError | None = None) -> JobFinished:
-    gains = dict.fromkeys(SceneEntry.__struct_fields__[:7], 1.0)
-    scene = SceneEntry(**{name: gains[name] for name in gains if name not in ("device", "inner_loop", "imperfections")})
+    optional = ("device", "inner_loop", "effects")
+    scene = SceneEntry(**{name: 1.0 for name in SceneEntry.__struct_fields__ if name not in optional})
     run = dict.fromkeys(RunEntry.__struct_fields__) | {"suite": "s", "case": "c", "renderer": "r", "scene": scene}
     return JobFinished(RunEntry(**{**run, "model": {"kind": "line"}}), verdicts, error)
 

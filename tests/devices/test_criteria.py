@@ -20,8 +20,7 @@ from hapticeval.devices.criteria import (
     position_resolution,
 )
 from hapticeval.devices.device import Device
-from hapticeval.devices.imperfections import ENCODER_STEP
-from hapticeval.devices.parallelogram import BaseInertia, Parallelogram2, Parallelogram3
+from hapticeval.devices.parallelogram import ENCODER_STEP, BaseInertia, Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.devices.workspace import lattice
 from hapticeval.errors import DomainError, InputError

@@ -10,10 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from hapticeval.compiled import DYNAMICS, KINEMATICS, first_class
-from hapticeval.devices.dynamics_kernels import ROWS, SQUARES
 from hapticeval.devices.integration import METHODS, control, default_method
-from hapticeval.devices.integration_kernels import advance
+from hapticeval.devices.motion_kernels import Load, advance, motion_of
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.study.integrators import (
@@ -75,23 +73,12 @@ class Tick:
     """One tick of a device with friction, and without a hand."""
 
     def __init__(self, device, friction, torque, push=None, dt=DT):
-        method = default_method()
-        size = device.dimension
-        self.device, self.dt = device, dt
-        self.before = (
-            first_class(device.kernels.kinematics, KINEMATICS),
-            first_class(device.kernels.dynamics, DYNAMICS),
-            device.parameters,
-        )
-        self.after = (
-            dt, np.array(torque, dtype=float), push, None, None, np.array(friction, dtype=float), method.table,
-            control(method), np.array([dt]), np.zeros((ROWS, size)),
-            np.empty((SQUARES, size, size)), np.empty((method.b.size, size)),
-        )  # fmt: skip
+        self.dt, self.torque = dt, np.array(torque, dtype=float)
+        self.motion = motion_of(device, Load(dt, push, None, np.array(friction, dtype=float)), default_method())
 
     def __call__(self, joints, rates):
         joints, rates = np.array(joints, dtype=float), np.array(rates, dtype=float)
-        assert advance(*self.before, joints, rates, 0.0, self.dt, *self.after) > 0
+        assert advance(self.motion, 0, 0.0, self.dt, joints, rates, self.torque) > 0
         return joints, rates
 
 

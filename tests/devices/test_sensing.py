@@ -9,10 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.devices.imperfections import ENCODER_STEP, ForceSensor, Imperfections, actuation, blend
 from hapticeval.devices.inner_loop import InnerLoop
-from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
+from hapticeval.devices.parallelogram import ENCODER_STEP, Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
+from hapticeval.effects.catalogue import read_effects
+from hapticeval.effects.delay import Delay
+from hapticeval.effects.force_sensor import ForceSensor
+from hapticeval.effects.velocity_filter import blend
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import line
 from hapticeval.renderer import Response
@@ -43,7 +46,7 @@ class Script:
 
 def run(forces, device, *, ticks=40, velocity=None, push=None, loop=InnerLoop.STATIC, **effects):
     size = device.dimension
-    scene = Scene(model=line(), device=device, inner_loop=loop, imperfections=Imperfections(**effects))
+    scene = Scene(model=line(), device=device, inner_loop=loop, effects=read_effects({"imperfections": effects})[1])
     rest = np.zeros(size)
     push = np.zeros((1, size)) if push is None else np.asarray(push, dtype=float)
     times = np.linspace(0.0, ticks * DT, len(push)) if len(push) > 1 else np.zeros(1)
@@ -136,14 +139,12 @@ def test_a_robot_under_a_delay_records_the_mean_torque():
 
 @pytest.mark.parametrize(("delay", "whole", "rest"), [(3e-3, 3, 0.0), (0.3e-3, 0, 0.3e-3), (1e-3 - 1e-14, 1, 0.0)])
 def test_a_delay_is_split_into_ticks_and_what_is_left(delay, whole, rest):
-    found = actuation(Imperfections(delay=delay), DT)
-    assert found is not None
-    np.testing.assert_allclose(found, [math.inf, whole, rest], atol=1e-15)
+    np.testing.assert_allclose(Delay(delay).part(40, 2, DT).params, [whole, rest], atol=1e-15)
 
 
 def test_a_force_sensor_rounds_what_the_hand_does():
     push = noise(3, 41, 2, 1.0)
-    recording, renderer = run([[0.0, 0.0]], PointMass(0.3), push=push, force_sensor=ForceSensor(step=0.05))
+    recording, renderer = run([[0.0, 0.0]], PointMass(0.3), push=push, force_sensor={"step": 0.05})
     measured = recording.channels["measured_force"]
     assert np.abs(measured - push[:-1]).max() <= 0.025 + 1e-12
     np.testing.assert_allclose(measured / 0.05, np.rint(measured / 0.05), atol=1e-9)
@@ -154,7 +155,7 @@ def test_a_force_sensor_s_noise_has_its_size_and_its_seed():
     """The standard deviation of 2 x 2,000 samples is known to 1/sqrt(8,000): five of that are allowed."""
 
     def measured(seed):
-        sensor = ForceSensor(noise=0.2, seed=seed)
+        sensor = {"noise": 0.2, "seed": seed}
         return run([[0.0, 0.0]], PointMass(0.3), ticks=2000, force_sensor=sensor)[0].channels["measured_force"]
 
     assert abs(measured(0).std() / 0.2 - 1.0) < 5.0 / math.sqrt(8000.0)
@@ -166,7 +167,7 @@ def test_a_force_sensor_s_low_pass_follows_a_step():
     """From 0 to 1 N at the second sample: 1 - (1 - share)^k."""
     push = np.zeros((41, 2))
     push[1:] = 1.0
-    recording, _ = run([[0.0, 0.0]], PointMass(0.3), push=push, force_sensor=ForceSensor(cutoff=50.0))
+    recording, _ = run([[0.0, 0.0]], PointMass(0.3), push=push, force_sensor={"cutoff": 50.0})
     share = 1.0 - math.exp(-2.0 * math.pi * 50.0 * DT)
     expected = 1.0 - (1.0 - share) ** np.arange(40)
     np.testing.assert_allclose(recording.channels["measured_force"][:, 0], expected, atol=1e-13)
@@ -177,7 +178,7 @@ def test_a_measured_hand_moves_the_virtual_tool_s_mass():
     robot, push = ROBOTS[0], np.array([[1.0, 0.5]])
     expected = push[0] * 0.039**2 / (2.0 * 0.1)
     ideal, _ = run([[0.0, 0.0]], robot, push=push, loop=InnerLoop.LINEARISED)
-    shaped, _ = run([[0.0, 0.0]], robot, push=push, loop=InnerLoop.LINEARISED, force_sensor=ForceSensor())
+    shaped, _ = run([[0.0, 0.0]], robot, push=push, loop=InnerLoop.LINEARISED, force_sensor={})
     assert np.abs(shaped.hip[-1] - expected).max() < 0.01 * np.abs(expected).max()
     assert np.abs(ideal.hip[-1] - expected).max() > 0.3 * np.abs(expected).max()
 
@@ -187,7 +188,7 @@ def test_an_effect_that_changes_nothing_leaves_the_same_numbers(robot):
     """Motors that could do more than they are asked, and a sensor that no one heeds: the compiled code is another."""
     forces = noise(7, 40, robot.dimension, 1.0)
     ideal, _ = run(forces, robot)
-    idle, _ = run(forces, robot, torque_limit=1e9, force_sensor=ForceSensor())
+    idle, _ = run(forces, robot, torque_limit=1e9, force_sensor={})
     for name, values in ideal.channels.items():
         assert np.array_equal(values, idle.channels[name]), name
 

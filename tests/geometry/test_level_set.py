@@ -1,13 +1,10 @@
 """Level sets: the nodes, the contour, and what is refused."""
 
-import math
-
 import numpy as np
 import pytest
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, line, star
-from hapticeval.geometry.level_set import LevelSet
 
 
 def test_nodes_carry_the_exact_signed_distance_with_a_margin_of_three_cells():
@@ -50,21 +47,6 @@ def test_zero_sets_that_are_not_one_closed_curve_are_refused():
         dumbbell(neck=0.02).level_set((20, 20)).contour()
     with pytest.raises(InputError, match="runs off the grid"):
         line().level_set((20, 20)).contour()
-
-
-@pytest.mark.parametrize(
-    ("x", "y", "values", "message"),
-    [
-        ([0, 1], [0, 1, 2], np.zeros((2, 3)), r"values are \(ny, nx\)"),
-        ([0, 1], [0, 1], [[0, math.nan], [0, 0]], "not finite"),
-        ([0, 1, 3], [0, 1], np.zeros((2, 3)), "equal steps"),
-        ([1, 0], [0, 1], np.zeros((2, 2)), "equal steps"),
-        ([0], [0, 1], np.zeros((2, 1)), "equal steps"),
-    ],
-)
-def test_grids_that_do_not_fit_are_refused(x, y, values, message):
-    with pytest.raises(InputError, match=message):
-        LevelSet(np.array(x, float), np.array(y, float), np.array(values, float))
 
 
 def test_a_grid_of_nothing_but_margin_is_refused():

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.errors import InputError, RefusalError
-from hapticeval.geometry.catalogue import circle, ellipsoid, make_model, sphere, torus
+from hapticeval.errors import RefusalError
+from hapticeval.geometry.catalogue import circle, ellipsoid, sphere, torus
 from hapticeval.geometry.surface import Surface
 from hapticeval.geometry.surface_kernels import bend_change
 
@@ -37,9 +37,9 @@ def implicit(surface, points):
     return np.sqrt((x / a) ** 2 + (y / b) ** 2 + (z / c) ** 2) - 1.0
 
 
-def some(surface, n=60, seed=1):
+def some(surface, seed=1):
     """Points of the surface, and a random tangent vector at each."""
-    points = surface.points(n)
+    points = surface.points(60)
     normal = surface.frame(points).normal
     v = np.random.default_rng(seed).normal(size=points.shape)
     return points, v - np.sum(v * normal, axis=1)[:, None] * normal
@@ -57,19 +57,16 @@ def shape_derivative(surface, points, directions):
 
 
 @every
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(points=POINTS)
 def test_the_foot_is_on_the_surface_and_nothing_on_it_is_nearer(surface, points):
     foot, normal, distance, shape = surface.frame(points)
     size = max(surface.reals)
     np.testing.assert_allclose(implicit(surface, foot), 0.0, atol=1e-14)
     np.testing.assert_allclose(foot + distance[:, None] * normal, points, atol=4e-16)
-    np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1.0, atol=1e-15)
-    inside = implicit(surface, points)
     clear = np.abs(distance) > 1e-15 * size  # nearer than that, rounding decides
-    assert np.array_equal(np.sign(distance[clear]), np.sign(inside[clear]))
-    samples = surface.points(4000)
-    nearest = np.linalg.norm(points[:, None] - samples, axis=2).min(axis=1)
+    assert np.array_equal(np.sign(distance[clear]), np.sign(implicit(surface, points)[clear]))
+    nearest = np.linalg.norm(points[:, None] - surface.points(4000), axis=2).min(axis=1)
     assert np.all(np.abs(distance) <= nearest + 1e-15 * size)
     assert np.array_equal(shape, np.swapaxes(shape, 1, 2))
 
@@ -78,66 +75,42 @@ def test_the_foot_is_on_the_surface_and_nothing_on_it_is_nearer(surface, points)
 def test_the_normal_is_the_gradient_of_the_distance(surface):
     points = np.random.default_rng(2).uniform(-0.15, 0.15, (300, 3))
     _, normal, distance, _ = surface.frame(points)
-    h = 1e-6
     inward, outward = surface.medial_distance(points).T
     clear = (distance + inward > 1e-4) & (outward - distance > 1e-4)
     assert np.count_nonzero(clear) > 200
-    for axis in range(3):
-        step = h * np.eye(3)[axis]
-        slope = (surface.signed_distance(points + step) - surface.signed_distance(points - step)) / (2.0 * h)
+    for axis, step in enumerate(1e-6 * np.eye(3)):
+        slope = (surface.signed_distance(points + step) - surface.signed_distance(points - step)) / 2e-6
         np.testing.assert_allclose(slope[clear], normal[clear, axis], atol=1e-6)
 
 
 @every
-def test_the_shape_operator_turns_the_normal(surface):
+def test_the_shape_operator_turns_the_normal_and_its_derivative_turns_it(surface):
     points, v = some(surface)
-    shape = surface.frame(points).shape
-    h = 1e-5 * min(surface.reals)
-    turned = (surface.frame(points + h * v).normal - surface.frame(points - h * v).normal) / (2.0 * h)
-    np.testing.assert_allclose(np.einsum("nij,nj->ni", shape, v), turned, rtol=1e-6, atol=1e-6 * np.abs(shape).max())
-    normal = surface.frame(points).normal
-    np.testing.assert_allclose(np.einsum("nij,nj->ni", shape, normal), 0.0, atol=1e-14 * np.abs(shape).max())
-
-
-@every
-def test_the_derivative_of_the_shape_operator(surface):
-    points, v = some(surface)
-    normal = surface.frame(points).normal
+    _, normal, _, shape = surface.frame(points)
+    h, size = 1e-5 * min(surface.reals), np.abs(shape).max()
+    before, after = surface.frame(points - h * v), surface.frame(points + h * v)
+    turned = (after.normal - before.normal) / (2.0 * h)
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", shape, v), turned, rtol=1e-6, atol=1e-6 * size)
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", shape, normal), 0.0, atol=1e-14 * size)
     tangential = np.eye(3) - normal[:, :, None] * normal[:, None, :]
-    h = 1e-5 * min(surface.reals)
-    change = (surface.frame(points + h * v).shape - surface.frame(points - h * v).shape) / (2.0 * h)
-    found = shape_derivative(surface, points, v)
-    scale = np.abs(surface.frame(points).shape).max() ** 2
-    np.testing.assert_allclose(found, tangential @ change @ tangential, atol=1e-6 * scale)
-    np.testing.assert_allclose(found, np.swapaxes(found, 1, 2), atol=1e-13 * scale)
-    along_normal = shape_derivative(surface, points, v + 3.0 * normal)
-    np.testing.assert_allclose(along_normal, found, atol=1e-13 * scale)
-
-
-@every
-def test_codazzi(surface):
-    points, v = some(surface, seed=1)
-    _, w = some(surface, seed=5)
-    one = np.einsum("nij,nj->ni", shape_derivative(surface, points, v), w)
+    found, change = shape_derivative(surface, points, v), (after.shape - before.shape) / (2.0 * h)
+    np.testing.assert_allclose(found, tangential @ change @ tangential, atol=1e-6 * size**2)
+    np.testing.assert_allclose(found, np.swapaxes(found, 1, 2), atol=1e-13 * size**2)
+    np.testing.assert_allclose(shape_derivative(surface, points, v + 3.0 * normal), found, atol=1e-13 * size**2)
+    _, w = some(surface, seed=5)  # Codazzi: alike in both directions
     other = np.einsum("nij,nj->ni", shape_derivative(surface, points, w), v)
-    np.testing.assert_allclose(one, other, atol=1e-12 * np.abs(surface.frame(points).shape).max() ** 2)
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", found, w), other, atol=1e-12 * size**2)
 
 
 @every
 @pytest.mark.parametrize("factor", [1e-3, 7.0, 1e20])
 def test_all_of_it_scales(surface, factor):
-    larger = Surface(surface.name, surface.kind, [factor * each for each in surface.reals])
+    larger = Surface(surface.name, surface.kind, tuple(factor * each for each in surface.reals))
     points = np.random.default_rng(3).uniform(-0.12, 0.12, (100, 3))
-    v = np.random.default_rng(4).normal(size=points.shape)
     here, there = surface.frame(points), larger.frame(factor * points)
-    size = max(surface.reals)
-    np.testing.assert_allclose(there.foot, factor * here.foot, atol=1e-14 * factor * size)
-    np.testing.assert_allclose(there.normal, here.normal, atol=1e-13)
-    np.testing.assert_allclose(there.distance, factor * here.distance, atol=1e-14 * factor * size)
-    np.testing.assert_allclose(factor * there.shape, here.shape, atol=1e-12 * np.abs(here.shape).max())
-    change = shape_derivative(surface, points, v)
-    scaled = factor**2 * shape_derivative(larger, factor * points, v)
-    np.testing.assert_allclose(scaled, change, atol=1e-11 * np.abs(here.shape).max() ** 2)
+    for k, (one, other) in enumerate(zip(here, there, strict=True)):
+        scale = factor ** (1, 0, 1, -1)[k]
+        np.testing.assert_allclose(other, scale * one, atol=1e-12 * scale * np.abs(one).max())
 
 
 @every
@@ -156,31 +129,31 @@ def test_the_medial_set_is_where_another_foot_is_as_near(surface):
 
 
 @pytest.mark.parametrize(
-    ("surface", "point", "distance"),
+    ("model", "point", "distance"),
     [
-        (sphere(0.2).surface, (0.0, 0.0, 0.0), -0.1),
-        (ellipsoid(0.1, 0.07, 0.05).surface, (0.0, 0.0, 0.0), -0.05),
-        (ellipsoid(0.05, 0.07, 0.1).surface, (0.0, 0.0, 0.0), -0.05),
-        (ellipsoid(0.07, 0.05, 0.1).surface, (0.0, 0.0, 0.0), -0.05),
-        (ellipsoid(0.05, 0.05, 0.1).surface, (0.0, 0.0, 0.0), -0.05),
-        (torus(0.07, 0.03).surface, (0.0, 0.0, 0.0), 0.04),
-        (torus(0.07, 0.03).surface, (0.0, 0.07, 0.0), -0.03),
-        (torus(0.07, 0.03).surface, (0.0, 0.0, 0.03), math.hypot(0.07, 0.03) - 0.03),
+        (sphere(0.2), (0.0, 0.0, 0.0), -0.1),
+        (ellipsoid(0.1, 0.07, 0.05), (0.0, 0.0, 0.0), -0.05),
+        (ellipsoid(0.05, 0.07, 0.1), (0.0, 0.0, 0.0), -0.05),
+        (ellipsoid(0.07, 0.05, 0.1), (0.0, 0.0, 0.0), -0.05),
+        (ellipsoid(0.05, 0.05, 0.1), (0.0, 0.0, 0.0), -0.05),
+        (torus(0.07, 0.03), (0.0, 0.0, 0.0), 0.04),
+        (torus(0.07, 0.03), (0.0, 0.07, 0.0), -0.03),
+        (torus(0.07, 0.03), (0.0, 0.0, 0.03), math.hypot(0.07, 0.03) - 0.03),
         # the medial disc of x^2 / a^2 + z^2 / c^2 = 1: foot at x a^2 / (a^2 - c^2), so x = 0.03 has its foot at 0.04
-        (ellipsoid(0.1, 0.1, 0.05).surface, (0.03, 0.0, 0.0), -math.hypot(0.01, 0.05 * math.sqrt(1.0 - 0.16))),
+        (ellipsoid(0.1, 0.1, 0.05), (0.03, 0.0, 0.0), -math.hypot(0.01, 0.05 * math.sqrt(1.0 - 0.16))),
         # past the disc's rim, 0.075: the vertex
-        (ellipsoid(0.1, 0.1, 0.05).surface, (0.08, 0.0, 0.0), -0.02),
+        (ellipsoid(0.1, 0.1, 0.05), (0.08, 0.0, 0.0), -0.02),
     ],
 )
-def test_points_with_many_nearest_ones(surface, point, distance):
-    foot, normal, found, _ = surface.frame([point])
+def test_points_with_many_nearest_ones(model, point, distance):
+    foot, normal, found, _ = model.surface.frame([point])
     assert found[0] == pytest.approx(distance, abs=1e-16)
     np.testing.assert_allclose(foot + found[:, None] * normal, [point], atol=1e-16)
-    np.testing.assert_allclose(implicit(surface, foot), 0.0, atol=1e-14)
+    np.testing.assert_allclose(implicit(model.surface, foot), 0.0, atol=1e-14)
 
 
 @pytest.mark.parametrize("axes", [(1.0, 1e-6, 1e-3), (1e-6, 1.0, 1.0), (1.0, 1e-6, 1e-6), (1.0, 0.999999, 1.000001)])
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(point=st.tuples(*[st.floats(-2.0, 2.0)] * 3), share=st.floats(1e-12, 1.0))
 def test_needles_plates_and_almost_spheres(axes, point, share):
     surface = Surface("extreme", "ellipsoid", axes)
@@ -193,7 +166,7 @@ def test_needles_plates_and_almost_spheres(axes, point, share):
 
 
 @every
-def test_points_are_spread_and_within_the_bounds(surface):
+def test_points_are_spread_by_area_and_within_the_bounds(surface):
     points = surface.points(3000)
     np.testing.assert_allclose(implicit(surface, points), 0.0, atol=1e-13)
     low, high = np.array(surface.bounds).reshape(2, 3)
@@ -201,45 +174,10 @@ def test_points_are_spread_and_within_the_bounds(surface):
     np.testing.assert_allclose(points.max(axis=0), high, rtol=0.01)
     octants = np.bincount((points > 0.0) @ [1, 2, 4], minlength=8)
     np.testing.assert_allclose(octants, 375, rtol=0.05)
-
-
-def test_a_torus_is_covered_by_area():
-    # the share of a torus' area outside its core circle is 1/2 + minor / (pi major)
-    points = torus(0.07, 0.03).surface.points(4000)
-    share = np.mean(np.hypot(points[:, 0], points[:, 1]) > 0.07)
-    assert share == pytest.approx(0.5 + 0.03 / (math.pi * 0.07), abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("kind", "parameters", "message"),
-    [
-        ("sphere", {"size": 0.0}, "positive"),
-        ("sphere", {"size": math.nan}, "size = nan"),
-        ("sphere", {"size": "big"}, "must be a number"),
-        ("sphere", {"size": 1e200}, "larger than the float range"),
-        ("ellipsoid", {"a": -0.1}, "a = -0.1"),
-        ("ellipsoid", {"b": math.inf}, "b = inf"),
-        ("ellipsoid", {"a": 1.0, "c": 1e-7}, "ratio"),
-        ("torus", {"major": 0.03, "minor": 0.03}, "(?s)crosses itself.*minor below major"),
-        ("torus", {"major": 0.02, "minor": 0.03}, "crosses itself"),
-        ("torus", {"minor": 0.0}, "minor = 0.0"),
-    ],
-)
-def test_bad_parameters_are_refused(kind, parameters, message):
-    with pytest.raises(InputError, match=message):
-        make_model(kind, **parameters)
-
-
-def test_bad_points_are_refused_by_row():
-    surface = sphere().surface
-    with pytest.raises(InputError, match=r"row 1 is \(nan, 0.0, 0.0\)"):
-        surface.frame([(0.1, 0.0, 0.0), (math.nan, 0.0, 0.0)])
-    with pytest.raises(InputError, match=r"\(n, 3\)"):
-        surface.frame([(0.1, 0.0)])
-    with pytest.raises(InputError, match="whole number"):
-        surface.points(0)
-    with pytest.raises(InputError, match="2 lengths"):
-        Surface("s", "sphere", (0.1, 0.1))
+    if surface.kind == "torus":  # the share of its area outside the core circle is 1/2 + minor / (pi major)
+        major, minor = surface.reals
+        share = np.mean(np.hypot(points[:, 0], points[:, 1]) > major)
+        assert share == pytest.approx(0.5 + minor / (math.pi * major), abs=2e-3)
 
 
 def test_plane_and_space_are_told_apart():

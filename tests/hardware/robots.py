@@ -6,8 +6,9 @@ import numpy as np
 
 from hapticeval.devices.catalogue import make_device
 from hapticeval.devices.criteria import MOTOR_TORQUE
-from hapticeval.devices.imperfections import ENCODER_COUNTS, Imperfections
+from hapticeval.devices.parallelogram import ENCODER_COUNTS
 from hapticeval.discovery import resolve
+from hapticeval.effects.catalogue import read_effects
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.hardware.live import channels, run, signals
 from hapticeval.hardware.twin import DELAY, FRICTION, Twin
@@ -47,7 +48,7 @@ def hand_of(dimension=2, *, seconds=2.0, start=0.104):
 def twin_of(wiring, *, seconds=2.0, effects=REAL):
     """The simulated robot under `hand_of`, without a clock."""
     hand = hand_of(wiring.device.dimension, seconds=seconds)
-    return Twin(wiring, Imperfections(**effects), position=hand.path.points[0], hand=hand, dt=DT)
+    return Twin(wiring, read_effects({"imperfections": effects})[1], position=hand.path.points[0], hand=hand, dt=DT)
 
 
 def meta_of(wiring, scene, renderer=RENDERER):

@@ -81,17 +81,21 @@ def raising(error):
     return raise_it
 
 
-def test_a_twin_is_hardware():
-    assert isinstance(twin_of(wired()), HardwareDevice)
+def assert_at_rest(driver):
+    np.testing.assert_array_equal(driver.commands[-1], [0.0, 0.0])
+    assert driver.closed == 1
 
 
 def test_the_motors_rest_at_the_end(tmp_path):
     driver = Driver()
+    assert isinstance(driver.twin, HardwareDevice)
+    before = signal.getsignal(signal.SIGALRM)
     done, recording = live(tmp_path, driver)
+    assert signal.getsignal(signal.SIGALRM) is before
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
     assert (done.cycles, done.missed, done.ended, len(recording)) == (100, 0, "", 100)
     assert np.any(driver.commands[-2] != 0.0)
-    np.testing.assert_array_equal(driver.commands[-1], [0.0, 0.0])
-    assert driver.closed == 1
+    assert_at_rest(driver)
 
 
 @pytest.mark.parametrize(
@@ -113,8 +117,7 @@ def test_a_driver_that_breaks_is_named_with_its_cycle(tmp_path, trick, words):
     assert error.exit_code == 2
     with pytest.raises(HapticevalError, match=words):
         raise error
-    np.testing.assert_array_equal(driver.commands[-1], [0.0, 0.0])
-    assert driver.closed == 1
+    assert_at_rest(driver)
     assert len(recording) == AT - 1
     assert [event.kind for event in recording.events] == ["ended"]
 
@@ -134,21 +137,14 @@ def hang(*_):
 
 
 @pytest.mark.usefixtures("patience")
-def test_a_driver_that_hangs_is_broken_off(tmp_path):
-    driver = Driver(hang)
-    error, recording = live(tmp_path, driver)
-    assert "read() has not come back for 60 s in cycle 40" in str(error)
-    np.testing.assert_array_equal(driver.commands[-1], [0.0, 0.0])
-    assert driver.closed == 1
-    assert len(recording) == AT - 1
-
-
-@pytest.mark.usefixtures("patience")
-def test_a_renderer_that_hangs_is_broken_off(tmp_path):
-    driver = Driver()
-    error, recording = live(tmp_path, driver, Pushing(hang))
-    assert "the renderer has not come back for 60 s in cycle 40" in str(error)
-    np.testing.assert_array_equal(driver.commands[-1], [0.0, 0.0])
+@pytest.mark.parametrize(
+    ("trick", "renderer", "what"), [(hang, None, "the driver's read()"), (None, Pushing(hang), "the renderer")]
+)
+def test_what_hangs_is_broken_off(tmp_path, trick, renderer, what):
+    driver = Driver(trick)
+    error, recording = live(tmp_path, driver, renderer)
+    assert f"{what} has not come back for 60 s in cycle 40" in str(error)
+    assert_at_rest(driver)
     assert len(recording) == AT - 1
 
 
@@ -164,13 +160,6 @@ def test_a_run_tells_how_long_its_steps_took(tmp_path):
     done, _ = live(tmp_path, Driver(), Slow(lambda hip: time.sleep(10.0 * nap) or (hip, 0.0 * hip)), cycles=60)
     assert nap <= done.median <= done.longest
     assert 11.0 * nap <= done.longest
-
-
-def test_no_signal_is_left_behind(tmp_path):
-    before = signal.getsignal(signal.SIGALRM)
-    live(tmp_path, Driver())
-    assert signal.getsignal(signal.SIGALRM) is before
-    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
 def test_it_runs_in_another_thread_too(tmp_path):
@@ -190,16 +179,14 @@ def test_a_write_that_fails_says_that_motors_may_be_on(tmp_path):
     assert len(recording) == AT - 1
 
 
-def test_a_renderer_that_breaks_is_told_as_ever(tmp_path):
+def test_a_renderer_that_breaks_is_named_and_one_that_is_not_defined_there_ends_the_run(tmp_path):
     driver = Driver()
     error, recording = live(tmp_path, driver, Pushing(lambda hip: (hip, hip * np.nan)))
     assert isinstance(error, RendererError)
     assert error.tick == AT - 1
-    np.testing.assert_array_equal(driver.commands[-1], [0.0, 0.0])
+    assert_at_rest(driver)
     assert len(recording) == AT - 1
-
-
-def test_a_renderer_that_is_not_defined_there_ends_the_run(tmp_path):
+    (tmp_path / "run.journal").unlink()
     done, recording = live(tmp_path, Driver(), Pushing(raising(DomainError("off the map", why="too deep"))))
     assert (done.cycles, done.ended) == (AT - 1, "off the map: too deep")
     assert [(event.kind, event.text) for event in recording.events] == [("ended", "off the map: too deep")]
@@ -221,8 +208,7 @@ def test_ctrl_c_ends_the_run_and_keeps_it(tmp_path):
     done, recording = live(tmp_path, driver)
     assert done.ended == "interrupted by the user"
     assert AT - 1 <= len(recording) <= AT
-    np.testing.assert_array_equal(driver.commands[-1], [0.0, 0.0])
-    assert driver.closed == 1
+    assert_at_rest(driver)
 
 
 def test_cycles_that_the_loop_missed_are_counted_and_end_it_in_time(tmp_path):

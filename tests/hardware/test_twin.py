@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from robots import DT, REAL, RENDERER, hand_of, recorded, scene_of, twin_of, wired
 
-from hapticeval.devices.imperfections import ENCODER_STEP, Imperfections
+from hapticeval.devices.parallelogram import ENCODER_STEP
 from hapticeval.discovery import resolve
+from hapticeval.effects.catalogue import read_effects
 from hapticeval.errors import HapticevalError
 from hapticeval.hardware.twin import Twin, demonstration
 from hapticeval.hardware.wiring import CUTOFF
@@ -25,8 +26,8 @@ CYCLES = 600
 )
 def test_it_is_the_closed_loop(tmp_path, dimension, effects):
     wiring = wired(dimension)
-    seen = Imperfections(encoder_step=ENCODER_STEP, velocity_cutoff=CUTOFF, **effects)
-    scene = scene_of(wiring, imperfections=seen)
+    seen = read_effects({"imperfections": {"encoder_step": ENCODER_STEP, "velocity_cutoff": CUTOFF, **effects}})[1]
+    scene = scene_of(wiring, effects=seen)
     hand, still = hand_of(dimension), np.zeros(dimension)
     experiment = Experiment((CYCLES - 1) * DT, hand.path.points[0], still, np.zeros(1), still[None], hand)
     loop = drive(resolve(RENDERER)(scene), experiment, scene, DT)
@@ -50,7 +51,7 @@ def test_turned_and_shifted_joints_make_no_difference(tmp_path):
 
 def test_it_says_that_it_hit_a_joint_limit():
     wiring = wired()
-    twin = Twin(wiring, Imperfections(), position=np.array([0.1, 0.0]), hand=None, dt=DT)
+    twin = Twin(wiring, (), position=np.array([0.1, 0.0]), hand=None, dt=DT)
 
     def pushed():
         for _ in range(3000):

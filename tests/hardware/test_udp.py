@@ -10,11 +10,9 @@ import numpy as np
 import pytest
 from robots import DT, twin_of, wired
 
-from hapticeval.devices.imperfections import Imperfections
 from hapticeval.errors import HapticevalError
 from hapticeval.hardware import udp
 from hapticeval.hardware.device import Reading
-from hapticeval.hardware.twin import Twin
 from hapticeval.hardware.udp import BYE, COMMAND, HELLO, READ, READING, STOPPED, WRITE, UdpDevice, running
 
 
@@ -62,45 +60,36 @@ def test_the_newest_reading_counts(robot):
     device.close()
 
 
-@pytest.mark.parametrize("packet", [b"", b"HCRD", b"hello", READING.pack(READ, 1, 1, 0.0, 0.0, 0.0) + b"."])
-def test_a_packet_of_something_else_is_told(robot, packet):
+@pytest.mark.parametrize(
+    ("packet", "words"),
+    [
+        (b"", "no encoder reading"),
+        (b"HCRD", "no encoder reading"),
+        (b"hello", "no encoder reading"),
+        (READING.pack(READ, 1, 1, 0.0, 0.0, 0.0) + b".", "no encoder reading"),
+        (STOPPED + b"emergency stop", "the robot stopped: emergency stop"),
+        (None, "is silent\n.*no packet for 0.05 s"),
+    ],
+)
+def test_what_is_no_reading_is_refused(robot, monkeypatch, packet, words):
+    monkeypatch.setattr(udp, "SILENCE", 0.05 if packet is None else 60.0)
     device, loop = greeted(robot)
-    robot.sendto(packet, loop)
-    with pytest.raises(HapticevalError, match="no encoder reading"):
+    if packet is not None:
+        robot.sendto(packet, loop)
+    with pytest.raises(HapticevalError, match=words):
         device.read()
     device.close()
 
 
-def test_the_robots_last_word_is_told(robot):
-    device, loop = greeted(robot)
-    robot.sendto(STOPPED + b"emergency stop", loop)
-    with pytest.raises(HapticevalError, match="the robot stopped: emergency stop"):
-        device.read()
-    device.close()
-
-
-def test_a_robot_that_says_nothing_is_silent(robot, monkeypatch):
-    monkeypatch.setattr(udp, "SILENCE", 0.05)
-    device, _ = greeted(robot)
-    with pytest.raises(HapticevalError, match="is silent") as caught:
-        device.read()
-    assert "no packet for 0.05 s" in str(caught.value)
-    device.close()
-
-
-def test_a_port_where_nobody_listens_is_told(robot):
-    address = robot.getsockname()
+def test_an_address_without_a_robot_is_refused(robot):
+    device = UdpDevice(robot.getsockname(), 2)
     robot.close()
-    device = UdpDevice(address, 2)
     with pytest.raises(HapticevalError, match="is silent"):
         device.read()
     device.close()
-
-
-@pytest.mark.parametrize("address", [("no.such.host.invalid", 5005), ("127.0.0.1", 99_999)])
-def test_an_address_that_is_none_is_told(address):
-    with pytest.raises(HapticevalError, match="no way to the robot"):
-        UdpDevice(address, 2)
+    for address in (("no.such.host.invalid", 5005), ("127.0.0.1", 99_999)):
+        with pytest.raises(HapticevalError, match="no way to the robot"):
+            UdpDevice(address, 2)
 
 
 @pytest.mark.usefixtures("patient")
@@ -153,20 +142,3 @@ def test_a_loop_that_was_held_up_still_hears_why_the_robot_stopped(robot):
     device.close()
     thread.join(60.0)
     assert not thread.is_alive(), "it goes on saying so after the loop has ended"
-
-
-@pytest.mark.usefixtures("patient")
-def test_the_twin_says_why_it_stopped():
-    wiring = wired()
-    twin = Twin(wiring, Imperfections(), position=np.array([0.1, 0.0]), hand=None, dt=DT)
-    with running(twin) as address:
-        device = UdpDevice(address, 2)
-
-        def pushed():
-            for _ in range(5000):
-                device.read()
-                device.write(np.array([1.0, -1.0]))
-
-        with pytest.raises(HapticevalError, match="joint limit"):
-            pushed()
-        device.close()

@@ -13,7 +13,6 @@ from hapticeval.devices.catalogue import make_device
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.hardware.wiring import Wiring, read_wiring
 
-ANGLES = st.floats(-math.pi, math.pi)
 OFFSETS = st.floats(-1e6, 1e6).map(round).map(float)
 
 
@@ -30,26 +29,20 @@ def wirings(draw, counts=True):
     )
 
 
-@given(wirings(), st.data())
-def test_counts_are_angles_to_half_a_count(wiring, data):
-    joints = np.array(data.draw(st.lists(ANGLES, min_size=wiring.device.dimension, max_size=wiring.device.dimension)))
+@given(wirings(), wirings(counts=False), st.data())
+def test_counts_angles_and_torques_come_back(wiring, plain, data):
+    def drawn(each, limit):
+        size = each.device.dimension
+        return np.array(data.draw(st.lists(st.floats(-limit, limit), min_size=size, max_size=size)))
+
+    joints = drawn(wiring, math.pi)
     raw = wiring.raw(joints)
     assert np.array_equal(raw, np.rint(raw))
     # An offset of 1e6 counts costs 1e6 * 2^-52 counts of rounding beside the half count of the encoder.
     np.testing.assert_allclose(wiring.joints(raw), joints, rtol=0.0, atol=(0.5 + 1e-9) * wiring.step)
     np.testing.assert_array_equal(wiring.raw(wiring.joints(raw)), raw)
-
-
-@given(wirings(counts=False), st.data())
-def test_raw_angles_come_back(wiring, data):
-    joints = np.array(data.draw(st.lists(ANGLES, min_size=wiring.device.dimension, max_size=wiring.device.dimension)))
-    np.testing.assert_allclose(wiring.joints(wiring.raw(joints)), joints, rtol=0.0, atol=1e-14)
-
-
-@given(wirings(), st.data())
-def test_commands_are_torques_there_and_back(wiring, data):
-    size = wiring.device.dimension
-    torques = np.array(data.draw(st.lists(st.floats(-10.0, 10.0), min_size=size, max_size=size)))
+    joints, torques = drawn(plain, math.pi), drawn(wiring, 10.0)
+    np.testing.assert_allclose(plain.joints(plain.raw(joints)), joints, rtol=0.0, atol=1e-14)
     np.testing.assert_allclose(wiring.torques(wiring.commands(torques)), torques, rtol=1e-15, atol=1e-300)
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from contextlib import contextmanager
 
+import h5py
 import numpy as np
 
 from hapticeval.recordings.journal import HEADERS, Kind, Layout, block_head, opening
@@ -77,3 +79,19 @@ def flipped(data, *places, bit=0x10):
     for place in places:
         hurt[place] ^= bit
     return bytes(hurt)
+
+
+@contextmanager
+def matlab73(path):
+    """A MATLAB 7.3 file to be filled: HDF5 behind a header of MATLAB's."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        yield file
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
+
+
+def matrix73(group, name, values, kind="double"):
+    """A matrix in such a file, as MATLAB marks it."""
+    dataset = group.create_dataset(name, data=values)
+    dataset.attrs["MATLAB_class"] = np.bytes_(kind)
+    return dataset

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import builtins
 import contextlib
 import re
 import sqlite3
 import struct
+import sys
 
 import h5py
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from recording_files import matlab73, matrix73
 from scipy.io import savemat
 
 from hapticeval.errors import HapticevalError, InputError
-from hapticeval.recordings.formats import Table, read_table
-from hapticeval.recordings.importing.convert import convert
-from hapticeval.recordings.importing.mapping import parse_mapping, propose
+from hapticeval.recordings.formats import read_table
 
 T = np.arange(12) * 0.5e-3
 POSITIONS = np.column_stack([np.arange(12.0), -np.arange(12.0)])
@@ -50,13 +49,15 @@ def test_a_structure_with_time_becomes_columns(tmp_path, compressed):
     assert dict(table.units) == {}
 
 
-def test_a_timeseries_saved_as_a_structure_and_matrices_along_the_last_axis(tmp_path):
-    path = tmp_path / "a.mat"
-    wide = np.arange(48.0).reshape(2, 2, 12)
-    savemat(path, {"ts": {"Time": T, "Data": wide, "Name": "hip"}})
+def test_samples_lie_along_the_axis_that_the_time_vector_shows(tmp_path):
+    path, wide = tmp_path / "a.mat", np.arange(48.0).reshape(2, 2, 12)
+    log = {"time": np.arange(30.0), "data": np.arange(390.0).reshape(13, 30)}
+    savemat(path, {"ts": {"Time": T, "Data": wide, "Name": "hip"}, "log": log})
     table = read_table(path)
     assert table["ts.Time"].tolist() == T.tolist()
     assert table["ts.Data[1]"].tolist() == wide[0, 1].tolist()
+    assert table["log.data[12]"].tolist() == list(range(360, 390))
+    assert "13 x 30: its 13 rows are taken for the signals" in table.remarks[0]
 
 
 @pytest.mark.parametrize("save", ["matlab5", "matlab5-packed", "hdf5", "npz"])
@@ -113,33 +114,20 @@ def test_an_object_that_only_matlab_reads_is_named_and_the_rest_is_read(tmp_path
 
 
 def mat73(path):
-    with h5py.File(path, "w", userblock_size=512) as file:
-
-        def put(group, name, values, kind="double"):
-            dataset = group.create_dataset(name, data=values)
-            dataset.attrs["MATLAB_class"] = np.bytes_(kind)
-            return dataset
-
-        refs = file.create_group("#refs#")
-        scope = file.create_group("scope")
-        scope.attrs["MATLAB_class"] = np.bytes_("struct")
-        put(scope, "time", T[None, :])
+    with matlab73(path) as file:
+        refs, scope = file.create_group("#refs#"), file.create_group("scope")
+        matrix73(scope, "time", T[None, :])
         signals = scope.create_group("signals")
-        signals.attrs["MATLAB_class"] = np.bytes_("struct")
-        references = np.array(
-            [[put(refs, "a", POSITIONS.T).ref], [put(refs, "b", np.arange(12.0)[None, :]).ref]], dtype=h5py.ref_dtype
-        )
-        signals.create_dataset("values", data=references, dtype=h5py.ref_dtype)
         text = np.array([[ord(letter)] for letter in "Lever positions (rad)"], dtype=np.uint16)
-        labels = np.array(
-            [[put(refs, "c", text, "char").ref], [put(refs, "d", text[:5], "char").ref]], dtype=h5py.ref_dtype
-        )
-        signals.create_dataset("label", data=labels, dtype=h5py.ref_dtype)
-        put(file, "Ts", np.array([[5e-4]]))
-        odd = put(file, "ts", np.zeros((1, 6), dtype=np.uint32), "timeseries")
+        for name, kind, parts in (
+            ("values", "double", (POSITIONS.T, np.arange(12.0)[None, :])),
+            ("label", "char", (text, text[:5])),
+        ):
+            made = [matrix73(refs, f"{name}{k}", part, kind).ref for k, part in enumerate(parts)]
+            signals.create_dataset(name, data=np.array([made], dtype=h5py.ref_dtype).T, dtype=h5py.ref_dtype)
+        matrix73(file, "Ts", np.array([[5e-4]]))
+        odd = matrix73(file, "ts", np.zeros((1, 6), dtype=np.uint32), "timeseries")
         odd.attrs["MATLAB_object_decode"] = 3
-    with path.open("r+b") as file:
-        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
 
 
 def test_a_73_file_has_the_column_names_of_a_5_file(tmp_path):
@@ -193,84 +181,55 @@ def test_npz_arrays_are_columns_and_pickles_are_not_opened(tmp_path):
     assert "'odd'" in table.warnings[0]
 
 
-def write_bag(folder):
+START = 1_700_000_000_999_000_000
+
+
+def write_bag(path, rows=5):
+    """A bag of either version: forces, and joints at every second time."""
     pytest.importorskip("rosbags", reason="needs the extra hapticeval[ros]")
-    from rosbags.rosbag2 import Writer
+    from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_typestore
 
-    store = get_typestore(Stores.ROS2_HUMBLE)
+    first = path.suffix == ".bag"
+    store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_HUMBLE)
     kinds = store.types
     Stamp, Header = kinds["builtin_interfaces/msg/Time"], kinds["std_msgs/msg/Header"]
-    Vector, Wrench = kinds["geometry_msgs/msg/Vector3"], kinds["geometry_msgs/msg/Wrench"]
-    Stamped, Joints = kinds["geometry_msgs/msg/WrenchStamped"], kinds["sensor_msgs/msg/JointState"]
-    with Writer(folder, version=8) as writer:
-        force = writer.add_connection("/wrench", Stamped.__msgtype__, typestore=store)
-        joints = writer.add_connection("/joints", Joints.__msgtype__, typestore=store)
-        for k in range(5):
-            when = 1_700_000_000_000_000_000 + k * 1_000_000
-            header = Header(stamp=Stamp(sec=when // 10**9, nanosec=when % 10**9), frame_id="base")
-            zero = Vector(x=0.0, y=0.0, z=0.0)
-            wrench = Stamped(header=header, wrench=Wrench(force=Vector(x=1.0 * k, y=0.0, z=-1.0), torque=zero))
-            writer.write(force, when + 300, store.serialize_cdr(wrench, Stamped.__msgtype__))
-            if k % 2 == 0:
-                state = Joints(
-                    header=header,
-                    name=["a", "b"],
-                    position=np.array([0.1 * k, 0.2]),
-                    velocity=np.empty(0),
-                    effort=np.empty(0),
-                )
-                writer.write(joints, when + 500, store.serialize_cdr(state, Joints.__msgtype__))
-
-
-def test_a_ros_bag_has_columns_and_clocks_a_topic(tmp_path):
-    write_bag(tmp_path / "bag")
-    table = read_table(tmp_path / "bag")
-    assert table.format == "rosbag"
-    assert table["/wrench.wrench.force.x"].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
-    assert table["/joints.position[0]"].tolist() == [0.0, 0.2, 0.4]
-    start = 1_700_000_000_000_000_000
-    assert table["/wrench.header.stamp"].tolist() == [start + k * 1_000_000 for k in range(5)]
-    assert table["/wrench.received"].tolist() == [start + k * 1_000_000 + 300 for k in range(5)]
-    assert table.units["/wrench.received"] == "ns"
-
-
-def write_bag1(path, rows=5):
-    pytest.importorskip("rosbags", reason="needs the extra hapticeval[ros]")
-    from rosbags.rosbag1 import Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS1_NOETIC)
-    kinds = store.types
-    Time, Header = kinds["builtin_interfaces/msg/Time"], kinds["std_msgs/msg/Header"]
     Vector, Stamped = kinds["geometry_msgs/msg/Vector3"], kinds["geometry_msgs/msg/Vector3Stamped"]
-    with Writer(path) as writer:
+    Joints = kinds["sensor_msgs/msg/JointState"]
+    serialize = store.serialize_ros1 if first else store.serialize_cdr
+    with rosbag1.Writer(path) if first else rosbag2.Writer(path, version=8) as writer:
         force = writer.add_connection("/force", Stamped.__msgtype__, typestore=store)
+        joints = writer.add_connection("/joints", Joints.__msgtype__, typestore=store)
         for k in range(rows):
-            when = 1_700_000_000_999_000_000 + k * 1_000_000
-            header = Header(seq=k, stamp=Time(sec=when // 10**9, nanosec=when % 10**9), frame_id="base")
+            when = START + k * 1_000_000
+            count = {"seq": k} if first else {}
+            header = Header(stamp=Stamp(sec=when // 10**9, nanosec=when % 10**9), frame_id="base", **count)
             message = Stamped(header=header, vector=Vector(x=0.5 * k, y=0.0, z=-1.0))
-            writer.write(force, when + 300, store.serialize_ros1(message, Stamped.__msgtype__))
+            writer.write(force, when + 300, serialize(message, Stamped.__msgtype__))
+            if k % 2 == 0:
+                none, position = np.empty(0), np.array([0.1 * k, 0.2])
+                state = Joints(header=header, name=["a", "b"], position=position, velocity=none, effort=none)
+                writer.write(joints, when + 500, serialize(state, Joints.__msgtype__))
 
 
-def test_a_ros_1_bag_has_the_same_columns(tmp_path):
-    write_bag1(tmp_path / "run.bag")
-    table = read_table(tmp_path / "run.bag")
+@pytest.mark.parametrize("name", ["bag", "run.bag"])
+def test_a_ros_bag_has_columns_and_clocks_per_topic(tmp_path, name):
+    write_bag(tmp_path / name)
+    table = read_table(tmp_path / name)
     assert table.format == "rosbag"
     assert table["/force.vector.x"].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0]
-    assert table["/force.header.seq"].tolist() == list(range(5))
-    start = 1_700_000_000_999_000_000
-    assert table["/force.header.stamp"].tolist() == [start + k * 1_000_000 for k in range(5)]
-    assert table["/force.received"].tolist() == [start + k * 1_000_000 + 300 for k in range(5)]
-    assert table.units["/force.header.stamp"] == "ns"
+    assert table["/joints.position[0]"].tolist() == [0.0, 0.2, 0.4]
+    assert table["/force.header.stamp"].tolist() == [START + k * 1_000_000 for k in range(5)]
+    assert table["/force.received"].tolist() == [START + k * 1_000_000 + 300 for k in range(5)]
+    assert table.units["/force.received"] == table.units["/force.header.stamp"] == "ns"
     assert table.warnings == ()
 
 
 @settings(max_examples=15)
 @given(cut=st.floats(0.0, 1.0, exclude_max=True))
-def test_a_ros_1_bag_that_is_cut_says_that_its_index_is_lost(tmp_path_factory, cut):
+def test_a_ros_1_bag_that_is_cut_has_lost_its_index(tmp_path_factory, cut):
     path = tmp_path_factory.mktemp("bag") / "run.bag"
-    write_bag1(path, rows=100)
+    write_bag(path, rows=100)
     data = path.read_bytes()
     path.write_bytes(data[: int(cut * len(data))])
     with pytest.raises(InputError) as caught:
@@ -278,70 +237,26 @@ def test_a_ros_1_bag_that_is_cut_says_that_its_index_is_lost(tmp_path_factory, c
     assert len(path.read_bytes()) < 13 or "rosbag reindex run.bag" in caught.value.todo
 
 
-def test_a_bag_that_lacks_messages_says_how_many(tmp_path):
+def test_a_bag_that_lacks_messages_reports_how_many(tmp_path):
     write_bag(tmp_path / "bag")
     (file,) = (tmp_path / "bag").glob("*.db3")
     with contextlib.closing(sqlite3.connect(file)) as base:
-        last = (
-            "(SELECT timestamp FROM messages ORDER BY timestamp DESC LIMIT 1 OFFSET 2)"  # the fifth wrench and joints
-        )
-        base.execute(f"DELETE FROM messages WHERE timestamp > {last}")
+        third = "(SELECT timestamp FROM messages ORDER BY timestamp DESC LIMIT 1 OFFSET 2)"
+        base.execute(f"DELETE FROM messages WHERE timestamp > {third}")  # the fifth force and its joints
         base.commit()
     table = read_table(tmp_path / "bag")
-    assert table["/wrench.wrench.force.x"].tolist() == [0.0, 1.0, 2.0, 3.0]
-    assert "lacks 1 of the 5 messages of '/wrench'" in table.warnings[0]
+    assert table["/force.vector.x"].tolist() == [0.0, 0.5, 1.0, 1.5]
+    assert "lacks 1 of the 5 messages of '/force'" in table.warnings[0]
 
 
-def test_a_bag_without_the_extra_says_what_to_install(tmp_path, monkeypatch):
-    (tmp_path / "bag").mkdir()
-    (tmp_path / "bag" / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
-    real = builtins.__import__
-
-    def refuse(name, *rest, **more):
-        if name.startswith("rosbags"):
-            raise ImportError("No module named 'rosbags'")
-        return real(name, *rest, **more)
-
-    monkeypatch.setattr(builtins, "__import__", refuse)
-    with pytest.raises(HapticevalError, match=r"hapticeval\[ros\]"):
-        read_table(tmp_path / "bag")
-
-
-def test_a_bag_that_is_no_bag_says_so(tmp_path):
+def test_a_bag_that_cannot_be_read_is_refused(tmp_path, monkeypatch):
     pytest.importorskip("rosbags", reason="needs the extra hapticeval[ros]")
     (tmp_path / "bag").mkdir()
     (tmp_path / "bag" / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
     with pytest.raises(InputError, match="cannot be read as a ROS bag"):
         read_table(tmp_path / "bag")
-
-
-def test_two_topics_are_never_put_on_one_clock_by_their_number_of_messages(tmp_path):
-    columns = {"/a.received": np.arange(5) * 1_000_000, "/a.x": np.arange(5.0)}
-    columns |= {"/b.received": np.arange(5) * 1_300_000 + 7, "/b.f": 10.0 * np.arange(5.0)}
-    table = Table(
-        columns, units={"/a.received": "ns", "/b.received": "ns"}, topics={name: name[:2] for name in columns}
-    )
-    assert '"/b.f"' not in propose(table).partition("# Columns that no channel")[0]
-
-    def mapping(**more):
-        channel = {"columns": ["/b.f"], "unit": "N", "sign": 1, **more}
-        hip = {"columns": ["/a.x"], "unit": "mm", "sign": 1}
-        time = {"column": "/a.received", "unit": "ns"}
-        return parse_mapping({"time": time, "channels": {"hip": hip, "force": channel}})
-
-    with pytest.raises(InputError, match=r"'/b\.f' is not on the clock of the time '/a\.received'") as caught:
-        convert(table, mapping())
-    assert "as many rows are not the same times" in caught.value.why
-    with pytest.raises(InputError, match=r"the clock '/a\.received' of 'force' is not that of its column"):
-        convert(table, mapping(time="/a.received", resample="hold"))
-    held = convert(table, mapping(time="/b.received", resample="hold"))
-    assert held.force[1:4, 0].tolist() == [0.0, 10.0, 20.0]
-    assert held.valid.tolist() == [False, True, True, True, True]
-
-
-def test_signals_in_rows_beside_a_time_vector_are_turned(tmp_path):
-    path = tmp_path / "a.mat"
-    savemat(path, {"log": {"time": np.arange(30.0), "data": np.arange(390.0).reshape(13, 30)}})
-    table = read_table(path)
-    assert table["log.data[12]"].tolist() == list(range(360, 390))
-    assert "13 x 30: its 13 rows are taken for the signals" in table.remarks[0]
+    for module in [name for name in sys.modules if name.partition(".")[0] == "rosbags"]:
+        monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(HapticevalError, match=r"needs the package 'rosbags'") as caught:
+        read_table(tmp_path / "bag")
+    assert "pip install 'hapticeval[ros]'" in caught.value.todo

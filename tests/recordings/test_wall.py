@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,14 +41,10 @@ def test_places_are_measured_from_the_wall_and_forces_turned_with_it(at, outward
         np.testing.assert_allclose(placed.channels[name], plain.channels[name], atol=1e-12)
     assert not placed.hip[:, 0].any()
     assert placed.hip[100, 1] < 0.0 < placed.force[100, 1]
-
-
-@pytest.mark.parametrize(("at", "outward"), [(0.0, 1), (0.02, -1)])
-def test_a_spring_before_a_wall_is_sound_and_another_wall_is_not(at, outward):
     run, line = pressed(at=at, outward=outward), make_model("line")
-    assert not [fault for fault in examine(run, model=line, stiffness=STIFFNESS).faults if fault.severity != "note"]
-    moved = Recording(run.time, run.channels, {**run.meta, "wall": {"at": at + 0.5e-3, "outward": outward}})
-    assert {"surface", "contact"} <= {fault.kind for fault in examine(moved, model=line).faults}
+    assert {issue.severity for issue in examine(run, model=line, stiffness=STIFFNESS).faults} <= {"note"}
+    moved = replace(run, meta={**run.meta, "wall": {"at": at + 0.5e-3, "outward": outward}})
+    assert {"surface", "contact"} <= {issue.kind for issue in examine(moved, model=line).faults}
 
 
 @pytest.mark.parametrize("wall", [{"at": "left"}, {"outward": 2}, {"place": 0.1}, {"at": float("nan")}])

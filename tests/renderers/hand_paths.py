@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from hapticeval.geometry.catalogue import from_vertices
+from hapticeval.recordings.recording import backward_difference
 
 
 @st.composite
@@ -38,8 +39,7 @@ def plate(thickness, length=0.2):
 
 def ticked(renderer, hips, dt=1e-3):
     """What `reset` and a `step` a row answer, with the velocity that `run` uses."""
-    velocities = np.zeros_like(hips)
-    velocities[1:] = np.diff(hips, axis=0) / dt
+    velocities = backward_difference(hips, dt * np.arange(len(hips)))
     renderer.reset(hips[0])
     responses = [renderer.step(hip, velocity, dt) for hip, velocity in zip(hips, velocities, strict=True)]
     return np.array([r.ihip for r in responses]), np.array([r.force for r in responses])

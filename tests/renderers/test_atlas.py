@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from hapticeval.compiled import LAW, first_class
+from hapticeval.compiled import law_data
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import BaseInertia, Dynamics, Parallelogram3, ParallelogramParameters
+from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.catalogue import ellipsoid, sphere
 from hapticeval.renderers.atlas import accelerated, active, active_chart, charts, jacobian, turned
@@ -19,7 +20,7 @@ from hapticeval.scene import Scene
 RADIUS, K_P, K_D, MASS, B_D = 0.1, 200.0, 28.3, 0.1, 0.3
 """Of the experiment in 7.4.1; the gains are accelerations, K/m_tool."""
 
-GAINS = {"radius": RADIUS, "stiffness": K_P * MASS, "damping": K_D * MASS, "mass": MASS, "viscosity": B_D}
+DATA = law_data((K_P * MASS, K_D * MASS, MASS, B_D, 1.0), segments=sphere(2.0 * RADIUS).surface.row[None])
 ROBOT = Parallelogram3(dynamics=Dynamics.PRINTED, base_inertia=BaseInertia.SIN)
 
 Y = sp.symbols("y1:4", real=True)
@@ -105,7 +106,7 @@ def test_each_chart_gives_the_torque_of_the_definitions(chart, pushed):
     for joints, rates, push in states(40):
         push = push if pushed else np.zeros(3)
         y, yd = ROBOT.position(joints)[None], (ROBOT.jacobian(joints) @ rates)[None]
-        answer = charts(y, yd, **GAINS, push=push[None])[chart - 1]
+        answer = charts(DATA, y, yd, push[None])[chart - 1]
         assert answer.defined[0]
         found = torque_of(joints, rates, answer.force[0], push)
         expected = exact((*joints, *rates), push)
@@ -119,12 +120,12 @@ def test_the_renderer_gives_the_torque_of_the_active_chart(both):
         stiffness=K_P * MASS,
         damping=K_D * MASS,
         mass=MASS,
-        viscosity=B_D,
+        effects=(Viscosity(B_D),),
         bilateral=True,
         device=ROBOT,
         inner_loop=InnerLoop.LINEARISED,
     )
-    renderer = SurfaceStabilisation(scene, charts=both)
+    renderer = SurfaceStabilisation(scene, atlas=both)
     seen = set()
     for joints, rates, push in states(60, seed=2):
         y = ROBOT.position(joints)
@@ -142,7 +143,7 @@ def test_golden_torque_at_the_switch():
     joints, rates = np.array([0.10500167219, -0.228020956224, 0.228800232408]), np.array([0.4, -0.3, 0.5])
     y, yd = ROBOT.position(joints), ROBOT.jacobian(joints) @ rates
     assert math.acos(y[2] / np.linalg.norm(y)) == pytest.approx(math.pi / 4.0, abs=1e-9)
-    for answer in charts(y[None], yd[None], **GAINS):
+    for answer in charts(DATA, y[None], yd[None]):
         torque = torque_of(joints, rates, answer.force[0])
         np.testing.assert_allclose(torque, [-3.794468818767, 3.072058741665, -0.250164191242], atol=2e-12)
 
@@ -150,7 +151,7 @@ def test_golden_torque_at_the_switch():
 def test_the_charts_agree_wherever_both_are_defined():
     rng = np.random.default_rng(3)
     y, yd, push = (scale * rng.normal(size=(5000, 3)) for scale in (0.1, 1.0, 1.0))
-    one, two = charts(y, yd, **GAINS, push=push)
+    one, two = charts(DATA, y, yd, push)
     assert one.defined.all()
     assert two.defined.all()
     size = np.linalg.norm(one.force, axis=1)
@@ -201,10 +202,10 @@ def test_the_tangential_controller_as_printed_is_that_of_its_definition():
 def test_eta_are_the_angles_and_their_rates():
     rng = np.random.default_rng(6)
     y, yd, h = rng.normal(size=(200, 3)), rng.normal(size=(200, 3)), 1e-6
-    for chart, answer in enumerate(charts(y, yd, **GAINS), start=1):
+    for chart, answer in enumerate(charts(DATA, y, yd), start=1):
         here = np.array([[float(each) for each in phi(chart, list(row))] for row in y[:20]])
         np.testing.assert_allclose(answer.eta[:20, [0, 2]], here, atol=1e-13)
-        before, after = (charts(y + s * h * yd, yd, **GAINS)[chart - 1].eta for s in (-1.0, 1.0))
+        before, after = (charts(DATA, y + s * h * yd, yd)[chart - 1].eta for s in (-1.0, 1.0))
         moved = after[:, [0, 2]] - before[:, [0, 2]]
         moved[:, 0] = np.remainder(moved[:, 0] + math.pi, 2.0 * math.pi) - math.pi
         rate = answer.eta[:, [1, 3]]
@@ -221,7 +222,7 @@ def test_the_switching_law():
 
 def test_a_chart_on_its_axis_says_so_and_the_other_answers():
     y = np.array([[0.0, 0.0, 0.09], [-0.11, 0.0, 0.0], [1e-12, 0.0, 0.09], [0.0, 0.0, 0.0]])
-    one, two = charts(y, np.ones_like(y), **GAINS)
+    one, two = charts(DATA, y, np.ones_like(y))
     assert one.defined.tolist() == [False, True, False, False]
     assert two.defined.tolist() == [True, False, True, False]
     for answer in (one, two):
@@ -241,9 +242,15 @@ def test_the_active_chart_never_comes_near_its_axis():
 @pytest.mark.parametrize("bilateral", [False, True])
 def test_it_answers_as_the_law_without_charts(bilateral):
     scene = Scene(
-        model=sphere(), stiffness=20.0, damping=2.83, mass=0.1, viscosity=0.3, bilateral=bilateral, sampling_time=1e-3
+        model=sphere(),
+        stiffness=20.0,
+        damping=2.83,
+        mass=0.1,
+        effects=(Viscosity(0.3),),
+        bilateral=bilateral,
+        sampling_time=1e-3,
     )
-    ours, other = SurfaceStabilisation(scene, charts=True), SurfaceStabilisation(scene, charts=False)
+    ours, other = SurfaceStabilisation(scene, atlas=True), SurfaceStabilisation(scene, atlas=False)
     rng = np.random.default_rng(8)
     touched = 0
     for k in range(1000):
@@ -260,22 +267,6 @@ def test_it_answers_as_the_law_without_charts(bilateral):
     assert touched > 150
 
 
-def test_the_compiled_law_answers_as_the_step_does():
-    renderer = SurfaceStabilisation(Scene(model=sphere(), viscosity=0.3), charts=True)
-    law = SurfaceStabilisation(Scene(model=sphere(), viscosity=0.3), charts=True).law
-    function = first_class(law.function, LAW).kernel
-    rng = np.random.default_rng(9)
-    renderer.reset(np.zeros(3))
-    for _ in range(200):
-        y, yd, push = 0.06 * rng.normal(size=3), rng.normal(size=3), rng.normal(size=3)
-        renderer.feel(push)
-        ihip, force = np.empty(3), np.empty(3)
-        assert function(law.data, y, yd, push, 1e-3, ihip, force) == 0
-        answer = renderer.step(y, yd, 1e-3)
-        assert np.array_equal(answer.ihip, ihip)
-        assert np.array_equal(answer.force, force)
-
-
 def test_only_a_sphere_has_this_atlas():
     with pytest.raises(RefusalError, match="has no atlas"):
-        SurfaceStabilisation(Scene(model=ellipsoid()), charts=True)
+        SurfaceStabilisation(Scene(model=ellipsoid()), atlas=True)

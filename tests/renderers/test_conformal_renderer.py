@@ -10,7 +10,6 @@ from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, star
 from hapticeval.geometry.maps.conformal import CrowdingError, conformal_map
 from hapticeval.geometry.model import Model
-from hapticeval.renderer import Batch, Renderer
 from hapticeval.renderers import conformal, minimum_distance
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -29,25 +28,6 @@ all_models = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 def around(model: Model, count: int) -> Array:
     xmin, ymin, xmax, ymax = model.curve.bounds
     return np.random.default_rng(8).uniform((xmin, ymin), (xmax, ymax), (count, 2)) * 1.1
-
-
-@all_models
-@pytest.mark.parametrize("bilateral", [False, True])
-@pytest.mark.parametrize("regulation", ["transversal", "pp-d"])
-def test_a_step_at_a_time_is_the_batch(model: Model, bilateral: bool, regulation: str) -> None:
-    scene = Scene(model=model, damping=3.0, bilateral=bilateral)
-    renderer = conformal.variant(regulation=regulation)(scene)
-    assert isinstance(renderer, Renderer)
-    assert isinstance(renderer, Batch)
-    hips = around(model, 200)
-    ihips, forces = renderer.run(hips, 1e-3)
-    renderer.reset(hips[0])
-    before = hips[0]
-    for hip, ihip, force in zip(hips, ihips, forces, strict=True):
-        answer = renderer.step(hip, (hip - before) / 1e-3, 1e-3)
-        np.testing.assert_array_equal(answer.ihip, ihip)
-        np.testing.assert_array_equal(answer.force, force)
-        before = hip
 
 
 @all_models

@@ -17,10 +17,10 @@ from torque_by_sympy import (
 
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import Parallelogram2
+from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import DomainError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line
 from hapticeval.renderers import set_stabilisation
-from hapticeval.renderers.curve_law import BEYOND
 from hapticeval.scene import Scene
 
 MASS = 0.1
@@ -190,7 +190,7 @@ def test_viscosity_slows_the_foot_as_7_18_does():
     curve = model.curve
     start = np.array([*curve.position(0.4), *(speed * curve.tangent(0.4))])
     times = np.linspace(0.0, 0.5, 26)
-    path = moved(set_stabilisation(held(model, viscosity=b)), start, times)
+    path = moved(set_stabilisation(held(model, effects=(Viscosity(b),))), start, times)
     s = along(curve, path[:, :2])
     np.testing.assert_allclose(s - s[0], speed * MASS / b * (1.0 - np.exp(-b / MASS * times)), atol=1e-11)
     np.testing.assert_allclose(curve.signed_distance(path[:, :2]), 0.0, atol=1e-12)
@@ -227,7 +227,7 @@ def test_pushed_along_a_circle_with_a_sensor_it_moves_as_the_tool_does():
     np.testing.assert_allclose(0.5 * MASS * foot_speed**2, (feet - feet[0]) @ push, atol=1e-10)
 
 
-def test_at_a_centre_of_curvature_the_step_and_the_law_refuse():
+def test_at_a_centre_of_curvature_the_step_refuses():
     for model, place in ((circle(), (0.0, 0.0)), (cassinian(), (0.07387961250362586, 0.0))):
         renderer = set_stabilisation(held(model))
         hip = np.array(place)
@@ -235,29 +235,6 @@ def test_at_a_centre_of_curvature_the_step_and_the_law_refuse():
         with pytest.raises(DomainError, match="centre of curvature") as caught:
             renderer.step(hip, np.array([0.0, 1.0]), 1e-3)
         assert "1 + n κ" in caught.value.why
-        law, out = renderer.law, np.empty((2, 2))
-        code = law.function(law.data, hip, np.ones(2), np.zeros(2), 1e-3, out[0], out[1])
-        assert code == BEYOND
-        assert "centre of curvature" in law.refusals[code]
-
-
-@pytest.mark.parametrize("bilateral", [False, True])
-@pytest.mark.parametrize("name", SMOOTH)
-def test_the_law_is_the_step_to_the_last_bit(name, bilateral):
-    scene = Scene(model=SMOOTH[name], damping=5.0, viscosity=0.2, bilateral=bilateral)
-    renderer = set_stabilisation(scene)
-    rng = np.random.default_rng(3)
-    hips = near(scene.model, 4, 200, 0.004)
-    velocities, pushes = rng.normal(size=(2, 200, 2))
-    law = set_stabilisation(scene).law
-    ihip, force = np.empty(2), np.empty(2)
-    renderer.reset(hips[0])
-    for hip, velocity, push in zip(hips, velocities, pushes, strict=True):
-        renderer.feel(push)
-        answer = renderer.step(hip, velocity, 1e-3)
-        assert law.function(law.data, hip, velocity, push, 1e-3, ihip, force) == 0
-        np.testing.assert_array_equal(answer.ihip, ihip)
-        np.testing.assert_array_equal(answer.force, force)
 
 
 def test_the_force_jumps_at_the_joints_of_a_dumbbell_as_a_rigid_contact_does():

@@ -95,20 +95,6 @@ def test_where_the_table_does_not_interpolate_the_exact_projection_answers(proje
         np.testing.assert_array_equal(ours[asked], theirs[asked])
 
 
-@pytest.mark.parametrize("bilateral", [False, True])
-def test_step_and_run_agree_to_the_last_bit(bilateral):
-    family = minimum_distance.variant(representation="lut").with_knobs(cell=COARSE)
-    hips = np.concatenate([scattered(2000), [[5.0, -7.0], [-0.3, 0.0], [0.102, 0.102]]])
-    batch, single = (family(Scene(model=MODELS["star"], bilateral=bilateral)) for _ in range(2))
-    ihips, forces = batch.run(hips, 1e-3)
-    single.reset(hips[0])
-    velocities = np.diff(hips, axis=0, prepend=hips[:1]) / 1e-3
-    for k, hip in enumerate(hips):
-        ihip, force = single.step(hip, velocities[k], 1e-3)
-        np.testing.assert_array_equal(ihip, ihips[k])
-        np.testing.assert_array_equal(force, forces[k])
-
-
 def test_the_error_falls_with_the_square_of_the_cell():
     model, cells = MODELS["cassinian"], (4e-3, 2e-3, 1e-3)
     hips = scattered(40_000, 0.1)

@@ -30,30 +30,6 @@ def rendered(name):
 
 
 @pytest.mark.parametrize("name", ["cassinian", "star"])
-def test_a_run_is_its_steps_to_the_last_bit(name):
-    curve, renderer = rendered(name)
-    angles = np.linspace(0.0, 5.0, 400)
-    hips = (
-        0.09
-        * (0.2 + 0.8 * np.sin(7.0 * angles)[:, np.newaxis] ** 2)
-        * np.column_stack([np.cos(angles), np.sin(angles)])
-    )
-    ihips, forces = renderer.run(hips, 1e-3)
-    renderer.reset(hips[0])
-    before = hips[0]
-    for k, hip in enumerate(hips):
-        response = renderer.step(hip, (hip - before) / 1e-3, 1e-3)
-        assert response.ihip.tolist() == ihips[k].tolist()
-        assert response.force.tolist() == forces[k].tolist()
-        before = hip
-    inside = curve.contains(hips)
-    assert 50 < inside.sum() < 400
-    assert np.abs(curve.signed_distance(ihips[inside])).max() < 1e-15
-    assert np.array_equal(ihips[~inside], hips[~inside])
-    assert not forces[~inside].any()
-
-
-@pytest.mark.parametrize("name", ["cassinian", "star"])
 def test_the_force_lies_along_the_normal_however_deep(name):
     """Transversal regulation (5.21), its signs corrected: it pushes out."""
     curve, renderer = rendered(name)

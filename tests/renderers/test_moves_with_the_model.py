@@ -24,7 +24,7 @@ from hapticeval.geometry.catalogue import cassinian, dumbbell, ellipse, ellipsoi
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import ARC, KIND, U0, U1, A, B, C, D, E
 from hapticeval.geometry.model import Model
-from hapticeval.knob import configured
+from hapticeval.renderer import configured
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 

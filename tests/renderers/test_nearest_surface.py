@@ -8,7 +8,6 @@ import pytest
 from hapticeval.errors import RefusalError
 from hapticeval.geometry.catalogue import ellipsoid, sphere, torus
 from hapticeval.renderers import conformal, constraint, mapping, minimum_distance
-from hapticeval.renderers.regulation import REGULATIONS
 from hapticeval.scene import Scene
 
 MODELS = [sphere(), ellipsoid(), torus()]
@@ -38,20 +37,6 @@ def test_it_is_the_nearest_point_of_the_surface(model, bilateral):
     np.testing.assert_allclose(forces[touches], 1000.0 * (foot - hips)[touches], atol=1e-12)
     assert renderer.surface is model.surface
     assert renderer.resolution == renderer.standoff == 0.0
-
-
-@every
-@pytest.mark.parametrize("scheme", REGULATIONS)
-def test_every_scheme_gives_the_same_by_steps_and_at_once(model, scheme):
-    hips = a_walk(300)
-    renderer = minimum_distance.variant(regulation=scheme)(Scene(model=model, damping=5.0))
-    ihips, forces = renderer.run(hips, 1e-3)
-    renderer.reset(hips[0])
-    velocities = np.vstack([np.zeros(3), np.diff(hips, axis=0) / 1e-3])
-    for hip, velocity, ihip, force in zip(hips, velocities, ihips, forces, strict=True):
-        answer = renderer.step(hip, velocity, 1e-3)
-        assert np.array_equal(answer.ihip, ihip)
-        assert np.array_equal(answer.force, force)
 
 
 def test_pp_pd_on_the_sphere():

@@ -9,14 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from hapticeval.devices.imperfections import ENCODER_STEP, Imperfections
 from hapticeval.devices.inner_loop import InnerLoop
-from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
+from hapticeval.devices.parallelogram import ENCODER_STEP, Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.discovery import known_renderers, resolve
+from hapticeval.effects.encoder import Encoder
+from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import InputError, RefusalError, UnknownNameError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, sphere, star
-from hapticeval.renderer import Compiled, Feeling, Renderer
+from hapticeval.renderer import Renderer
 from hapticeval.renderers import set_stabilisation
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import drive
@@ -56,7 +57,9 @@ class TestFactory:
 
     def test_it_offers_what_a_closed_loop_asks_for(self):
         renderer = set_stabilisation(Scene(model=cassinian()))
-        assert all(isinstance(renderer, protocol) for protocol in (Renderer, Compiled, Feeling))
+        assert isinstance(renderer, Renderer)
+        assert renderer.law is not None
+        assert callable(renderer.feel)
         assert renderer.surface.name == "cassinian"
 
     def test_in_space_it_works_on_surfaces(self):
@@ -112,9 +115,9 @@ class TestGains:
 
     def test_viscosity_too(self):
         gains = {"stiffness": 50.0, "damping": 4.47, "mass": 0.1, "bilateral": True}
-        set_stabilisation(Scene(model=circle(), viscosity=199.0, **gains))
+        set_stabilisation(Scene(model=circle(), effects=(Viscosity(199.0),), **gains))
         with pytest.raises(InputError, match="viscosity 200 kg/s is unstable"):
-            set_stabilisation(Scene(model=circle(), viscosity=200.0, **gains))
+            set_stabilisation(Scene(model=circle(), effects=(Viscosity(200.0),), **gains))
 
 
 def driven(scene, position, velocity, push, count, dt=1e-3):
@@ -181,9 +184,7 @@ class TestContact:
     )
     def test_so_does_the_robot_and_is_given_nothing(self, device, model, loop, encoders):
         """Whatever the inner loop makes of the force, it takes energy from the tool between touching and leaving."""
-        scene = touching(
-            model=model, device=device, inner_loop=loop, imperfections=Imperfections(encoder_step=encoders)
-        )
+        scene = touching(model=model, device=device, inner_loop=loop, effects=(Encoder(encoders),))
         size = device.dimension
         start, velocity, push = np.zeros(size), np.zeros(size), np.zeros((4, size))
         start[-1], velocity[0], velocity[-1] = 0.11, 0.05, -0.3

@@ -6,10 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from hapticeval.devices.imperfections import ENCODER_STEP, Imperfections, blend
 from hapticeval.devices.inner_loop import InnerLoop
-from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
+from hapticeval.devices.parallelogram import ENCODER_STEP, Parallelogram2, Parallelogram3
 from hapticeval.discovery import resolve
+from hapticeval.effects.encoder import Encoder
+from hapticeval.effects.velocity_filter import VelocityFilter, blend
 from hapticeval.geometry.catalogue import circle, line, sphere
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import drive
@@ -82,7 +83,7 @@ def pressed(scene, press, speed, duration, dt):
 def test_it_bounces_as_its_springs_and_dampers_do_and_no_more(ratio, cutoff, press):
     """A force that is a tick late by hold and filter is wrong by an impulse of dt times its variation, at the most."""
     dt, speed, duration = 2e-5, 0.2, 0.15
-    scene = touching(ratio, model=line(), sampling_time=dt, imperfections=Imperfections(velocity_cutoff=cutoff))
+    scene = touching(ratio, model=line(), sampling_time=dt, effects=(VelocityFilter(cutoff),))
     run = pressed(scene, press, speed, duration, dt)
     found, expected = dt * flights(contact(run)), bounces(ratio, cutoff, press, speed, duration)
     impulse = dt * np.sum(np.abs(np.diff(run.force[:, 1])))
@@ -103,7 +104,7 @@ def test_no_hand_gets_energy_out_of_a_lagging_damper(way, depths, ratio, cutoff,
     """Led in and out along the normal, through depths in mm. A filter that says outwards at a touch is worth that."""
     model, name, foot = WAYS[way]
     dt = 2.5e-4
-    scene = touching(ratio, model=model, sampling_time=dt, imperfections=Imperfections(velocity_cutoff=cutoff))
+    scene = touching(ratio, model=model, sampling_time=dt, effects=(VelocityFilter(cutoff),))
     ticks = np.linspace(0.0, len(depths) + 1.0, round(duration / dt) + 1)
     n = 1e-3 * np.interp(ticks, np.arange(len(depths) + 2), [0.5, *depths, 0.5])
     hips = np.array(foot) + n[:, None] * np.eye(len(foot))[-1]
@@ -131,7 +132,7 @@ def test_the_robot_presses_slides_and_leaves_as_often_as_the_loop_says(device, m
     press, speed = 1.0, 0.3
     scene = touching(
         1.0, model=model, device=device, inner_loop=InnerLoop.LINEARISED,
-        imperfections=Imperfections(encoder_step=ENCODER_STEP, velocity_cutoff=cutoff),
+        effects=(Encoder(ENCODER_STEP), VelocityFilter(cutoff)),
     )  # fmt: skip
     size = device.dimension
     start, velocity, push = np.zeros(size), np.zeros(size), np.zeros((4, size))

@@ -8,6 +8,7 @@ import pytest
 from hapticeval.devices.catalogue import make_device
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.discovery import resolve
+from hapticeval.effects.viscosity import Viscosity
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
@@ -16,8 +17,8 @@ from hapticeval.simulation.closed_loop import drive
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 
 SCENE = Scene(
-    model=make_model("sphere", size=0.2), stiffness=20.0, damping=2.83, mass=0.1, viscosity=0.3, bilateral=True,
-    device=make_device("parallelogram-3dof"), inner_loop=InnerLoop.LINEARISED,
+    model=make_model("sphere", size=0.2), stiffness=20.0, damping=2.83, mass=0.1, effects=(Viscosity(0.3),),
+    bilateral=True, device=make_device("parallelogram-3dof"), inner_loop=InnerLoop.LINEARISED,
 )  # fmt: skip
 
 

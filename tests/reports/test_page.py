@@ -20,6 +20,15 @@ from hapticeval.reports import markdown, render_html, write_reports
 from hapticeval.reports.canvas import THEME, classed
 from hapticeval.reports.page import Drawing
 from hapticeval.runner.results import Replay, SuiteEntry, write_results
+from hapticeval.study.bench.document import (
+    Answer,
+    BenchResults,
+    Change,
+    OrderEntry,
+    ReferenceEntry,
+    SettingEntry,
+    Times,
+)
 
 VOID = {"meta", "br", "input", "link", "img"}
 
@@ -305,6 +314,51 @@ def test_a_verdict_without_moments_says_why_and_one_that_does_not_apply_is_left_
     assert "why &lt;not&gt;" in section
     assert "0 of 1 as the closed form" in section
     assert "(9.99)" in closed_forms(closed_form("circle", law="9.99")), "a later version's law has only its name"
+
+
+# What accuracy costs, where a bench lies beside the results.
+
+
+def setting(renderer, **changes):
+    seconds = Times(median=2e-6, p99=3e-6, p999=4e-6, max=5e-6, tick_share=4e-3)
+    errors = {name: {"rms": 1e-5, "p99": 2e-5, "max": 3e-5} for name in ("ihip", "normal", "force")}
+    given = {
+        "renderer": renderer, "model": "circle", "settings": {"vertices": 40.0}, "label": f"{renderer} vertices 40",
+        "errors": errors, "claims": errors, "proven": True, "step": seconds, "batch": None, "memory_bytes": 1_200_000,
+        "build_seconds": [0.2, 0.1], "key": renderer, "front": ["step"], "problem": None,
+    }  # fmt: skip
+    return SettingEntry(**{**given, **changes})
+
+
+def test_a_bench_is_shown_with_its_front_its_answers_and_what_is_not_proven(results):
+    none = {"claims": None, "errors": None, "step": None}
+    bench = BenchResults(
+        complete=False, reason="interrupted <by> the user", quick=True, seed=1, rounds=8,
+        environment={"python": "3.11", "versions": {"numpy": "2", "gone": None}},
+        machine={"cores": 2, "clock_ns": 40.0}, command={}, timing={},
+        references=[ReferenceEntry(name, "circle", "the exact curve", None) for name in "ab"],
+        settings=[setting("a"), setting("b", proven=False), setting("c", **none, problem="no <room>")],
+        orders=[OrderEntry("a", "circle", "vertices", {}, [40.0, 80.0], {"ihip": 2.0, "force": None})],
+        answers=[
+            Answer("circle", "step", 1e-4, 1e-5, "a", "a vertices 40"),
+            Answer("circle", "batch", 1e-9, None, None, None),
+        ],
+        comparison=[Change("circle", "a", "step", 1.5, 1.4, 1.6, 0.01, "worse")],
+    )  # fmt: skip
+    page = Page(render_html(results, {}, bench=bench)).words
+    for expected in (
+        "Incomplete: interrupted <by> the user.",
+        "circle one step at a time, from Python 0.1 mm within 10 µs a vertices 40 20 µm in 2 µs",
+        "circle a whole trajectory at once 1 nm no setting",
+        "b vertices 40 ≤ 20 µm ≤ 30 µm 2e-05° 2e-05 N 2 µs 4 µs 0.4 % – 1.2 MB 100 ms",  # noqa: RUF001
+        "worse: a on the circle, step, 1.5 times what it was",
+        "a on the circle, by vertices: ihip 2.00",
+        "the exact curve: a on the circle, b on the circle",
+        "left out c vertices 40 on the circle: no <room>",
+        "2 cores, Python 3.11, numpy 2, reading the clock takes 40 ns, which is in every step, 8 rounds, seed 1.",
+        "Pareto front",
+    ):
+        assert expected in page, expected
 
 
 # Replays: the differences, the clock, and that the hand would have reacted.

@@ -10,6 +10,13 @@ from reports_synthetic import HOSTILE, synthetic_results, synthetic_run, verdict
 from result_entries import SCENE, changed
 
 from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.effects.delay import Delay
+from hapticeval.effects.encoder import Encoder
+from hapticeval.effects.force_sensor import ForceSensor
+from hapticeval.effects.joint_friction import JointFriction
+from hapticeval.effects.saturation import Saturation
+from hapticeval.effects.velocity_filter import VelocityFilter
+from hapticeval.effects.viscosity import Viscosity
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
 from hapticeval.reports import junit, markdown, matrix, render_html, summary
 from hapticeval.reports.junit import measured
@@ -165,7 +172,6 @@ def test_an_incomplete_run_is_in_error(results):
 ROBOT = {
     "device": Robot(kind="parallelogram-3dof", dynamics="lagrangian", base_inertia="sin"),
     "inner_loop": InnerLoop.LINEARISED,
-    "imperfections": {},
 }
 
 
@@ -175,7 +181,7 @@ def run(**scene):
 
 def test_gains_have_their_units_and_what_is_zero_is_not_told():
     assert scene_words(run()) == "stiffness 1000 N/m, mass 0.1 kg, 1000 Hz, unilateral"
-    assert "viscosity 0.3 kg/s" in scene_words(run(viscosity=0.3))
+    assert "viscosity 0.3 kg/s" in scene_words(run(effects=[Viscosity(0.3).document()]))
 
 
 def test_a_robot_says_which_dynamics_and_which_inertia_it_has_a_choice_of():
@@ -192,24 +198,24 @@ def test_a_robot_says_which_dynamics_and_which_inertia_it_has_a_choice_of():
 
 
 @pytest.mark.parametrize(
-    ("imperfections", "words"),
+    ("effect", "words"),
     [
-        ({"encoder_step": 2.0 * math.pi / 262144}, "encoders of 2.397e-05 rad a count (262,144 counts a turn)"),
-        ({"velocity_cutoff": 50.0}, "velocity from differences, low-passed at 50 Hz"),
-        ({"delay": 0.0005}, "torques 0.5 ms late"),
-        ({"torque_limit": 0.368}, "motors saturate at 0.368 N m"),
-        ({"friction": 0.02}, "Coulomb friction of 0.02 N m in each joint"),
-        ({"force_sensor": {"step": 0.01, "noise": 0.0, "cutoff": None, "seed": 0}}, "force sensor (quantum 0.01 N)"),
-        ({"force_sensor": {"step": 0.0, "noise": 0.0, "cutoff": None, "seed": 0}}, "force sensor, ideal"),
+        (Encoder(2.0 * math.pi / 262144), "encoders of 2.397e-05 rad a count (262,144 counts a turn)"),
+        (VelocityFilter(50.0), "velocity from differences, low-passed at 50 Hz"),
+        (Delay(0.0005), "torques 0.5 ms late"),
+        (Saturation(0.368), "motors saturate at 0.368 N m"),
+        (JointFriction(0.02), "Coulomb friction of 0.02 N m in each joint"),
+        (ForceSensor(step=0.01), "force sensor (quantum 0.01 N)"),
+        (ForceSensor(), "force sensor, ideal"),
     ],
 )
-def test_each_imperfection_in_words(imperfections, words):
-    assert robot_words(run(**{**ROBOT, "imperfections": imperfections})).endswith(f"; {words}")
+def test_each_effect_of_the_robot_in_words(effect, words):
+    assert robot_words(run(**{**ROBOT, "effects": [effect.document()]})).endswith(f"; {words}")
 
 
 def test_a_point_mass_has_metres_and_newtons_for_joints():
     mass = {"device": Robot(kind="point-mass"), "inner_loop": InnerLoop.STATIC}
-    words = robot_words(run(**mass, imperfections={"encoder_step": 1e-5, "torque_limit": 2.0}))
+    words = robot_words(run(**mass, effects=[Encoder(1e-5).document(), Saturation(2.0).document()]))
     assert words == "point-mass; encoders of 0.01 mm a count, motors saturate at 2 N"
 
 

@@ -48,7 +48,7 @@ def whole():
     """Results with every entry that there is."""
     scene = SceneEntry(
         stiffness=1e3, damping=0.0, mass=0.1, bilateral=True, restitution=0.0, sampling_time=1e-3, viscosity=0.3,
-        device=Robot(kind="point-mass"), inner_loop=InnerLoop.STATIC, imperfections={"delay": 1e-3},
+        device=Robot(kind="point-mass"), inner_loop=InnerLoop.STATIC, effects=[{"kind": "delay", "time": 1e-3}],
     )  # fmt: skip
     replay = Replay(
         file="a.h5", note="n", clock="regular", stretches=1, rows=9, rows_left_out=0, left_out=[], suspicious=["s"],

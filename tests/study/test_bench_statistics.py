@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hapticeval.study.bench.compare import LEVEL, Shift, _rank, compare_benches, holm, shift, verdict
-from hapticeval.study.bench.document import BenchResults
+from hapticeval.study.bench.document import BenchResults, SettingEntry
 from hapticeval.study.bench.judge import cheapest, front, order
 
 ROUNDS = 8
@@ -22,17 +22,18 @@ def autocorrelated(random, *, rounds=ROUNDS, steps=50, median=5000.0):
 
 def document(samples, errors=None):
     entries = [
-        {
-            "model": "star",
-            "label": f"r {key}",
-            "key": key,
-            "problem": None,
-            "errors": {"ihip": {"p99": (errors or {}).get(key, 0.1)}},
-        }
+        SettingEntry(
+            renderer="r", model="star", settings={}, label=f"r {key}",
+            errors={"ihip": {"p99": (errors or {}).get(key, 0.1)}},
+            claims=None, proven=None, step=None, batch=None, memory_bytes=None, build_seconds=[], key=key, front=[],
+            problem=None,
+        )
         for key in dict.fromkeys(name.partition("/")[0] for name in samples)
-    ]
-    empty = dict.fromkeys(("reason", "quick", "seed", "rounds", "environment", "machine", "command", "timing"))
-    return BenchResults(complete=True, references=[], settings=entries, orders=[], answers=[], **empty)
+    ]  # fmt: skip
+    return BenchResults(
+        complete=True, reason=None, quick=True, seed=0, rounds=1, environment={}, machine={}, command={}, references=[],
+        settings=entries, orders=[], answers=[], timing={},
+    )  # fmt: skip
 
 
 def bench(random, count, factor=1.0):
@@ -46,8 +47,7 @@ def test_two_benches_of_the_same_code_hardly_ever_differ():
     for _ in range(runs):
         now, before = bench(random, 10), bench(random, 10)
         alarms += any(
-            each["verdict"] != "not significant"
-            for each in compare_benches(document(now), now, document(before), before)
+            each.verdict != "not significant" for each in compare_benches(document(now), now, document(before), before)
         )
     assert alarms <= LEVEL * runs
 
@@ -68,8 +68,8 @@ def test_a_shift_is_found_where_it_is_and_nowhere_else(factor, expected):
     for _ in range(20):
         now, before = bench(random, 10, factor), bench(random, 10)
         changes = compare_benches(document(now), now, document(before), before)
-        found += changes[0]["verdict"] == expected
-        assert all(each["verdict"] == "not significant" for each in changes[1:])
+        found += changes[0].verdict == expected
+        assert all(each.verdict == "not significant" for each in changes[1:])
     assert found == 20
 
 
@@ -118,7 +118,7 @@ def test_errors_are_compared_as_they_are():
     random = np.random.default_rng(5)
     samples = bench(random, 3)
     changes = compare_benches(document(samples, {"s1": 0.2}), samples, document(samples, {"s2": 0.100001}), samples)
-    changed = {each["label"]: (each["verdict"], each["ratio"]) for each in changes if each["what"] == "IHIP error"}
+    changed = {each.label: (each.verdict, each.ratio) for each in changes if each.what == "IHIP error"}
     assert changed["r s1"] == ("worse", pytest.approx(2.0))
     assert changed["r s2"][0] == "better"
     assert "r s0" not in changed
@@ -127,7 +127,7 @@ def test_errors_are_compared_as_they_are():
 def test_only_what_both_have_is_compared():
     random = np.random.default_rng(6)
     now, before = bench(random, 3), bench(random, 2)
-    assert [each["label"] for each in compare_benches(document(now), now, document(before), before)] == ["r s0", "r s1"]
+    assert [each.label for each in compare_benches(document(now), now, document(before), before)] == ["r s0", "r s1"]
 
 
 def brute_front(times, errors):

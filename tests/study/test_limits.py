@@ -14,10 +14,13 @@ from scipy.special import gammainc
 
 from hapticeval.cli import main
 from hapticeval.devices.catalogue import make_device
-from hapticeval.devices.imperfections import Imperfections
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.discovery import resolve
+from hapticeval.effects.delay import Delay
+from hapticeval.effects.encoder import Encoder
+from hapticeval.effects.joint_friction import JointFriction
+from hapticeval.effects.saturation import Saturation
 from hapticeval.errors import InputError, RendererError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.scene import Scene
@@ -90,13 +93,13 @@ def test_passivity_is_stricter_than_stability_alone(mass, viscosity, dt):
 @settings(max_examples=25)
 @given(delay=st.floats(0.0, 3e-3))
 def test_delay_only_takes_away(delay):
-    late = replace(scene(), imperfections=Imperfections(delay=delay))
+    late = replace(scene(), effects=(Delay(delay),))
     assert limit(late) <= limit(scene()) * (1.0 + 1e-6)
 
 
 def test_a_delay_of_one_tick_has_the_roots_of_its_cubic():
     mass, viscosity, dt = 0.15, 0.3, 1e-3
-    late = replace(scene(mass, viscosity), imperfections=Imperfections(delay=dt))
+    late = replace(scene(mass, viscosity), effects=(Delay(dt),))
     found = limit(late)
     decay = math.exp(-viscosity * dt / mass)
     a = dt / viscosity - mass / viscosity**2 * (1.0 - decay)
@@ -206,11 +209,9 @@ def test_on_a_bent_constraint_the_limit_is_that_of_the_line(kind, renderer):
 
 def test_what_is_not_linear_does_not_decide():
     """Rounding of counts makes a limit cycle at any stiffness, and friction holds a loop that would go on to swing."""
-    effects = Imperfections(encoder_step=1e-4, friction=0.02, torque_limit=0.1)
+    effects = (Encoder(1e-4), JointFriction(0.02), Saturation(0.1))
     factory, plain = resolve("minimum-distance+pp"), robot_scene()
-    assert simulated_limit(factory, replace(plain, imperfections=effects), WALL) == simulated_limit(
-        factory, plain, WALL
-    )
+    assert simulated_limit(factory, replace(plain, effects=effects), WALL) == simulated_limit(factory, plain, WALL)
 
 
 @pytest.mark.parametrize("loop", [InnerLoop.COMPENSATED, InnerLoop.LINEARISED])
@@ -288,7 +289,7 @@ def test_what_cannot_be_studied_is_refused_at_once(arguments, words, tmp_path, c
 @given(delay=st.floats(0.0, 3e-3))
 @settings(max_examples=25)
 def test_the_bound_with_delay_is_stricter_than_the_eigenvalues(delay):
-    late = replace(scene(), imperfections=Imperfections(delay=delay))
+    late = replace(scene(), effects=(Delay(delay),))
     bound = passive_stiffness(late, robot_at(late.robot, WALL.point), WALL.normal)
     assert bound == pytest.approx(2.0 * 0.3 / (late.sampling_time + 2.0 * delay), rel=1e-6)
     assert bound <= limit(late) * (1.0 + 1e-6)

@@ -7,6 +7,9 @@ import re
 import numpy as np
 import pytest
 
+from hapticeval.effects.encoder import Encoder
+from hapticeval.effects.joint_friction import JointFriction
+from hapticeval.effects.viscosity import viscosity_of
 from hapticeval.errors import InputError
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
@@ -230,7 +233,7 @@ def test_a_case_names_a_robot_its_inner_loop_and_a_hand(load):
     case.check_stimulus()
     scene = case.build_scene()
     assert (suite.renderers, scene.robot.name) == (("set-stabilisation",), "parallelogram-2dof")
-    assert scene.inner_loop == "linearised"
+    assert (scene.inner_loop, viscosity_of(scene)) == ("linearised", 0.2)
     hand = stimulus(case).hand
     assert (hand.stiffness, hand.damping) == (10.0, 1.0)
     np.testing.assert_allclose(hand.desired(np.array([0.05])), [[0.15, 0.0]])
@@ -239,8 +242,10 @@ def test_a_case_names_a_robot_its_inner_loop_and_a_hand(load):
 def test_a_variant_is_the_case_in_another_scene_without_what_is_in_print(load):
     case, worn = load(ROBOT).cases
     assert (worn.name, worn.title, worn.shows, worn.judged) == ("one-worn", "One, worn", "Its joints rub.", False)
-    assert worn.build_scene() != case.build_scene()
-    assert worn.build_scene().robot == case.build_scene().robot
+    scene = worn.build_scene()
+    assert scene.effect(JointFriction).torque == 0.01
+    assert scene.effect(Encoder).step == pytest.approx(2.0 * np.pi / 1000.0)
+    assert scene.robot == case.build_scene().robot
     assert (case.closed_form, case.checks[-1]) == ({"set-stabilisation": "7.38"}, "closed-form")
     assert (worn.closed_form, worn.checks, worn.published) == ({}, ("output-invariance",), {})
 

@@ -16,44 +16,31 @@ import numpy as np
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.model import Model
-from hapticeval.knob import Knob, Settings, configured, knobs_of
-from hapticeval.renderer import Renderer, RendererFactory
+from hapticeval.knob import Knob, Settings
+from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import ask, play, start
 from hapticeval.stimulus.paths import build_path
 from hapticeval.stimulus.stimulus import Path
+from hapticeval.study.bench.document import Errors
 from hapticeval.study.projection_field.singular import sampled, singular_geometry, singular_set
 from hapticeval.types import Array
 
 POINTS = 1000
 SIZE = 0.2
-AWAY = 2e-3
-"""Distance (m) of the points from discontinuities."""
-
-CELLS = 100
-"""Lattice steps in which these are looked for."""
-
+AWAY = 2e-3  # distance (m) of the points from discontinuities
+CELLS = 100  # lattice steps in which these are looked for
 SLIDE_SECONDS = 2.0
+FORCE_DEPTH = 1e-6  # depth (m) whose spring force is the least that has a direction
+MARGIN = 10.0  # refinements of the reference must agree to the tenth of an error for it to be believed
+ROUNDING = 1e-12  # errors below this share of a model's size are rounding
+STATISTICS = ("rms", "p99", "max")
 
 MODELS: Mapping[str, Mapping[str, Any]] = {
     "cassinian": {"kind": "scaled", "depth": 0.004, "from_angle": -45, "to_angle": 45},
     "star": {"kind": "corner", "corner": 1, "depth": 0.004, "before": 0.030, "after": 0.030},
 }
 """The models of a bench, and the path that the hand slides along: a lobe of the Cassinian, a notch of the star."""
-
-FORCE_DEPTH = 1e-6
-"""Depth (m) whose spring force is the least that has a direction."""
-
-MARGIN = 10.0
-"""Refinements of the reference must agree to the tenth of an error for it to be believed."""
-
-ROUNDING = 1e-12
-"""Errors below this share of a model's size are rounding."""
-
-STATISTICS = ("rms", "p99", "max")
-
-Errors = dict[str, dict[str, float]]
-"""By metric (`ihip` m, `normal` degrees, `force` N) and statistic."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,10 +174,10 @@ class Reference:
 
 def on_the_exact_curve(factory: RendererFactory) -> RendererFactory:
     """Return the same renderer on the exact curve, where it has a choice of representations; else itself."""
-    variant = getattr(factory, "variant", None)
-    if not callable(variant) or "curve" not in getattr(factory, "representations", ()):
+    choices = choices_of(factory)
+    if choices.variant is None or "curve" not in (choices.representations or ()):
         return factory
-    return cast("RendererFactory", variant(representation="curve"))
+    return choices.variant(representation="curve")
 
 
 def reference_of(name: str, factory: RendererFactory, work: Workload) -> Reference | None:
@@ -199,12 +186,12 @@ def reference_of(name: str, factory: RendererFactory, work: Workload) -> Referen
     With knobs the finest setting is the reference, and the one before it shows how far that has converged.
     """
     exact = on_the_exact_curve(factory)
-    knobs = knobs_of(exact)
+    knobs = choices_of(exact).knobs
     if not knobs:
-        known = getattr(exact, "representation", None) == "curve"
+        known = choices_of(exact).representation == "curve"
         return Reference("the exact curve", _asked(exact, work), None) if known else None
     before, last = refinements(knobs)
-    coarse, fine = (_asked(cast("Any", configured(exact, each, name=name)), work) for each in (before, last))
+    coarse, fine = (_asked(configured(exact, each, name=name), work) for each in (before, last))
     return Reference(
         f"itself at {', '.join(f'{knob} {value:g}' for knob, value in last.items())}",
         fine,

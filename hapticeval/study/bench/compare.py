@@ -11,25 +11,21 @@ be larger than two benches of the same code were found to differ by.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from hapticeval.study.bench.document import BenchResults, Samples
+from hapticeval.study.bench.document import BenchResults, Change, Samples, SettingEntry
 from hapticeval.types import Array
 
 LEVEL = 0.05
+ERROR_WORTH = 1e-6  # errors are not random: they have changed where they differ by more than this share
 WORTH = {"step": 0.10, "batch": 0.25}
 """A ratio of times closer to one than this is not called better or worse: the same code reached 0.03 and 0.22."""
 
-ERROR_WORTH = 1e-6
-"""Errors are not random: they have changed where they differ by more than this share."""
 
-
-@dataclass(frozen=True)
-class Shift:
+class Shift(NamedTuple):
     """The ratio of times, now over before, with its 95 per cent interval, and the chance of one as far off by luck."""
 
     ratio: float
@@ -49,13 +45,9 @@ def shift(now: Array, before: Array) -> Shift:
     p = float(mannwhitneyu(a, b, alternative="two-sided", method="auto").pvalue)
     apart = np.sort(np.subtract.outer(a, b).ravel())
     outside = _rank(a.size, b.size)
-    bounded = outside > 0
-    return Shift(
-        ratio=float(np.exp(np.median(apart))),
-        low=float(np.exp(apart[outside - 1])) if bounded else 0.0,
-        high=float(np.exp(apart[apart.size - outside])) if bounded else math.inf,
-        p=p,
-    )
+    low = float(np.exp(apart[outside - 1])) if outside else 0.0
+    high = float(np.exp(apart[apart.size - outside])) if outside else math.inf
+    return Shift(float(np.exp(np.median(apart))), low, high, p)
 
 
 def _rank(n: int, m: int) -> int:
@@ -84,44 +76,42 @@ def holm(ps: Sequence[float]) -> list[float]:
     return adjusted
 
 
-def verdict(found: Shift, adjusted: float, *, worth: float) -> str:
+def verdict(found: Shift, adjusted: float, *, worth: float) -> Literal["better", "worse", "not significant"]:
     """Return `better`, `worse` or `not significant` for a shift of times; `worth` is the least share that counts."""
     if adjusted >= LEVEL or abs(math.log(found.ratio)) <= math.log1p(worth):
         return "not significant"
     return "better" if found.ratio < 1.0 else "worse"
 
 
-def compare_benches(
-    now: BenchResults, samples: Samples, before: BenchResults, earlier: Samples
-) -> list[dict[str, Any]]:
+def compare_benches(now: BenchResults, samples: Samples, before: BenchResults, earlier: Samples) -> list[Change]:
     """Compare two benches.
 
-    Returns one dict per setting and kind of time present in both, plus one per setting whose error has changed.
+    Returns one change per setting and kind of time present in both, plus one per setting whose error has changed.
     """
-    past = {(each["model"], each["label"]): each for each in before.settings if each["problem"] is None}
+    past = {(each.model, each.label): each for each in before.settings if each.problem is None}
     pairs = [
-        (each, past[each["model"], each["label"]])
+        (each, past[each.model, each.label])
         for each in now.settings
-        if each["problem"] is None and (each["model"], each["label"]) in past
+        if each.problem is None and (each.model, each.label) in past
     ]
-    found = []
+    found: list[tuple[SettingEntry, str, Shift]] = []
     for each, old in pairs:
-        for kind in ("step", "batch"):
-            blocks = [_blocks(some, one["key"], kind) for some, one in ((samples, each), (earlier, old))]
+        for kind in WORTH:
+            blocks = [_blocks(some, one.key, kind) for some, one in ((samples, each), (earlier, old))]
             if blocks[0].size >= 2 and blocks[1].size >= 2:
                 found.append((each, kind, shift(blocks[0], blocks[1])))
     adjusted = holm([some.p for _, _, some in found])
     times = [
-        {
-            "model": each["model"],
-            "label": each["label"],
-            "what": kind,
-            "ratio": some.ratio,
-            "low": some.low,
-            "high": some.high if math.isfinite(some.high) else None,
-            "p": p,
-            "verdict": verdict(some, p, worth=WORTH[kind]),
-        }
+        Change(
+            model=each.model,
+            label=each.label,
+            what=kind,
+            ratio=some.ratio,
+            low=some.low,
+            high=some.high if math.isfinite(some.high) else None,
+            p=p,
+            verdict=verdict(some, p, worth=WORTH[kind]),
+        )
         for (each, kind, some), p in zip(found, adjusted, strict=True)
     ]
     return times + [changed for each, old in pairs for changed in _error_change(each, old)]
@@ -133,12 +123,13 @@ def _blocks(samples: Samples, key: str, kind: str) -> Array:
     return np.empty(0) if rounds is None else np.maximum(np.median(rounds, axis=1), 1.0)
 
 
-def _error_change(now: Any, before: Any) -> list[dict[str, Any]]:
-    if now["errors"] is None or before["errors"] is None:
-        return []
-    new, old = now["errors"]["ihip"]["p99"], before["errors"]["ihip"]["p99"]
-    same = {"model": now["model"], "label": now["label"], "what": "IHIP error", "low": None, "high": None, "p": None}
-    if abs(new - old) <= ERROR_WORTH * max(new, old) + 1e-12:
-        return []
-    ratio = new / old if old > 0.0 else None
-    return [{**same, "ratio": ratio, "verdict": "better" if new < old else "worse"}]
+def _error_change(now: SettingEntry, before: SettingEntry) -> Iterator[Change]:
+    if now.errors is None or before.errors is None:
+        return
+    new, old = now.errors["ihip"]["p99"], before.errors["ihip"]["p99"]
+    if abs(new - old) > ERROR_WORTH * max(new, old) + 1e-12:
+        ratio = new / old if old > 0.0 else None
+        yield Change(
+            model=now.model, label=now.label, what="IHIP error", ratio=ratio, low=None, high=None, p=None,
+            verdict="better" if new < old else "worse",
+        )  # fmt: skip

@@ -1,75 +1,147 @@
-"""The bench document: what was measured at each setting, and beside it the raw samples. All that reports read."""
+"""The bench document: what was measured at each setting, and beside it the raw samples. All that reports read.
+
+The types below are its only definition: reading checks a file against them, and writing gives what reading takes.
+"""
 
 from __future__ import annotations
 
-import json
 import zipfile
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+import msgspec
 import numpy as np
 
 from hapticeval.errors import HapticevalError, InputError
-from hapticeval.files import plain, replacing, without_non_finite
+from hapticeval.files import read_json, replacing, write_json
 from hapticeval.types import IntArray
 
 FILE = "bench.json"
 SAMPLES = "bench_samples.npz"
 FORMAT_VERSION = 1
-Document = Mapping[str, Any]
 
-ENTRY = {
-    "renderer",
-    "model",
-    "settings",
-    "label",
-    "errors",
-    "claims",
-    "proven",
-    "step",
-    "batch",
-    "memory_bytes",
-    "build_seconds",
-    "key",
-    "front",
-    "problem",
-}
-"""What every entry of `settings` has."""
+Kind = Literal["step", "batch"]
+"""A time is of single steps, or of a whole trajectory at once."""
+
+Errors = dict[str, dict[str, float]]
+"""By metric (`ihip` m, `normal` degrees, `force` N) and statistic (`rms`, `p99`, `max`)."""
+
+Samples = Mapping[str, IntArray]
+"""`<key>/step` (rounds, n), ns, and `<key>/batch` (rounds, n), ps per step, by an entry's key."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class BenchResults:
-    """A bench as JSON values.
+class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Base of the document's objects."""
 
-    `settings` has one entry per model, renderer and values of its knobs: `errors` by metric (`ihip` m, `normal`
-    degrees, `force` N) and statistic (`rms`, `p99`, `max`) against the reference; `claims`, those that the reference
-    can prove, null without one; `step` and `batch`, seconds per step by statistic (`median`, `p99`, `p999`, `max`) and
-    `tick_share`, null where not measured; `front`, the kinds of time on whose Pareto front it lies; `problem`, why an
-    entry has nothing else. `references` names what errors count from, `orders` has the observed orders of convergence,
-    `answers` the cheapest settings, and `comparison` the verdicts against another bench.
+
+class Times(_Part, frozen=True):
+    """Seconds per step by statistic; `tick_share` is the 99.9 per cent quantile as a share of the tick of 1 ms."""
+
+    median: float
+    p99: float
+    p999: float
+    max: float
+    tick_share: float
+
+
+class SettingEntry(_Part, frozen=True):
+    """A renderer with values of its knobs on a model.
+
+    `errors` count from the reference, and `claims` are those that it can prove, None without one; `step` and `batch`
+    are None where not measured; `front` has the kinds of time on whose Pareto front the setting lies; `problem` is why
+    an entry has nothing else.
     """
+
+    renderer: str
+    model: str
+    settings: dict[str, float]
+    label: str
+    errors: Errors | None
+    claims: Errors | None
+    proven: bool | None
+    step: Times | None
+    batch: Times | None
+    memory_bytes: int | None
+    build_seconds: list[float]
+    key: str
+    front: list[Kind]
+    problem: str | None
+
+    def times(self, kind: Kind) -> Times | None:
+        """Return the times of a kind."""
+        return self.step if kind == "step" else self.batch
+
+
+class ReferenceEntry(_Part, frozen=True):
+    """What the errors of a renderer on a model count from, and how far its last refinement moved it; None if exact."""
+
+    renderer: str
+    model: str
+    what: str | None
+    disagreement: Errors | None
+
+
+class OrderEntry(_Part, frozen=True):
+    """The observed order of convergence of each error by a knob over its `values`, the `others` as they are."""
+
+    renderer: str
+    model: str
+    knob: str
+    others: dict[str, float]
+    values: list[float]
+    orders: dict[str, float | None]
+
+
+class Answer(_Part, frozen=True):
+    """The cheapest setting within an error (m) and a time (s); `key` and `label` are None where there is none."""
+
+    model: str
+    what: Kind
+    within_m: float
+    budget_s: float | None
+    key: str | None
+    label: str | None
+
+
+class Change(_Part, frozen=True):
+    """A setting against an earlier bench: its ratio of times or errors, with the interval and p of the times."""
+
+    model: str
+    label: str
+    what: str
+    ratio: float | None
+    low: float | None
+    high: float | None
+    p: float | None
+    verdict: Literal["better", "worse", "not significant"]
+
+
+class BenchResults(_Part, frozen=True):
+    """A bench: what was measured, on which machine, by which command, and what follows from it."""
 
     complete: bool
     reason: str | None
     quick: bool
     seed: int
     rounds: int
-    environment: Document
-    machine: Document
-    command: Document
-    references: Sequence[Document]
-    settings: Sequence[Document]
-    orders: Sequence[Document]
-    answers: Sequence[Document]
-    timing: Document
-    comparison: Sequence[Document] = field(default_factory=list)
+    environment: dict[str, Any]
+    machine: dict[str, Any]
+    command: dict[str, Any]
+    references: list[ReferenceEntry]
+    settings: list[SettingEntry]
+    orders: list[OrderEntry]
+    answers: list[Answer]
+    timing: dict[str, float]
+    comparison: list[Change] = []
     format_version: int = FORMAT_VERSION
 
-
-Samples = Mapping[str, IntArray]
-"""`<key>/step` (rounds, n), ns, and `<key>/batch` (rounds, n), ps per step, by an entry's key."""
+    def by_model(self) -> dict[str, list[SettingEntry]]:
+        """Return the settings on each model."""
+        found: dict[str, list[SettingEntry]] = {}
+        for each in self.settings:
+            found.setdefault(each.model, []).append(each)
+        return found
 
 
 def write_bench(directory: Path, results: BenchResults, samples: Samples) -> list[Path]:
@@ -77,61 +149,23 @@ def write_bench(directory: Path, results: BenchResults, samples: Samples) -> lis
 
     Raises `HapticevalError` where a file cannot be written.
     """
-    document, _ = without_non_finite(
-        plain({each.name: getattr(results, each.name) for each in fields(results)}, "bench")
-    )
-    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    paths = [Path(directory) / SAMPLES, Path(directory) / FILE]
+    kept = directory / SAMPLES
     try:
-        with replacing(paths[0]) as temporary, temporary.open("wb") as stream:
+        with replacing(kept) as temporary, temporary.open("wb") as stream:
             np.savez_compressed(stream, **{name: np.asarray(each) for name, each in samples.items()})  # type: ignore[arg-type]
-        with replacing(paths[1]) as temporary:
-            temporary.write_text(text, encoding="utf-8")
     except OSError as error:
         raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error
-    return paths[::-1]
+    return [write_json(directory / FILE, results), kept]
 
 
 def read_bench(directory: Path) -> BenchResults:
-    """Read `directory`/bench.json.
-
-    Raises `InputError`, naming the file, for one that is not there, is cut short or edited, or is of another version.
-    """
-    path = Path(directory) / FILE
-    again = "run `hapticeval bench` again"
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(
-            f"'{directory}' holds no {FILE}",
-            why="a bench writes it",
-            todo="name the folder that `hapticeval bench -o` wrote",
-        ) from error
-    except OSError as error:
-        raise InputError(f"cannot read {path}", why=error.strerror or str(error)) from error
-    except ValueError as error:
-        raise InputError(f"{path} is not JSON text", why=str(error), todo=again) from error
-    if not isinstance(document, dict):
-        raise InputError(f"{path} is no bench", why="it is not a JSON object", todo=again)
-    version = document.get("format_version")
-    if version != FORMAT_VERSION:
-        raise InputError(
-            f"{path} has bench format {version!r}; this hapticeval reads format {FORMAT_VERSION}",
-            todo="update hapticeval" if isinstance(version, int) and version > FORMAT_VERSION else again,
-        )
-    names = {each.name for each in fields(BenchResults)}
-    if document.keys() != names:
-        odd = ", ".join(sorted(document.keys() ^ names))
-        raise InputError(f"{path} does not fit the bench format", why=f"not as it must be: {odd}", todo=again)
-    for index, entry in enumerate(document["settings"]):
-        if not isinstance(entry, dict) or not entry.keys() >= ENTRY:
-            raise InputError(f"{path} does not fit the bench format at settings[{index}]", todo=again)
-    return BenchResults(**document)
+    """Read `directory`/bench.json. Raises `InputError` as `read_json` does."""
+    return read_json(directory / FILE, BenchResults, version=FORMAT_VERSION, command="bench")
 
 
 def read_samples(directory: Path) -> dict[str, IntArray]:
     """Read the raw samples beside a bench.json. Raises `InputError` for a file that is not there or is damaged."""
-    path = Path(directory) / SAMPLES
+    path = directory / SAMPLES
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             return {name: np.asarray(archive[name], dtype=np.int64) for name in archive.files}

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from msgspec.structs import replace
 
-from hapticeval.study.bench.document import BenchResults
+from hapticeval.study.bench.document import Answer, BenchResults, Kind, OrderEntry, SettingEntry
 
-KINDS = ("step", "batch")
-WITHIN, BUDGET = 1e-4, 1e-5
-"""The question that is always answered: 0.1 mm within 10 us."""
-
-ALIKE = 0.05
-"""Share by which two times of one bench may differ by luck."""
-
-Entry = Mapping[str, Any]
+KINDS: tuple[Kind, ...] = ("step", "batch")
+WITHIN, BUDGET = 1e-4, 1e-5  # the question that is always answered: 0.1 mm within 10 us
+ALIKE = 0.05  # share by which two times of one bench may differ by luck
 
 
 def judged(results: BenchResults, *, within: float | None = None, budget: float | None = None) -> BenchResults:
@@ -28,79 +21,66 @@ def judged(results: BenchResults, *, within: float | None = None, budget: float 
     Errors are the 99 per cent quantiles of the IHIP error, as far as they are proven. `within` (m) and `budget` (s)
     replace the question that is always answered. Times are medians: what lies far above them is the machine's.
     """
-    models = list(dict.fromkeys(each["model"] for each in results.settings))
-    on_front: dict[str, list[str]] = {}
+    on_front: dict[str, list[Kind]] = {}
     answers = []
-    for model in models:
+    asked, limit = within or WITHIN, budget or (BUDGET if within is None else math.inf)
+    for model, settings in results.by_model().items():
         for kind in KINDS:
-            usable = [each for each in results.settings if each["model"] == model and each["claims"] and each[kind]]
-            times = [each[kind]["median"] for each in usable]
-            claims = [each["claims"]["ihip"]["p99"] for each in usable]
-            for index in front(times, claims):
-                on_front.setdefault(usable[index]["key"], []).append(kind)
-            asked, limit = within or WITHIN, budget or (BUDGET if within is None else math.inf)
-            best = cheapest(times, claims, within=asked, budget=limit)
+            usable = [
+                (each, times.median, each.claims["ihip"]["p99"])
+                for each in settings
+                if each.claims is not None and (times := each.times(kind)) is not None
+            ]
+            medians, claims = [median for _, median, _ in usable], [claim for *_, claim in usable]
+            for index in front(medians, claims):
+                on_front.setdefault(usable[index][0].key, []).append(kind)
+            best = cheapest(medians, claims, within=asked, budget=limit)
+            entry = None if best is None else usable[best][0]
             answers.append(
-                {
-                    "model": model,
-                    "what": kind,
-                    "within_m": asked,
-                    "budget_s": limit if math.isfinite(limit) else None,
-                    "key": None if best is None else usable[best]["key"],
-                    "label": None if best is None else usable[best]["label"],
-                }
+                Answer(
+                    model=model,
+                    what=kind,
+                    within_m=asked,
+                    budget_s=limit if math.isfinite(limit) else None,
+                    key=None if entry is None else entry.key,
+                    label=None if entry is None else entry.label,
+                )
             )
-    settings = [{**each, "front": on_front.get(each["key"], [])} for each in results.settings]
+    settings = [replace(each, front=on_front.get(each.key, [])) for each in results.settings]
     return replace(results, settings=settings, answers=answers, orders=list(orders(results.settings)))
 
 
-def orders(settings: Sequence[Entry]) -> Iterator[dict[str, Any]]:
+def orders(settings: Sequence[SettingEntry]) -> Iterator[OrderEntry]:
     """Yield the order of each error by each knob, from the proven errors of settings that differ in that knob alone."""
-    groups: dict[tuple[str, str, str, str], list[Entry]] = {}
+    groups: dict[tuple[str, str, str, tuple[tuple[str, float], ...]], list[SettingEntry]] = {}
     for each in settings:
-        if each["proven"]:
-            for knob in each["settings"]:
-                rest = json.dumps({name: value for name, value in each["settings"].items() if name != knob})
-                groups.setdefault((each["renderer"], each["model"], knob, rest), []).append(each)
+        for knob in each.settings if each.proven else ():
+            rest = tuple((name, value) for name, value in each.settings.items() if name != knob)
+            groups.setdefault((each.renderer, each.model, knob, rest), []).append(each)
     for (renderer, model, knob, rest), group in groups.items():
-        values = [each["settings"][knob] for each in group]
-        found = {
-            metric: order(values, [each["errors"][metric]["rms"] for each in group]) for metric in group[0]["errors"]
-        }
+        values, errors = [each.settings[knob] for each in group], [each.errors or {} for each in group]
+        found = {metric: order(values, [each[metric]["rms"] for each in errors]) for metric in errors[0]}
         if any(each is not None for each in found.values()):
-            yield {
-                "renderer": renderer,
-                "model": model,
-                "knob": knob,
-                "others": json.loads(rest),
-                "values": values,
-                "orders": found,
-            }
+            yield OrderEntry(renderer=renderer, model=model, knob=knob, others=dict(rest), values=values, orders=found)
 
 
 def unproven(results: BenchResults) -> Iterator[str]:
     """Yield one sentence per renderer and model whose reference is not converged enough to certify the errors."""
     for reference in results.references:
-        held = [
-            each
-            for each in results.settings
-            if (each["renderer"], each["model"]) == (reference["renderer"], reference["model"]) and not each["problem"]
-        ]
-        refused = [each for each in held if each["proven"] is False]
-        name = f"{reference['renderer']} on the {reference['model']}"
-        if reference["what"] is None and held:
+        held = [each for each in results.by_model().get(reference.model, []) if not each.problem]
+        held = [each for each in held if each.renderer == reference.renderer]
+        refused = [each for each in held if each.proven is False]
+        name = f"{reference.renderer} on the {reference.model}"
+        if reference.what is None and held:
             yield f"{name}: no error is measured: it has no exact form, and no knob to refine it by"
-        elif refused:
-            apart = reference["disagreement"]["ihip"]["p99"]
+        elif refused and reference.disagreement is not None:
+            apart = reference.disagreement["ihip"]["p99"]
+            back = (each.label.removeprefix(each.renderer).strip() or "its one setting" for each in refused)
             yield (
-                f"{name}: the reference ({reference['what']}) has not converged far enough: its last refinement still "
+                f"{name}: the reference ({reference.what}) has not converged far enough: its last refinement still "
                 f"moves the IHIP by {apart:.2g} m, so no setting is called more accurate than {10.0 * apart:.2g} m "
-                f"(held back: {', '.join(_values(each) for each in refused)})"
+                f"(held back: {', '.join(back)})"
             )
-
-
-def _values(entry: Entry) -> str:
-    return str(entry["label"]).removeprefix(str(entry["renderer"])).strip() or "its one setting"
 
 
 def front(times: Sequence[float], errors: Sequence[float]) -> list[int]:
@@ -117,13 +97,7 @@ def front(times: Sequence[float], errors: Sequence[float]) -> list[int]:
     return kept
 
 
-def cheapest(
-    times: Sequence[float],
-    errors: Sequence[float],
-    *,
-    within: float,
-    budget: float = np.inf,
-) -> int | None:
+def cheapest(times: Sequence[float], errors: Sequence[float], *, within: float, budget: float = math.inf) -> int | None:
     """Return the setting with the least time, at most `budget`, whose error is at most `within`; None if there is none.
 
     Times within `ALIKE` of the least count as equal: of those the most accurate wins, then the first.

@@ -11,25 +11,20 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from types import FunctionType, MethodType, ModuleType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from hapticeval.recordings.recording import backward_difference
-from hapticeval.renderer import Batch, Renderer, RendererFactory
+from hapticeval.renderer import Batch, Renderer, RendererFactory, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array, IntArray
 from hapticeval.workers import cores
 
-WARM_UP = 200
-"""Steps before each round of timing, outside the clock."""
-
-LONG_BUILD = 0.3
-"""Seconds above which a build is timed once."""
-
-LONG_BATCH = 0.02
-"""Seconds that a round of batches may take."""
+WARM_UP = 200  # steps before each round of timing, outside the clock
+LONG_BUILD = 0.3  # s above which a build is timed once
+LONG_BATCH = 0.02  # s that a round of batches may take
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +78,9 @@ def step_times(renderer: Renderer, along: Track, count: int, *, first: int) -> I
 
 def batch_times(renderer: Renderer, along: Track, count: int) -> IntArray | None:
     """Time up to `count` whole runs, after one that does not count: (n,), ps per step; None without `run`."""
-    if not isinstance(renderer, Batch):
+    if not abilities_of(renderer).run:
         return None
-    clock, run, hips, dt = time.perf_counter_ns, renderer.run, along.hips, along.dt
+    clock, run, hips, dt = time.perf_counter_ns, cast("Batch", renderer).run, along.hips, along.dt
     begun = clock()
     run(hips, dt)
     took = (clock() - begun) * 1e-9

@@ -6,14 +6,14 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count, product
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import HapticevalError, InputError, RendererError, UnknownNameError, described
-from hapticeval.knob import Settings, configured, knobs_of
-from hapticeval.renderer import Renderer, RendererFactory
+from hapticeval.knob import Settings
+from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured
 from hapticeval.runner.judging import built
 from hapticeval.runner.results import environment
 from hapticeval.study.bench.accuracy import (
@@ -28,7 +28,7 @@ from hapticeval.study.bench.accuracy import (
     reference_of,
     workload,
 )
-from hapticeval.study.bench.document import BenchResults, Samples
+from hapticeval.study.bench.document import BenchResults, Errors, ReferenceEntry, Samples, SettingEntry, Times
 from hapticeval.study.bench.measure import array_bytes, batch_times, machine, step_times, timed_build, track
 from hapticeval.types import IntArray
 
@@ -76,7 +76,7 @@ def own_variants() -> list[str]:
     """Name the renderers that come with hapticeval, each on every representation that it offers."""
     names = []
     for name in own_renderers():
-        offered = getattr(resolve(name), "representations", None)
+        offered = choices_of(resolve(name)).representations
         names += [f"{name}@{each}" for each in offered] if offered else [name]
     return names
 
@@ -91,7 +91,7 @@ def settings_of(
     knob that none of them has, and as `resolve` does.
     """
     factories = {name: resolve(name) for name in dict.fromkeys(renderers)}
-    knobs = {name: knobs_of(factory) for name, factory in factories.items()}
+    knobs = {name: choices_of(factory).knobs for name, factory in factories.items()}
     asked = dict(chosen or {})
     known = {knob for each in knobs.values() for knob in each}
     for knob in asked:
@@ -110,9 +110,7 @@ def settings_of(
             ]
         units = {knob: each.unit for knob, each in knobs[name].items()}
         for setting in every or [{}]:
-            found.append(
-                Setting(name, setting, cast("RendererFactory", configured(factory, setting, name=name)), units)
-            )
+            found.append(Setting(name, setting, configured(factory, setting, name=name), units))
     return found
 
 
@@ -125,13 +123,39 @@ class _Entry:
     key: str
     renderer: Renderer | None = None
     reference: Reference | None = None
-    errors: Any = None
+    errors: Errors | None = None
     memory: int | None = None
     builds: list[float] = field(default_factory=list)
     problem: str | None = "not reached"
     failure: HapticevalError | None = None
     steps: list[IntArray] = field(default_factory=list)
     batches: list[IntArray] = field(default_factory=list)
+
+    def described(self) -> SettingEntry:
+        """Return the entry of the document; errors that are rounding count as none."""
+        found, reference, scene = self.errors, self.reference, self.work.scene
+        if found is not None:
+            floors = {"ihip": scene.model.size, "normal": 180.0, "force": scene.model.size * scene.stiffness}
+            found = {
+                metric: {each: value if value > ROUNDING * floors[metric] else 0.0 for each, value in every.items()}
+                for metric, every in found.items()
+            }
+        return SettingEntry(
+            renderer=self.setting.renderer,
+            model=self.work.name,
+            settings=dict(self.setting.values),
+            label=self.setting.label,
+            errors=found,
+            claims=None if found is None or reference is None else reference.claims(found),
+            proven=None if found is None or reference is None else reference.proves(found),
+            step=_times(self.steps, 1e-9),
+            batch=_times(self.batches, 1e-12),
+            memory_bytes=self.memory,
+            build_seconds=self.builds,
+            key=self.key,
+            front=[],
+            problem=self.problem,
+        )
 
 
 class Sweep:
@@ -202,17 +226,16 @@ class Sweep:
         entry.memory = array_bytes(entry.renderer)
 
     def _reference(self, setting: Setting, work: Workload) -> Reference | None:
+        """Return the reference of a setting, which renderers share that are the same on the exact curve."""
         key = (setting.renderer, work.name)
         if key not in self.references:
             base = on_the_exact_curve(setting.factory)
             shared = [
-                (name, model)
-                for name, model in self.references
+                reference
+                for (name, model), reference in self.references.items()
                 if model == work.name and _same(base, self._factory_of(name))
             ]
-            self.references[key] = (
-                self.references[shared[0]] if shared else reference_of(setting.renderer, setting.factory, work)
-            )
+            self.references[key] = shared[0] if shared else reference_of(setting.renderer, setting.factory, work)
         return self.references[key]
 
     def _factory_of(self, name: str) -> Any:
@@ -257,17 +280,17 @@ class Sweep:
             rounds=self.rounds,
             environment=environment(),
             machine=self.machine,
-            command=self.command,
+            command=dict(self.command),
             references=[
-                {
-                    "renderer": name,
-                    "model": model,
-                    "what": None if reference is None else reference.what,
-                    "disagreement": None if reference is None else reference.disagreement,
-                }
+                ReferenceEntry(
+                    renderer=name,
+                    model=model,
+                    what=None if reference is None else reference.what,
+                    disagreement=None if reference is None else reference.disagreement,
+                )
                 for (name, model), reference in self.references.items()
             ],
-            settings=[_document(entry) for entry in self.entries],
+            settings=[entry.described() for entry in self.entries],
             orders=[],
             answers=[],
             timing={"wall_seconds": self.wall},
@@ -285,46 +308,10 @@ def _same(one: Any, other: Any) -> bool:
     return bool(one is other or (type(one) is type(other) and one == other))
 
 
-def _document(entry: _Entry) -> dict[str, Any]:
-    found, reference = entry.errors, entry.reference
-    if found is not None:
-        scene = entry.work.scene
-        floors = {"ihip": scene.model.size, "normal": 180.0, "force": scene.model.size * scene.stiffness}
-        found = {
-            metric: {each: value if value > ROUNDING * floors[metric] else 0.0 for each, value in every.items()}
-            for metric, every in found.items()
-        }
-    return {
-        "renderer": entry.setting.renderer,
-        "model": entry.work.name,
-        "settings": dict(entry.setting.values),
-        "label": entry.setting.label,
-        "errors": found,
-        "claims": None if found is None or reference is None else reference.claims(found),
-        "proven": None if found is None or reference is None else reference.proves(found),
-        "step": _times(entry.steps, 1e-9),
-        "batch": _times(entry.batches, 1e-12),
-        "memory_bytes": entry.memory,
-        "build_seconds": entry.builds,
-        "key": entry.key,
-        "front": [],
-        "problem": entry.problem,
-    }
-
-
-def _times(rounds: Sequence[IntArray], second: float) -> dict[str, float] | None:
-    """Return statistics of a step's time, s, from samples in units of `second` seconds.
-
-    `tick_share` is the 99.9 per cent quantile as a share of the tick of 1 ms.
-    """
+def _times(rounds: Sequence[IntArray], second: float) -> Times | None:
+    """Return statistics of a step's time from samples in units of `second` seconds; None without samples."""
     if not rounds:
         return None
     every = second * np.concatenate(rounds)
-    p999 = float(np.quantile(every, 0.999))
-    return {
-        "median": float(np.median(every)),
-        "p99": float(np.quantile(every, 0.99)),
-        "p999": p999,
-        "max": float(np.max(every)),
-        "tick_share": p999 / TICK,
-    }
+    p99, p999 = (float(np.quantile(every, share)) for share in (0.99, 0.999))
+    return Times(median=float(np.median(every)), p99=p99, p999=p999, max=float(np.max(every)), tick_share=p999 / TICK)

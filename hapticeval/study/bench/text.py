@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any
 
 from hapticeval import quantity
-from hapticeval.study.bench.document import BenchResults
+from hapticeval.study.bench.document import BenchResults, Change, SettingEntry
 from hapticeval.study.bench.judge import unproven
 
 length, duration = partial(quantity.length, micro="u"), partial(quantity.duration, micro="u")
 """On a terminal, units are spelt as options take them."""
 
-HEAD = (
-    "",
-    "setting",
-    "IHIP 99%",
-    "normal 99%",
-    "force 99%",
-    "step median",
-    "99.9%",
-    "of tick",
-    "batch",
-    "memory",
-    "build",
-)
+COLUMNS: Mapping[str, Callable[[SettingEntry], str | None]] = {
+    "": lambda each: "*" if "step" in each.front else "",
+    "setting": lambda each: each.label,
+    "IHIP 99%": lambda each: "~" * (each.proven is False) + length(each.claims["ihip"]["p99"]) if each.claims else None,
+    "normal 99%": lambda each: f"{each.claims['normal']['p99']:.2g} deg" if each.claims else None,
+    "force 99%": lambda each: f"{each.claims['force']['p99']:.2g} N" if each.claims else None,
+    "step median": lambda each: duration(each.step.median) if each.step else None,
+    "99.9%": lambda each: duration(each.step.p999) if each.step else None,
+    "of tick": lambda each: f"{100 * each.step.tick_share:.2g} %" if each.step else None,
+    "batch": lambda each: duration(each.batch.median) if each.batch else None,
+    "memory": lambda each: None if each.memory_bytes is None else quantity.size(each.memory_bytes),
+    "build": lambda each: duration(min(each.build_seconds)) if each.build_seconds else None,
+}
+"""The columns of a table of settings; what is not known is None."""
+
 ORDERS = {"ihip": "IHIP", "normal": "normal", "force": "force"}
 
 
@@ -44,72 +45,47 @@ def describe(results: BenchResults) -> str:
 
 
 def _tables(results: BenchResults) -> Iterator[str]:
-    for model in dict.fromkeys(each["model"] for each in results.settings):
-        held = [each for each in results.settings if each["model"] == model]
-        rows = [HEAD, *(_row(each) for each in held if not each["problem"])]
-        widths = [max(len(row[k]) for row in rows) for k in range(len(HEAD))]
+    for model, settings in results.by_model().items():
+        rows = [[cell(each) for cell in COLUMNS.values()] for each in settings if not each.problem]
         lines = [
-            "  ".join(
-                text.ljust(width) if k < 2 else text.rjust(width)
-                for k, (text, width) in enumerate(zip(row, widths, strict=True))
-            )
-            for row in rows
+            f"{model} (* on the Pareto front, one step at a time; ~ not proven)",
+            *quantity.aligned(
+                [list(COLUMNS), *(["-" if each is None else each for each in row] for row in rows)], left=2
+            ),
+            *(f"   {each.label}: {each.problem}" for each in settings if each.problem),
         ]
-        lines += [f"   {each['label']}: {each['problem']}" for each in held if each["problem"]]
-        yield f"{model} (* on the Pareto front, one step at a time; ~ not proven)\n" + "\n".join(
-            line.rstrip() for line in lines
-        )
-
-
-def _row(entry: Mapping[str, Any]) -> tuple[str, ...]:
-    claims, step, batch = entry["claims"], entry["step"], entry["batch"]
-    mark = "" if entry["proven"] is not False else "~"
-    return (
-        "*" if "step" in entry["front"] else "",
-        entry["label"],
-        "-" if claims is None else mark + length(claims["ihip"]["p99"]),
-        "-" if claims is None else f"{claims['normal']['p99']:.2g} deg",
-        "-" if claims is None else f"{claims['force']['p99']:.2g} N",
-        "-" if step is None else duration(step["median"]),
-        "-" if step is None else duration(step["p999"]),
-        "-" if step is None else f"{100 * step['tick_share']:.2g} %",
-        "-" if batch is None else duration(batch["median"]),
-        "-" if entry["memory_bytes"] is None else quantity.size(entry["memory_bytes"]),
-        duration(min(entry["build_seconds"])) if entry["build_seconds"] else "-",
-    )
+        yield "\n".join(lines)
 
 
 def _orders(results: BenchResults) -> Iterator[str]:
     for each in results.orders:
-        found = ", ".join(f"{ORDERS[name]} {value:.2f}" for name, value in each["orders"].items() if value is not None)
-        yield f"order of convergence, {each['renderer']} on the {each['model']} by {each['knob']}: {found}"
+        found = ", ".join(f"{ORDERS[name]} {value:.2f}" for name, value in each.orders.items() if value is not None)
+        yield f"order of convergence, {each.renderer} on the {each.model} by {each.knob}: {found}"
 
 
 def _answers(results: BenchResults) -> Iterator[str]:
     kinds = {"step": "one step at a time", "batch": "in batch"}
-    by_key = {each["key"]: each for each in results.settings}
+    by_key = {each.key: each for each in results.settings}
     for each in results.answers:
-        asked = f"{each['model']}, {length(each['within_m'])}"
-        asked += f" within {duration(each['budget_s'])}" if each["budget_s"] else ""
-        if each["key"] is None:
-            yield f"{asked}, {kinds[each['what']]}: no setting"
-            continue
-        entry = by_key[each["key"]]
-        took, error = entry[each["what"]], entry["claims"]["ihip"]["p99"]
-        yield (
-            f"{asked}, {kinds[each['what']]}: {each['label']} "
-            f"({length(error)} in {duration(took['median'])}, 99 % of steps in {duration(took['p99'])})"
-        )
+        budget = f" within {duration(each.budget_s)}" if each.budget_s else ""
+        found = "no setting"
+        if each.key is not None:
+            entry = by_key[each.key]
+            claims, took = entry.claims, entry.times(each.what)
+            if claims is not None and took is not None:
+                error, median, most = length(claims["ihip"]["p99"]), duration(took.median), duration(took.p99)
+                found = f"{each.label} ({error} in {median}, 99 % of steps in {most})"
+        yield f"{each.model}, {length(each.within_m)}{budget}, {kinds[each.what]}: {found}"
 
 
-def _comparison(found: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def _comparison(found: Sequence[Change]) -> Iterator[str]:
     for each in found:
-        if each["verdict"] != "not significant":
-            by = "" if each["ratio"] is None else f": {each['ratio']:.3g} times"
-            if each["p"] is not None:
-                high = "" if each["high"] is None else f"{each['high']:.3g}"
-                by += f" [{each['low']:.3g}, {high}], p = {each['p']:.2g}"
-            yield f"{each['verdict']}: {each['label']} on the {each['model']}, {each['what']}{by}"
+        if each.verdict != "not significant":
+            by = "" if each.ratio is None else f": {each.ratio:.3g} times"
+            if each.p is not None:
+                high = "" if each.high is None else f"{each.high:.3g}"
+                by += f" [{each.low:.3g}, {high}], p = {each.p:.2g}"
+            yield f"{each.verdict}: {each.label} on the {each.model}, {each.what}{by}"
     if found:
-        quiet = sum(each["verdict"] == "not significant" for each in found)
+        quiet = sum(each.verdict == "not significant" for each in found)
         yield f"compared: {quiet} of {len(found)} not significant"

@@ -12,6 +12,7 @@ import numpy as np
 
 from hapticeval.devices.device import Device
 from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.renderer import Renderer
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -85,15 +86,15 @@ class SampledLoop:
     """
 
     def __init__(self, scene: Scene, robot: Robot) -> None:
-        effects, dt = scene.imperfections, scene.sampling_time
+        dt = scene.sampling_time
         self.scene = scene
         self.robot = robot
-        whole, rest = divmod(effects.delay / dt, 1.0)
+        whole, rest = divmod(lateness(scene) / dt, 1.0)
         self.held = int(whole) + 1
         self.early = _transition(robot, rest * dt)
         self.late = _transition(robot, (1.0 - rest) * dt)
-        cutoff = effects.velocity_cutoff
-        self.kept = None if cutoff is None else float(np.exp(-2.0 * np.pi * cutoff * dt))
+        velocity = scene.effect(VelocityFilter)
+        self.kept = None if velocity is None else float(np.exp(-2.0 * np.pi * velocity.cutoff * dt))
 
     def matrix(self, gains: Gains) -> tuple[Array, Array]:
         """Return the matrices from state to next state (n, n), and from state to force (N, n), N."""
@@ -161,6 +162,11 @@ def port_damping(robot: Robot, normal: Array, dt: float) -> float:
     return float(np.min((1.0 / (admittance @ normal)).real))
 
 
+def lateness(scene: Scene) -> float:
+    """Return the seconds from a sample to the motors' answer."""
+    return sum(each.late for each in scene.effects)
+
+
 def passive_stiffness(scene: Scene, robot: Robot, normal: Array) -> float | None:
     """Return the largest stiffness (N/m) that (2.40) allows, 2 (b - |B|) / (T + 2 d); zero where none is passive.
 
@@ -171,4 +177,4 @@ def passive_stiffness(scene: Scene, robot: Robot, normal: Array) -> float | None
     if scene.inner_loop is not InnerLoop.STATIC:
         return None
     damping = port_damping(robot, normal, scene.sampling_time)
-    return max(0.0, 2.0 * (damping - scene.damping) / (scene.sampling_time + 2.0 * scene.imperfections.delay))
+    return max(0.0, 2.0 * (damping - scene.damping) / (scene.sampling_time + 2.0 * lateness(scene)))

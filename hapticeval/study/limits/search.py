@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.errors import DomainError, InputError, RefusalError, RunawayError
 from hapticeval.renderer import Renderer, RendererFactory
 from hapticeval.runner.judging import built
@@ -87,14 +88,13 @@ def eigenvalue_limit(loop: SampledLoop, family: Family, *, steps: int = STEPS) -
 def simulated_limit(factory: RendererFactory, scene: Scene, place: Place) -> float:
     """Find the same limit by running the sampled closed loop, let go `PUSH` off the surface, to see whether it settles.
 
-    Its encoders, torque limits and friction are left out: a limit cycle of a count is no instability, motors that
-    saturate bound one, and friction holds a loop at rest that would not stay there.
+    Effects that are not linear are left out, such as encoders, torque limits and friction: a limit cycle of a count is
+    no instability, motors that saturate bound one, and friction holds a loop at rest that would not stay there.
 
     Raises `RefusalError` for a renderer that does not hold from both sides: let go at the surface, its tool leaves, and
     shows nothing.
     """
-    effects = replace(scene.imperfections, encoder_step=None, torque_limit=None, friction=None)
-    smooth = replace(scene, imperfections=effects)
+    smooth = replace(scene, effects=tuple(each for each in scene.effects if each.linear))
     return largest(lambda stiffness: _settles(factory, smooth, place, stiffness), steps=14)
 
 
@@ -168,7 +168,7 @@ def too_stiff(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
     the stiffness, one without force, and one that breaks, which the run itself then reports.
     """
     boundary = scene.model.boundary
-    sensed = replace(scene, imperfections=replace(scene.imperfections, velocity_cutoff=cutoff))
+    sensed = scene.with_effects(VelocityFilter(cutoff))
     frame = boundary.frame(boundary.points(PLACES))
     places = [Place(*each) for each in zip(frame.foot, frame.normal, strict=True)]
     try:

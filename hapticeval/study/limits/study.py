@@ -11,6 +11,7 @@ import numpy as np
 
 from hapticeval.devices.device import Device
 from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.effects.delay import Delay
 from hapticeval.errors import DomainError, InputError
 from hapticeval.renderer import RendererFactory
 from hapticeval.scene import Scene
@@ -96,7 +97,7 @@ def _width(factory: RendererFactory, scene: Scene, place: Place, dt: float) -> M
 def _over_delay(scene: Scene, place: Place, family: Family) -> Mapping[str, Any]:
     robot = robot_at(scene.robot, place.point)
     delays = np.linspace(0.0, 3.0 * scene.sampling_time, 25)
-    late = [replace(scene, imperfections=replace(scene.imperfections, delay=float(delay))) for delay in delays]
+    late = [scene.with_effects(Delay(float(delay))) for delay in delays]
     return {
         "delay": delays.tolist(),
         "eigenvalues": [finite(eigenvalue_limit(SampledLoop(each, robot), family, steps=COARSE)) for each in late],

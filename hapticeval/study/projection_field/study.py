@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +14,7 @@ from hapticeval.errors import InputError
 from hapticeval.files import file_stem
 from hapticeval.geometry.curve import Curve, as_curve
 from hapticeval.geometry.model import Model
-from hapticeval.knob import configured
-from hapticeval.renderer import Batch, Renderer, RendererFactory
+from hapticeval.renderer import Renderer, abilities_of, configured
 from hapticeval.runner.judging import built
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import ask, play, start
@@ -47,7 +46,7 @@ def study_field(
     """
     settings = dict(knobs or {})
     scene = Scene(model=model)
-    made = built(cast("RendererFactory", configured(resolve(renderer), settings, name=renderer)), scene)
+    made = built(configured(resolve(renderer), settings, name=renderer), scene)
     if not isinstance(made, Renderer):
         raise InputError(
             f"'{renderer}' has no projection to draw", why="it answers a whole stimulus, not a HIP at a time"
@@ -91,7 +90,7 @@ class Projector:
 
     def __call__(self, hips: Array) -> Array:
         """The IHIPs."""
-        if self._origin is None and isinstance(self._renderer, Batch) and len(hips) > 1:
+        if self._origin is None and abilities_of(self._renderer).run and len(hips) > 1:
             time = self._dt * np.arange(len(hips), dtype=np.float64)
             return play(self._renderer, Path(time, hips), self._dt).ihip
         ihips = np.empty_like(hips)
@@ -104,7 +103,7 @@ class Projector:
 
 def surface_of(renderer: object, curve: Curve) -> Curve:
     """Return the curve that a renderer really renders: its own where it has one, else the model's."""
-    surface = getattr(renderer, "surface", curve)
+    surface = abilities_of(renderer).surface
     return as_curve(surface) or curve
 
 

@@ -14,8 +14,7 @@ from sympy.parsing.sympy_parser import (
     standard_transformations,
 )
 
-from hapticeval.closed_forms.equations import Gains, curve_rates, polar_rates, sliding, transversal
-from hapticeval.closed_forms.form import CLOSED_FORMS
+from hapticeval.closed_forms import CLOSED_FORMS, Gains, curve_rates, polar_rates, sliding, transversal
 from hapticeval.geometry.catalogue import make_model
 
 GAINS = Gains(k=500.0, d=44.7, b=3.0)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hapticeval.discovery import Name, known_renderers, own_renderers, parse, resolve
-from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.errors import InputError, RendererError, UnknownNameError
 
 WORD = st.from_regex(r"[a-z][a-z0-9_:.-]{0,8}", fullmatch=True)
 SCHEME = st.from_regex(r"[a-z]{1,4}(\+[a-z]{1,4})?", fullmatch=True)
@@ -133,3 +133,17 @@ def test_an_error_while_importing_names_file_and_line(here: Path) -> None:
     with pytest.raises(InputError) as caught:
         resolve("mine_line:make")
     assert "mine_line.py, line 3" in caught.value.why
+
+
+@pytest.mark.parametrize("slip", ["mine_slip", "mine_slip.py", "mine_slip.Nearest", "mine_slip.py:Nearest"])
+def test_a_slip_in_the_name_of_a_local_file_is_mended(here: Path, slip: str) -> None:
+    (here / "mine_slip.py").write_text("def _hidden(scene): ...\nclass Nearest:\n    def step(self): ...\n")
+    with pytest.raises(InputError) as caught:
+        resolve(slip)
+    assert "mine_slip:Nearest" in caught.value.todo
+
+
+def test_a_variant_that_raises_is_a_broken_renderer(here: Path) -> None:
+    (here / "mine_broken.py").write_text("class Made:\n    def variant(**chosen): raise KeyError(3)\n")
+    with pytest.raises(RendererError, match="variant\\(\\) raised KeyError"):
+        resolve("mine_broken:Made+pp")

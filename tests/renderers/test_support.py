@@ -11,26 +11,28 @@ from msgspec import structs
 import hapticeval
 from hapticeval import RefusalError, Response, Scene
 from hapticeval.cli import main
-from hapticeval.devices.imperfections import ForceSensor, Imperfections
 from hapticeval.discovery import own_renderers, resolve
+from hapticeval.effects.force_sensor import ForceSensor
+from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import RendererError, UnknownNameError
 from hapticeval.geometry.catalogue import circle, sphere
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
+from hapticeval.renderer import abilities_of
 from hapticeval.runner.judging import built, judge
 from hapticeval.runner.results import read_results
-from hapticeval.scene import REQUIREMENTS, Requirement
+from hapticeval.scene import requirements
 from hapticeval.study.limits.loop import Place
 from hapticeval.study.limits.search import family_of, simulated_limit
 from hapticeval.suite.reading import load_suite
 
 PLAIN = Scene(model=circle())
-SENSED = replace(PLAIN, imperfections=Imperfections(force_sensor=ForceSensor()))
+SENSED = replace(PLAIN, effects=(ForceSensor(),))
 ASKING = {
     "plane": PLAIN,
     "space": Scene(model=sphere()),
     "bilateral": replace(PLAIN, bilateral=True),
-    "viscosity": replace(PLAIN, viscosity=0.3),
+    "viscosity": replace(PLAIN, effects=(Viscosity(0.3),)),
     "force-sensor": SENSED,
 }
 """Requirement: a scene that asks for it."""
@@ -60,9 +62,9 @@ def declaring(*names):
     return type("Declaring", (Nearest,), {"supports": names})
 
 
-@pytest.mark.parametrize("name", REQUIREMENTS)
+@pytest.mark.parametrize("name", requirements())
 def test_a_scene_asks_for_what_it_calls_for_and_no_more(name):
-    names = {each.name for each in ASKING[name].requirements}
+    names = set(ASKING[name].requirements)
     assert names == {name, "space" if name == "space" else "plane"}
 
 
@@ -75,11 +77,11 @@ def test_what_is_not_declared_is_refused_by_name_and_what_is_declared_is_not(nam
 
 
 def test_all_that_is_missing_is_named_at_once():
-    scene = replace(SENSED, bilateral=True, viscosity=0.1)
+    scene = replace(SENSED.with_effects(Viscosity(0.1)), bilateral=True)
     with pytest.raises(RefusalError, match=r"'bilateral' .* 'viscosity' .* 'force-sensor'"):
         built(Nearest, scene)
     with pytest.raises(RefusalError, match="declares support for bilateral") as refused:
-        built(declaring("bilateral"), replace(PLAIN, bilateral=True, viscosity=0.1))
+        built(declaring("bilateral"), replace(PLAIN, bilateral=True, effects=(Viscosity(0.1),)))
     assert "'bilateral'" not in refused.value.what
 
 
@@ -134,13 +136,28 @@ def test_a_wrong_declaration_is_an_error(supports, error, words):
         built(lambda scene: type("Wrong", (Nearest,), {"supports": supports})(scene), PLAIN)
 
 
-def test_one_more_requirement_takes_one_line(monkeypatch):
-    texture = Requirement("texture", "the surface is rough", lambda scene: scene.mass == 0.7)
-    monkeypatch.setitem(REQUIREMENTS, "texture", texture)
-    rough = replace(PLAIN, mass=0.7)
-    with pytest.raises(RefusalError, match="'texture' \\(the surface is rough\\)"):
-        built(resolve("constraint"), rough)
-    built(declaring("texture"), rough)
+@pytest.mark.parametrize("name", ["surface", "standoff", "declares", "supports", "law", "run", "feel", "signals"])
+def test_an_attribute_that_raises_or_is_of_another_kind_is_an_error_of_the_renderer(name):
+    def fails(self):
+        raise KeyError(name)
+
+    for wrong in (property(fails), "wrong"):
+        with pytest.raises(RendererError, match="the renderer"):
+            built(lambda scene, wrong=wrong: type("Wrong", (Nearest,), {name: wrong})(scene), PLAIN)
+
+
+def test_abilities_are_read_once():
+    class Counts(Nearest):
+        read = 0
+
+        @property
+        def standoff(self):
+            Counts.read += 1
+            return 1e-3 * Counts.read
+
+    made = built(Counts, PLAIN)
+    assert [abilities_of(made).standoff for _ in range(3)] == [1e-3] * 3
+    assert Counts.read == 1
 
 
 SUPPORTED = {
@@ -150,12 +167,12 @@ SUPPORTED = {
     "constraint": {"plane", "bilateral", "force-sensor"},
     "minimum-distance": {"plane", "space", "bilateral", "force-sensor"},
     "minimum-distance@polygon": {"plane", "bilateral", "force-sensor"},
-    "set-stabilisation": set(REQUIREMENTS),
+    "set-stabilisation": set(requirements()),
 }
 
 
 @pytest.mark.parametrize("name", SUPPORTED)
-@pytest.mark.parametrize("asked", REQUIREMENTS)
+@pytest.mark.parametrize("asked", requirements())
 def test_the_renderers_that_come_along_work_where_they_declare_and_are_refused_elsewhere(name, asked):
     scene = replace(ASKING[asked], damping=5.0)
     if asked in SUPPORTED[name]:

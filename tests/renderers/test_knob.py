@@ -4,7 +4,8 @@ import pytest
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import cassinian
-from hapticeval.knob import Knob, configured, knobs_of
+from hapticeval.knob import Knob
+from hapticeval.renderer import choices_of, configured
 from hapticeval.renderers import constraint, minimum_distance
 from hapticeval.scene import Scene
 
@@ -25,9 +26,9 @@ class Foreign:
 
 
 def test_a_third_party_declares_knobs_without_inheriting():
-    assert list(knobs_of(Foreign())) == ["cells"]
+    assert list(choices_of(Foreign()).knobs) == ["cells"]
     assert configured(Foreign(), {"cells": 2.0}, name="mine").cells == 2.0
-    assert knobs_of(lambda scene: scene) == {}
+    assert choices_of(lambda scene: scene).knobs == {}
 
 
 def test_a_knob_that_is_not_there_is_refused_with_the_closest():
@@ -41,7 +42,7 @@ def test_a_knob_that_is_not_there_is_refused_with_the_closest():
 
 def test_knobs_that_cannot_be_set_are_refused():
     with pytest.raises(InputError, match="cannot set them"):
-        knobs_of(type("Half", (), {"knobs": Foreign.knobs})())
+        choices_of(type("Half", (), {"knobs": Foreign.knobs})())
     with pytest.raises(InputError, match="without values"):
         Knob(values=(), unit="", meaning="")
 

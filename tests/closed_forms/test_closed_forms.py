@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hapticeval.closed_forms.equations import Gains, integrated, polar_rates, transversal
-from hapticeval.closed_forms.form import CLOSED_FORMS, SCHEMES
+from hapticeval.closed_forms import CLOSED_FORMS, SCHEMES, Gains, integrated, polar_rates, transversal
+from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, line, star
 from hapticeval.scene import Scene
@@ -196,7 +196,7 @@ def test_on_the_cassinian_they_solve_the_force_laws_themselves(scheme):
 @settings(max_examples=20, deadline=None)
 def test_a_closed_form_starts_where_it_is_told_with_the_speed_it_is_told(angle, offset, across, along):
     model = cassinian(size=2.0)
-    scene = Scene(model=model, **UNIT, viscosity=0.5)
+    scene = Scene(model=model, **UNIT, effects=(Viscosity(0.5),))
     u = np.array([angle])
     normal, tangent = model.curve.normal(u)[0], model.curve.tangent(u)[0]
     position = model.curve.position(u)[0] + 0.3 * offset * normal
@@ -208,7 +208,7 @@ def test_a_closed_form_starts_where_it_is_told_with_the_speed_it_is_told(angle, 
 
 
 def test_viscosity_slows_the_sliding_and_nothing_else():
-    scene = Scene(model=circle(size=2.0), **UNIT, viscosity=0.7)
+    scene = Scene(model=circle(size=2.0), **UNIT, effects=(Viscosity(0.7),))
     time = np.linspace(0.0, 2.0, 5)
     viscous, free = orbit("7.38", time, position=(1.1, 0.0), scene=scene), orbit("7.38", time, position=(1.1, 0.0))
     np.testing.assert_allclose(np.linalg.norm(viscous.hip, axis=1), np.linalg.norm(free.hip, axis=1), atol=1e-14)

@@ -1,4 +1,4 @@
-"""Renderers against the spread of repeats: found where it is, silent where it is the hand's."""
+"""Runs by place instead of time: aligned exactly where that may be, and compared by the spread of their repeats."""
 
 from __future__ import annotations
 
@@ -11,14 +11,196 @@ from hypothesis import strategies as st
 from scipy.special import comb
 
 from hapticeval.errors import InputError
+from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.compare.align import Abscissa, Run, align
-from hapticeval.recordings.compare.permutation import DEALS, Distances, least_p, needed, permuted
+from hapticeval.recordings.compare.permutation import DEALS, LEVEL, Distances, least_p, needed, permuted
 from hapticeval.recordings.compare.spread import bands, compare
 from hapticeval.recordings.recording import Recording
 
+CIRCLE = make_model("circle").curve
+RADIUS, DEPTH, STIFFNESS = 0.1, 0.001, 1000.0
 ANGLE = np.linspace(0.1, 2.0, 500)
 UNITS = tuple((side, k) for side in (0, 1) for k in range(4))
 PLACE = (ANGLE - ANGLE[0]) / np.ptp(ANGLE)
+
+
+def lap(angle, *, dt=1e-3, size=None, standing=None):
+    """A spring contact on the circle of 0.1 m at the given HIP angles (n,); `size` (n,) is the force, N."""
+    angle = np.asarray(angle, dtype=float)
+    size = np.full(angle.size, STIFFNESS * DEPTH) if size is None else size
+    outward = np.column_stack([np.cos(angle), np.sin(angle)])
+    hip = RADIUS * outward - (size / STIFFNESS)[:, None] * outward
+    time = dt * np.arange(angle.size) if standing is None else standing
+    return Recording(time, {"hip": hip, "ihip": RADIUS * outward, "force": size[:, None] * outward})
+
+
+def slide(angle, **options):
+    return Run("run 7", "one", lap(angle, **options))
+
+
+def aligned(*runs, by="angle", **options):
+    return align(runs, Abscissa(by, curve=CIRCLE), **options)
+
+
+def ways(found):
+    """Direction, lap and coverage of each pass that covers anything."""
+    return [(each.direction, each.lap, each.coverage) for each in found.passes if each.coverage > 0.01]
+
+
+def paused(angle, *pauses):
+    """A clock with a pause of 50 ms before each of some rows."""
+    time = 1e-3 * np.arange(len(angle))
+    for first in pauses:
+        time[first:] += 0.05
+    return time
+
+
+def about(*expected):
+    return [(direction, lap, pytest.approx(coverage, abs=0.01)) for direction, lap, coverage in expected]
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 10_000), st.sampled_from([1, -1]), st.sampled_from(["angle", "arc"]))
+def test_a_function_of_place_is_found_again_whatever_the_clock(seed, direction, by):
+    rng = np.random.default_rng(seed)
+    angle = direction * np.cumsum(rng.uniform(1e-3, 4e-3, 1500))
+    found = aligned(slide(angle, size=1.0 + 0.2 * np.sin(3.0 * angle)), by=by)
+    scale = RADIUS if by == "arc" else 1.0
+    assert {each.direction for each in found.passes} == {direction}
+    for each in found.passes:
+        place = found.grid[each.mask] / scale
+        # Linear between samples at most 4 mrad apart: h^2 / 8 times the second derivative, 0.2 * 9.
+        np.testing.assert_allclose(
+            each.columns["magnitude"][each.mask], 1.0 + 0.2 * np.sin(3.0 * place), atol=1.01 * 4e-3**2 / 8 * 1.8
+        )
+        np.testing.assert_allclose(each.columns["leaning"][each.mask], 0.0, atol=1e-5)
+        np.testing.assert_allclose(np.cos(each.columns["direction"][each.mask] - place), 1.0, atol=1e-9)
+        assert all(np.isfinite(column).all() for column in each.columns.values())
+        assert all(np.all(column[~each.mask] == 0.0) for column in each.columns.values())
+
+
+def test_laps_are_counted_and_a_sector_across_the_cut_of_the_angles_stays_in_one_piece():
+    found = aligned(slide(np.linspace(0.0, 6.0 * math.pi, 9001)))
+    assert ways(found) == about((1, 0, 1.0), (1, 1, 1.0), (1, 2, 1.0))
+    assert found.period == 2.0 * math.pi
+    turn = 2.0 * math.pi
+    found = aligned(slide(np.linspace(-0.6, 0.7, 1000)), slide(np.linspace(turn - 0.5, turn + 0.6, 900)))
+    assert found.grid[-1] - found.grid[0] == pytest.approx(1.3)
+    assert ways(found) == about((1, 0, 1.0), (1, 0, 1.1 / 1.3))
+
+
+def test_a_hand_that_turns_back_is_refused_at_the_place_or_split():
+    angle = np.concatenate([np.linspace(0.0, 1.0, 500), np.linspace(1.0, 0.7, 200), np.linspace(0.7, 1.5, 400)])
+    with pytest.raises(InputError) as caught:
+        aligned(slide(angle))
+    assert "run 7 turns back by 17.19 degrees at 57.3 degrees, t = 0.5 s" in str(caught.value)
+    assert "give --split: every way between two turns is then a pass" in caught.value.todo
+    assert "so that it takes {} and {} runs".format(*needed(1, 1, tests=2, level=LEVEL)) in caught.value.todo
+    assert ways(aligned(slide(angle), split=True)) == about((1, 0, 1 / 1.5), (-1, 0, 0.3 / 1.5), (1, 1, 0.8 / 1.5))
+    fro = 0.5 - 0.5 * np.cos(np.linspace(0.0, 4.0 * math.pi, 4000))
+    assert [each[:2] for each in ways(aligned(slide(fro), split=True))] == [(1, 0), (-1, 0), (1, 1), (-1, 1)]
+    trembling = np.linspace(0.0, 1.0, 4000) + np.random.default_rng(5).uniform(-3e-4, 3e-4, 4000)
+    assert ways(aligned(slide(trembling))) == about((1, 0, 1.0))
+
+
+def test_a_gap_ends_neither_a_lap_nor_a_way_unless_the_hand_begins_anew():
+    angle = np.linspace(0.0, 4.0 * math.pi, 4001)
+    found = aligned(slide(angle, standing=paused(angle, 500, 1500, 3000)))
+    assert [each[:2] for each in ways(found)] == [(1, 0), (1, 1)]
+    back = np.concatenate([np.linspace(0.0, 1.0, 500), np.linspace(0.999, 0.7, 200)])
+    with pytest.raises(InputError, match="turns back by 17"):
+        aligned(slide(back, standing=paused(back, 500)))
+    parts = aligned(slide(back, standing=paused(back, 500)), split=True)
+    assert [each[:2] for each in ways(parts)] == [(1, 0), (-1, 0)]
+    anew = np.concatenate([np.linspace(0.0, 1.0, 500), np.linspace(0.0, 1.1, 500)])
+    assert ways(aligned(slide(anew, standing=paused(anew, 500)))) == about((1, 0, 1.0 / 1.1), (1, 1, 1.0))
+
+
+@pytest.mark.parametrize(("pops", "row"), [(True, 200), (False, 300)])
+def test_nothing_is_interpolated_across_a_jump(pops, row):
+    """Of the IHIP, a pop-through, or of the force alone, from a row on."""
+    angle = np.linspace(0.0, 1.0, 401)
+    log = lap(angle)
+    ihip, force = np.array(log.ihip), np.array(log.force)
+    if pops:
+        ihip[row:] = RADIUS * np.column_stack([np.cos(angle + 0.5), np.sin(angle + 0.5)])[row:]
+        force[row:] = STIFFNESS * (ihip - log.hip)[row:]
+    else:
+        force[row:] *= 30.0
+    jumping = Recording(log.time, {"hip": log.hip, "ihip": ihip, "force": force})
+    (only,) = align([Run("x", "one", jumping)], Abscissa("angle"), points=1601).passes
+    grid = np.linspace(0.0, 1.0, 1601)
+    assert 3 <= np.count_nonzero(~only.mask) <= 5
+    assert np.all((grid[~only.mask] > angle[row - 1] - 1e-12) & (grid[~only.mask] < angle[row] + 1e-12))
+    sizes = only.columns["magnitude"][only.mask]
+    before = grid[only.mask] < angle[row - 1] + 1e-12
+    assert np.ptp(sizes[before]) < 1e-9
+    assert np.all(sizes[~before] > 20.0 * sizes[0])
+
+
+def test_gaps_free_space_and_rows_that_are_no_measurement_are_left_out():
+    angle = np.linspace(0.0, 1.0, 1001)
+    time = 1e-3 * np.arange(1001) + 0.3 * (np.arange(1001) >= 600)
+    size = np.where((angle > 0.2) & (angle < 0.3), 0.0, 1.0)
+    found = aligned(slide(angle, standing=time, size=size))
+    places = np.concatenate([found.grid[each.mask] for each in found.passes])
+    assert not np.any((places > 0.2) & (places < 0.3))
+    assert not np.any((places > angle[599]) & (places < angle[600]))
+    assert sum(each.coverage for each in found.passes) == pytest.approx(0.9, abs=0.01)
+    log, valid = lap(angle), (np.arange(1001) < 400) | (np.arange(1001) >= 450)
+    channels = {**log.channels, "force": np.where(valid[:, None], log.force, np.nan)}
+    found = align([Run("x", "one", Recording(log.time, channels, valid=valid))], Abscissa("angle"))
+    assert all(np.isfinite(each.columns["magnitude"]).all() for each in found.passes)
+    assert sum(each.coverage for each in found.passes) == pytest.approx(0.95, abs=0.01)
+
+
+def test_the_centre_must_not_be_on_the_way():
+    hip = np.column_stack([np.linspace(-0.05, 0.05, 200), np.full(200, 1e-9)])
+    recording = Recording(1e-3 * np.arange(200), {"hip": hip, "ihip": hip, "force": np.ones((200, 2))})
+    with pytest.raises(InputError, match=r"passes the centre at t = 0\.0"):
+        align([Run("through", "one", recording)], Abscissa("angle"))
+    assert align([Run("through", "one", recording)], Abscissa("angle", centre=(0.0, -0.2))).passes
+
+
+def test_a_phase_is_any_column_of_a_channel():
+    hip = np.column_stack([np.linspace(0.0, 0.1, 300), np.full(300, -0.001)])
+    ihip = np.column_stack([hip[:, 0], np.zeros(300)])
+    recording = Recording(1e-3 * np.arange(300), {"hip": hip, "ihip": ihip, "force": 1000.0 * (ihip - hip)})
+    found = align([Run("line", "one", recording)], Abscissa("hip:0"))
+    assert (found.unit, found.period) == ("m", None)
+    assert found.passes[0].coverage == 1.0
+    np.testing.assert_allclose(found.passes[0].columns["depth"], 0.001)
+    with pytest.raises(InputError, match="no column 5"):
+        align([Run("line", "one", recording)], Abscissa("hip:5"))
+    with pytest.raises(InputError, match="--by angle"):
+        Abscissa("angles")
+    with pytest.raises(InputError, match="--model"):
+        Abscissa("arc")
+
+
+def test_a_foot_that_leaps_over_the_medial_axis_is_not_bridged():
+    """Down through an ellipse the nearest point changes sides at the long axis: the arc length leaps."""
+    model = make_model("ellipse", ratio=2.0)
+    y = np.linspace(0.03, -0.03, 601)
+    hip = np.column_stack([np.full(601, 0.02), y])
+    foot = model.curve.position(model.curve.nearest(hip))
+    recording = Recording(1e-3 * np.arange(601), {"hip": hip, "ihip": foot, "force": 1000.0 * (foot - hip)})
+    found = align([Run("x", "one", recording)], Abscissa("arc", curve=model.curve), split=True)
+    s = model.curve.arc_length(model.curve.nearest(hip))
+    leap = int(np.argmax(np.abs(np.diff(s))))
+    low, high = sorted((float(s[leap]), float(s[leap + 1])))
+    assert high - low > 0.5 * model.curve.length, "the shorter way leads over the start of the curve"
+    places = np.concatenate([found.grid[each.mask] % model.curve.length for each in found.passes])
+    assert places.size > 20
+    assert not np.any((places < low - 1e-4) | (places > high + 1e-4))
+
+
+def test_runs_that_never_touch_are_refused():
+    recording = lap(np.linspace(0.0, 1.0, 100), size=np.zeros(100))
+    with pytest.raises(InputError, match="touches"):
+        align([Run("free", "one", recording)], Abscissa("angle"))
+    with pytest.raises(InputError, match="no runs"):
+        align([], Abscissa("angle"))
 
 
 def run(renderer, number, size, *, turned=0.0, angle=ANGLE):
@@ -102,36 +284,30 @@ def test_a_turned_force_is_found_across_the_cut_of_the_angles():
     assert found.difference == pytest.approx(0.1, abs=1e-3)
 
 
-def test_a_single_repeat_is_refused():
-    rng = np.random.default_rng(5)
-    with pytest.raises(InputError, match="'b' has a single repeat") as caught:
+def test_what_cannot_be_compared_is_refused_with_what_it_takes():
+    rng = np.random.default_rng(18)
+    with pytest.raises(InputError, match="'b' has a single repeat, 'a' 4") as caught:
         compared(hands(rng, "a", 4), hands(rng, "b", 1))
     assert "could be the hand's" in caught.value.why
+    assert "takes 3 of 'b' and 4 of 'a' at the least" in caught.value.todo
     with pytest.raises(InputError, match="two renderers"):
         compared(hands(rng, "a", 4))
-
-
-def test_a_run_that_is_given_twice_is_no_repeat():
-    rng = np.random.default_rng(16)
     one, *others = hands(rng, "a", 4)
     with pytest.raises(InputError, match="a 0 and again are the same run"):
         compared([one, *others, Run("again", "a", one.recording)], hands(rng, "b", 4))
 
 
-def test_too_few_repeats_are_said_to_be_so():
+def test_too_few_repeats_are_called_so_and_as_many_as_are_asked_for_can_decide():
     rng = np.random.default_rng(6)
     found = compared(hands(rng, "a", 3), hands(rng, "b", 3, more=9.0))["a", "b", "magnitude"]
     assert found.outcome == "too few repeats to tell"
-    assert found.least == pytest.approx(0.1)
-    assert found.p == pytest.approx(0.1)
+    assert found.least == found.p == pytest.approx(0.1)
     assert (found.repeats, found.needed) == ((3, 3), (4, 3))
-
-
-def test_so_many_repeats_as_are_asked_for_can_decide_and_fewer_cannot():
-    rng = np.random.default_rng(17)
     enough = compared(hands(rng, "a", 4), hands(rng, "b", 3, more=9.0))["a", "b", "magnitude"]
     assert enough.outcome == "differs"
     assert enough.p == pytest.approx(1.0 / comb(7, 3))
+    found = compared(hands(rng, "a", 5), hands(rng, "b", 5, more=9.0), hands(rng, "c", 5, more=18.0))
+    assert found["a", "b", "magnitude"].p == pytest.approx(3.0 * 2.0 / comb(10, 5)), "three pairs are three tests"
 
 
 @settings(max_examples=100)
@@ -166,13 +342,6 @@ def test_the_least_p_is_that_of_complete_separation_whatever_the_distances(first
         assert p["x"] == pytest.approx(least)
 
 
-def test_a_single_repeat_is_told_how_many_it_takes():
-    rng = np.random.default_rng(18)
-    with pytest.raises(InputError, match="'b' has a single repeat, 'a' 4") as caught:
-        compared(hands(rng, "a", 4), hands(rng, "b", 1))
-    assert "takes 3 of 'b' and 4 of 'a' at the least" in caught.value.todo
-
-
 @pytest.mark.parametrize("gaps", [False, True])
 @pytest.mark.parametrize(("ways", "enough"), [(1, (4, 3)), (2, (5, 3))])
 def test_one_run_of_each_is_said_to_be_too_few(gaps, ways, enough):
@@ -196,7 +365,7 @@ def shifted(each, number, *, by, single=False):
     return Run(f"b {number}", "b", Recording(recording.time, {"hip": recording.hip, "ihip": ihip, "force": force}))
 
 
-@settings(max_examples=30)
+@settings(max_examples=8)
 @given(st.integers(0, 1000), st.sampled_from([0.0, 1e-16, 1e-15, 3e-15]))
 def test_what_rounding_makes_is_no_difference(seed, by):
     """Repeats on rails: the hand does not vary at all, and only rounding tells two renderers apart."""
@@ -234,7 +403,7 @@ def test_what_the_numbers_resolve_is_a_difference(by, single, outcome):
         assert found.largest == pytest.approx(by * np.max(np.linalg.norm(one.recording.force, axis=1)), rel=0.01)
 
 
-@settings(max_examples=30)
+@settings(max_examples=10)
 @given(st.floats(-math.pi, math.pi), st.floats(-0.5, 0.5), st.integers(0, 100))
 def test_all_curves_of_a_panel_lie_on_one_branch(turned, apart, seed):
     """Forth and back, wherever the angles are cut: what differs by little is drawn beside each other.
@@ -255,33 +424,23 @@ def test_all_curves_of_a_panel_lie_on_one_branch(turned, apart, seed):
             assert np.max(np.abs(one.median - other.median)[both]) < 2.0 * abs(apart) + 2.0 * 0.03
 
 
-def test_many_pairs_are_not_tested_for_free():
-    rng = np.random.default_rng(7)
-    found = compared(hands(rng, "a", 5), hands(rng, "b", 5, more=9.0), hands(rng, "c", 5, more=18.0))
-    assert found["a", "b", "magnitude"].p == pytest.approx(3.0 * 2.0 / comb(10, 5))
-
-
 def test_laps_of_a_single_run_stand_in_for_repeats_and_are_named():
-    angle = np.linspace(0.0, 10.0 * math.pi, 9000)
-    rng = np.random.default_rng(8)
-    groups = [
-        [run(name, 0, 2.0 + more + 0.1 * np.sin(angle * 0.37 + rng.uniform(0, 6.28)), angle=angle)]
-        for name, more in (("a", 0.0), ("b", 1.0))
-    ]
-    found = compared(*groups)["a", "b", "magnitude"]
+    angle, rng = np.linspace(0.0, 10.0 * math.pi, 9000), np.random.default_rng(8)
+
+    def groups(count):
+        return [
+            [
+                run(name, k, 2.0 + more + 0.1 * np.sin(angle * 0.37 + rng.uniform(0, 6.28)), angle=angle)
+                for k in range(count)
+            ]
+            for name, more in (("a", 0.0), ("b", 1.0))
+        ]
+
+    found = compared(*groups(1))["a", "b", "magnitude"]
     assert found.basis == "laps of one run"
     assert found.repeats[0] >= 5
     assert found.outcome == "the runs differ", "another run of the same renderer may be as far off"
-
-
-def test_laps_are_no_repeats_where_there_are_several_runs():
-    angle = np.linspace(0.0, 6.0 * math.pi, 6000)
-    rng = np.random.default_rng(9)
-    groups = [
-        [run(name, k, np.full(angle.size, 2.0 + rng.normal()), angle=angle) for k in range(4)] for name in ("a", "b")
-    ]
-    found = compared(*groups)["a", "b", "magnitude"]
-    assert found.repeats == (4, 4)
+    assert compared(*groups(2))["a", "b", "magnitude"].repeats == (2, 2), "of several runs laps are no repeats"
 
 
 def test_the_band_is_the_median_between_the_extremes():
@@ -348,7 +507,7 @@ def torn(each, first, length):
     return Run(each.label, each.renderer, Recording(time, each.recording.channels))
 
 
-@settings(max_examples=8)
+@settings(max_examples=6)
 @given(st.integers(0, 1000), st.floats(-9.0, -0.5), st.booleans())
 def test_repeats_that_agree_to_the_bit_still_tell_renderers_apart(seed, power, gaps):
     """By any amount far above what the numbers resolve; and the clock's gaps, elsewhere in each, hide none of it."""

@@ -1,0 +1,65 @@
+"""Delay: motors answer a sample some time after it was taken (thesis 2.6)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from hapticeval.effects.effect import Effect, Part, Stage, number
+from hapticeval.quantity import quantity
+from hapticeval.types import Array
+
+STEADY = 1e-9
+"""A share of a tick below which a delay is a whole number of ticks: what rounding leaves of one."""
+
+
+@dataclass(frozen=True)
+class Delay(Effect):
+    """Let the motors give a torque `time` (s) after its sample; until then, nothing."""
+
+    time: float = number("s", at=True)
+
+    kind: ClassVar[str] = "delay"
+    keys: ClassVar[Mapping[str, str]] = {"imperfections.delay": "time"}
+    stage: ClassVar[Stage] = Stage.COMMAND
+
+    @property
+    def off(self) -> bool:
+        """Whether there is none."""
+        return self.time == 0.0
+
+    @property
+    def late(self) -> float:
+        """The delay, s."""
+        return self.time
+
+    def part(self, ticks: int, size: int, dt: float) -> Part:  # noqa: ARG002 - as every effect
+        """Assemble the line of torques: `params` are whole ticks and the seconds beyond them."""
+        lag = self.time / dt
+        whole = math.floor(lag + STEADY)
+        rest = lag - whole
+        return Part(
+            hold_back, np.array([whole, rest * dt if rest > STEADY else 0.0]), state=np.zeros((whole + 2, size))
+        )
+
+    def active(self, damping: float) -> str | None:  # noqa: ARG002 - as every effect
+        """Give energy away always."""
+        return "motors that are late give energy away at any sampling rate"
+
+    def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect
+        """Describe the delay in milliseconds."""
+        return f"torques {quantity(1e3 * self.time, 'ms')} late"
+
+
+def hold_back(params: Array, samples: Array, state: Array, tick: int, dt: float, torque: Array, before: Array) -> float:  # noqa: ARG001
+    """Replace `torque` by what the motors get in this tick, and `before` by what they had until the switch."""
+    line, whole = state.shape[0], int(params[0])
+    for i in range(torque.shape[0]):
+        state[tick % line, i] = torque[i]
+        before[i] = state[(tick - whole - 1) % line, i]
+        torque[i] = state[(tick - whole) % line, i]
+    return float(params[1])

@@ -1,0 +1,176 @@
+"""The contract of effects: what a scene may call for, such as a device's imperfections or a surface's friction.
+
+An effect is a frozen dataclass. Its fields are its numbers; `number` declares each with a unit and what it may be. The
+class attributes and methods of `Effect` are all that the rest of the package knows of it, and each has a default.
+
+An effect that takes part in a tick of the closed loop has a `stage` and a `part`: a plain function over arrays, which
+is compiled when a scene first calls for it, and what it works on. An effect of the surface wraps the renderer instead.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, field, fields
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
+
+import numpy as np
+
+from hapticeval.errors import InputError
+from hapticeval.quantity import quantity
+from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from hapticeval.devices.device import Device
+
+PER_JOINT = {"force": ("N m", "N"), "position": ("rad", "m")}
+"""Units that depend on the device: (of a joint that turns, of the point mass, whose joints are its position)."""
+
+
+class Stage(StrEnum):
+    """Where in a tick of the closed loop an effect takes part, and what the vectors `first` and `second` are there."""
+
+    SENSE = "sense"
+    """Change the joint positions and rates (N,) that the controller is given."""
+    FEEL = "feel"
+    """Change the hand's force (N,), N, as measured; `second` is not used."""
+    COMMAND = "command"
+    """Change the joint torques (N,) that the motors give from now on.
+
+    Return the seconds into the tick until which they still give those in `second`, which is then to be written.
+    """
+    JOINTS = "joints"
+    """Give Coulomb friction to the joints: `params` (N,), without a function."""
+
+
+class Part(NamedTuple):
+    """What an effect adds to the closed loop, assembled for one run.
+
+    `function(params, samples, state, tick, dt, first, second)` returns a float and writes in place; it is plain Python
+    over arrays that numba can compile, and calls nothing of the package. `params` (k,) are its numbers, `samples`
+    (ticks, N) what it is given at each tick, and `state` (2D) what it keeps, zero at the start.
+    """
+
+    function: Callable[..., float] | None
+    params: Array
+    samples: Array = np.empty((0, 0))
+    state: Array = np.empty((0, 0))
+
+
+def number(
+    unit: str,
+    *,
+    above: float = 0.0,
+    at: bool = False,
+    finite: bool = True,
+    default: Any = MISSING,
+    compare: bool = True,
+) -> Any:
+    """Declare a number of an effect: a field with a `unit` (or a key of `PER_JOINT`) and a range.
+
+    It must be greater than `above`, or `at` it too, and finite unless it need not be.
+    """
+    metadata = {"unit": unit, "above": above, "at": at, "finite": finite}
+    return field(metadata=metadata, default=default, compare=compare)
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One effect of a scene. Raises `InputError` for a number that is out of its range."""
+
+    kind: ClassVar[str] = ""
+    """Its name in suites, results and recordings."""
+    requirement: ClassVar[str | None] = None
+    """The name under which a renderer declares that it supports the effect; None if a renderer need not know of it."""
+    meaning: ClassVar[str] = ""
+    """Completes "the scene asks for REQUIREMENT: ..."."""
+    keys: ClassVar[Mapping[str, str]] = {}
+    """Short forms: a key of the scene's table, with a dot for one of a table in it, to the field; "" for all fields."""
+    stage: ClassVar[Stage | None] = None
+    """Where in a tick it takes part; None for what only renderers and checks know of."""
+    words: ClassVar[str] = ""
+    """The effect in a few words, with its numbers by name in braces: see `describe`."""
+    channels: ClassVar[tuple[str, ...]] = ()
+    """Channels that a closed loop records because of it."""
+    linear: ClassVar[bool] = True
+    """Whether the sampled loop around rest stays linear with it."""
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value, allowed = getattr(self, each.name), each.metadata
+            if not allowed or value is None:
+                continue
+            sound = isinstance(value, int | float) and (
+                value >= allowed["above"] if allowed["at"] else value > allowed["above"]
+            )
+            if not sound or (allowed["finite"] and not math.isfinite(value)):
+                bound = "not negative" if allowed["at"] else "positive"
+                raise InputError(
+                    f"{self.named(each.name)} = {value!r} {unit_of(allowed['unit'])}".rstrip(),
+                    why=f"it must be {'finite and ' if allowed['finite'] else ''}{bound}",
+                    todo="leave it out for none",
+                )
+
+    @classmethod
+    def named(cls, name: str) -> str:
+        """Return what messages call a field: its short form in suites where it has one, else kind and field."""
+        short = [key.rpartition(".")[2] for key, field in cls.keys.items() if field == name]
+        return short[0] if short else f"the {cls.kind}'s {name}"
+
+    @property
+    def off(self) -> bool:
+        """Whether its numbers are such that it changes nothing: a scene leaves it out then."""
+        return False
+
+    @property
+    def late(self) -> float:
+        """Seconds that it adds between a sample and the motors' answer."""
+        return 0.0
+
+    def check(self, device: Device) -> None:
+        """Raise `InputError` where the effect makes no sense on the scene's device."""
+
+    def part(self, ticks: int, size: int, dt: float) -> Part:
+        """Assemble what it adds to a closed loop of so many ticks of `dt` s, on a device of `size` = N joints."""
+        raise NotImplementedError(f"{type(self).__name__} has the stage {self.stage} and no part")
+
+    def around(self, renderer: Any, scene: Any) -> Any:  # noqa: ARG002 - an effect's
+        """Return the renderer of `scene` with the effect around it; itself where the effect is none of the surface."""
+        return renderer
+
+    def active(self, damping: float) -> str | None:  # noqa: ARG002 - an effect's
+        """Return why the loop gives energy away with any renderer of `damping` N s/m; None where it need not."""
+        return None
+
+    def document(self) -> dict[str, Any]:
+        """Return kind and numbers as JSON values, without those that have their default."""
+        kept = {each.name: getattr(self, each.name) for each in fields(self)}
+        return {"kind": self.kind} | {
+            each.name: kept[each.name]
+            for each in fields(self)
+            if each.compare and kept[each.name] is not None and kept[each.name] != each.default
+        }
+
+    def describe(self, *, turning: bool) -> str:
+        """Describe the effect in a few words, numbers with units; `turning`: the device has joints that turn."""
+        return (self.words or self.kind).format(
+            **{
+                each.name: quantity(getattr(self, each.name), unit_of(each.metadata["unit"], turning=turning))
+                for each in fields(self)
+                if each.metadata
+            }
+        )
+
+
+class Calling(Protocol):
+    """What calls for effects: a scene."""
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects that it calls for."""
+
+
+def unit_of(unit: str, *, turning: bool = True) -> str:
+    """Return the unit of a number whose unit may depend on the device."""
+    return PER_JOINT[unit][not turning] if unit in PER_JOINT else unit

@@ -1,0 +1,62 @@
+"""A force sensor at the handle: it measures the hand's force, which inner loops and renderers then use (8.6)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from hapticeval.effects.effect import Effect, Part, Stage, number
+from hapticeval.effects.velocity_filter import blend
+from hapticeval.quantity import quantity
+from hapticeval.types import Array
+
+
+@dataclass(frozen=True)
+class ForceSensor(Effect):
+    """Filter the hand's force with a first-order low-pass, add noise to each sample, and round.
+
+    `step` (N, 0 = none) is its quantum, `noise` (N) the standard deviation of each sample, `cutoff` (Hz, inf = none)
+    that of the low-pass; `seed` of the noise.
+    """
+
+    step: float = number("N", at=True, default=0.0)
+    noise: float = number("N", at=True, default=0.0)
+    cutoff: float = number("Hz", finite=False, default=math.inf)
+    seed: int = number("", at=True, default=0)
+
+    kind: ClassVar[str] = "force-sensor"
+    requirement: ClassVar[str] = "force-sensor"
+    meaning: ClassVar[str] = (
+        "the hand's force is measured, and the tool moves along the surface as under that force (8.6)"
+    )
+    keys: ClassVar[Mapping[str, str]] = {"imperfections.force_sensor": ""}
+    stage: ClassVar[Stage] = Stage.FEEL
+    channels: ClassVar[tuple[str, ...]] = ("measured_force",)
+
+    def part(self, ticks: int, size: int, dt: float) -> Part:
+        """Assemble the sensor: `params` are step and blend, `samples` the noise, `state` (1, N) the filtered force."""
+        noise = self.noise * np.random.default_rng(self.seed).standard_normal((ticks, size))
+        return Part(measure, np.array([self.step, blend(self.cutoff, dt)]), noise, np.zeros((1, size)))
+
+    def describe(self, *, turning: bool) -> str:  # noqa: ARG002 - as every effect
+        """Describe what of it is not ideal."""
+        given = [
+            f"{word} {quantity(size, 'N')}" for word, size in (("quantum", self.step), ("noise", self.noise)) if size
+        ]
+        if math.isfinite(self.cutoff):
+            given.append(f"low-passed at {quantity(self.cutoff, 'Hz')}")
+        return "force sensor" + (f" ({', '.join(given)})" if given else ", ideal")
+
+
+def measure(params: Array, samples: Array, state: Array, tick: int, dt: float, force: Array, unused: Array) -> float:  # noqa: ARG001
+    """Replace `force` by what the sensor gives of it."""
+    for i in range(force.shape[0]):
+        state[0, i] = force[i] if tick == 0 else state[0, i] + params[1] * (force[i] - state[0, i])
+        force[i] = state[0, i] + samples[tick, i]
+        if params[0] > 0.0:
+            force[i] = params[0] * float(np.rint(force[i] / params[0]))
+    return 0.0

@@ -1,0 +1,51 @@
+"""Velocity from differences: what a controller has where nothing measures velocity (thesis 2.6)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from hapticeval.effects.effect import Effect, Part, Stage, number
+from hapticeval.types import Array
+
+
+def blend(cutoff: float, dt: float) -> float:
+    """Return the share of the new value that a low-pass of `cutoff` (Hz) takes in a tick of `dt` s; 1 for inf."""
+    return -math.expm1(-2.0 * math.pi * cutoff * dt)
+
+
+@dataclass(frozen=True)
+class VelocityFilter(Effect):
+    """Take joint rates from differences of the sampled positions, through a first-order low-pass of `cutoff` (Hz).
+
+    v⁺ = v + (1 - e^{-2π f dt}) (Δq/dt - v), from the true velocity on, as if the device had moved so before.
+    """
+
+    cutoff: float = number("Hz")
+
+    kind: ClassVar[str] = "velocity-filter"
+    keys: ClassVar[Mapping[str, str]] = {"imperfections.velocity_cutoff": "cutoff"}
+    stage: ClassVar[Stage] = Stage.SENSE
+    channels: ClassVar[tuple[str, ...]] = ("measured_velocity",)
+    words: ClassVar[str] = "velocity from differences, low-passed at {cutoff}"
+
+    def part(self, ticks: int, size: int, dt: float) -> Part:  # noqa: ARG002 - as every effect
+        """Assemble the filter: `params` is its blend, `state` (2, N) the last positions and rates."""
+        return Part(difference, np.array([blend(self.cutoff, dt)]), state=np.zeros((2, size)))
+
+    def active(self, damping: float) -> str | None:
+        """Give energy away where a damper acts on the filtered velocity."""
+        return "a damper on a filtered velocity is late, and so gives energy away" if damping > 0.0 else None
+
+
+def difference(params: Array, samples: Array, state: Array, tick: int, dt: float, joints: Array, rates: Array) -> float:  # noqa: ARG001
+    """Replace `rates` by the filtered difference of `joints`."""
+    for i in range(joints.shape[0]):
+        if tick > 0:
+            rates[i] = state[1, i] + params[0] * ((joints[i] - state[0, i]) / dt - state[1, i])
+        state[0, i], state[1, i] = joints[i], rates[i]
+    return 0.0

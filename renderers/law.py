@@ -1,0 +1,189 @@
+"""Renderers whose step is compiled: one kernel answers a tick from Python, a whole path, and a closed loop.
+
+Beside them `regulate`, the kernel of all regulation schemes: see `regulation`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from copy import copy
+from typing import Any, Self, TypeVar
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from hapticeval.compiled import LAW, LawData, compiled, first_class, for_kernels
+from hapticeval.errors import DomainError
+from hapticeval.geometry.boundary import Boundary
+from hapticeval.geometry.model import Model
+from hapticeval.recordings.recording import backward_difference
+from hapticeval.renderer import CompiledLaw, Response
+from hapticeval.renderers.regulation import PP_D, PP_PD, PP_PD_C, PP_V, SQUARE_ROOT, TRANSVERSAL, Regulation
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+T = TypeVar("T")
+
+
+def once(model: Model, key: object, make: Callable[[], T]) -> T:
+    """Return what `make` makes of a model for `key`: made once, and kept as long as the model."""
+    kept = _KEPT.setdefault(model, {})
+    if key not in kept:
+        kept[key] = make()
+    return kept[key]  # type: ignore[no-any-return]
+
+
+_KEPT: WeakKeyDictionary[Model, dict[object, Any]] = WeakKeyDictionary()
+
+
+class LawRenderer:
+    """Answers by `law`, with the same bits in `step`, in `run` and in a compiled loop.
+
+    `surface` is the curve, or surface in space, that is really rendered, `resolution` (m) the length of it over which
+    the representation is blurred, and `standoff` (m) how far it may lie off the model.
+    """
+
+    def __init__(self, law: CompiledLaw, surface: Boundary, *, resolution: float = 0.0, standoff: float = 0.0) -> None:
+        self.law = law
+        self.surface = surface
+        self.resolution = resolution
+        self.standoff = standoff
+        self._push = np.zeros(surface.dimension)
+
+    def reset(self, hip: Array) -> None:  # noqa: ARG002 - the protocol's
+        """Start a run with the hand at `hip` (N,), m: nothing is touched yet, and nothing felt."""
+        self.law.data.state[:] = 0.0
+        self._push[:] = 0.0
+
+    def step(self, hip: Array, velocity: Array, dt: float) -> Response:
+        """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the law is not defined."""
+        hip, velocity = as_rows(hip), as_rows(velocity)
+        ihip, force = np.empty_like(self._push), np.empty_like(self._push)
+        refusal = self.law.function(self.law.data, hip, velocity, self._push, dt, ihip, force)
+        if refusal:
+            raise self.led_out(hip, self.law.refusals[refusal])
+        return Response(ihip, force)
+
+    def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
+        """A whole path: `reset` at the first row of `hips` (n, N), and a `step` a row. Raises as `step` does.
+
+        The velocity is the difference backwards in time, as a recording has it. Returns IHIPs and forces, (n, N).
+        """
+        hips = as_rows(hips)
+        velocities = backward_difference(hips, dt * np.arange(len(hips)))
+        ihips, forces = np.empty_like(hips), np.empty_like(hips)
+        self.reset(hips[0])
+        law = first_class(self.law.function, LAW)
+        row, refusal = _run(law, self.law.data, self._push, hips, velocities, dt, ihips, forces)
+        if refusal:
+            raise self.led_out(hips[row], self.law.refusals[refusal])
+        return ihips, forces
+
+    def led_out(self, hip: Array, what: str) -> DomainError:
+        """Return the error for a hand at `hip` (N,), m, where the law is not defined, as `what` says."""
+        return DomainError(f"{what}: ({', '.join(f'{x:.6g}' for x in hip)}) m")
+
+    def __deepcopy__(self, memo: Mapping[int, Any]) -> Self:
+        """Copy what a tick changes, and share the rest, which nothing does."""
+        twin, data = copy(self), self.law.data
+        twin.law = self.law._replace(data=data._replace(state=data.state.copy()))
+        twin._push = self._push.copy()
+        return twin
+
+
+def as_rows(values: Array) -> Array:
+    """Return numbers as kernels take them: float64, writable and contiguous."""
+    return for_kernels(np.asarray(values, dtype=np.float64))
+
+
+@compiled
+def _run(
+    law: Callable[..., Any], data: LawData, push: Array, hips: Array, velocities: Array, dt: float, ihips: Array,
+    forces: Array,
+) -> tuple[int, int]:  # fmt: skip
+    """Answer each row; returns the row at which the law refuses, and its number, 0 where it does not."""
+    for row in range(hips.shape[0]):
+        refusal = law(data, hips[row], velocities[row], push, dt, ihips[row], forces[row])
+        if refusal != 0:
+            return row, refusal
+    return hips.shape[0], 0
+
+
+REFERENCE_DEPTH = 1e-3
+"""Depth (m) at which the square-root spring gives the linear spring's force."""
+
+REFERENCE_RATE = 0.1
+"""Speed of penetration (m/s) at which, at the reference depth, the square-root damper gives the linear one's force."""
+
+SCHEME, BILATERAL, STIFFNESS, DAMPING, MASS, SPRING, DAMPER, OWN = range(8)
+"""Where the gains are in the `params` of a law, SPRING and DAMPER those of the square root; from OWN on its own."""
+
+HELD, ERROR = 0, 1
+"""In the `state` of a law: whether there was contact at the tick before, and its error (N,); then the normal (N,)."""
+
+ROOM = {2: 5, 3: 7}
+"""How much of `state` the schemes take in N dimensions; what follows is the projection's."""
+
+
+def gains(regulation: Regulation, scene: Scene) -> Array:
+    """Return the first `OWN` of a law's `params` (7,)."""
+    spring = scene.stiffness * REFERENCE_DEPTH**0.5
+    damper = scene.damping * (REFERENCE_RATE / REFERENCE_DEPTH) ** 0.5
+    bilateral = float(scene.bilateral)
+    return np.array([regulation.number, bilateral, scene.stiffness, scene.damping, scene.mass, spring, damper])
+
+
+@compiled
+def release(state: Array, hip: Array, ihip: Array, force: Array) -> int:
+    """Answer in free space: the IHIP is the HIP and the force zero."""
+    state[HELD] = 0.0
+    for i in range(hip.shape[0]):
+        ihip[i], force[i] = hip[i], 0.0
+    return 0
+
+
+@compiled
+def regulate(
+    params: Array, state: Array, hip: Array, velocity: Array, fall: float, dt: float, ihip: Array, force: Array
+) -> int:
+    """Write the force of the scheme, with the IHIP in `ihip` and the normal in `state`.
+
+    `fall` (m/s^2) is κ v_t^2 of `pp-pd-c`. Sums and products have one order, so that all ways give the same bits.
+    """
+    count = hip.shape[0]
+    scheme, stiffness, damping = params[SCHEME], params[STIFFNESS], params[DAMPING]
+    held, normal = state[HELD] != 0.0, ERROR + count
+    across, pressed, depth2, closing = 0.0, 0.0, 0.0, 0.0
+    for i in range(count):
+        now = hip[i] - ihip[i]
+        rate = (now - state[ERROR + i]) / dt if held else 0.0
+        state[ERROR + i] = now
+        across += state[normal + i] * velocity[i]
+        pressed += state[normal + i] * now
+        depth2 += now * now
+        closing += now * rate
+        force[i] = -stiffness * now
+        if scheme == PP_V:
+            force[i] = force[i] - damping * velocity[i]
+        elif scheme == PP_D:
+            force[i] = force[i] - damping * rate
+    state[HELD] = 1.0
+    if scheme == TRANSVERSAL:
+        size = -stiffness * pressed - damping * across
+        for i in range(count):
+            force[i] = size * state[normal + i]
+    elif scheme == SQUARE_ROOT:
+        depth = math.sqrt(depth2)
+        safe = depth if depth > 0.0 else 1.0
+        closing /= safe
+        size = math.sqrt(depth) * (params[SPRING] + params[DAMPER] * math.copysign(math.sqrt(abs(closing)), closing))
+        for i in range(count):
+            force[i] = -size * (state[ERROR + i] / safe)
+    elif scheme in (PP_PD, PP_PD_C):
+        size = damping * across
+        for i in range(count):
+            force[i] = force[i] - size * state[normal + i]
+            if scheme == PP_PD_C:
+                force[i] = force[i] - params[MASS] * fall * state[normal + i]
+    return 0

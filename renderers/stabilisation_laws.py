@@ -1,0 +1,186 @@
+"""Set stabilisation without charts, a tick at a time (thesis chapter 7 and 8.2.2): on plane curves and on surfaces.
+
+On a plane curve, y = c(s) + n ν, with κ the curvature at the foot, κ' = dκ/ds and w = t·ẏ = (1 + n κ) ṡ:
+
+    t·ÿ = (1 + n κ) s̈ + 2 κ ṅ ṡ + n κ' ṡ^2          ν·ÿ = n̈ - κ (1 + n κ) ṡ^2
+
+On a surface in space, y = p + n ν, with the shape operator W at the foot p and w = P_T ẏ = (I + nW) ṗ:
+
+    P_T ÿ = (I + nW) a + 2 ṅ W ṗ + n (∇_ṗ W) ṗ       ν·ÿ = n̈ - <W ṗ, w>
+
+where a is the covariant acceleration of the foot. So the force F_r = m ÿ - F_o, with v⊥ for n̈ and v∥ for s̈ or a,
+makes the motions across and along the surface linear and independent of each other, with no coordinates on the surface
+and so without the singularities of charts. F_o is the hand's force as sensed (8.6), zero without a sensor.
+v⊥ = -(K_p n + K_d ṅ) / m is (7.14) with its signs corrected.
+
+A bilateral constraint has v∥ = (F_o·t - b_d ṡ) / m, or a = (P_T F_o - b_d ṗ) / m, of (7.17), (7.18) with its sign
+corrected, and (8.9): without either the speed of the foot is kept, in space along a geodesic. Off the surface that
+takes a force along it, 2 m κ ṅ ṡ + m n κ' ṡ^2.
+
+A unilateral contact has the v∥ that takes none, but for the viscosity, since a surface without friction gives none:
+
+    F_r = N ν - b_d w,    N = max(0, -K_p n - K_d ṅ - F_o·ν - C),    C = m κ (1 + n κ) ṡ^2, or m <W ṗ, w>
+
+On the surface both are (7.17), (7.18). The contact begins where the hand is inside, n <= 0, and ends outside where
+N = 0: not where n = 0, which a tool that slides over a concave surface crosses at every disturbance. In between it is a
+damped spring at rest at n = -C / K_p, and never pulls; without pressure there is no friction. Without a sensor, with
+S = -K_p n - C where that is positive, else 0,
+
+    F_r·ẏ <= -d/dt (S^2 / 2 K_p) - b_d w^2 - (S / K_p) dC/dt
+
+so that, where the surface is flat or convex, it gives no more than it took while C stays, however it is switched: S is
+zero at n = 0. On a concave surface the spring is loaded there by C^2 / 2 K_p, what a touch can give at the most.
+
+No lag of the velocity lets the contact push the tool away from outside. It gives N = max(0, S - K_d ṅ) with
+S = -K_p n - F_o·ν - C what is left without the damper. It ends outside, n > 0, where N = 0; and where S <= 0 unless the
+tool has come nearer since the tick before, that is, where nothing but the damper pushes a tool that leaves. With the
+true ṅ the damper does not: -K_d ṅ < 0. With a velocity v that is filtered, v̇ = a (ṅ - v), it would for some 1/a
+longer, and gives energy. With it no such filter makes a contact give energy, however fast the tool comes. Let
+S = -K_p n, which is so without a sensor and at C = 0, n <= 0 while the contact lasts, and v_0 <= 0 at the touch. What
+it takes is
+
+    -∫ N ṅ dt = [K_p n^2 / 2 + K_d w^2 / 2a] + K_d ∫ w^2 dt + K_d [c n] + K_d a ∫ c n dt    while N > 0,
+
+with v = w + c and c = v_0 e^(-a t) what the filter brought along; the last two terms are not negative, as c <= 0 and
+n <= 0. Where N vanishes, K_d v = S >= 0: all of U = S^2 / 2 K_p + S^2 / 2 K_d a has been taken, since w >= v there. And
+until it presses again, -(K_p + K_d a) Δn + K_d a ∫ v dt = 0 with v >= 0: the tool is no deeper, and U no larger. So at
+n = 0 it has given nothing on balance. A touch with v_0 > 0, of a tool that was about to leave, may give what the spring
+takes in unfelt, at the most U with S = K_p K_d v_0 / (K_p + K_d a).
+"""
+
+from __future__ import annotations
+
+import math
+
+from hapticeval.compiled import LawData, compiled
+from hapticeval.geometry.curve_kernels import foot
+from hapticeval.geometry.kernels import curvature_rate
+from hapticeval.geometry.surface_kernels import Triple, bend, bend_change, dot, place, times
+from hapticeval.renderers.law import HELD, release
+from hapticeval.types import Array
+
+STIFFNESS, DAMPING, MASS, VISCOSITY, BILATERAL = range(5)
+"""Where the gains are in `params`: N/m, N s/m, kg, kg/s, and 1.0 for a bilateral constraint."""
+
+LAST, MEMORY = 1, 2
+"""In `state`, beside HELD: where the tool touched at the tick before, n in m; then how much that is."""
+
+BEYOND = 1
+"""The refusal: at or beyond the centre of curvature of the foot."""
+
+FOCAL = 1e-9
+"""The least 1 + n κ, or eigenvalue of I + nW: nearer to a focal point many points are nearest to within rounding."""
+
+
+@compiled
+def ends(state: Array, n: float, pressing: float, spring: float) -> bool:
+    """Return whether a contact is over at `n`, with N = `pressing` and S = `spring`; else note that it lasts."""
+    if n > 0.0 and (pressing <= 0.0 or (spring <= 0.0 and n >= state[LAST])):
+        return True
+    state[HELD], state[LAST] = 1.0, n
+    return False
+
+
+@compiled
+def on_curve(
+    data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """One tick on a plane curve, `segments` and `lookup` of `geometry.curve_kernels`; of signature `LAW`."""
+    params, state, pieces = data.params, data.state, data.segments
+    bilateral = params[BILATERAL] != 0.0
+    k, u, distance, side, (px, py, dx, dy, ddx, ddy) = foot(pieces, data.lookup, hip[0], hip[1])
+    n = side * distance
+    if not bilateral and n > 0.0 and state[HELD] == 0.0:
+        return release(state, hip, ihip, force)
+    speed = math.hypot(dx, dy)
+    tx, ty = dx / speed, dy / speed
+    bend = (dx * ddy - dy * ddx) / (speed * speed * speed)
+    stretch = 1.0 + n * bend
+    if not stretch > FOCAL:
+        return BEYOND
+    mass = params[MASS]
+    along, across = tx * velocity[0] + ty * velocity[1], ty * velocity[0] - tx * velocity[1]
+    foot_speed = along / stretch
+    push_along, push_across = tx * push[0] + ty * push[1], ty * push[0] - tx * push[1]
+    damper = params[DAMPING] * across
+    press = -params[STIFFNESS] * n - damper - push_across
+    centripetal = mass * bend * along * foot_speed
+    if bilateral:
+        turning = 2.0 * bend * across + n * curvature_rate(pieces[k], u) * foot_speed
+        sliding = mass * turning * foot_speed - params[VISCOSITY] * along + n * bend * push_along
+        pressing = press - centripetal
+    else:
+        pressing = max(press - centripetal, 0.0)
+        if ends(state, n, pressing, press - centripetal + damper):
+            return release(state, hip, ihip, force)
+        sliding = -params[VISCOSITY] * along if pressing > 0.0 else 0.0
+    ihip[0], ihip[1] = px, py
+    force[0] = pressing * ty + sliding * tx
+    force[1] = sliding * ty - pressing * tx
+    return 0
+
+
+@compiled
+def on_surface(
+    data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """One tick on the surface whose row `segments` holds, of signature `LAW`."""
+    params, state, surface = data.params, data.state, data.segments[0]
+    p, normal, n = place(surface, (hip[0], hip[1], hip[2]))
+    bilateral = params[BILATERAL] != 0.0
+    if not bilateral and n > 0.0 and state[HELD] == 0.0:
+        return release(state, hip, ihip, force)
+    rate, push_across = _along(normal, velocity), _along(normal, push)
+    first, second = tangents(normal)
+    w = bend(surface, p, normal)
+    turned = times(w, second)
+    w11, w12, w22 = dot(first, times(w, first)), dot(first, turned), dot(second, turned)
+    middle, apart = 0.5 * (w11 + w22), math.hypot(0.5 * (w11 - w22), w12)
+    if not 1.0 + n * middle - abs(n) * apart > FOCAL:
+        return BEYOND
+    a1, a2 = _along(first, velocity), _along(second, velocity)
+    stretch = (1.0 + n * w11) * (1.0 + n * w22) - (n * w12) ** 2
+    p1 = ((1.0 + n * w22) * a1 - n * w12 * a2) / stretch
+    p2 = ((1.0 + n * w11) * a2 - n * w12 * a1) / stretch
+    b1, b2 = w11 * p1 + w12 * p2, w12 * p1 + w22 * p2
+    mass = params[MASS]
+    damper = params[DAMPING] * rate
+    press = -params[STIFFNESS] * n - damper - push_across
+    centripetal = mass * (b1 * a1 + b2 * a2)
+    pressing, friction = press - centripetal, params[VISCOSITY]
+    if not bilateral:
+        if ends(state, n, pressing, pressing + damper):
+            return release(state, hip, ihip, force)
+        if pressing <= 0.0:
+            pressing, friction = 0.0, 0.0
+    s1, s2 = -friction * a1, -friction * a2
+    if bilateral:
+        foot_rate = _combined(p1, first, p2, second)
+        change = bend_change(surface, p, normal, foot_rate, foot_rate)
+        f1, f2 = _along(first, push), _along(second, push)
+        s1 += mass * (2.0 * rate * b1 + n * dot(first, change)) + n * (w11 * f1 + w12 * f2)
+        s2 += mass * (2.0 * rate * b2 + n * dot(second, change)) + n * (w12 * f1 + w22 * f2)
+    sliding = _combined(s1, first, s2, second)
+    for i in range(3):
+        ihip[i], force[i] = p[i], pressing * normal[i] + sliding[i]
+    return 0
+
+
+@compiled
+def tangents(normal: Triple) -> tuple[Triple, Triple]:
+    """Two unit vectors that make a right-handed frame with the unit normal (Duff and others, 2017)."""
+    x, y, z = normal
+    side = math.copysign(1.0, z)
+    a = -1.0 / (side + z)
+    b = x * y * a
+    return (1.0 + side * x * x * a, side * b, -side * x), (b, side + y * y * a, -y)
+
+
+@compiled
+def _along(direction: Triple, v: Array) -> float:
+    return dot(direction, (v[0], v[1], v[2]))
+
+
+@compiled
+def _combined(f: float, a: Triple, g: float, b: Triple) -> Triple:
+    return f * a[0] + g * b[0], f * a[1] + g * b[1], f * a[2] + g * b[2]

@@ -1,0 +1,179 @@
+"""Effects by their one mechanism: a class and a line in the catalogue take one from a suite file to every place."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from hapticeval.devices.parallelogram import Parallelogram2
+from hapticeval.effects.catalogue import EFFECTS, make_effect, read_effects
+from hapticeval.effects.delay import Delay
+from hapticeval.effects.effect import Effect, Part, Stage, number
+from hapticeval.effects.encoder import Encoder
+from hapticeval.effects.force_sensor import ForceSensor
+from hapticeval.effects.joint_friction import JointFriction
+from hapticeval.effects.saturation import Saturation
+from hapticeval.effects.velocity_filter import VelocityFilter
+from hapticeval.effects.viscosity import Viscosity
+from hapticeval.errors import InputError, RefusalError, UnknownNameError
+from hapticeval.geometry.catalogue import circle, line
+from hapticeval.renderer import Response
+from hapticeval.reports.scene_words import robot_words
+from hapticeval.runner.judging import built
+from hapticeval.runner.results import Robot, SceneEntry
+from hapticeval.runner.work import scene_document
+from hapticeval.scene import Scene, requirements
+from hapticeval.simulation.closed_loop import drive
+from hapticeval.stimulus.stimulus import Experiment
+from hapticeval.suite.reading import load_suite
+
+ONE_OF_EACH = (
+    Viscosity(0.3), Encoder(1e-4), VelocityFilter(80.0), ForceSensor(step=0.01, noise=0.02, cutoff=300.0, seed=3),
+    Saturation(0.5), Delay(1.4e-3), JointFriction(0.02),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Weak(Effect):
+    """Motors that give a share of what they are asked for, and a surface around which the renderer is wrapped."""
+
+    share: float = number("")
+
+    kind: ClassVar[str] = "weak-motors"
+    requirement: ClassVar[str] = "weak"
+    meaning: ClassVar[str] = "the motors are weak"
+    keys: ClassVar[Mapping[str, str]] = {"imperfections.weakness": "share"}
+    stage: ClassVar[Stage] = Stage.COMMAND
+    words: ClassVar[str] = "motors of {share} of their torque"
+
+    def part(self, ticks, size, dt):
+        return Part(weaken, np.array([self.share]))
+
+    def around(self, renderer, scene):
+        renderer.wrapped_for = scene
+        return renderer
+
+
+def weaken(params, samples, state, tick, dt, torque, before):
+    for i in range(torque.shape[0]):
+        torque[i] *= params[0]
+    return 0.0
+
+
+class Pushing:
+    """A renderer with a constant force, which declares what it supports."""
+
+    supports = frozenset({"weak"})
+
+    def __init__(self, scene):
+        self.force = np.full(scene.model.dimension, 1.0)
+
+    def reset(self, hip):
+        pass
+
+    def step(self, hip, velocity, dt):
+        return Response(hip, self.force)
+
+
+SUITE = """
+title = "Weak motors"
+[[case]]
+name = "pushed"
+title = "Pushed by weak motors"
+model = { kind = "line" }
+scene = { device = "parallelogram-2dof", %s }
+checks = ["contact-normal-force"]
+experiment = { duration = 0.02, position = [0.0, 0.0] }
+"""
+
+
+@pytest.mark.parametrize(
+    "written", ['effects = [{ kind = "weak-motors", share = 0.25 }]', "imperfections = { weakness = 0.25 }"]
+)
+def test_one_more_effect_takes_a_class_and_a_line(tmp_path, monkeypatch, written):
+    monkeypatch.setitem(EFFECTS, Weak.kind, Weak)
+    (tmp_path / "weak.toml").write_text(SUITE % written)
+    (case,) = load_suite(str(tmp_path / "weak.toml")).cases
+    scene = case.build_scene()
+    assert scene.effects == (Weak(0.25),)
+    assert requirements()["weak"] == "the motors are weak"
+
+    renderer = built(Pushing, scene)
+    assert renderer.wrapped_for is scene
+    run = drive(renderer, case.build_stimulus(scene, renderer), scene, 1e-3)
+    asked = [scene.robot.jacobian(q).T @ f for q, f in zip(run.channels["joint_position"], run.force, strict=True)]
+    np.testing.assert_allclose(run.channels["joint_torque"], 0.25 * np.array(asked), rtol=1e-14)
+
+    document = json.loads(json.dumps(scene_document(scene)))
+    assert document["effects"] == [{"kind": "weak-motors", "share": 0.25}]
+    entry = SceneEntry(**document, device=Robot(kind=scene.robot.name), inner_loop=scene.inner_loop)
+    assert robot_words(SimpleNamespace(scene=entry)).endswith("; motors of 0.25 of their torque")
+    with pytest.raises(RefusalError, match=r"'weak' \(the motors are weak\)"):
+        built(type("Strong", (Pushing,), {"supports": {"bilateral"}}), scene)
+
+
+def test_documents_and_short_forms_give_the_same_effects():
+    documents = [json.loads(json.dumps(each.document())) for each in ONE_OF_EACH]
+    assert tuple(make_effect(each) for each in documents) == ONE_OF_EACH
+    imperfections = {
+        "encoder_step": 1e-4, "velocity_cutoff": 80.0, "torque_limit": 0.5, "delay": 1.4e-3, "friction": 0.02,
+        "force_sensor": {"step": 0.01, "noise": 0.02, "cutoff": 300.0, "seed": 3},
+    }  # fmt: skip
+    rest, short = read_effects({"mass": 1.0, "viscosity": 0.3, "imperfections": imperfections})
+    listed = read_effects({"mass": 1.0, "effects": documents})
+    assert (rest, set(short)) == (listed[0], set(listed[1])) == ({"mass": 1.0}, set(ONE_OF_EACH))
+    assert Scene(model=line(), effects=short[::-1]).effects == ONE_OF_EACH
+
+
+def test_a_scene_leaves_out_what_is_off_and_replaces_by_kind():
+    scene = Scene(model=line(), effects=(Viscosity(0.0), Delay(0.0), JointFriction(0.1)))
+    assert scene.effects == (JointFriction(0.1),)
+    assert "effects" not in scene_document(Scene(model=line()))
+    late = scene.with_effects(Delay(1e-3), JointFriction(0.2))
+    assert late.effects == (Delay(1e-3), JointFriction(0.2))
+    assert (late.effect(Delay), scene.effect(Delay)) == (Delay(1e-3), None)
+
+
+def test_a_scene_without_effects_assembles_and_compiles_none():
+    """Nor is anything of `effects` compiled: the fields that they would fill are None."""
+    from hapticeval.simulation.closed_loop import _loop
+    from hapticeval.stimulus.stimulus import sample_times
+
+    trial = Experiment(0.02, np.array([0.0, 0.01]), np.zeros(2), np.zeros(1), np.zeros((1, 2)))
+    loop = _loop(trial, Scene(model=line(), device=Parallelogram2()), sample_times(0.02, 1e-3), 1e-3)
+    assert (loop.sensors, loop.feeling, loop.motors, loop.motion.load.friction) == (None, None, None, None)
+
+
+@pytest.mark.parametrize(
+    ("table", "error", "words"),
+    [
+        ({"effects": [{"kind": "dely", "time": 1.0}]}, UnknownNameError, "effect 'dely'"),
+        ({"effects": [{"kind": "delay", "tme": 1.0}]}, UnknownNameError, "number of effect 'delay' 'tme'"),
+        ({"effects": [{"kind": "delay"}]}, InputError, "lacks a number"),
+        ({"imperfections": {"frictoin": 0.1}}, UnknownNameError, "entry of imperfections 'frictoin'"),
+        ({"imperfections": {"friction": -0.1}}, InputError, r"friction = -0.1 N m"),
+        ({"imperfections": {"velocity_cutoff": 0.0}}, InputError, "velocity_cutoff"),
+        ({"imperfections": {"delay": float("nan")}}, InputError, "delay"),
+        ({"viscosity": -0.2}, InputError, "viscosity = -0.2 kg/s"),
+        ({"viscosity": "much"}, InputError, "viscosity = 'much'"),
+        ({"imperfections": {"encoder_counts": 100, "encoder_step": 0.1}}, InputError, "both encoder_counts and"),
+        ({"effects": [{"kind": "encoder"}]}, InputError, "neither encoder_counts nor|neither"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(table, error, words):
+    with pytest.raises(error, match=words):
+        read_effects(table)
+
+
+def test_two_effects_of_a_kind_and_counts_of_a_point_mass_are_refused():
+    with pytest.raises(InputError, match="two effects 'delay'"):
+        Scene(model=circle(), effects=(Delay(1e-3), Delay(2e-3)))
+    with pytest.raises(InputError, match="encoder_counts = 1000 for a point mass"):
+        Scene(model=circle(), effects=(Encoder(counts=1000),))
+    assert Scene(model=circle(), device=Parallelogram2(), effects=(Encoder(counts=1000),)).effects
