@@ -121,7 +121,7 @@ def _run(job: Job, judged: Judged, file: Path | None) -> RunEntry:
         closed_form=case.closed_form.get(job.renderer),
         ended=None if judged.ended is None else Ended(**judged.ended),
         error=None if judged.error is None else Problem.of(judged.error),
-        refusal=judged.refusal and Refusal.of(judged.refusal, position=_position(judged.refusal)),
+        refusal=None if judged.refusal is None else Refusal.of(judged.refusal, position=_position(judged.refusal)),
         replay=judged.replay,
     )
 
