@@ -107,9 +107,9 @@ def _of_kind(expected: Any, value: Any) -> Any:
     """Return which of several types a value is of, by its kind or its being a table or a list; else `expected`."""
     if not isinstance(expected, inspect.UnionType):
         return expected
-    structs = [each for each in expected.types if isinstance(each, inspect.StructType)]
+    structs: list[Any] = [each for each in expected.types if isinstance(each, inspect.StructType)]
     tagged = [each for each in structs if isinstance(value, Mapping) and value.get(str(each.tag_field)) == each.tag]
-    lists = [each for each in expected.types if isinstance(value, list) and hasattr(each, "item_type")]
+    lists: list[Any] = [each for each in expected.types if isinstance(value, list) and hasattr(each, "item_type")]
     return next(iter(tagged + lists + structs[:1] * (len(structs) == 1)), expected)
 
 

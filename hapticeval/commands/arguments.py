@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,40 +15,35 @@ if TYPE_CHECKING:
     from hapticeval.geometry.model import Model
     from hapticeval.types import Array
 
+option = partial(typer.Option, show_default=False)
+argument = partial(typer.Argument, show_default=False)
+
 ModelName = Annotated[
     str,
-    typer.Argument(
+    argument(
         metavar="MODEL",
         help="A model of the catalogue, as in star or star:points=6,tip_angle=40, or a WKT or GeoJSON file.",
-        show_default=False,
     ),
 ]
 
 MappingFile = Annotated[
     Path | None,
-    typer.Option(
-        "--mapping",
-        metavar="TOML",
-        help="For a file that is no recording of ours: which column is what.",
-        show_default=False,
-    ),
+    option("--mapping", metavar="TOML", help="For a file that is no recording of ours: which column is what."),
 ]
 MemoryLimit = Annotated[
-    float,
-    typer.Option("--memory-limit", metavar="GB", help="Refuse a file whose numbers would take more.", min=0.0),
+    float, typer.Option("--memory-limit", metavar="GB", help="Refuse a file whose numbers would take more.", min=0.0)
 ]
 
 Folder = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where picture and numbers go.")]
 
 Renderers = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
         "-r",
         "--renderer",
         metavar="NAME",
         help="BASE[+SCHEME][@REPRESENTATION], BASE an entry point or package.module:factory; may be repeated. Without "
         "it, those that the suite names, or that come with hapticeval.",
-        show_default=False,
     ),
 ]
 
@@ -55,11 +51,10 @@ Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of everything ra
 
 FormatName = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--format",
         metavar="NAME",
         help="Its format, where it cannot be told: a name, or module:function of an importer of yours.",
-        show_default=False,
     ),
 ]
 

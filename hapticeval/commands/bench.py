@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hapticeval.commands.arguments import Folder, Seed, parse_knobs
+from hapticeval.commands.arguments import Folder, Seed, argument, option, parse_knobs
 from hapticeval.commands.terminal import Terminal, paragraphs, say, wrote
 
 EXIT_CODES = """\b
@@ -22,43 +22,29 @@ Exit codes:
 def bench(
     renderers: Annotated[
         list[str] | None,
-        typer.Argument(
+        argument(
             metavar="RENDERER",
             help="As in `run -r`. Without one, those that come with hapticeval, on every representation.",
-            show_default=False,
         ),
     ] = None,
     knobs: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--knob",
             metavar="NAME=VALUE,...",
             help="Values to sweep a knob over, such as vertices=40,80,160; may be repeated.",
-            show_default=False,
         ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Few values and few samples: some minutes.")] = False,
     within: Annotated[
         str | None,
-        typer.Option(
-            metavar="LENGTH",
-            help="Name the cheapest setting whose IHIP error is at most this, such as 0.1mm.",
-            show_default=False,
-        ),
+        option(metavar="LENGTH", help="Name the cheapest setting whose IHIP error is at most this, such as 0.1mm."),
     ] = None,
     budget: Annotated[
-        str | None,
-        typer.Option(
-            metavar="TIME", help="Only settings whose step takes at most this, such as 10us.", show_default=False
-        ),
+        str | None, option(metavar="TIME", help="Only settings whose step takes at most this, such as 10us.")
     ] = None,
     compare: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="The folder of an earlier bench: show what is better or worse now.",
-            show_default=False,
-        ),
+        Path | None, option(metavar="DIR", help="The folder of an earlier bench: show what is better or worse now.")
     ] = None,
     directory: Folder = Path("results"),
     seed: Seed = 0,

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hapticeval.commands.arguments import Folder, ModelName, model_named, model_title, parse_knobs, parse_point
+from hapticeval.commands.arguments import (
+    Folder,
+    ModelName,
+    argument,
+    model_named,
+    model_title,
+    option,
+    parse_knobs,
+    parse_point,
+)
 from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, say, wrote
 from hapticeval.errors import InputError, RefusalError
 
@@ -47,27 +56,24 @@ SPREAD = {
 
 
 def field(
-    renderer: Annotated[str, typer.Argument(metavar="RENDERER", help="As in `run -r`.", show_default=False)],
+    renderer: Annotated[str, argument(metavar="RENDERER", help="As in `run -r`.")],
     model: ModelName,
     within: Annotated[
         str, typer.Option(metavar="LENGTH", help="How far from a discontinuity the inside is measured.")
     ] = "1mm",
     origin: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--from",
             metavar="X,Y",
             help="Of a renderer with memory: the surface point nearest to this one, m, is where its tool was.",
-            show_default=False,
         ),
     ] = None,
     arc: Annotated[
-        float | None,
-        typer.Option("--s", metavar="ARC", help="The same by arc length along the model, m.", show_default=False),
+        float | None, option("--s", metavar="ARC", help="The same by arc length along the model, m.")
     ] = None,
     knobs: Annotated[
-        list[str] | None,
-        typer.Option("--knob", metavar="NAME=VALUE", help="Set a knob; may be repeated.", show_default=False),
+        list[str] | None, option("--knob", metavar="NAME=VALUE", help="Set a knob; may be repeated.")
     ] = None,
     cells: Annotated[int, typer.Option(metavar="N", help="Lattice steps along the longer side.", min=20)] = 300,
     directory: Folder = Path(),
@@ -139,24 +145,19 @@ def flow(
 def device(
     name: Annotated[
         str,
-        typer.Argument(
+        argument(
             metavar="DEVICE",
             help="As in parallelogram-2dof, parallelogram-3dof:dynamics=printed or point-mass:mass=0.1.",
-            show_default=False,
         ),
     ],
     at: Annotated[
-        str | None,
-        typer.Option(
-            "--at", metavar="Y1,Y2[,Y3]", help="Where the hand is, m; at home if not given.", show_default=False
-        ),
+        str | None, option("--at", metavar="Y1,Y2[,Y3]", help="Where the hand is, m; at home if not given.")
     ] = None,
     torque: Annotated[
         float | None,
-        typer.Option(
+        option(
             metavar="TAU",
             help="Peak torque of each motor, N m (of a point mass its force, N); the robot's has 0.368 of its own.",
-            show_default=False,
         ),
     ] = None,
     directory: Folder = Path(),
@@ -257,29 +258,19 @@ def _table(spread: dict[str, Spread]) -> str:
 def limits(
     scene: Annotated[
         str,
-        typer.Argument(
-            metavar="SCENE",
-            help="SUITE/CASE, as in `hapticeval list cases`, or FILE.toml/CASE.",
-            show_default=False,
-        ),
+        argument(metavar="SCENE", help="SUITE/CASE, as in `hapticeval list cases`, or FILE.toml/CASE."),
     ],
     renderer: Annotated[
         str, typer.Option("-r", "--renderer", metavar="NAME", help="As in `run -r`.")
     ] = "minimum-distance+pp-pd",
     device: Annotated[
         str | None,
-        typer.Option(
-            metavar="KIND[:NAME=VALUE,...]",
-            help="Another device than the scene's: parallelogram-2dof, ...",
-            show_default=False,
-        ),
+        option(metavar="KIND[:NAME=VALUE,...]", help="Another device than the scene's: parallelogram-2dof, ..."),
     ] = None,
     at: Annotated[
         str | None,
-        typer.Option(
-            metavar="Y1,Y2[,Y3]",
-            help="The surface point nearest to this one, m; without it, to where the case starts.",
-            show_default=False,
+        option(
+            metavar="Y1,Y2[,Y3]", help="The surface point nearest to this one, m; without it, to where the case starts."
         ),
     ] = None,
     directory: Folder = Path(),

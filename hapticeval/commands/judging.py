@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hapticeval.commands.arguments import FormatName, MappingFile, MemoryLimit, Renderers, Seed, model_named
+from hapticeval.commands.arguments import (
+    FormatName,
+    MappingFile,
+    MemoryLimit,
+    Renderers,
+    Seed,
+    argument,
+    model_named,
+    option,
+)
 from hapticeval.commands.terminal import Terminal, columns, paragraphs, say, summary, wrote
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem
@@ -57,21 +66,12 @@ Exit codes:
 def run(
     suites: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="SUITE",
-            help=f"Suites, groups of suites or TOML files; {DEFAULT_SUITE} if none.",
-            show_default=False,
-        ),
+        argument(metavar="SUITE", help=f"Suites, groups of suites or TOML files; {DEFAULT_SUITE} if none."),
     ] = None,
     renderers: Renderers = None,
     select: Annotated[
         list[str] | None,
-        typer.Option(
-            "-k",
-            metavar="GLOB",
-            help="Only the cases, or case/check pairs, that match; may be repeated.",
-            show_default=False,
-        ),
+        option("-k", metavar="GLOB", help="Only the cases, or case/check pairs, that match; may be repeated."),
     ] = None,
     directory: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Where results and reports go.")
@@ -167,42 +167,34 @@ def report(
 
 
 def replay(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording.", show_default=False)],
+    file: Annotated[Path, argument(metavar="FILE", help="A recording.")],
     renderers: Renderers = None,
     as_recorded: Annotated[
         bool, typer.Option("--as-recorded", help="Compute the recorded renderer again, and compare with the log.")
     ] = False,
     model: Annotated[
         str | None,
-        typer.Option(
+        option(
             metavar="MODEL",
             help="What was touched, as in star:points=6, or a WKT or GeoJSON file, where the recording does not say.",
-            show_default=False,
         ),
     ] = None,
     suite_case: Annotated[
-        str | None,
-        typer.Option(
-            "--suite-case", metavar="SUITE/CASE", help="Take model, scene and checks from a case.", show_default=False
-        ),
+        str | None, option("--suite-case", metavar="SUITE/CASE", help="Take model, scene and checks from a case.")
     ] = None,
     scene: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--scene",
             metavar="KEY=VALUE",
             help="An entry of the scene, such as stiffness=1000, in SI units; may be repeated.",
-            show_default=False,
         ),
     ] = None,
     mapping: MappingFile = None,
     format_: FormatName = None,
     memory_limit: MemoryLimit = LIMIT,
     directory: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", metavar="DIR", help="Where results and reports go: replay-FILE.", show_default=False
-        ),
+        Path | None, option("-o", "--output", metavar="DIR", help="Where results and reports go: replay-FILE.")
     ] = None,
     seed: Seed = 0,
 ) -> None:
@@ -283,9 +275,7 @@ def _as_recorded(made: Subject, renderers: list[str] | None, see: str) -> int:
 
 
 def list_(
-    what: Annotated[
-        str, typer.Argument(help="renderers, suites, cases, checks, devices or models.", show_default=False)
-    ],
+    what: Annotated[str, argument(help="renderers, suites, cases, checks, devices or models.")],
 ) -> None:
     """List the renderers, suites, cases, checks, devices or models.
 

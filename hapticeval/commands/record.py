@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hapticeval.commands.arguments import option
 from hapticeval.commands.terminal import Terminal, say
 from hapticeval.errors import HapticevalError, InputError, described, origin
 
@@ -51,18 +52,14 @@ def record(
     ] = "minimum-distance",
     robot: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME",
-            help=f"Of the twin: what it simulates, as in `hapticeval device`; {ROBOT} if not given.",
-            show_default=False,
+        option(
+            metavar="NAME", help=f"Of the twin: what it simulates, as in `hapticeval device`; {ROBOT} if not given."
         ),
     ] = None,
     wiring: Annotated[
         Path | None,
-        typer.Option(
-            metavar="TOML",
-            help="What readings and commands of any other device mean: a file with a [device] table.",
-            show_default=False,
+        option(
+            metavar="TOML", help="What readings and commands of any other device mean: a file with a [device] table."
         ),
     ] = None,
     seconds: Annotated[float, typer.Option(help="How long.", min=0.01)] = 10.0,

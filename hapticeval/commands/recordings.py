@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hapticeval.commands.arguments import Folder, FormatName, MappingFile, MemoryLimit, model_named, parse_point
+from hapticeval.commands.arguments import (
+    Folder,
+    FormatName,
+    MappingFile,
+    MemoryLimit,
+    argument,
+    model_named,
+    option,
+    parse_point,
+)
 from hapticeval.commands.terminal import lines, paragraphs, say, wrote
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.memory import LIMIT
@@ -45,25 +54,19 @@ Exit codes:
 
 
 def inspect(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording, or a foreign file.", show_default=False)],
+    file: Annotated[Path, argument(metavar="FILE", help="A recording, or a foreign file.")],
     mapping: MappingFile = None,
     write_mapping: Annotated[
-        Path | None,
-        typer.Option("--write-mapping", metavar="TOML", help="Write the proposed mapping here.", show_default=False),
+        Path | None, option("--write-mapping", metavar="TOML", help="Write the proposed mapping here.")
     ] = None,
     format_: FormatName = None,
     memory_limit: MemoryLimit = LIMIT,
     model: Annotated[
-        str | None,
-        typer.Option("--model", metavar="MODEL", help="What was touched, as in circle:size=0.2.", show_default=False),
+        str | None, option("--model", metavar="MODEL", help="What was touched, as in circle:size=0.2.")
     ] = None,
-    stiffness: Annotated[
-        float | None,
-        typer.Option("--stiffness", metavar="N/M", help="K_p, where K_d is zero.", show_default=False),
-    ] = None,
+    stiffness: Annotated[float | None, option("--stiffness", metavar="N/M", help="K_p, where K_d is zero.")] = None,
     against: Annotated[
-        list[Path] | None,
-        typer.Option("--against", metavar="FILE", help="Another recording: is a signal copied?", show_default=False),
+        list[Path] | None, option("--against", metavar="FILE", help="Another recording: is a signal copied?")
     ] = None,
     directory: Folder = Path(),
 ) -> None:
@@ -201,7 +204,7 @@ def _not_asked(recording: Recording, damped: str) -> list[Check]:
 
 
 def convert(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording, or a foreign file.", show_default=False)],
+    file: Annotated[Path, argument(metavar="FILE", help="A recording, or a foreign file.")],
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="FILE", help="The file to write: .h5, .mat, .csv or .npz.")
     ],
@@ -240,11 +243,7 @@ def convert(
 def compare(
     files: Annotated[
         list[str],
-        typer.Argument(
-            metavar="[RENDERER=]FILE...",
-            help="Recordings; those of one renderer are its repeats.",
-            show_default=False,
-        ),
+        argument(metavar="[RENDERER=]FILE...", help="Recordings; those of one renderer are its repeats."),
     ],
     by: Annotated[
         str,
@@ -255,8 +254,7 @@ def compare(
     ] = "angle",
     centre: Annotated[str, typer.Option(metavar="X,Y", help="What the angle is about, m.")] = "0,0",
     model: Annotated[
-        str | None,
-        typer.Option(metavar="MODEL", help="What was touched, where the recordings do not say.", show_default=False),
+        str | None, option(metavar="MODEL", help="What was touched, where the recordings do not say.")
     ] = None,
     split: Annotated[
         bool, typer.Option("--split", help="Take a run that turns back as a pass of its own for each way.")

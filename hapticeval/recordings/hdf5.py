@@ -30,7 +30,7 @@ import numpy as np
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.files import creating, plain, replacing
-from hapticeval.recordings.memory import reserve
+from hapticeval.recordings.memory import first_bytes, reserve
 from hapticeval.recordings.recording import CHANNELS, Clock, Event, Recording, Signal
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -256,16 +256,9 @@ def read_meta(file: Any) -> dict[str, Any]:
 
 def check_signature(path: Path) -> None:
     """Raise `InputError` unless there is a file that begins as HDF5 files do."""
-    try:
-        with path.open("rb") as opened:
-            signature = opened.read(len(SIGNATURE))
-    except OSError as error:
+    if not first_bytes(path).startswith(SIGNATURE):
         raise InputError(
-            f"cannot read the recording {path}", why=error.strerror or str(error), todo="check the path"
-        ) from error
-    if signature != SIGNATURE:
-        raise InputError(
-            f"{path} is not an HDF5 file" if signature else f"{path} is empty",
+            f"{path} is not an HDF5 file",
             why="a recording starts with the HDF5 signature",
             todo="give a recording that hapticeval wrote",
         )

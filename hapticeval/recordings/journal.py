@@ -27,6 +27,7 @@ import numpy as np
 from hapticeval.errors import InputError
 from hapticeval.recordings.channels import Signal, declared
 from hapticeval.recordings.hdf5 import metadata_json, write_recording
+from hapticeval.recordings.memory import first_bytes
 from hapticeval.recordings.recording import Clock, Event, Recording
 from hapticeval.recordings.salvage import LOST, Loss, Salvaged
 
@@ -166,22 +167,14 @@ def recover(path: Path) -> Salvaged:
     `InputError` for a file that is no journal, one whose header is lost, and one without a whole row.
     """
     path = Path(path)
-    try:
-        with path.open("rb") as opened:
-            read = _Read(mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ))
-    except ValueError as error:  # from mmap, of an empty file
-        if path.stat().st_size:
-            raise
-        raise InputError(f"{path} is empty", todo="give a journal that a recorder wrote") from error
-    except OSError as error:
-        raise InputError(f"cannot read the journal {path}", why=error.strerror or str(error)) from error
+    known = first_bytes(path).startswith(MAGIC)
+    with path.open("rb") as opened:
+        read = _Read(mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ))
     if read.layout is None:
         raise InputError(
-            f"{path} is a journal whose header is lost" if read.begins_so else f"{path} is not a journal",
-            why="nothing else gives the meaning of its numbers"
-            if read.begins_so
-            else "a recorder's journal begins otherwise",
-            todo="copy it again" if read.begins_so else "give a file that a recorder wrote",
+            f"{path} is a journal whose header is lost" if known else f"{path} is not a journal",
+            why="nothing else gives the meaning of its numbers" if known else "a recorder's journal begins otherwise",
+            todo="copy it again" if known else "give a file that a recorder wrote",
         )
     if not read.rows:
         damaged = bool(read.holes or read.tail)
@@ -201,7 +194,6 @@ class _Read:
     """
 
     def __init__(self, data: mmap.mmap) -> None:
-        self.begins_so = data[: len(MAGIC)] == MAGIC
         self.layout: Layout | None = None
         self.rows: list[memoryview] = []
         self.events: list[tuple[int, str, str]] = []

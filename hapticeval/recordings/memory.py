@@ -1,4 +1,4 @@
-"""How much memory the numbers of one file may take: checked before it is taken, whatever the file promises.
+"""What is looked at before a file is read: its first bytes, and how much memory its numbers may take.
 
 A file of a few kilobytes can declare gigabytes: by compression, by a data set that was never written, or by naming one
 part many times. Every reader calls `reserve` first.
@@ -9,9 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from pathlib import Path
 
 from hapticeval.errors import InputError
 
+HEAD = 1 << 16
+"""Bytes by which a format is recognised: a header of a thousand columns is shorter."""
+
+FOLDER = b"folder\n"
 GIGABYTE = 10**9
 
 LIMIT = 2.0
@@ -44,3 +49,20 @@ def reserve(size: int, what: str) -> None:
             why=f"the limit for one file is {_limit.get():g} GB; a small file can declare any amount",
             todo=f"if the file is trusted, and the memory is there, give --memory-limit {enough:g}",
         )
+
+
+def first_bytes(path: Path) -> bytes:
+    """Return the first `HEAD` bytes of a file; of a folder `FOLDER` and the names in it, one per line.
+
+    Raises `InputError` for a file that is missing or empty.
+    """
+    if path.is_dir():
+        return FOLDER + "\n".join(sorted(file.name for file in path.iterdir())).encode()
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+    except OSError as error:
+        raise InputError(f"cannot read {path}", why=error.strerror or str(error), todo="check the path") from error
+    if not head:
+        raise InputError(f"{path} is empty", why="a recording has at least one row", todo="record or copy it again")
+    return head

@@ -40,7 +40,7 @@ class Trajectory(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, 
         raise NotImplementedError
 
 
-class OnCurve(Trajectory):
+class OnCurve(Trajectory, frozen=True, kw_only=True):
     """Base of trajectories that are built on a plane curve and run through in `duration` (s) at constant speed."""
 
     duration: Positive
@@ -61,7 +61,7 @@ class OnCurve(Trajectory):
         raise NotImplementedError
 
 
-class Scaled(OnCurve, tag="scaled"):
+class Scaled(OnCurve, frozen=True, kw_only=True, tag="scaled"):
     """(1 - depth / R) y(s), with R the surface's largest radius about the origin, between two polar angles (degrees).
 
     That is `depth` (m) under the tips, less in the valleys.
@@ -112,7 +112,7 @@ class Scaled(OnCurve, tag="scaled"):
         return radius, self.depth
 
 
-class Arc(Scaled, tag="arc"):
+class Arc(Scaled, frozen=True, kw_only=True, tag="arc"):
     """Round the origin, `depth` (m) inside the surface's largest radius, between two polar angles (degrees)."""
 
     def points_on(self, curve: Curve) -> Array:
@@ -122,7 +122,7 @@ class Arc(Scaled, tag="arc"):
         return (radius - depth) * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-class PastCorner(OnCurve, tag="corner"):
+class PastCorner(OnCurve, frozen=True, kw_only=True, tag="corner"):
     """Parallel to the faces of the surface's corner number `corner`, `depth` (m) under them.
 
     From `before` to `after` metres from the corner: round a concave one on an arc, straight on past a convex one.
@@ -152,7 +152,7 @@ class PastCorner(OnCurve, tag="corner"):
         return np.vstack([start, arc, end])
 
 
-class Points(Trajectory, tag="points"):
+class Points(Trajectory, frozen=True, kw_only=True, tag="points"):
     """Straight lines between `points` (m), in `duration` (s) at constant speed."""
 
     points: Annotated[list[Point], Meta(min_length=2)]
@@ -163,7 +163,7 @@ class Points(Trajectory, tag="points"):
         return _at_constant_speed(as_array(self.points, "the points of the trajectory"), self.duration)
 
 
-class Loop(Trajectory, tag="loop"):
+class Loop(Trajectory, frozen=True, kw_only=True, tag="loop"):
     """From `start` (m) to the circle of `radius` (m) about `centre` (m), round it, and back.
 
     `laps` times anticlockwise and as often clockwise, as only one way may gain energy, each in `lap` seconds, a whole
@@ -195,7 +195,7 @@ class Loop(Trajectory, tag="loop"):
         return Path(np.concatenate([[0.0], time, [time[-1] + self.approach]]), np.vstack([start, points, start]))
 
 
-class FromFile(Trajectory, tag="file"):
+class FromFile(Trajectory, frozen=True, kw_only=True, tag="file"):
     """A CSV file or a recording below the suite's folder: see `read_path`."""
 
     file: str = field(name="path")

@@ -23,7 +23,7 @@ class Entry(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Base of the tables of a suite file."""
 
 
-class Depth(Entry):
+class Depth(Entry, frozen=True, kw_only=True):
     """One entry of a `sweep`: the case at another depth (m) of its trajectory."""
 
     label: Annotated[str, Meta(pattern=r"^[a-z0-9.-]+$")]
@@ -31,14 +31,14 @@ class Depth(Entry):
     published: Published = {}
 
 
-class CaseTable(CaseEntries):
+class CaseTable(CaseEntries, frozen=True, kw_only=True):
     """A `[[case]]` table."""
 
     sweep: Annotated[tuple[Depth, ...], Meta(min_length=1)] | None = None
     variants: tuple[str, ...] = ()
 
 
-class Variant(Entry):
+class Variant(Entry, frozen=True, kw_only=True):
     """A `[variant.NAME]` table: what changes of the cases that name it."""
 
     title: str
@@ -48,7 +48,7 @@ class Variant(Entry):
     judged: bool | UnsetType = UNSET
 
 
-class SuiteFile(Entry):
+class SuiteFile(Entry, frozen=True, kw_only=True):
     """A suite file as it is written."""
 
     title: str
@@ -73,7 +73,7 @@ def load_suite(name_or_path: str) -> Suite:
             raise UnknownNameError("suite", name_or_path, known)
         if not file.is_file():
             raise InputError(f"no suite file {file}", todo=f"check the path, or use one of: {', '.join(known)}")
-    given = convert(read_toml(file), SuiteFile, file.name, todo="see docs/suites.md and docs/robots.md")
+    given: SuiteFile = convert(read_toml(file), SuiteFile, file.name, todo="see docs/suites.md and docs/robots.md")
     with at(file.name):
         cases = tuple(case for table in given.case for case in _cases(table, given.variant, file.parent))
         names = [case.name for case in cases]
@@ -158,11 +158,12 @@ def _swept(case: Case, at_depth: Depth) -> Case:
     """Return the case at another depth."""
     both = (case.published, at_depth.published)
     renderers = dict.fromkeys(renderer for published in both for renderer in published)
+    trajectory: Any = case.trajectory
     return structs.replace(
         case,
         name=f"{case.name}-{at_depth.label}",
         title=f"{case.title}: {1e3 * at_depth.depth:.3g} mm",
-        trajectory=structs.replace(case.trajectory, depth=at_depth.depth),
+        trajectory=structs.replace(trajectory, depth=at_depth.depth),
         published={each: {**both[0].get(each, {}), **both[1].get(each, {})} for each in renderers},
     )
 

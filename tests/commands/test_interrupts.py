@@ -19,63 +19,10 @@ import pytest
 from hapticeval.cli import main
 from hapticeval.runner.results import FILE, read_results
 
-SUITE = """
-title = "Three slides"
-[[case]]
-name = "flat"
-title = "Along a plane"
-model = { kind = "line" }
-checks = ["continuous-contact", "memoryless"]
-trajectory = { kind = "points", points = [[0.0, -0.001], [0.019, -0.001]], duration = 0.2 }
-
-[[case]]
-name = "flat-back"
-title = "And back"
-model = { kind = "line" }
-checks = ["continuous-contact"]
-trajectory = { kind = "points", points = [[0.02, -0.001], [0.0, -0.001]], duration = 0.2 }
-
-[[case]]
-name = "flat-again"
-title = "And again"
-model = { kind = "line" }
-checks = ["continuous-contact"]
-trajectory = { kind = "points", points = [[0.0, -0.001], [0.019, -0.001]], duration = 0.2 }
-"""
-
-MINE = """
-import os, time
-from pathlib import Path
-import numpy as np
-
-class Waits:
-    "Stands still where `flat-back` begins, until a file says go."
-    def __init__(self, scene):
-        self.stiffness = scene.stiffness
-    def reset(self, hip):
-        pass
-    def step(self, hip, velocity, dt):
-        if hip[0] == 0.02:
-            Path("pid").write_text(str(os.getpid()))
-            Path("pid").rename("waiting")
-            while not Path("go").exists():
-                time.sleep(0.02)
-        ihip = np.array([hip[0], max(hip[1], 0.0)])
-        return ihip, self.stiffness * (ihip - hip)
-"""
-
 WAITING = (
     "interrupted: 1 run that had begun is being finished, what is done is kept; press Ctrl-C again to stop at once\n"
 )
 STOPPED = "stopped: 1 run that had begun is given up; what is done is kept\n"
-
-
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.py").write_text(MINE)
-    (tmp_path / "slides.toml").write_text(SUITE)
-    return tmp_path
 
 
 class Command:
@@ -142,47 +89,53 @@ def command(arguments: Sequence[str], *, program: Sequence[str] = ("-m", "haptic
                 os.killpg(process.pid, signal.SIGKILL)
 
 
-RUN = ["run", "slides.toml", "-r", "mine:Waits"]
+RUN = ["run", "slides.toml", "-r", "local_mine:Waits"]
+
+
+def waiting(here: Path, run: Command) -> None:
+    """Wait until the second of three jobs stands still."""
+    run.says("[1/3]")
+    run.until((here / "waiting").exists)
+
+
+def cases(here: Path) -> list[str]:
+    """The cases of the verdicts that are kept, of a run that says why it is incomplete."""
+    results = read_results(here / "results")
+    assert (results.complete, results.reason) == (False, "interrupted by the user")
+    return [verdict.case for verdict in results.verdicts]
 
 
 def test_what_has_begun_is_finished_and_the_rest_is_not_begun(here: Path) -> None:
     with command(RUN) as run:
-        run.says("[1/3]")
-        run.until((here / "waiting").exists)
+        waiting(here, run)
         run.ctrl_c()
         assert run.says("interrupted") == WAITING
         (here / "go").touch()
         code, err, out = run.ends()
     assert code == 1, err
-    assert "[2/3] mine:Waits on slides/flat-back: 1 pass" in err
+    assert "[2/3] local_mine:Waits on slides/flat-back: 1 pass" in err
     assert "Traceback" not in err
     assert "3 of 4 planned verdicts ran (incomplete: interrupted by the user)" in out
-    results = read_results(here / "results")
-    assert not results.complete
-    assert [verdict.case for verdict in results.verdicts] == ["flat", "flat", "flat-back"]
+    assert cases(here) == ["flat", "flat", "flat-back"]
     assert (here / "results" / "report.html").exists()
 
 
 def test_a_second_one_stops_at_once(here: Path) -> None:
     with command(RUN) as run:
-        run.says("[1/3]")
-        run.until((here / "waiting").exists)
+        waiting(here, run)
         run.ctrl_c()
         assert run.says("interrupted") == WAITING
         run.ctrl_c()
         assert run.says("stopped") == STOPPED
         code, err, out = run.ends()
-        worker = int((here / "waiting").read_text())
         with pytest.raises(ProcessLookupError):
-            os.kill(worker, 0)
+            os.kill(int((here / "waiting").read_text()), 0)
     assert code == 1, err
-    assert "hapticeval report results makes them" in err
+    assert NO_REPORTS in err
     assert "Traceback" not in err
     assert "2 of 4 planned verdicts ran (incomplete: interrupted by the user)" in out
     assert f"wrote results/{FILE}" in out
-    results = read_results(here / "results")
-    assert not results.complete
-    assert [verdict.case for verdict in results.verdicts] == ["flat", "flat"]
+    assert cases(here) == ["flat", "flat"]
     assert main(["report", "results"]) == 0
     assert (here / "results" / "report.html").exists()
 
@@ -190,9 +143,8 @@ def test_a_second_one_stops_at_once(here: Path) -> None:
 def test_a_replay_says_and_does_the_same(here: Path) -> None:
     assert main(["run", "slides.toml", "-r", "constraint", "-k", "flat-back", "-o", "first"]) == 0
     log = "first/recordings/slides/flat-back/constraint.h5"
-    with command(["replay", log, "-r", "mine:Waits", "-r", "constraint", "-o", "results"]) as replay:
-        replay.says("[1/3]")
-        replay.until((here / "waiting").exists)
+    with command(["replay", log, "-r", "local_mine:Waits", "-r", "constraint", "-o", "results"]) as replay:
+        waiting(here, replay)
         replay.ctrl_c()
         assert replay.says("interrupted") == WAITING
         replay.ctrl_c()
@@ -200,9 +152,8 @@ def test_a_replay_says_and_does_the_same(here: Path) -> None:
         code, err, _ = replay.ends()
     assert code == 1, err
     assert "Traceback" not in err
-    results = read_results(here / "results")
-    assert results.reason == "interrupted by the user"
-    assert [run.renderer for run in results.runs] == ["recorded"]
+    assert cases(here)
+    assert [run.renderer for run in read_results(here / "results").runs] == ["recorded"]
 
 
 DRAWS = """
@@ -238,38 +189,30 @@ def test_ctrl_c_while_figures_are_drawn_keeps_the_results(here: Path, arguments:
     assert read_results(here / "results").complete
 
 
-def test_a_second_one_while_figures_are_drawn_stops_that_too(here: Path) -> None:
-    with command(RUN, program=["-c", DRAWS]) as run:
-        run.says("[1/3]")
-        run.until((here / "waiting").exists)
-        run.ctrl_c()
-        assert run.says("interrupted") == WAITING
-        (here / "go").touch()
-        run.until((here / "drawing").exists)
-        run.ctrl_c()
-        code, err, out = run.ends()
-        assert not run.leaves()
-    assert code == 1, err
-    assert NO_REPORTS in err
-    assert "Traceback" not in err
-    assert "3 of 4 planned verdicts ran (incomplete: interrupted by the user)" in out
-
-
-@pytest.mark.parametrize("file", ["waiting", "drawing"])
-def test_an_impatient_user_sees_no_traceback(here: Path, file: str) -> None:
-    """Ctrl-C again and again, until the process has ended: while it runs cases, or while it draws."""
-    if file == "drawing":
+@pytest.mark.parametrize("stops", ["the run, then the figures", "waiting", "drawing"])
+def test_an_impatient_user_sees_no_traceback(here: Path, stops: str) -> None:
+    """One for the run and one for its figures; or again and again until the process ends, in either."""
+    if stops == "drawing":
         (here / "go").touch()
     with command(RUN, program=["-c", DRAWS]) as run:
-        run.until((here / file).exists)
-        while run.process.poll() is None:
+        if stops == "the run, then the figures":
+            waiting(here, run)
             run.ctrl_c()
-            time.sleep(0.002)
+            assert run.says("interrupted") == WAITING
+            (here / "go").touch()
+            run.until((here / "drawing").exists)
+            run.ctrl_c()
+        else:
+            run.until((here / stops).exists)
+            while run.process.poll() is None:
+                run.ctrl_c()
+                time.sleep(0.002)
         code, err, out = run.ends()
         assert not run.leaves()
     assert code == 1, err
     assert NO_REPORTS in err
     assert "Traceback" not in err
     assert "KeyboardInterrupt" not in err
-    assert f"{2 if file == 'waiting' else 4} of 4 planned verdicts ran" in out
+    ran = {"waiting": 2, "drawing": 4}.get(stops, 3)
+    assert f"{ran} of 4 planned verdicts ran" in out
     assert f"wrote results/{FILE}" in out

@@ -22,11 +22,11 @@ from hapticeval.hardware.wiring import read_wiring
 from hapticeval.recordings import recorder as recorder_module
 from hapticeval.recordings.hdf5 import read_recording
 
-sys.path.insert(0, str(Path(__file__).parent / "hardware"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "hardware"))
 
 DRIVERS = f"""
 import os, signal, sys, time
-sys.path.insert(0, {str(Path(__file__).parent / "hardware")!r})
+sys.path.insert(0, {str(Path(__file__).parents[1] / "hardware")!r})
 import numpy as np
 from robots import twin_of, wired
 

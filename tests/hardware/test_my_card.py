@@ -51,7 +51,9 @@ def example(monkeypatch):
     sys.modules.pop("my_card", None)
 
 
-def test_it_runs_and_stops(tmp_path, example):
+def test_it_is_short_runs_and_stops(tmp_path, example):
+    code = [line for line in (EXAMPLES / "my_card.py").read_text().split('"""', 2)[2].splitlines() if line.strip()]
+    assert len(code) <= 25
     card, wiring = example
     driver = load("my_card:MyCard", kind="driver")()
     assert isinstance(driver, HardwareDevice)
@@ -60,11 +62,6 @@ def test_it_runs_and_stops(tmp_path, example):
     assert np.any(recording.force != 0.0)
     assert card.closed
     np.testing.assert_array_equal(card.commands[-1], [0.0, 0.0])
-
-
-def test_it_is_short():
-    code = [line for line in (EXAMPLES / "my_card.py").read_text().split('"""', 2)[2].splitlines() if line.strip()]
-    assert len(code) <= 25
 
 
 @pytest.mark.parametrize(

@@ -23,30 +23,65 @@ T = np.arange(12) * 0.5e-3
 POSITIONS = np.column_stack([np.arange(12.0), -np.arange(12.0)])
 
 
-def scope():
-    """As Simulink's `Structure With Time` saves a scope with two inputs."""
+def mat5(path, **how):
+    """As Simulink's `Structure With Time` saves a scope with two inputs, beside an object that only MATLAB reads."""
     signals = np.empty((1, 2), dtype=[("values", object), ("dimensions", object), ("label", object)])
     signals[0, 0] = (POSITIONS, 2, "Lever positions (rad)")
-    signals[0, 1] = (np.arange(12.0)[:, None] + 0.5, 1, "")
-    return {"time": T[:, None], "signals": signals, "blockName": "rig/Scope"}
+    signals[0, 1] = (np.arange(12.0)[:, None], 1, "Lever")
+    savemat(path, {"scope": {"time": T[:, None], "signals": signals}, "Ts": 5e-4, "name": "rig"}, **how)
+    path.write_bytes(path.read_bytes() + opaque("ts", "timeseries") + opaque("plant_model", "ss"))
 
 
-@pytest.mark.parametrize("compressed", [True, False])
-def test_a_structure_with_time_becomes_columns(tmp_path, compressed):
-    path = tmp_path / "a.mat"
-    savemat(path, {"scope": scope(), "Ts": 5e-4, "name": "rig"}, do_compression=compressed)
-    table = read_table(path)
-    assert table.format == "matlab5"
-    assert list(table.columns) == [
-        "scope.time",
-        "scope.signals[0].values[0]",
-        "scope.signals[0].values[1]",
-        "scope.signals[1].values",
-    ]
-    assert table["scope.signals[0].values[1]"].tolist() == POSITIONS[:, 1].tolist()
-    assert table.notes["scope.signals[0].values[0]"] == "label: Lever positions (rad)"
+def opaque(name, kind):
+    """A MATLAB object as a MAT-file holds it: flags of class 17, then name, system and class, each a text element."""
+
+    def text(word):
+        return struct.pack("<II", 1, len(word)) + word.encode() + bytes(-len(word) % 8)
+
+    body = struct.pack("<IIII", 6, 8, 17, 0) + text(name) + text("MCOS") + text(kind)
+    return struct.pack("<II", 14, len(body)) + body
+
+
+def mat73(path):
+    with matlab73(path) as file:
+        refs, scope = file.create_group("#refs#"), file.create_group("scope")
+        matrix73(scope, "time", T[None, :])
+        signals = scope.create_group("signals")
+        text = np.array([[ord(letter)] for letter in "Lever positions (rad)"], dtype=np.uint16)
+        for name, kind, parts in (
+            ("values", "double", (POSITIONS.T, np.arange(12.0)[None, :])),
+            ("label", "char", (text, text[:5])),
+        ):
+            made = [matrix73(refs, f"{name}{k}", part, kind).ref for k, part in enumerate(parts)]
+            signals.create_dataset(name, data=np.array([made], dtype=h5py.ref_dtype).T, dtype=h5py.ref_dtype)
+        matrix73(file, "Ts", np.array([[5e-4]]))
+        matrix73(file, "name", np.array([[ord(letter)] for letter in "rig"], dtype=np.uint16), "char")
+        odd = matrix73(file, "ts", np.zeros((1, 6), dtype=np.uint32), "timeseries")
+        odd.attrs["MATLAB_object_decode"] = 3
+
+
+@pytest.mark.parametrize(
+    ("write", "format"),
+    [(mat5, "matlab5"), (lambda path: mat5(path, do_compression=True), "matlab5"), (mat73, "matlab73")],
+    ids=["5", "5 packed", "7.3"],
+)
+def test_a_structure_with_time_becomes_columns(tmp_path, write, format):
+    write(tmp_path / "a.mat")
+    table = read_table(tmp_path / "a.mat")
+    assert table.format == format
+    one, two, three = "scope.signals[0].values[0]", "scope.signals[0].values[1]", "scope.signals[1].values"
+    assert sorted(table.columns) == [one, two, three, "scope.time"]
+    assert table[two].tolist() == POSITIONS[:, 1].tolist()
+    assert table[three].tolist() == list(range(12))
+    assert table.notes == {
+        one: "label: Lever positions (rad)",
+        two: "label: Lever positions (rad)",
+        three: "label: Lever",
+    }
     assert (table.attributes["Ts"], table.attributes["name"]) == (5e-4, "rig")
-    assert dict(table.units) == {}
+    assert (dict(table.units), table.warnings) == ({}, ())
+    assert "ts (timeseries)" in table.remarks[0]
+    assert ("plant_model (ss)" in table.remarks[0]) == (format == "matlab5")
 
 
 def test_samples_lie_along_the_axis_that_the_time_vector_shows(tmp_path):
@@ -92,54 +127,6 @@ def _borders(data):
         place += 8 + struct.unpack("<I", data[place + 4 : place + 8])[0]
         borders.add(place)
     return borders
-
-
-def opaque(name: str, kind: str) -> bytes:
-    """A MATLAB object as a MAT-file holds it: flags of class 17, then name, system and class, each a text element."""
-
-    def text(word):
-        return struct.pack("<II", 1, len(word)) + word.encode() + bytes(-len(word) % 8)
-
-    body = struct.pack("<IIII", 6, 8, 17, 0) + text(name) + text("MCOS") + text(kind)
-    return struct.pack("<II", 14, len(body)) + body
-
-
-def test_an_object_that_only_matlab_reads_is_named_and_the_rest_is_read(tmp_path):
-    path = tmp_path / "a.mat"
-    savemat(path, {"before": np.arange(12.0)}, do_compression=False)
-    path.write_bytes(path.read_bytes() + opaque("position_log", "timeseries") + opaque("plant_model", "ss"))
-    table = read_table(path)
-    assert list(table.columns) == ["before"]
-    assert "position_log (timeseries), plant_model (ss)" in table.remarks[0]
-
-
-def mat73(path):
-    with matlab73(path) as file:
-        refs, scope = file.create_group("#refs#"), file.create_group("scope")
-        matrix73(scope, "time", T[None, :])
-        signals = scope.create_group("signals")
-        text = np.array([[ord(letter)] for letter in "Lever positions (rad)"], dtype=np.uint16)
-        for name, kind, parts in (
-            ("values", "double", (POSITIONS.T, np.arange(12.0)[None, :])),
-            ("label", "char", (text, text[:5])),
-        ):
-            made = [matrix73(refs, f"{name}{k}", part, kind).ref for k, part in enumerate(parts)]
-            signals.create_dataset(name, data=np.array([made], dtype=h5py.ref_dtype).T, dtype=h5py.ref_dtype)
-        matrix73(file, "Ts", np.array([[5e-4]]))
-        odd = matrix73(file, "ts", np.zeros((1, 6), dtype=np.uint32), "timeseries")
-        odd.attrs["MATLAB_object_decode"] = 3
-
-
-def test_a_73_file_has_the_column_names_of_a_5_file(tmp_path):
-    path = tmp_path / "a.mat"
-    mat73(path)
-    table = read_table(path)
-    assert table.format == "matlab73"
-    assert table["scope.signals[0].values[1]"].tolist() == POSITIONS[:, 1].tolist()
-    assert table["scope.signals[1].values"].tolist() == list(range(12))
-    assert table.notes["scope.signals[0].values[0]"] == "label: Lever positions (rad)"
-    assert table.attributes["Ts"] == 5e-4
-    assert "ts (timeseries)" in table.remarks[0]
 
 
 def test_any_hdf5_file_is_columns_by_path(tmp_path):

@@ -1,4 +1,4 @@
-"""Trajectories: where they lead, and what a file may get wrong."""
+"""Paths and experiments: where they lead, how they are sampled, and what a table or a file may get wrong."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, line, sta
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
 from hapticeval.stimulus.paths import build_path, read_path
+from hapticeval.stimulus.stimulus import Experiment, Path
 
 HERE = FilePath()
+SCALED = {"kind": "scaled", "from_angle": 0, "to_angle": 9, "duration": 1}
 
 
 def scaled(model, depth, start, stop):
@@ -64,13 +66,10 @@ def test_a_convex_corner_is_passed_straight(depth, number):
 @pytest.mark.parametrize(
     ("spec", "model", "message"),
     [
-        ({"kind": "scaled", "depth": 0.2, "from_angle": 0, "to_angle": 9, "duration": 1}, circle(), "radius"),
-        ({"kind": "scaled", "depth": 0.01, "from_angle": 0, "to_angle": 9, "duration": 1}, line(), "closed model"),
-        (
-            {"kind": "scaled", "depth": 0.01, "from_angle": 0, "to_angle": 9, "duration": 1},
-            dumbbell(neck=0.1),
-            "every ray",
-        ),
+        ({**SCALED, "depth": 0.2}, circle(), "radius"),
+        ({**SCALED, "depth": 0.01}, line(), "closed model"),
+        ({**SCALED, "depth": 0.01}, dumbbell(neck=0.1), "every ray"),
+        (SCALED, circle(), "needs a depth"),
         ({"kind": "points", "points": [[0, 0], [0, 0]], "duration": 1}, circle(), "stays at one point"),
         ({"kind": "corner", "corner": 0, "depth": 0.01, "before": 1, "after": 1, "duration": 1}, circle(), "corner 0"),
     ],
@@ -80,14 +79,19 @@ def test_paths_that_cannot_be_are_refused(spec, model, message):
         build_path(spec, model.curve, HERE)
 
 
-def write(tmp_path, text):
-    file = tmp_path / "hand.csv"
-    file.write_text(text)
-    return file
+@pytest.fixture
+def written(tmp_path):
+    """Read the path of a file with a text."""
+
+    def read(text):
+        (tmp_path / "hand.csv").write_text(text)
+        return read_path(tmp_path / "hand.csv")
+
+    return read
 
 
-def test_a_file_is_read_with_its_times(tmp_path):
-    path = read_path(write(tmp_path, "t,x,y\n0,0.1,0.0\n0.5,0.2,0.0\n2,0.2,0.3\n"))
+def test_a_file_is_read_with_its_times(written):
+    path = written("t,x,y\n0,0.1,0.0\n0.5,0.2,0.0\n2,0.2,0.3\n")
     np.testing.assert_array_equal(path.time, [0.0, 0.5, 2.0])
     np.testing.assert_array_equal(path.points[2], [0.2, 0.3])
 
@@ -104,15 +108,9 @@ def test_a_file_is_read_with_its_times(tmp_path):
         ("t,x,y\n0,0,0\n0,1,1\n", "does not increase at row 1"),
     ],
 )
-def test_bad_files_are_named_with_their_row(tmp_path, text, message):
-    with pytest.raises(InputError, match=message) as caught:
-        read_path(write(tmp_path, text))
-    assert "hand.csv" in str(caught.value)
-
-
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(InputError, match="no trajectory file"):
-        read_path(tmp_path / "none.csv")
+def test_bad_files_are_named_with_their_row(written, text, message):
+    with pytest.raises(InputError, match=f"(?s)hand.csv.*{message}"):
+        written(text)
 
 
 def test_the_hip_of_any_recording_is_a_path(tmp_path):
@@ -124,9 +122,92 @@ def test_the_hip_of_any_recording_is_a_path(tmp_path):
     np.testing.assert_array_equal(path.points, hips[valid])
 
 
-def test_a_recording_that_cannot_be_drawn_is_told(tmp_path):
+def test_a_file_that_has_no_path_is_named(tmp_path):
+    with pytest.raises(InputError, match="no trajectory file"):
+        read_path(tmp_path / "none.csv")
     with pytest.raises(InputError, match=r"none\.h5"):
         read_path(tmp_path / "none.h5")
     write_recording(tmp_path / "bare.h5", Recording(np.arange(3.0), {"force": np.zeros((3, 2))}))
     with pytest.raises(InputError, match="'hip'"):
         read_path(tmp_path / "bare.h5")
+
+
+def three():
+    return Path(np.array([2.0, 3.0, 4.0]), np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]]))
+
+
+@given(dt=st.floats(1e-3, 0.3), factor=st.sampled_from([2, 4, 8]))
+def test_refining_keeps_every_sample(dt, factor):
+    time, points = three().sampled(dt)
+    fine_time, fine_points = three().sampled(dt / factor)
+    np.testing.assert_allclose(fine_time[: factor * (time.size - 1) + 1 : factor], time, atol=1e-12)
+    np.testing.assert_allclose(fine_points[: factor * (time.size - 1) + 1 : factor], points, atol=1e-11)
+
+
+def test_sampling_includes_the_end_when_it_is_a_whole_number_of_ticks():
+    time, points = three().sampled(0.001)
+    assert time[0] == 0.0
+    assert time[-1] == pytest.approx(2.0)
+    np.testing.assert_allclose(points[-1], [1.0, 2.0])
+
+
+def test_reversed_twice_is_the_same_three():
+    once = three().reversed()
+    np.testing.assert_array_equal(once.points, three().points[::-1])
+    again = once.reversed()
+    np.testing.assert_allclose(again.time, three().time - 2.0)
+
+
+@pytest.mark.parametrize(
+    ("time", "points", "message"),
+    [
+        ([0.0, 1.0], [[0.0, 0.0], [np.nan, 0.0]], "position is not finite at row 1"),
+        ([0.0, 1.0, 1.0], [[0.0, 0.0]] * 3, "does not increase at row 2"),
+        ([0.0], [[0.0, 0.0]], "at least two rows|shape"),
+        ([0.0, 1.0], [[0.0, 0.0]], "shape"),
+        ([0.0, np.inf], [[0.0, 0.0]] * 2, "time is not finite at row 1"),
+    ],
+)
+def test_bad_paths_name_the_row(time, points, message):
+    with pytest.raises(InputError, match=message):
+        Path(np.array(time), np.array(points))
+
+
+def experiment(**changed):
+    values = {
+        "duration": 1.0,
+        "position": np.zeros(2),
+        "velocity": np.array([1.0, 0.0]),
+        "force_time": np.array([0.0, 1.0]),
+        "force": np.array([[0.0, 0.0], [0.0, -2.0]]),
+    }
+    return Experiment(**{**values, **changed})
+
+
+def test_the_push_is_straight_between_rows_and_held_outside():
+    push = experiment().operator_force(np.array([-1.0, 0.5, 2.0]))
+    np.testing.assert_allclose(push, [[0.0, 0.0], [0.0, -1.0], [0.0, -2.0]])
+
+
+def test_another_pace_scales_velocity_up_and_times_down():
+    fast = experiment().at_speed(2.0)
+    assert fast.duration == 0.5
+    np.testing.assert_array_equal(fast.velocity, [2.0, 0.0])
+    np.testing.assert_array_equal(fast.force_time, [0.0, 0.5])
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"duration": 0.0},
+        {"duration": np.nan},
+        {"velocity": np.zeros(3)},
+        {"position": np.array([np.nan, 0.0])},
+        {"force": np.zeros((3, 2))},
+        {"force": np.zeros((2, 3))},
+        {"force_time": np.array([1.0, 0.0])},
+    ],
+)
+def test_bad_experiments_are_refused(changed):
+    with pytest.raises(InputError):
+        experiment(**changed)

@@ -38,7 +38,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError, described
 from hapticeval.recordings.importing.units import parse_unit
-from hapticeval.recordings.memory import reserve
+from hapticeval.recordings.memory import FOLDER, HEAD, first_bytes, reserve
 
 __all__ = ["Format", "Table", "formats", "importer", "read_table"]
 
@@ -48,10 +48,6 @@ GROUP = "hapticeval.formats"
 OWN = ("matlab5", "matlab73", "hdf5", "npz", "rosbag", "svc", "devicelog", "hdurecord", "csv")
 """The formats of this package, the most particular first: delimited text fits much."""
 
-HEAD = 1 << 16
-"""Bytes by which a format is recognised: a header of a thousand columns is shorter."""
-
-FOLDER = b"folder\n"
 MOST_SIGNALS = 64
 """A matrix of more columns than these that has fewer rows than columns holds its signals in rows."""
 
@@ -283,23 +279,6 @@ def read_table(path: Path | str, *, format: str | None = None) -> Table:
             todo="name another format with --format",
         )
     return replace(table, format=format or chosen.name)
-
-
-def first_bytes(path: Path) -> bytes:
-    """Return the first `HEAD` bytes of a file; of a folder `FOLDER` and the names in it, one per line.
-
-    Raises `InputError` for a file that is missing or empty.
-    """
-    if path.is_dir():
-        return FOLDER + "\n".join(sorted(file.name for file in path.iterdir())).encode()
-    try:
-        with path.open("rb") as file:
-            head = file.read(HEAD)
-    except OSError as error:
-        raise InputError(f"cannot read {path}", why=error.strerror or str(error), todo="check the path") from error
-    if not head:
-        raise InputError(f"{path} is empty", why="a recording has at least one row", todo="record or copy it again")
-    return head
 
 
 def _detected(path: Path) -> Format:

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from hapticeval.errors import HapticevalError, InputError
-from hapticeval.recordings.formats import FOLDER, Table, importer
-from hapticeval.recordings.memory import reserve
+from hapticeval.recordings.formats import Table, importer
+from hapticeval.recordings.memory import FOLDER, reserve
 
 NUMBER = 40
 """Bytes that a number takes while the messages are read."""

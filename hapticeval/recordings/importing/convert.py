@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.files import creating
-from hapticeval.recordings.formats import Table, first_bytes, formats, read_table
+from hapticeval.recordings.formats import Table, formats, read_table
 from hapticeval.recordings.hdf5 import (
     DAMAGE,
     FORMAT,
@@ -23,6 +23,7 @@ from hapticeval.recordings.hdf5 import (
 )
 from hapticeval.recordings.importing.mapping import FileMapping, Source, TimeBase, read_mapping
 from hapticeval.recordings.journal import MAGIC, MARK, recover
+from hapticeval.recordings.memory import first_bytes
 from hapticeval.recordings.recording import Clock, Recording, columns_of
 from hapticeval.recordings.salvage import salvage
 from hapticeval.types import Array, BoolArray, IntArray
@@ -225,18 +226,13 @@ def _resampled(name: str, source: Source, own: IntArray, values: Array, stamps: 
 
 def _same_clock(table: Table, time: TimeBase, column: str, stamps: IntArray) -> None:
     """Raise `InputError` for a column whose rows are not those of the time: by their number, or by their topic."""
-    if table.rows(column) == stamps.size and time.column is None:
-        return
-    if time.column is None:
+    alone = time.column is None
+    topics = {table.topics.get(name) for name in (column, time.column) if name is not None}
+    if table.rows(column) != stamps.size or (not alone and len(topics) > 1):
+        clock = f"the time has {stamps.size} rows" if time.column is None else _described(table, time.column)
         raise InputError(
-            f"the column '{column}' is not on the clock of the time",
-            why=f"it has {table.rows(column)} rows, the time has {stamps.size}",
-            todo='give the channel its own: time = "COLUMN", and resample = "hold" or "linear"',
-        )
-    if table.rows(column) != stamps.size or table.topics.get(column) != table.topics.get(time.column):
-        raise InputError(
-            f"the column '{column}' is not on the clock of the time '{time.column}'",
-            why=f"{_described(table, column)}, {_described(table, time.column)}; as many rows are not the same times",
+            f"the column '{column}' is not on the clock of the time" + ("" if alone else f" '{time.column}'"),
+            why=f"{_described(table, column)}, {clock}; as many rows are not the same times",
             todo='give the channel its own: time = "COLUMN", and resample = "hold" or "linear"',
         )
 
