@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hapticeval.discovery import resolve
+from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import DomainError
 from hapticeval.geometry.catalogue import (
     cassinian,
@@ -58,7 +59,7 @@ EVERY |= {("set-stabilisation@atlas", "sphere"): SOLIDS["sphere"]}
 @pytest.mark.parametrize(("name", "model"), EVERY, ids=" ".join)
 def test_run_is_reset_and_steps_to_the_last_bit_with_every_scheme(name, model, bilateral):
     """Along leaps, and along a slow walk in and out; where a renderer is not defined both say so, in the same words."""
-    scene = Scene(model=EVERY[name, model], damping=3.0, mass=0.13, viscosity=0.2, bilateral=bilateral)
+    scene = Scene(model=EVERY[name, model], damping=3.0, mass=0.13, effects=(Viscosity(0.2),), bilateral=bilateral)
     factory = resolve(name)
     knobs = {knob: value for key in COARSE if key in name for knob, value in COARSE[key].items()}
     if knobs:
