@@ -14,7 +14,7 @@ from scipy.ndimage import map_coordinates
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.catalogue import cassinian
-from hapticeval.renderers.family import by_minimum_distance
+from hapticeval.renderers.nearest import nearest
 from hapticeval.renderers.table import TOUCHES, Table, look_up
 from hapticeval.renderers.tabulated import tabulate
 from hapticeval.scene import Scene
@@ -29,7 +29,7 @@ taken: dict[str, float] = {}
 
 @cache
 def projection():
-    return by_minimum_distance(Scene(model=cassinian(), bilateral=True), "curve")
+    return nearest(Scene(model=cassinian(), bilateral=True), "curve")
 
 
 @cache
@@ -44,7 +44,7 @@ def points(where: str) -> np.ndarray:
     everywhere = np.random.default_rng(4).uniform(low, low + grid.cell * np.array(grid.cells), (COUNT, 2))
     if where == "over the whole grid":
         return everywhere
-    return np.resize(everywhere[table().look_many(everywhere, ask=True)[2] == TOUCHES], (COUNT, 2))
+    return np.resize(everywhere[table().look_many(everywhere)[2] == TOUCHES], (COUNT, 2))
 
 
 @compiled
@@ -65,7 +65,7 @@ def streams(hips):
 
 
 @compiled
-def nothing(_nodes, _cells, _frame, _everywhere, _ask, x, y):
+def nothing(_nodes, _cells, _frame, _everywhere, x, y):
     return 1, x, y, x, y
 
 
@@ -102,7 +102,7 @@ def test_streams(benchmark):
 @pytest.mark.parametrize("where", WHERE)
 def test_table(benchmark, where):
     benchmark.group = BATCH
-    benchmark.pedantic(table().look_many, (points(where),), {"ask": True}, rounds=20, warmup_rounds=2)
+    benchmark.pedantic(table().look_many, (points(where),), rounds=20, warmup_rounds=2)
     keep(benchmark, f"table {where}", COUNT)
 
 
@@ -125,11 +125,11 @@ def test_map_coordinates(benchmark, where):
 def test_one_at_a_time(benchmark, function):
     benchmark.group = "look-up table, one at a time"
     nodes, cells, frame = table()._arrays
-    assert look_up(nodes, cells, frame, False, True, *AT)[0] == TOUCHES
+    assert look_up(nodes, cells, frame, False, *AT)[0] == TOUCHES
 
     def ask():
         for _ in range(CALLS):
-            function(nodes, cells, frame, False, True, *AT)
+            function(nodes, cells, frame, False, *AT)
 
     benchmark.pedantic(ask, rounds=20, warmup_rounds=2)
     way = "empty call" if function is nothing else "one look-up"

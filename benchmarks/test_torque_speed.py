@@ -20,7 +20,6 @@ from hapticeval.compiled import compiled
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.motion_kernels import solve
 from hapticeval.devices.parallelogram import Parallelogram2
-from hapticeval.devices.parallelogram_kernels import dynamics2, kinematics2
 from hapticeval.geometry.catalogue import cassinian
 from hapticeval.geometry.curve_kernels import project
 from hapticeval.renderers import set_stabilisation
@@ -34,6 +33,7 @@ ALLOWED = 7.0
 TOOL = 0.1
 COUNT = 2000
 ROBOT = Parallelogram2().parameters.size
+kinematics2, dynamics2, _ = Parallelogram2().kernels
 
 
 @compiled

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
@@ -80,10 +80,10 @@ def law_data(
 ) -> LawData:
     """Copy what a law works on into arrays of their own, of the type that `LAW` asks for; `state` is its size."""
     tables = (np.array(each, dtype=np.float64, order="C") for each in (segments, joints, lookup, vertices, tree))
-    return LawData(np.array(params, dtype=np.float64), *tables, np.zeros(state))
+    return LawData._make([np.array(params, dtype=np.float64), *tables, np.zeros(state)])
 
 
-LAW_DATA = types.NamedTuple((VECTOR, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, VECTOR), LawData)
+LAW_DATA = types.NamedTuple((VECTOR, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, VECTOR), LawData)  # type: ignore[no-untyped-call]
 
 LAW = types.int64(LAW_DATA, VECTOR, VECTOR, VECTOR, types.float64, VECTOR, VECTOR)
 """(data, hip, velocity, push, dt, out ihip, out force): one tick of a renderer.
@@ -105,12 +105,18 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     return _compiled(function)
 
 
+@cache
+def compiled_once(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a plain function of a module that is imported without numba; the same for every caller."""
+    return compiled(function)
+
+
 def inner(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function that only kernels call: without a way in from Python, which takes long to compile."""
     return _compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
-def _compiled(function: Callable[P, R], **options: bool) -> Callable[P, R]:
+def _compiled(function: Callable[P, R], **options: Any) -> Callable[P, R]:
     kernel: Any = numba.njit(cache=True, error_model="numpy", **options)(function)
     if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT is set
         return function
@@ -133,7 +139,7 @@ def specialised(kernel: Callable[P, R], *arguments: Any) -> Callable[P, R]:
     """Return the code of a kernel for arguments of the types of these, which skips to look types up at each call."""
     if not hasattr(kernel, "overloads"):  # NUMBA_DISABLE_JIT is set
         return kernel
-    signature = tuple(numba.typeof(each) for each in arguments)
+    signature = tuple(numba.typeof(each) for each in arguments)  # type: ignore[no-untyped-call]
     kernel.compile(signature)  # type: ignore[attr-defined]
     return kernel.overloads[signature].entry_point  # type: ignore[no-any-return]
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
-from hapticeval.compiled import LawData
 from hapticeval.effects.force_sensor import ForceSensor
 from hapticeval.errors import InputError, RefusalError, RendererError, UnknownNameError, renderer_errors
 from hapticeval.geometry.boundary import Boundary
@@ -308,11 +307,10 @@ class Choices:
 def choices_of(factory: object) -> Choices:
     """Return what a factory offers. Raises `RendererError` for an attribute that raises or is not what it should be."""
     with renderer_errors("factory's attributes"):
-        found = {each: getattr(factory, each, None) for each in Choices.__dataclass_fields__}
-        names = {each: found[each] and tuple(found[each]) for each in ("regulations", "representations")}
-        knobs = (
-            dict(found["knobs"] or {}) if not isinstance(factory, type) or isinstance(found["knobs"], Mapping) else {}
-        )
+        found: dict[str, Any] = {each: getattr(factory, each, None) for each in Choices.__dataclass_fields__}
+        for each in ("regulations", "representations"):
+            found[each] = None if found[each] is None else tuple(found[each])
+        knobs = found["knobs"] if isinstance(found["knobs"], Mapping) else {}
         if knobs and not callable(found["with_knobs"]):
             raise InputError(
                 f"the factory {factory!r} declares the knobs {', '.join(knobs)} and cannot set them",
@@ -320,7 +318,7 @@ def choices_of(factory: object) -> Choices:
                 todo="add with_knobs(**values), which returns the factory with those values",
             )
         summary = found["summary"] or (factory.__doc__ or "").strip().partition("\n")[0]
-        return Choices(**{**found, **names, "summary": summary, "supports": _supported(factory), "knobs": knobs})
+        return Choices(**{**found, "summary": summary, "supports": _supported(factory), "knobs": knobs})
 
 
 def configured(factory: RendererFactory, settings: Mapping[str, float], *, name: str) -> RendererFactory:

@@ -12,16 +12,12 @@ from hapticeval.renderers.family import (
     NODES_KNOB,
     VERTICES_KNOB,
     ProjectiveFamily,
-    by_conformal,
-    by_constraint,
-    by_mapping,
-    by_minimum_distance,
 )
 from hapticeval.renderers.set_stabilisation import set_stabilisation
 
 minimum_distance = ProjectiveFamily(
     summary="nearest surface point, thesis (4.2), on the exact curve; pops through medial axes",
-    project=by_minimum_distance,
+    project="nearest:nearest",
     representations=("curve", "polygon", "level-set", "lut"),
     representation="curve",
     bends=True,
@@ -36,7 +32,7 @@ minimum_distance = ProjectiveFamily(
 
 constraint = ProjectiveFamily(
     summary="god-object or proxy, thesis (4.3), on a polygon of 40 vertices; never passes through a face",
-    project=by_constraint,
+    project="god_object:god_object",
     representations=("curve", "polygon"),
     representation="polygon",
     refused="the constraint projection needs a boundary to slide on, and a level set has none",
@@ -46,7 +42,7 @@ constraint = ProjectiveFamily(
 
 conformal = ProjectiveFamily(
     summary="through the conformal map to the disk, thesis (5.17) and 8.2.1, with (5.21); no pop-through inside",
-    project=by_conformal,
+    project="disk:by_conformal_map",
     representations=("curve", "lut"),
     representation="curve",
     regulation="transversal",
@@ -57,7 +53,7 @@ conformal = ProjectiveFamily(
 
 mapping = ProjectiveFamily(
     summary="through the curve shortening flow's map to the disk, thesis chapter 5; refuses models that it cannot map",
-    project=by_mapping,
+    project="disk:by_flow_map",
     representations=("curve", "lut"),
     representation="curve",
     regulation="transversal",

@@ -13,12 +13,12 @@ from hapticeval.geometry.kernels import piece_of
 from hapticeval.geometry.maps.conformal import conformal_map
 from hapticeval.geometry.maps.flow import FlowSettings
 from hapticeval.geometry.maps.flow_map import flow_map
-from hapticeval.geometry.model import Model
 from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
 from hapticeval.renderers.law import once
-from hapticeval.renderers.nearest import nearest_in_plane
-from hapticeval.renderers.outline import Outline, frame, nearest_on, outline_of, representation_of
+from hapticeval.renderers.nearest import nearest
+from hapticeval.renderers.outline import Outline, frame, nearest_on, outline_of
 from hapticeval.renderers.projective import Projected, Projection
+from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
 ROUNDING = 1e-14
@@ -136,27 +136,45 @@ def _answers(b: Outline, bilateral: bool, inside: BoolArray, parameters: Array, 
     return out
 
 
-def mapping_projection(model: Model, *, bilateral: bool, settings: FlowSettings) -> Projection:
-    """The projection through the flow map of a model's inside; the nearest surface point outside, where bilateral.
+CELLS = 200
+"""Cells of the flow grid along the model's longer side."""
+
+GAP = 1e-6
+"""Least distance of transversal lines as a share of their mean: enough to keep their order, and no more."""
+
+
+def by_flow_map(
+    scene: Scene,
+    representation: str,
+    *,
+    cells: float = CELLS,
+    lines: float | None = None,
+    levels: float | None = None,
+    gap: float = GAP,
+) -> Projection:
+    """Return the projection through the flow map of a model's inside; the nearest point outside, where bilateral.
 
     The IHIP lies on the exact curve, linear in the curve's parameter between the starts of the transversal lines, whose
     distance is the `resolution`. On the unbounded line the lines are vertical and lead to the nearest point: that is
     used there. Raises `FlowSplitError`, `FlowCollapseError` and `FoldedGridError` for a model that the flow does not
     map.
     """
-    if not model.curve.closed:
-        return nearest_in_plane(representation_of(model, "curve"), bilateral=bilateral)
-    made = flow_map(model, settings)
-    return DiskProjection(made, model.curve, bilateral=bilateral, resolution=made.spacing)
+    if not scene.model.curve.closed:
+        return nearest(scene, representation)
+    lines, levels = (None if each is None else int(each) for each in (lines, levels))
+    made = flow_map(scene.model, FlowSettings(cells=int(cells), lines=lines, levels=levels, gap=gap))
+    return DiskProjection(made, scene.model.curve, bilateral=scene.bilateral, resolution=made.spacing)
 
 
-def conformal_projection(model: Model, *, bilateral: bool, nodes: int | None = None) -> Projection:
-    """The projection through the conformal map of a model's inside, on `nodes` boundary nodes or as many as it needs.
+def by_conformal_map(scene: Scene, representation: str, *, nodes: float | None = None) -> Projection:
+    """Return the projection through the conformal map of a model's inside (5.17), (8.2.1).
 
-    On the unbounded line the map's limit is the vertical projection, which is the nearest point: that is used there.
-    Raises `CrowdingError` and `InputError` as `conformal_map` does.
+    It has `nodes` boundary nodes, or as many as it needs. On the unbounded line the map's limit is the vertical
+    projection, which is the nearest point: that is used there. Raises `CrowdingError` and `InputError` as
+    `conformal_map` does.
     """
-    if not model.curve.closed:
-        return nearest_in_plane(representation_of(model, "curve"), bilateral=bilateral)
-    made = once(model, ("conformal", nodes), lambda: conformal_map(model.curve, nodes=nodes))
-    return DiskProjection(made, model.curve, bilateral=bilateral, resolution=made.blur)
+    if not scene.model.curve.closed:
+        return nearest(scene, representation)
+    curve, count = scene.model.curve, None if nodes is None else int(nodes)
+    made = once(scene.model, ("conformal", count), lambda: conformal_map(curve, nodes=count))
+    return DiskProjection(made, curve, bilateral=scene.bilateral, resolution=made.blur)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from hapticeval.errors import InputError, UnknownNameError
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
 VERTICES = 40
 """Vertices of the polygon representation (thesis 4.1.1)."""
 
-GRID = (100, 100)
-"""Nodes of the level set representation (thesis 4.1.1)."""
+GRID = 100
+"""Nodes of the level set representation along each side (thesis 4.1.1)."""
 
 VERTICES_KNOB = Knob(
     values=(20, 40, 80, 160, 320, 640, 1280, 2560),
@@ -47,12 +48,6 @@ CELL_KNOB = Knob(
     unit="m",
     meaning="side of a cell of the look-up table",
 )
-
-CELLS = 200
-"""Cells of the flow grid along the model's longer side."""
-
-GAP = 1e-6
-"""Least distance of transversal lines as a share of their mean: enough to keep their order, and no more."""
 
 FLOW_KNOBS = {
     "cells": Knob(
@@ -86,7 +81,8 @@ REPRESENTATIONS = ("curve", "polygon", "level-set", LUT)
 class ProjectiveFamily:
     """A factory of projective renderers, and, by `variant`, of those with another scheme or representation.
 
-    Calling it with a scene builds the renderer, with `project(scene, representation, **settings)` as its projection.
+    Calling it with a scene builds the renderer, with `project(scene, representation, **settings)` as its projection;
+    `project` is named as module:function of this package, which is imported with the first renderer.
     `offered_knobs` are the knobs of each representation, and `settings` those that are set. On `lut`, which a family
     without memory may list, that projection is read from a table. With `bends` the projection knows the curvature where
     it projects to on the exact curve, for the schemes that need it. A model of straight edges is its own polygon: there
@@ -95,7 +91,7 @@ class ProjectiveFamily:
     """
 
     summary: str
-    project: Callable[..., Projection]
+    project: str
     representations: tuple[str, ...]
     representation: str
     regulation: str = "pp"
@@ -164,61 +160,10 @@ class ProjectiveFamily:
         return regulated(self._projection(scene), REGULATIONS[self.regulation], scene)
 
     def _projection(self, scene: Scene) -> Projection:
+        module, _, function = self.project.partition(":")
+        project: Callable[..., Projection] = getattr(import_module(f"hapticeval.renderers.{module}"), function)
         if self.representation != LUT:
-            return self.project(scene, self.representation, **self.settings)
+            return project(scene, self.representation, **self.settings)
         from hapticeval.renderers.tabulated import tabulated
 
-        return tabulated(self.project, scene, TABULATED, **self.settings)
-
-
-def by_constraint(scene: Scene, representation: str, *, vertices: float = VERTICES) -> Projection:
-    """The constraint projection (4.3) on a representation of the scene's model."""
-    from hapticeval.renderers.god_object import god_object
-    from hapticeval.renderers.outline import representation_of
-
-    return god_object(representation_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)
-
-
-def by_minimum_distance(
-    scene: Scene, representation: str, *, vertices: float = VERTICES, grid: float = GRID[0]
-) -> Projection:
-    """The minimum distance projection (4.2) on a representation of the scene's model; in space on the exact surface."""
-    from hapticeval.renderers.contour import nearest_on_level_set
-    from hapticeval.renderers.nearest import nearest_in_plane, nearest_in_space
-    from hapticeval.renderers.outline import representation_of
-
-    if scene.model.dimension == 3 and representation == "curve":
-        return nearest_in_space(scene.model.surface, bilateral=scene.bilateral)
-    if representation == "level-set" and scene.model.curve.closed:
-        return nearest_on_level_set(scene.model, (int(grid), int(grid)), bilateral=scene.bilateral)
-    return nearest_in_plane(representation_of(scene.model, representation, int(vertices)), bilateral=scene.bilateral)
-
-
-def by_conformal(scene: Scene, representation: str, *, nodes: float | None = None) -> Projection:  # noqa: ARG001
-    """The projection through the conformal map of the scene's model to the disk (5.17), (8.2.1)."""
-    from hapticeval.renderers.disk import conformal_projection
-
-    count = None if nodes is None else int(nodes)
-    return conformal_projection(scene.model, bilateral=scene.bilateral, nodes=count)
-
-
-def by_mapping(
-    scene: Scene,
-    representation: str,  # noqa: ARG001
-    *,
-    cells: float = CELLS,
-    lines: float | None = None,
-    levels: float | None = None,
-    gap: float = GAP,
-) -> Projection:
-    """The projection through the flow map of the scene's model to the disk (5.17)."""
-    from hapticeval.geometry.maps.flow import FlowSettings
-    from hapticeval.renderers.disk import mapping_projection
-
-    settings = FlowSettings(
-        cells=int(cells),
-        lines=None if lines is None else int(lines),
-        levels=None if levels is None else int(levels),
-        gap=gap,
-    )
-    return mapping_projection(scene.model, bilateral=scene.bilateral, settings=settings)
+        return tabulated(project, scene, TABULATED, **self.settings)

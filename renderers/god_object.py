@@ -10,19 +10,21 @@ the hand, and what it runs into on the way is a new contact.
 from __future__ import annotations
 
 from hapticeval.compiled import LawData, compiled
+from hapticeval.renderers.family import VERTICES
 from hapticeval.renderers.law import BILATERAL, ERROR, ROOM, regulate, release
 from hapticeval.renderers.outline import (
     LEAVES,
     Outline,
-    Representation,
     at,
     entered,
     frame,
     nearest_on,
     outline_in,
+    representation_of,
     slide,
 )
 from hapticeval.renderers.projective import CompiledProjection
+from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 TOUCHES, PIECE, AT, HIP_X, HIP_Y = range(ROOM[2], ROOM[2] + 5)
@@ -32,13 +34,14 @@ FLIGHTS = 64
 """Releases within one tick after which the side of the hand decides; each brings the tool closer to it."""
 
 
-def god_object(shown: Representation, *, bilateral: bool) -> CompiledProjection:
+def god_object(scene: Scene, representation: str, *, vertices: float = VERTICES) -> CompiledProjection:
     """Return the constraint projection on a polygon or a curve.
 
-    A run that starts with the hand inside starts in contact at the nearest surface point. With `bilateral` the tool
+    A run that starts with the hand inside starts in contact at the nearest surface point. In a bilateral scene the tool
     is never released: it follows the same local minimum of the distance with the hand on either side.
     """
-    return CompiledProjection(follow, shown.surface, bilateral=bilateral, memory=5, begin=begin, **shown.tables)
+    shown = representation_of(scene.model, representation, int(vertices))
+    return CompiledProjection(follow, shown.surface, bilateral=scene.bilateral, memory=5, begin=begin, **shown.tables)
 
 
 @compiled

@@ -71,7 +71,7 @@ class LawRenderer:
         The velocity is the difference backwards in time, as a recording has it. Returns IHIPs and forces, (n, N).
         """
         hips = as_rows(hips)
-        velocities = backward_difference(hips, dt * np.arange(len(hips)))
+        velocities = velocities_along(hips, dt)
         ihips, forces = np.empty_like(hips), np.empty_like(hips)
         self.reset(hips[0])
         law = first_class(self.law.function, LAW)
@@ -95,6 +95,11 @@ class LawRenderer:
 def as_rows(values: Array) -> Array:
     """Return numbers as kernels take them: float64, writable and contiguous."""
     return for_kernels(np.asarray(values, dtype=np.float64))
+
+
+def velocities_along(hips: Array, dt: float) -> Array:
+    """Return the velocities (n, N), m/s, of a hand at `hips` (n, N), m, every `dt` s, as a recording has them."""
+    return backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
 
 
 @compiled

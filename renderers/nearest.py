@@ -10,23 +10,27 @@ import numpy as np
 
 from hapticeval.compiled import LawData, compiled
 from hapticeval.geometry.kernels import evaluate
-from hapticeval.geometry.surface import Surface
 from hapticeval.geometry.surface_kernels import bend, dot, place, times
+from hapticeval.renderers.contour import nearest_on_level_set
+from hapticeval.renderers.family import GRID, VERTICES
 from hapticeval.renderers.law import BILATERAL, ERROR, SCHEME, regulate, release
-from hapticeval.renderers.outline import Representation, clear_of, frame, nearest_on, outline_in
-from hapticeval.renderers.projective import CompiledProjection
+from hapticeval.renderers.outline import clear_of, frame, nearest_on, outline_in, representation_of
+from hapticeval.renderers.projective import CompiledProjection, Projection
 from hapticeval.renderers.regulation import PP_PD_C
+from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 
-def nearest_in_plane(shown: Representation, *, bilateral: bool) -> CompiledProjection:
-    """Return the projection to the globally nearest point of a curve or a polygon."""
-    return CompiledProjection(in_plane, shown.surface, bilateral=bilateral, **shown.tables)
-
-
-def nearest_in_space(surface: Surface, *, bilateral: bool) -> CompiledProjection:
-    """Return the projection to the globally nearest point of a surface in space."""
-    return CompiledProjection(in_space, surface, bilateral=bilateral, segments=surface.row[np.newaxis])
+def nearest(scene: Scene, representation: str, *, vertices: float = VERTICES, grid: float = GRID) -> Projection:
+    """Return the projection on a representation of the scene's model; in space on the exact surface."""
+    model = scene.model
+    if model.dimension == 3 and representation == "curve":
+        row = model.surface.row[np.newaxis]
+        return CompiledProjection(in_space, model.surface, bilateral=scene.bilateral, segments=row)
+    if representation == "level-set" and model.curve.closed:
+        return nearest_on_level_set(model, (int(grid), int(grid)), bilateral=scene.bilateral)
+    shown = representation_of(model, representation, int(vertices))
+    return CompiledProjection(in_plane, shown.surface, bilateral=scene.bilateral, **shown.tables)
 
 
 @compiled

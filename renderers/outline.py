@@ -259,7 +259,7 @@ def outline_in(data: LawData) -> Outline:
 @compiled
 def closed(b: Outline) -> bool:
     """Return whether it is closed; else it is the unbounded line."""
-    return b.pieces[0, KIND] != UNBOUNDED
+    return bool(b.pieces[0, KIND] != UNBOUNDED)
 
 
 def straight(curve: Curve) -> bool:

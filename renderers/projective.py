@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from hapticeval.compiled import LAW, LawData, compiled, first_class, law_data
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.recordings.recording import backward_difference
 from hapticeval.renderer import CompiledLaw, Declaration, Response
 from hapticeval.renderers.law import (
     BILATERAL,
@@ -23,6 +22,7 @@ from hapticeval.renderers.law import (
     gains,
     regulate,
     release,
+    velocities_along,
 )
 from hapticeval.renderers.regulation import Regulation
 from hapticeval.scene import Scene
@@ -35,8 +35,8 @@ class Projected(NamedTuple):
     Out of contact the IHIP is the HIP and the normal is zero.
     """
 
-    ihip: ArrayLike
-    normal: ArrayLike
+    ihip: Sequence[float] | Array
+    normal: Sequence[float] | Array
     contact: bool
 
 
@@ -47,9 +47,12 @@ class Projection(Protocol):
     which the projection is blurred, and `standoff` (m) how far it may lie off the model: both zero where it is exact.
     """
 
-    surface: Boundary
     resolution: float
     standoff: float
+
+    @property
+    def surface(self) -> Boundary:
+        """What is really rendered."""
 
     def project(self, hip: Array) -> Projected:
         """One tick, for a projection without memory."""
@@ -60,8 +63,9 @@ class Projection(Protocol):
 
 def regulated(projection: Projection, regulation: Regulation, scene: Scene) -> ProjectiveRenderer | ProjectedRenderer:
     """Return the renderer that a projection makes with a scheme and the scene's gains."""
-    kind = ProjectiveRenderer if isinstance(projection, CompiledProjection) else ProjectedRenderer
-    return kind(projection, regulation, scene)
+    if isinstance(projection, CompiledProjection):
+        return ProjectiveRenderer(projection, regulation, scene)
+    return ProjectedRenderer(projection, regulation, scene)
 
 
 class CompiledProjection:
@@ -161,7 +165,7 @@ class ProjectedRenderer:
         Returns IHIPs and forces, (n, N).
         """
         hips = as_rows(hips)
-        velocities = backward_difference(hips, dt * np.arange(len(hips)))
+        velocities = velocities_along(hips, dt)
         self.reset(hips[0])
         ihips, normals, contact = self.projection.trace(hips)
         answers, forces = np.hstack([ihips, normals]), np.empty_like(hips)

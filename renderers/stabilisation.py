@@ -16,6 +16,7 @@ from hapticeval.errors import DomainError, InputError, RefusalError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.model import Model
+from hapticeval.geometry.surface import Surface
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import CompiledLaw
@@ -130,6 +131,8 @@ class SurfaceStabilisation(Stabilisation):
     Raises `RefusalError` for a plane model and, with `atlas`, for anything but a sphere, and `InputError` for gains
     that are unstable at the sampling time.
     """
+
+    surface: Surface
 
     def __init__(self, scene: Scene, *, atlas: bool) -> None:
         surface = scene.model.surface

@@ -1,7 +1,5 @@
 """A look-up table of a projection without memory (thesis 6.2): IHIP and normal at the nodes of a uniform grid.
 
-Compiled look-ups in tables of IHIPs and normals: bilinear in the plane, trilinear in space.
-
 A table is `nodes` (..., y, x, 2N), IHIP and outward unit normal interleaved; `cells` (..., y, x), one byte a cell; and
 `frame` (N + 1,): the first node (m), and one over the cell's side (1/m). A byte of `cells` says how the cell between
 its nodes is read:
@@ -14,6 +12,7 @@ its nodes is read:
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,48 +35,34 @@ OUT, TOUCHES, ASK = 0, 1, 2
 
 @compiled
 def look_up(
-    nodes: Array, cells: ByteArray, frame: Array, everywhere: bool, ask: bool, x: float, y: float
+    nodes: Array, cells: ByteArray, frame: Array, everywhere: bool, x: float, y: float
 ) -> tuple[int, float, float, float, float]:
-    """One HIP (m): (status, IHIP x, y, normal x, y). Free answers hold the HIP and a zero normal.
+    """One HIP (m): (status, IHIP x, y, normal x, y). Answers that do not touch hold the HIP and a zero normal.
 
-    A marked cell answers ASK with `ask`, else with the node that is nearest to the HIP: a surface point and its own
-    normal, whatever the neighbours say. Off the grid is free, or, in a table that answers `everywhere`, treated as
-    marked.
+    A marked cell, and in a table that answers `everywhere` what is off the grid, is to be asked of the projection.
     """
     rows, columns = cells.shape
     a, b = (x - frame[0]) * frame[2], (y - frame[1]) * frame[2]
-    if 0.0 <= a <= columns and 0.0 <= b <= rows:
-        i, j = min(np.uint64(np.int64(a)), np.uint64(columns - 1)), min(np.uint64(np.int64(b)), np.uint64(rows - 1))
-        kind = cells[j, i]
-    elif everywhere and a == a and b == b:
-        a, b = min(max(a, 0.0), float(columns)), min(max(b, 0.0), float(rows))
-        i, j = min(np.uint64(np.int64(a)), np.uint64(columns - 1)), min(np.uint64(np.int64(b)), np.uint64(rows - 1))
-        kind = np.uint8(HELD + MARKED)
-    else:
-        return OUT, x, y, 0.0, 0.0
-    if kind == FREE:
-        return OUT, x, y, 0.0, 0.0
-    a, b = a - np.int64(i), b - np.int64(j)
-    if kind < MARKED:
-        px, py, nx, ny = _bilinear(nodes, i, j, a, b)
-    elif ask:
-        return ASK, x, y, 0.0, 0.0
-    else:
-        i, j = i + np.uint64(a > 0.5), j + np.uint64(b > 0.5)
-        px, py, nx, ny = nodes[j, i, 0], nodes[j, i, 1], nodes[j, i, 2], nodes[j, i, 3]
-    if kind & EDGE and not (x - px) * nx + (y - py) * ny < 0.0:
+    if not (0.0 <= a <= columns and 0.0 <= b <= rows):
+        return ASK if everywhere and a == a and b == b else OUT, x, y, 0.0, 0.0
+    i, j = min(np.uint64(np.int64(a)), np.uint64(columns - 1)), min(np.uint64(np.int64(b)), np.uint64(rows - 1))
+    kind = cells[j, i]
+    if kind == FREE or kind >= MARKED:
+        return OUT if kind == FREE else ASK, x, y, 0.0, 0.0
+    px, py, nx, ny = _bilinear(nodes, i, j, a - np.int64(i), b - np.int64(j))
+    if kind == EDGE and not (x - px) * nx + (y - py) * ny < 0.0:
         return OUT, x, y, 0.0, 0.0
     return TOUCHES, px, py, nx, ny
 
 
 @compiled
 def look_up_many(
-    nodes: Array, cells: ByteArray, frame: Array, everywhere: bool, ask: bool, hips: Array
+    nodes: Array, cells: ByteArray, frame: Array, everywhere: bool, hips: Array
 ) -> tuple[Array, Array, ByteArray]:
     """`look_up` for each row of hips (n, 2): IHIPs (n, 2), normals (n, 2), status (n,).
 
     A block at a time: first the cells of its HIPs, without a branch that chance decides; then all that is interpolated,
-    in a row; what is left to the nearest node, last.
+    in a row.
     """
     count, (rows, columns) = hips.shape[0], cells.shape
     ihips, normals = np.empty_like(hips), np.empty_like(hips)
@@ -100,18 +85,13 @@ def look_up_many(
                 held += np.uint64((kind != FREE) & (kind < MARKED))
                 status[k] = (kind >> 1) & ASK
             else:
-                status[k] = ASK if everywhere else OUT
+                status[k] = ASK if everywhere and a == a and b == b else OUT
         for q in range(held):
             m = which[q]
             px, py, nx, ny = _bilinear(nodes, across[q], up[q], right[q], above[q])
             if kinds[q] == HELD or (hips[m, 0] - px) * nx + (hips[m, 1] - py) * ny < 0.0:
                 ihips[m, 0], ihips[m, 1], normals[m, 0], normals[m, 1] = px, py, nx, ny
                 status[m] = TOUCHES
-    if not ask or everywhere:
-        for left in np.flatnonzero(status == ASK):
-            status[left], ihips[left, 0], ihips[left, 1], normals[left, 0], normals[left, 1] = look_up(
-                nodes, cells, frame, everywhere, ask, hips[left, 0], hips[left, 1]
-            )
     return ihips, normals, status
 
 
@@ -126,49 +106,6 @@ def _bilinear(nodes: Array, i: np.uint64, j: np.uint64, a: float, b: float) -> t
     ny = w00 * nodes[j, i, 3] + w10 * nodes[j, right, 3] + w01 * nodes[above, i, 3] + w11 * nodes[above, right, 3]
     size = 1.0 / math.sqrt(nx * nx + ny * ny)
     return px, py, nx * size, ny * size
-
-
-@compiled
-def look_up_3d(
-    nodes: Array, cells: ByteArray, frame: Array, everywhere: bool, hips: Array
-) -> tuple[Array, Array, ByteArray]:
-    """The same in space, for each row of hips (n, 3); marked cells answer with their nearest node."""
-    layers, rows, columns = cells.shape
-    ihips, normals = hips.copy(), np.zeros_like(hips)
-    status = np.zeros(hips.shape[0], np.uint8)
-    mean = np.empty(6)
-    for m in range(hips.shape[0]):
-        a = (hips[m, 0] - frame[0]) * frame[3]
-        b = (hips[m, 1] - frame[1]) * frame[3]
-        c = (hips[m, 2] - frame[2]) * frame[3]
-        on = 0.0 <= a <= columns and 0.0 <= b <= rows and 0.0 <= c <= layers
-        if not on:
-            if not everywhere or a != a or b != b or c != c:
-                continue
-            a, b, c = min(max(a, 0.0), columns), min(max(b, 0.0), rows), min(max(c, 0.0), layers)
-        i, j, k = min(int(a), columns - 1), min(int(b), rows - 1), min(int(c), layers - 1)
-        kind = cells[k, j, i] if on else np.uint8(HELD + MARKED)
-        if kind == FREE:
-            continue
-        a, b, c = a - i, b - j, c - k
-        if kind < MARKED:
-            mean[:] = 0.0
-            for corner in range(8):
-                p, q, r = corner & 1, (corner >> 1) & 1, corner >> 2
-                weight = (a if p else 1.0 - a) * (b if q else 1.0 - b) * (c if r else 1.0 - c)
-                for column in range(6):
-                    mean[column] += weight * nodes[k + r, j + q, i + p, column]
-            mean[3:] /= math.sqrt(mean[3] ** 2 + mean[4] ** 2 + mean[5] ** 2)
-        else:
-            mean[:] = nodes[k + int(c > 0.5), j + int(b > 0.5), i + int(a > 0.5)]
-        side = 0.0
-        for axis in range(3):
-            side += (hips[m, axis] - mean[axis]) * mean[3 + axis]
-        if kind & EDGE and side >= 0.0:
-            continue
-        status[m] = TOUCHES
-        ihips[m], normals[m] = mean[:3], mean[3:]
-    return ihips, normals, status
 
 
 CELL = 0.5e-3
@@ -247,33 +184,45 @@ class Table:
         """The memory that nodes and cells take, as measured on the arrays."""
         return self.nodes.nbytes + self.cells.nbytes
 
-    def look(self, x: float, y: float, *, ask: bool) -> tuple[int, float, float, float, float]:
+    def look(self, x: float, y: float) -> tuple[int, float, float, float, float]:
         """One HIP in the plane: (status, IHIP x, y, normal x, y), see `look_up`."""
-        nodes, cells, frame = self._arrays
-        return look_up(nodes, cells, frame, self.everywhere, ask, x, y)
+        return look_up(*self._arrays, self.everywhere, x, y)
 
-    def look_many(self, hips: Array, *, ask: bool) -> tuple[Array, Array, ByteArray]:
+    def look_many(self, hips: Array) -> tuple[Array, Array, ByteArray]:
         """`look` for each row of hips (n, 2): IHIPs, normals, status."""
-        nodes, cells, frame = self._arrays
-        return look_up_many(nodes, cells, frame, self.everywhere, ask, hips)
+        return look_up_many(*self._arrays, self.everywhere, hips)
 
     def answers(self, hips: Array) -> tuple[Array, Array, BoolArray]:
-        """IHIPs (n, N), normals (n, N) and contact (n,) for hips (n, N), m, from the table alone.
+        """IHIPs (n, N), normals (n, N) and contact (n,) for hips (n, N), m, from the table alone, in plane and space.
 
-        A HIP off the grid is in free space. In a marked cell the nearest node answers: a point of the surface.
+        A HIP off the grid is in free space, or, `everywhere`, taken as that of the nearest cell. In a marked cell the
+        nearest node answers: a point of the surface.
         """
         hips = np.ascontiguousarray(hips, dtype=np.float64)
-        if hips.ndim != 2 or hips.shape[1] != self.grid.dimension:
+        n = self.grid.dimension
+        if hips.ndim != 2 or hips.shape[1] != n:
             raise InputError(
-                f"HIPs of shape {hips.shape} for a table of {self.grid.dimension} dimensions",
-                why=f"they must be rows of {self.grid.dimension} numbers",
+                f"HIPs of shape {hips.shape} for a table of {n} dimensions",
+                why=f"they must be rows of {n} numbers",
             )
-        if self.grid.dimension == 2:
-            ihips, normals, status = self.look_many(hips, ask=False)
-        else:
-            nodes, cells, frame = self._arrays
-            ihips, normals, status = look_up_3d(nodes, cells, frame, self.everywhere, hips)
-        return ihips, normals, status == TOUCHES
+        most = np.array(self.grid.cells)
+        asked = (hips - self.grid.origin) / self.grid.cell
+        on = np.all((asked >= 0.0) & (asked <= most), axis=1)
+        at = np.clip(np.nan_to_num(asked), 0.0, most)
+        cell = np.minimum(at.astype(np.int64), most - 1)
+        share, kinds = at - cell, self.cells[tuple(cell.T[::-1])]
+        kinds = np.where(on, kinds, HELD + MARKED if self.everywhere else FREE)
+        share = np.where((kinds >= MARKED)[:, np.newaxis], share > 0.5, share)
+        mean = np.zeros((len(hips), 2 * n))
+        for corner in itertools.product((0, 1), repeat=n):
+            weight = np.prod(np.where(corner, share, 1.0 - share), axis=1)
+            mean += weight[:, np.newaxis] * self.nodes[tuple((cell + corner).T[::-1])]
+        ihips, normals = mean[:, :n], mean[:, n:]
+        with np.errstate(invalid="ignore"):
+            normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        behind = np.sum((hips - ihips) * normals, axis=1) < 0.0
+        contact = (kinds != FREE) & (behind | (kinds & EDGE == 0)) & ~np.isnan(hips).any(axis=1)
+        return np.where(contact[:, None], ihips, hips), np.where(contact[:, None], normals, 0.0), contact
 
     @cached_property
     def _arrays(self) -> tuple[Array, ByteArray, Array]:

@@ -295,14 +295,14 @@ class LutProjection:
     def project(self, hip: Array) -> Projected:
         """One tick."""
         x, y = hip.tolist()
-        status, px, py, nx, ny = self.table.look(x, y, ask=True)
+        status, px, py, nx, ny = self.table.look(x, y)
         if status == ASK:
             return self._exact.project(hip)
         return Projected((px, py), (nx, ny), status == TOUCHES)
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
         """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""
-        ihips, normals, status = self.table.look_many(hips, ask=True)
+        ihips, normals, status = self.table.look_many(hips)
         contact = status == TOUCHES
         asked = np.flatnonzero(status == ASK)
         if asked.size:

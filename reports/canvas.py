@@ -7,7 +7,6 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from contextvars import ContextVar
 from html import escape
 from pathlib import Path
 from types import MappingProxyType
@@ -43,12 +42,12 @@ PALETTE: Mapping[str, str] = MappingProxyType(
 
 THEME: Mapping[str, str] = MappingProxyType(
     {
-        "ink": "#010101",
-        "quiet": "#020202",
-        "grid": "#030303",
-        "model": "#040404",
-        "ray": "#050505",
-        "paper": "#060606",
+        "ink": "#1c1f23",
+        "quiet": "#6b7280",
+        "grid": "#e3e6ea",
+        "model": "#eef0f3",
+        "ray": "#9aa3ae",
+        "paper": "#fefefe",
         "hip": "#0072b2",
         "ihip": "#d55e00",
         "one": "#009e73",
@@ -59,25 +58,8 @@ THEME: Mapping[str, str] = MappingProxyType(
 )
 """Role -> the colour that it is drawn in, which becomes `var(--fig-<role>)`: the page defines how it looks.
 
-Curves are in the colour-blind-safe palette of Okabe and Ito; the greys are mere stand-ins, told apart by their last
-digit.
+Curves are in the colour-blind-safe palette of Okabe and Ito; no two roles share a colour.
 """
-
-PAPER: Mapping[str, str] = MappingProxyType(
-    {
-        **THEME,
-        "ink": "#1c1f23",
-        "quiet": "#6b7280",
-        "grid": "#e3e6ea",
-        "model": "#eef0f3",
-        "ray": "#9aa3ae",
-        "paper": "#ffffff",
-    }
-)
-"""The same for a figure that stands alone: the page's light colours in place of the stand-ins."""
-
-_ROLES: ContextVar[Mapping[str, str]] = ContextVar("_ROLES", default=THEME)
-"""Which of the two the figure being drawn is in."""
 
 STYLE: Mapping[str, Any] = {
     "svg.fonttype": "none",
@@ -102,22 +84,13 @@ STYLE: Mapping[str, Any] = {
     "legend.frameon": False,
     "lines.linewidth": 1.1,
     "axes.unicode_minus": True,
+    **dict.fromkeys(("text.color", "axes.labelcolor", "xtick.labelcolor", "ytick.labelcolor"), THEME["ink"]),
+    **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), THEME["quiet"]),
+    "grid.color": THEME["grid"],
 }
 """matplotlib's settings. Curves are simplified to half a point, which keeps every peak and a long recording small."""
 
-COLOURS = {
-    "text.color": "ink",
-    "axes.labelcolor": "ink",
-    "axes.edgecolor": "quiet",
-    "xtick.color": "quiet",
-    "ytick.color": "quiet",
-    "xtick.labelcolor": "ink",
-    "ytick.labelcolor": "ink",
-    "grid.color": "grid",
-}
-"""Roles of matplotlib's colours on the page, see `THEME`."""
-
-BOXED: Mapping[str, Any] = {"axes.spines.top": True, "axes.spines.right": True, "axes.edgecolor": QUIET}
+BOXED: Mapping[str, Any] = {"axes.spines.top": True, "axes.spines.right": True}
 """Settings of a figure whose axes have all four sides."""
 
 
@@ -127,29 +100,17 @@ def figure(
 ) -> Iterator[Figure]:
     """Make a figure of `width` by `height` inches in the common style, to be drawn and saved inside the block.
 
-    With `page` it is transparent, in the page's colours, for `page_svg`; else white, for `save_figure`. `settings` are
-    matplotlib's rcParams on top of the style, `options` arguments of its `Figure`.
+    With `page` it is transparent, for `page_svg`; else white, for `save_figure`. `settings` are matplotlib's rcParams
+    on top of the style, `options` arguments of its `Figure`.
     """
     from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
-    colours = {key: THEME[role] for key, role in COLOURS.items()} if page else {}
-    style: Any = {**STYLE, **colours, **(settings or {})}
-    roles = _ROLES.set(THEME if page else PAPER)
-    try:
-        with rc_context(style):
-            made = Figure(figsize=(width, height), **options)
-            if page:
-                FigureCanvasSVG(made)
-                made.patch.set_visible(False)
-            else:
-                FigureCanvasAgg(made)
-                made.set_facecolor("white")
-            yield made
-    finally:
-        _ROLES.reset(roles)
+    style: Any = {**STYLE, **(settings or {})}
+    with rc_context(style):
+        made = Figure(figsize=(width, height), facecolor="white", **options)
+        made.patch.set_visible(not page)
+        yield made
 
 
 def page_svg(made: Figure, *, prefix: str, title: str) -> str:
@@ -193,7 +154,7 @@ def save_figure(
 
 def drawn(role: str) -> str:
     """Return the colour to draw a role in; on a page `inlined` turns it into the page's."""
-    return _ROLES.get()[role]
+    return THEME[role]
 
 
 def trace(axes: Axes, recording: Recording, values: Array, role: str, **style: Any) -> None:

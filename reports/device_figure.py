@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hapticeval.devices.criteria import cartesian_inertia
-from hapticeval.devices.parallelogram import EDGES, Parallelogram, Parallelogram2, Parallelogram3, corners
-from hapticeval.devices.parallelogram_kernels import BASE_LIMIT
+from hapticeval.devices.parallelogram import BASE_LIMIT, EDGES, Parallelogram, Parallelogram2, Parallelogram3, corners
 from hapticeval.devices.workspace import lattice
 from hapticeval.errors import DomainError
 from hapticeval.quantity import quantity

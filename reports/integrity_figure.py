@@ -39,7 +39,7 @@ def write_integrity(
 
     stem = "integrity-" + (stem or file_stem(re.sub(r"[ :=,.]+", "-", title).strip("-")))
     names, left = list(recording.channels)[:MOST], list(recording.channels)[MOST:]
-    with figure(7.2, 2.25 + 1.15 * len(names), settings={"axes.edgecolor": GREY}, layout="constrained") as made:
+    with figure(7.2, 2.25 + 1.15 * len(names), layout="constrained") as made:
         *channels, clock = panels = made.subplots(len(names) + 1, 1, sharex=True, squeeze=False)[:, 0]
         valid = soundness.rows(len(recording))
         for axes, name in zip(channels, names, strict=True):

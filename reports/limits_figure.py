@@ -25,7 +25,7 @@ def write_limits(directory: Path, document: Mapping[str, Any]) -> list[Path]:
     """
     case = document["scene"].rpartition("/")[2]
     panels = [_width, _delay, *([_workspace] if document["workspace"] else [])]
-    with figure(4.6 * len(panels), 4.4, settings={"axes.edgecolor": QUIET}, layout="constrained") as made:
+    with figure(4.6 * len(panels), 4.4, layout="constrained") as made:
         for axes, draw in zip(made.subplots(1, len(panels)), panels, strict=True):
             draw(axes, document)
             axes.legend(fontsize=8, loc="upper right" if draw is _workspace else "best")

@@ -114,6 +114,8 @@ def render_html(
     numbers = {run.key: index for index, run in enumerate(results.runs)}
     outcomes = Counter(verdict.outcome for verdict in results.verdicts)
     recorded = {run.renderer for run in results.runs if run.is_recorded}
+    used = dict.fromkeys(verdict.check for verdict in results.verdicts)
+    known = {name: CHECKS[name] for name in used if name in CHECKS}
     template = environment.from_string(files.joinpath("report.html.j2").read_text(encoding="utf-8"))
     return template.render(
         css=Markup(files.joinpath("report.css").read_text(encoding="utf-8")),
@@ -133,7 +135,7 @@ def render_html(
         summary=_summary(results),
         suites=_suites(results, cases),
         cases=cases,
-        closed_forms=_closed_forms(results, {name for name, check in CHECKS.items() if check.section == CLOSED_FORMS}),
+        closed_forms=_closed_forms(results, {name for name, check in known.items() if check.section == CLOSED_FORMS}),
         forms=FORMS,
         anchor=lambda verdict: anchors[id(verdict)],
         number=lambda run: numbers[run.key],
@@ -147,7 +149,7 @@ def render_html(
         robot_words=robot_words,
         ended_words=ended_words,
         figures_cited=figures_cited,
-        checks=[CHECKS[name] for name in dict.fromkeys(each.check for each in results.verdicts) if name in CHECKS],
+        checks=list(known.values()),
         bench=bench,
         bench_plots=[] if bench is None else bench_plots(bench),
         titles=TITLES,
@@ -252,17 +254,10 @@ def _closed_forms(results: ResultsDocument, checks: set[str]) -> list[tuple[RunE
 
 def _brief(value: Any) -> str:
     """Evidence as JSON text, numbers to six digits."""
-    return value if isinstance(value, str) else json.dumps(_rounded(value), ensure_ascii=False)
-
-
-def _rounded(value: Any) -> Any:
-    if isinstance(value, float):
-        return float(f"{value:.6g}")
-    if isinstance(value, list):
-        return [_rounded(each) for each in value]
-    if isinstance(value, dict):
-        return {name: _rounded(each) for name, each in value.items()}
-    return value
+    if isinstance(value, str):
+        return value
+    rounded = json.loads(json.dumps(value), parse_float=lambda text: float(f"{float(text):.6g}"))
+    return json.dumps(rounded, ensure_ascii=False)
 
 
 def _model_words(run: RunEntry) -> str:

@@ -33,7 +33,7 @@ def write_precision(directory: Path, document: Mapping[str, Any]) -> list[Path]:
     """
     devices = document["devices"]
     width = 0.6 + 4.2 * len(devices)
-    with figure(width, 4.6, settings={"grid.linewidth": 0.4, "grid.color": "#dddddd"}) as made:
+    with figure(width, 4.6, settings={"grid.linewidth": 0.4}) as made:
         panels = made.subplots(1, len(devices), squeeze=False, sharey=True)[0]
         made.subplots_adjust(left=0.7 / width, right=0.985, top=0.92, bottom=0.235, wspace=0.05)
         for axes, device in zip(panels, devices, strict=True):
@@ -50,12 +50,13 @@ def _draw_panel(axes: Axes, device: Mapping[str, Any], document: Mapping[str, An
     axes.grid(True, which="major")
     for method in device["methods"]:
         name, (colour, marker) = method["name"], LOOKS[method["name"]]
-        places = {point["tolerance"]: (MS * point["seconds_per_second"], point["error"]) for point in method["points"]}
+        places = [(MS * point["seconds_per_second"], point["error"]) for point in method["points"]]
         style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 4, "linewidth": 0.9}
-        axes.plot(*zip(*places.values(), strict=True), label=f"{name} (order {method['order']})", **style)
+        axes.plot(*zip(*places, strict=True), label=f"{name} (order {method['order']})", **style)
         if name == default["method"]:
+            used = [point["tolerance"] for point in method["points"]].index(default["tolerance"])
             axes.plot(
-                *places[default["tolerance"]], "o", markersize=13, markerfacecolor="none", markeredgecolor=INK,
+                *places[used], "o", markersize=13, markerfacecolor="none", markeredgecolor=INK,
                 markeredgewidth=1.4, label=f"what closed loops use: {name}, tolerance {default['tolerance']:.0e}",
             )  # fmt: skip
     target = document["target"]

@@ -13,7 +13,7 @@ import numpy as np
 from hapticeval.files import plain, without_non_finite
 from hapticeval.recordings.compare.align import COLUMNS, Aligned
 from hapticeval.recordings.compare.spread import Band, Comparison
-from hapticeval.reports.canvas import QUIET, figure, save_figure
+from hapticeval.reports.canvas import figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,9 +28,7 @@ TITLES = {
 }
 ALONG = {"angle": "polar angle of the HIP", "arc": "arc length along the model"}
 WAYS = {1: "forward", -1: "backward"}
-SETTINGS = {"axes.edgecolor": QUIET, "xtick.color": QUIET, "ytick.color": QUIET, "grid.color": "#e4e7ea"} | {
-    "axes.titlesize": 9.0, "axes.titlelocation": "left", "xtick.labelcolor": "black", "ytick.labelcolor": "black",
-}  # fmt: skip
+SETTINGS = {"axes.titlesize": 9.0, "axes.titlelocation": "left"}
 
 
 def write_spread(

@@ -9,9 +9,7 @@ import msgspec
 from hapticeval.phenomena.verdict import Verdict
 from hapticeval.runner.results import Command, Environment, ResultsDocument, RunEntry, SceneEntry, Timing, VerdictEntry
 
-SCENE = SceneEntry(
-    stiffness=1000.0, damping=0.0, mass=0.1, bilateral=False, restitution=0.0, sampling_time=1e-3, viscosity=0.0
-)
+SCENE = SceneEntry(stiffness=1000.0, damping=0.0, mass=0.1, bilateral=False, restitution=0.0, sampling_time=1e-3)
 
 
 def changed(entry: Any, **changes: Any) -> Any:

@@ -37,7 +37,7 @@ LAYERS = (
 )
 """From the bottom up. A unit (a module or a subpackage) imports from lower layers, and from itself."""
 
-RENDERERS_MAY = set().union(*LAYERS[:8])
+RENDERERS_MAY = set().union(*LAYERS[: 1 + next(row for row, units in enumerate(LAYERS) if "renderer" in units)])
 """The reference renderers know geometry, devices and the protocol: all that a third party's may know."""
 
 RUNNING = {
@@ -59,7 +59,6 @@ RESULTS = {
     "runner.table",
     "study.bench.document",
     "study.projection_field.field",
-    "study.projection_field.singular",
 }
 """Modules of running units that only hold what a run leaves: they import no more than reports do."""
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from hapticeval.phenomena.verdict import Outcome
+from hapticeval.quantity import aligned
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunStarted
 
 if TYPE_CHECKING:
@@ -223,10 +224,7 @@ def _table(table: Mapping[str, Mapping[str, str]], published_table: Mapping[str,
     for title, row in table.items():
         published = published_table.get(title, {})
         lines.append([title, *(_cell(row.get(name, "-"), published.get(name)) for name in renderers)])
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return "\n".join(
-        "  ".join(f"{cell:{width}}" for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines
-    )
+    return "\n".join(aligned(lines))
 
 
 def _cell(found: str, published: str | None) -> str:

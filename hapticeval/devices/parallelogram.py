@@ -1,10 +1,16 @@
-"""The direct-drive parallelogram robot of section 2.5.5, with its base turning (3-DOF) or locked (2-DOF)."""
+"""The direct-drive parallelogram robot of section 2.5.5, with its base turning (3-DOF) or locked (2-DOF).
+
+Its equations (2.26) to (2.39) stand once, in the plain functions at the end of this file, which are compiled at their
+first use: closed loops and the methods of the classes call the same code.
+"""
+
+# ruff: noqa: ARG001 - the kernels of every device have the same arguments
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from functools import cached_property
@@ -16,6 +22,17 @@ from hapticeval.devices.device import CompiledDevice, Limit, checked_joints, che
 from hapticeval.errors import DomainError, InputError
 from hapticeval.geometry.validate import checked_number, checked_size
 from hapticeval.types import Array
+
+L1, L4, B1, B2, B3, D1, D2, D3, COUPLED, COSINE = range(10)
+
+BASE_LIMIT = SHOULDER_LIMIT = 2.4
+"""rad: |x₁| and |x₂| of (2.30)."""
+ELBOW_LOW, ELBOW_HIGH = -1.0, 2.3
+"""rad: the bounds of x₃."""
+STOP = 1.0
+"""rad: |x₂ - x₃| at the mechanical stop that keeps the parallelogram from collapsing."""
+DIAGONAL = math.sqrt(0.5)
+"""Euclidean distance in joint space to a plane x₂ - x₃ = constant, a unit of x₂ - x₃ away."""
 
 ENCODER_COUNTS = 262_144
 """Counts per turn of the robot's encoders, four for each of 65,536 lines (thesis A.1)."""
@@ -108,7 +125,7 @@ class Parallelogram(ABC):
 
     @property
     def parameters(self) -> Array:
-        """What the kernels are given: see `parallelogram_kernels`."""
+        """What the kernels are given, by the indices `L1` to `COSINE`."""
         return self._numbers.copy()
 
     @cached_property
@@ -118,9 +135,11 @@ class Parallelogram(ABC):
         return np.array([*constants, *map(float, choices)])
 
     @property
-    @abstractmethod
     def kernels(self) -> CompiledDevice:
         """For compiled loops; the methods call them too."""
+        from hapticeval.compiled import compiled_once
+
+        return CompiledDevice(*map(compiled_once, (*self._equations, margin)))
 
     def position(self, joints: ArrayLike) -> Array:
         """y = h(x) (2.28), (2.36), (N,), m, zero at home."""
@@ -146,9 +165,31 @@ class Parallelogram(ABC):
         """
         return float(self.kernels.margin(self._numbers, checked_vector(self, joints, finite=False)))
 
-    @abstractmethod
     def limits(self, joints: ArrayLike) -> tuple[Limit, ...]:
-        """What bounds the functional configuration space, joint limits and singularities, as seen from `joints`."""
+        """The joint limits of (2.30) and (2.38), open as Definition 2.4 wants, and the singularities.
+
+        Beyond the stop det J is zero, and with the base turning where the hand comes to the base's axis.
+        """
+        pose = checked_vector(self, joints, finite=False).tolist()
+        *base, shoulder, elbow = pose
+        *_, first, second = (f"x{i + 1}" for i in range(len(pose)))
+        linkage = (
+            Limit.between(first, shoulder, -SHOULDER_LIMIT, SHOULDER_LIMIT),
+            Limit.between(second, elbow, ELBOW_LOW, ELBOW_HIGH),
+            Limit.between(f"{first} - {second}", shoulder - elbow, -STOP, STOP, scale=DIAGONAL),
+            Limit(
+                "the linkage stretched or folded",
+                (0.5 * math.pi - abs(shoulder - elbow)) * DIAGONAL,
+                f"|{first} - {second}| is {abs(shoulder - elbow):.6g} rad, and the linkage singular at 90 degrees",
+                True,
+            ),
+        )
+        if not base:
+            return linkage
+        l1, l4 = self.constants.l1, self.constants.l4
+        reach = l4 * math.cos(elbow) - l1 * math.sin(shoulder)
+        axis = Limit.singularity("the base's axis, l1 sin x2 = l4 cos x3", reach, reach / math.sqrt(l1 * l1 + l4 * l4))
+        return (Limit.between("x1", base[0], -BASE_LIMIT, BASE_LIMIT), *linkage, axis)
 
     def joints(self, position: ArrayLike) -> Array:
         """Inverse kinematics in closed form: (N,), rad, the one pose inside the functional configuration space.
@@ -163,6 +204,10 @@ class Parallelogram(ABC):
         except DomainError as error:
             raise self._unreachable(point, error.why) from error
         return found
+
+    @property
+    @abstractmethod
+    def _equations(self) -> tuple[Callable[..., None], Callable[..., None]]: ...
 
     @abstractmethod
     def _inverse(self, point: Array) -> Array: ...
@@ -244,24 +289,6 @@ class Parallelogram(ABC):
         """Which equations of motion it follows, in words."""
 
 
-def _linkage_limits(names: Sequence[str], shoulder: float, elbow: float) -> tuple[Limit, ...]:
-    """The limits of (2.38), and the singularity beyond the stop, where det J is zero."""
-    from hapticeval.devices import parallelogram_kernels as kernels
-
-    first, second = names
-    return (
-        Limit.between(first, shoulder, -kernels.SHOULDER_LIMIT, kernels.SHOULDER_LIMIT),
-        Limit.between(second, elbow, kernels.ELBOW_LOW, kernels.ELBOW_HIGH),
-        Limit.between(f"{first} - {second}", shoulder - elbow, -kernels.STOP, kernels.STOP, scale=kernels.DIAGONAL),
-        Limit(
-            "the linkage stretched or folded",
-            (0.5 * math.pi - abs(shoulder - elbow)) * kernels.DIAGONAL,
-            f"|{first} - {second}| is {abs(shoulder - elbow):.6g} rad, and the linkage singular at 90 degrees",
-            True,
-        ),
-    )
-
-
 @dataclass(frozen=True)
 class Parallelogram2(Parallelogram):
     """The robot with its base locked (2.34) to (2.39): joints (x₁, x₂), hand (y₁, y₂) in the vertical plane.
@@ -275,16 +302,8 @@ class Parallelogram2(Parallelogram):
     dimension = 2
 
     @property
-    def kernels(self) -> CompiledDevice:
-        """For compiled loops; the methods call them too."""
-        from hapticeval.devices import parallelogram_kernels as kernels
-
-        return CompiledDevice(kernels.kinematics2, kernels.dynamics2, kernels.margin2)
-
-    def limits(self, joints: ArrayLike) -> tuple[Limit, ...]:
-        """The joint limits of (2.38), open as Definition 2.4 wants, and the singularity beyond the stop."""
-        shoulder, elbow = checked_vector(self, joints, finite=False).tolist()
-        return _linkage_limits(("x1", "x2"), shoulder, elbow)
+    def _equations(self) -> tuple[Callable[..., None], Callable[..., None]]:
+        return kinematics2, dynamics2
 
     @property
     def described_dynamics(self) -> str:
@@ -313,24 +332,8 @@ class Parallelogram3(Parallelogram):
     dimension = 3
 
     @property
-    def kernels(self) -> CompiledDevice:
-        """For compiled loops; the methods call them too."""
-        from hapticeval.devices import parallelogram_kernels as kernels
-
-        return CompiledDevice(kernels.kinematics3, kernels.dynamics3, kernels.margin3)
-
-    def limits(self, joints: ArrayLike) -> tuple[Limit, ...]:
-        """The joint limits of (2.30), open, the singularity of (2.33), and that beyond the stop."""
-        from hapticeval.devices.parallelogram_kernels import BASE_LIMIT
-
-        base, shoulder, elbow = checked_vector(self, joints, finite=False).tolist()
-        l1, l4 = self.constants.l1, self.constants.l4
-        reach = l4 * math.cos(elbow) - l1 * math.sin(shoulder)
-        return (
-            Limit.between("x1", base, -BASE_LIMIT, BASE_LIMIT),
-            *_linkage_limits(("x2", "x3"), shoulder, elbow),
-            Limit.singularity("the base's axis, l1 sin x2 = l4 cos x3", reach, reach / math.sqrt(l1 * l1 + l4 * l4)),
-        )
+    def _equations(self) -> tuple[Callable[..., None], Callable[..., None]]:
+        return kinematics3, dynamics3
 
     @property
     def described_dynamics(self) -> str:
@@ -345,8 +348,6 @@ class Parallelogram3(Parallelogram):
 
     def size(self, n: int = 20_000) -> float:
         """Return the volume of the functional workspace, m³, by Pappus: the base's angle times the first moment."""
-        from hapticeval.devices.parallelogram_kernels import BASE_LIMIT
-
         x, up = self.section(n).T
         x = x + self.constants.l4
         across, above = np.roll(x, -1), np.roll(up, -1)
@@ -367,9 +368,7 @@ def corners() -> Array:
 
     In the order of `EDGES`.
     """
-    from hapticeval.devices import parallelogram_kernels as kernels
-
-    low, high, stop, end = kernels.ELBOW_LOW, kernels.ELBOW_HIGH, kernels.STOP, kernels.SHOULDER_LIMIT
+    low, high, stop, end = ELBOW_LOW, ELBOW_HIGH, STOP, SHOULDER_LIMIT
     return np.array([(low - stop, low), (low + stop, low), (end, end - stop), (end, high), (high - stop, high)])
 
 
@@ -382,3 +381,103 @@ def _right_of(outline: Array, axis: float) -> Array:
         if (here[0] > axis) != (there[0] > axis):
             kept.append(here + (axis - here[0]) / (there[0] - here[0]) * (there - here))
     return np.array(kept)
+
+
+def kinematics2(
+    parameters: Array, joints: Array, rates: Array, position: Array, velocity: Array, jacobian: Array, drift: Array
+) -> None:
+    """(2.36), (2.37)."""
+    l1, l4 = parameters[L1], parameters[L4]
+    sin1, cos1 = l1 * math.sin(joints[0]), l1 * math.cos(joints[0])
+    sin2, cos2 = l4 * math.sin(joints[1]), l4 * math.cos(joints[1])
+    first, second = rates[0], rates[1]
+    position[0] = cos2 - sin1 - l4
+    position[1] = sin2 + cos1 - l1
+    jacobian[0, 0], jacobian[0, 1] = -cos1, -sin2
+    jacobian[1, 0], jacobian[1, 1] = -sin1, cos2
+    velocity[0] = -cos1 * first - sin2 * second
+    velocity[1] = -sin1 * first + cos2 * second
+    drift[0] = sin1 * first * first - cos2 * second * second
+    drift[1] = -cos1 * first * first - sin2 * second * second
+
+
+def dynamics2(parameters: Array, joints: Array, rates: Array, inertia: Array, bias: Array) -> None:
+    """(2.35): both inertias are constant, so that no velocity terms are missing from it."""
+    inertia[0, 0], inertia[0, 1] = parameters[D2], 0.0
+    inertia[1, 0], inertia[1, 1] = 0.0, parameters[D3]
+    bias[0] = parameters[B2] * rates[0]
+    bias[1] = parameters[B3] * rates[1]
+
+
+def kinematics3(
+    parameters: Array, joints: Array, rates: Array, position: Array, velocity: Array, jacobian: Array, drift: Array
+) -> None:
+    """(2.28), (2.29), by the distance r = ℓ₄ cos x₃ - ℓ₁ sin x₂ from the base's axis."""
+    l1, l4 = parameters[L1], parameters[L4]
+    sin1, cos1 = math.sin(joints[0]), math.cos(joints[0])
+    sin2, cos2 = l1 * math.sin(joints[1]), l1 * math.cos(joints[1])
+    sin3, cos3 = l4 * math.sin(joints[2]), l4 * math.cos(joints[2])
+    first, second, third = rates[0], rates[1], rates[2]
+    reach = cos3 - sin2
+    reach_rate = -sin3 * third - cos2 * second
+    reach_drift = -cos3 * third * third + sin2 * second * second
+    position[0] = cos1 * reach - l4
+    position[1] = sin1 * reach
+    position[2] = sin3 + cos2 - l1
+    jacobian[0, 0], jacobian[0, 1], jacobian[0, 2] = -sin1 * reach, -cos1 * cos2, -cos1 * sin3
+    jacobian[1, 0], jacobian[1, 1], jacobian[1, 2] = cos1 * reach, -sin1 * cos2, -sin1 * sin3
+    jacobian[2, 0], jacobian[2, 1], jacobian[2, 2] = 0.0, -sin2, cos3
+    velocity[0] = cos1 * reach_rate - sin1 * reach * first
+    velocity[1] = sin1 * reach_rate + cos1 * reach * first
+    velocity[2] = -sin2 * second + cos3 * third
+    inward = reach_drift - reach * first * first
+    across = 2.0 * reach_rate * first
+    drift[0] = cos1 * inward - sin1 * across
+    drift[1] = sin1 * inward + cos1 * across
+    drift[2] = -cos2 * second * second - sin3 * third * third
+
+
+def dynamics3(parameters: Array, joints: Array, rates: Array, inertia: Array, bias: Array) -> None:
+    """(2.26) with d₀ of (2.27), and where `parameters` say so the velocity terms that (2.26) lacks."""
+    d2, d3 = parameters[D2], parameters[D3]
+    sin2, sin3, cos3 = math.sin(joints[1]), math.sin(joints[2]), math.cos(joints[2])
+    slope2 = 2.0 * d2 * sin2 * math.cos(joints[1])
+    slope3 = 2.0 * d3 * sin3 * cos3
+    base = parameters[D1] + d2 * sin2 * sin2
+    if parameters[COSINE] != 0.0:
+        base += d3 * cos3 * cos3
+        slope3 = -slope3
+    else:
+        base += d3 * sin3 * sin3
+    for i in range(3):
+        for j in range(3):
+            inertia[i, j] = 0.0
+    inertia[0, 0], inertia[1, 1], inertia[2, 2] = base, d2, d3
+    first, second, third = rates[0], rates[1], rates[2]
+    bias[0] = parameters[B1] * first
+    bias[1] = parameters[B2] * second
+    bias[2] = parameters[B3] * third
+    if parameters[COUPLED] != 0.0:
+        bias[0] += (slope2 * second + slope3 * third) * first
+        bias[1] -= 0.5 * slope2 * first * first
+        bias[2] -= 0.5 * slope3 * first * first
+
+
+def margin(parameters: Array, joints: Array) -> float:
+    """Return the smallest of the distances of `limits`, rad; minus infinity for joints that are not finite."""
+    last = joints.shape[0] - 1
+    for i in range(last + 1):
+        if not math.isfinite(joints[i]):
+            return -math.inf
+    shoulder, elbow = joints[last - 1], joints[last]
+    nearest: float = min(
+        SHOULDER_LIMIT - abs(shoulder),
+        elbow - ELBOW_LOW,
+        ELBOW_HIGH - elbow,
+        (STOP - abs(shoulder - elbow)) * DIAGONAL,
+    )
+    if last == 2:
+        l1, l4 = parameters[L1], parameters[L4]
+        reach = l4 * math.cos(elbow) - l1 * math.sin(shoulder)
+        nearest = min(nearest, BASE_LIMIT - abs(joints[0]), reach / math.sqrt(l1 * l1 + l4 * l4))
+    return nearest

@@ -1,5 +1,7 @@
 """The ideal point-mass robot of section 2.5.5: a mass, pushed by the renderer and by the operator."""
 
+# ruff: noqa: ARG001, ARG002 - every device has these arguments
+
 from __future__ import annotations
 
 import math
@@ -29,9 +31,9 @@ class PointMass:
     @property
     def kernels(self) -> CompiledDevice:
         """For compiled loops."""
-        from hapticeval.devices import point_mass_kernels as kernels
+        from hapticeval.compiled import compiled_once
 
-        return CompiledDevice(kernels.kinematics, kernels.dynamics, kernels.margin)
+        return CompiledDevice(*map(compiled_once, (kinematics, dynamics, margin)))
 
     def position(self, joints: Array) -> Array:
         """The joints themselves, (N,), m."""
@@ -41,23 +43,23 @@ class PointMass:
         """The position itself, (N,), m."""
         return np.array(position, dtype=np.float64)
 
-    def jacobian(self, joints: Array) -> Array:  # noqa: ARG002 - the protocol's
+    def jacobian(self, joints: Array) -> Array:
         """The identity (2.25), (N, N)."""
         return np.eye(self.dimension)
 
-    def inertia(self, joints: Array) -> Array:  # noqa: ARG002 - the protocol's
+    def inertia(self, joints: Array) -> Array:
         """m I, (N, N), kg."""
         return self.mass * np.eye(self.dimension)
 
-    def bias(self, joints: Array, rates: Array) -> Array:  # noqa: ARG002 - the protocol's
+    def bias(self, joints: Array, rates: Array) -> Array:
         """Zero (2.23), (N,), N."""
         return np.zeros(self.dimension)
 
-    def limits(self, joints: Array) -> tuple[Limit, ...]:  # noqa: ARG002 - the protocol's
+    def limits(self, joints: Array) -> tuple[Limit, ...]:
         """None: its functional workspace is all of space."""
         return ()
 
-    def margin(self, joints: Array) -> float:  # noqa: ARG002 - the protocol's
+    def margin(self, joints: Array) -> float:
         """Infinite: it has no limits."""
         return math.inf
 
@@ -72,3 +74,26 @@ class PointMass:
         gain = dt / self.mass
         new_position = position + dt * velocity + (dt * gain / 6.0) * (3.0 * force + 2.0 * push + next_push)
         return new_position, velocity + gain * (force + 0.5 * (push + next_push))
+
+
+def kinematics(
+    parameters: Array, joints: Array, rates: Array, position: Array, velocity: Array, jacobian: Array, drift: Array
+) -> None:
+    """Position is the joints, J the identity, J̇ rates zero."""
+    for i in range(joints.shape[0]):
+        position[i], velocity[i], drift[i] = joints[i], rates[i], 0.0
+        for j in range(joints.shape[0]):
+            jacobian[i, j] = 1.0 if i == j else 0.0
+
+
+def dynamics(parameters: Array, joints: Array, rates: Array, inertia: Array, bias: Array) -> None:
+    """M = m I, no bias."""
+    for i in range(joints.shape[0]):
+        bias[i] = 0.0
+        for j in range(joints.shape[0]):
+            inertia[i, j] = parameters[0] if i == j else 0.0
+
+
+def margin(parameters: Array, joints: Array) -> float:
+    """Infinite."""
+    return math.inf

@@ -29,4 +29,4 @@ class Viscosity(Effect):
 
 def viscosity_of(scene: Calling) -> float:
     """Return b_d of a scene's surface, kg/s; zero where the scene calls for none."""
-    return sum(each.coefficient for each in scene.effects if isinstance(each, Viscosity))
+    return sum((each.coefficient for each in scene.effects if isinstance(each, Viscosity)), 0.0)

@@ -33,7 +33,7 @@ from hapticeval.geometry.kernels import (
     evaluate_many,
 )
 from hapticeval.geometry.normal_cone import NormalCone
-from hapticeval.geometry.validate import points_for, refuse_not_finite
+from hapticeval.geometry.validate import answered
 from hapticeval.types import Array, BoolArray
 
 WINDOW = 0.1
@@ -153,19 +153,11 @@ class Curve:
 
     def signed_distance(self, points: ArrayLike) -> Array:
         """See `Boundary.signed_distance`."""
-        array = points_for(points, 2)
-        try:
-            return curve_kernels.distances(*self._located_by, array)
-        except ValueError:
-            raise refuse_not_finite(array) from None
+        return answered(curve_kernels.distances, self._located_by, points, 2)
 
     def frame(self, points: ArrayLike) -> Frame:
         """See `Boundary.frame`: one compiled call."""
-        array = points_for(points, 2)
-        try:
-            return curve_kernels.frames(*self._located_by, array)
-        except ValueError:
-            raise refuse_not_finite(array) from None
+        return answered(curve_kernels.frames, self._located_by, points, 2)
 
     def contains(self, points: ArrayLike) -> BoolArray:
         """Return whether each of points (n, 2) lies inside; points on the curve do not."""
@@ -281,11 +273,7 @@ class Curve:
 
     def _projected(self, points: ArrayLike) -> Array:
         """Rows (u, distance, side)."""
-        array = points_for(points, 2)
-        try:
-            return curve_kernels.project_many(*self._located_by, array)
-        except ValueError:
-            raise refuse_not_finite(array) from None
+        return answered(curve_kernels.project_many, self._located_by, points, 2)
 
     def _corner(self, k: int, turn: float) -> Corner:
         before, after = self._rows[k - 1], self._rows[k]

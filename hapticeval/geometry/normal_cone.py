@@ -41,13 +41,7 @@ class NormalCone:
         angle = np.concatenate([[raw[0]], raw[0] + np.cumsum(wrapped(np.diff(raw)))])
         turn = 2.0 * np.pi
         self._s = np.concatenate([s - curve.length, s, s + curve.length])
-        angle = np.concatenate([angle - turn, angle, angle + turn])
-        # Row k holds the extremes over 2^k samples from each on: two of them cover any window.
-        self._low, self._high = [angle], [angle]
-        while 2 ** len(self._low) <= angle.size:
-            half = 2 ** (len(self._low) - 1)
-            self._low.append(np.minimum(self._low[-1][:-half], self._low[-1][half:]))
-            self._high.append(np.maximum(self._high[-1][:-half], self._high[-1][half:]))
+        self._angle = np.concatenate([angle - turn, angle, angle + turn])
 
     def interval(self, points: Array, reach: Array) -> tuple[Array, Array]:
         """Return the lowest and highest angle (n,), rad, unwrapped, within `reach` (n,), m, of points (n, 2).
@@ -63,18 +57,17 @@ class NormalCone:
         ends = [s, s - reach, s + reach]
         angles = []
         for at, parameter in zip(ends, [u, *map(self.curve.parameter, ends[1:])], strict=True):
-            near = np.interp(at, self._s, self._low[0])
+            near = np.interp(at, self._s, self._angle)
             angles.append(near + wrapped(_angle(self.curve.normal(parameter)) - near))
         low, high = np.min(angles, axis=0), np.max(angles, axis=0)
         seam = 2.0 * SEAM * self.curve.length if self.curve.corners else 0.0
         first = np.searchsorted(self._s, np.minimum(ends[1], s - seam), side="left")
-        count = np.searchsorted(self._s, np.maximum(ends[2], s + seam), side="right") - first
-        power = np.log2(np.maximum(count, 1)).astype(int)
-        for k in np.unique(power[count > 0]):
-            rows = np.flatnonzero((power == k) & (count > 0))
-            one, other = first[rows], first[rows] + count[rows] - 2**k
-            low[rows] = np.minimum(low[rows], np.minimum(self._low[k][one], self._low[k][other]))
-            high[rows] = np.maximum(high[rows], np.maximum(self._high[k][one], self._high[k][other]))
+        last = np.searchsorted(self._s, np.maximum(ends[2], s + seam), side="right")
+        held = last > first
+        windows = np.column_stack([first, last])[held].ravel()
+        if windows.size:
+            low[held] = np.minimum(low[held], np.minimum.reduceat(self._angle, windows)[::2])
+            high[held] = np.maximum(high[held], np.maximum.reduceat(self._angle, windows)[::2])
         return low, high
 
     def around(self, points: Array, reach: Array) -> Callable[[Array], Array]:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from hapticeval.geometry import surface_kernels as kernels
 from hapticeval.geometry.boundary import Frame, InSpace, spiral
-from hapticeval.geometry.validate import points_for, refuse_not_finite
+from hapticeval.geometry.validate import answered
 from hapticeval.types import Array
 
 KINDS = {"sphere": kernels.SPHERE, "ellipsoid": kernels.ELLIPSOID, "torus": kernels.TORUS}
@@ -50,19 +50,11 @@ class Surface(InSpace):
 
     def frame(self, points: ArrayLike) -> Frame:
         """See `Boundary.frame`: one compiled call."""
-        array = points_for(points, 3)
-        try:
-            return kernels.frames(self.row, array)
-        except ValueError:
-            raise refuse_not_finite(array) from None
+        return answered(kernels.frames, (self.row,), points, 3)
 
     def signed_distance(self, points: ArrayLike) -> Array:
         """See `Boundary.signed_distance`."""
-        array = points_for(points, 3)
-        try:
-            return kernels.distances(self.row, array)
-        except ValueError:
-            raise refuse_not_finite(array) from None
+        return answered(kernels.distances, (self.row,), points, 3)
 
     def medial_distance(self, points: ArrayLike) -> Array:
         """Return (n, 2), m: from the foot of each of points (n, 3), how far the medial set lies in- and outwards.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from hapticeval.types import Array
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
+
+R = TypeVar("R")
 
 SMALLEST, LARGEST = 1e-100, 1e100
 """Sizes (m) whose squares and cubes stay inside the float range."""
@@ -47,6 +49,18 @@ def checked_points(points: object) -> Array:
     if not np.isfinite(array).all():
         raise refuse_not_finite(array)
     return array
+
+
+def answered(kernel: Callable[..., R], known: Sequence[Array], points: object, dimension: int) -> R:
+    """Return what a kernel that calls `check_finite` gives of points (n, `dimension`): one compiled call.
+
+    Raises `InputError` for points of another shape, and, naming the row, for one that is not finite.
+    """
+    array = points_for(points, dimension)
+    try:
+        return kernel(*known, array)
+    except ValueError:
+        raise refuse_not_finite(array) from None
 
 
 def refuse_not_finite(array: Array, what: str = "points: row") -> InputError:

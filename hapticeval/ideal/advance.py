@@ -28,6 +28,7 @@ from hapticeval.ideal.motion import (
     MASS,
     RESTITUTION,
     SPRING,
+    between,
     flown,
     hold,
     push,
@@ -279,25 +280,16 @@ def _locate(what: int, piece: Array, u: float, w: float, tau: float, h: float, e
         return 0.0
     positive, kept = a > 0.0, 0
     for i in range(120):
-        middle = low + 0.5 * (high - low)
-        if i % 4 != 3:
-            middle = high - b * (high - low) / (b - a)
+        middle = between(low, high, a, b, i)
         if not low < middle < high:
-            middle = low + 0.5 * (high - low)
-            if not low < middle < high:
-                break
+            break
         f = _watched(what, piece, u, w, tau, middle, end, load)
         if f == 0.0:
-            high = middle
-            break
+            return middle
         if (f > 0.0) == positive:
-            low, a = middle, f
-            b *= 0.5 if kept == 1 else 1.0
-            kept = 1
+            low, a, b, kept = middle, f, b * (0.5 if kept == 1 else 1.0), 1
         else:
-            high, b = middle, f
-            a *= 0.5 if kept == 2 else 1.0
-            kept = 2
+            high, b, a, kept = middle, f, a * (0.5 if kept == 2 else 1.0), 2
     return high
 
 

@@ -16,7 +16,7 @@ from hapticeval.compiled import compiled, for_kernels
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import STRAIGHT, joint_turn
 from hapticeval.geometry.kernels import ARC, KIND, LINE, U0, U1, UNBOUNDED, evaluate, evaluate_many
-from hapticeval.ideal.motion import flown
+from hapticeval.ideal.motion import between, flown
 from hapticeval.types import Array
 
 Flight: TypeAlias = tuple[float, float, float, float, float]
@@ -173,25 +173,16 @@ def _crossing(
     below = _over(cell, pieces, flight, high, load)[0] + level
     kept = 0
     for i in range(120):
-        middle = low + 0.5 * (high - low)
-        if i % 4 != 3 and above > below:
-            middle = high - below * (high - low) / (below - above)
+        middle = between(low, high, above, below, i)
         if not low < middle < high:
-            middle = low + 0.5 * (high - low)
-            if not low < middle < high:
-                break
+            break
         f = _over(cell, pieces, flight, middle, load)[0] + level
-        if f >= 0.0:
-            low, above = middle, f
-            below *= 0.5 if kept == 1 else 1.0
-            kept = 1
-            if f == 0.0:
-                high = middle
-                break
+        if f == 0.0:
+            return middle
+        if f > 0.0:
+            low, above, below, kept = middle, f, below * (0.5 if kept == 1 else 1.0), 1
         else:
-            high, below = middle, f
-            above *= 0.5 if kept == 2 else 1.0
-            kept = 2
+            high, below, above, kept = middle, f, above * (0.5 if kept == 2 else 1.0), 2
     return high
 
 

@@ -106,6 +106,18 @@ def slide_step(pace: float, w: float, along: float, load: Array, most: float) ->
 
 
 @compiled
+def between(low: float, high: float, a: float, b: float, i: int) -> float:
+    """Where to look next for the change of sign of a number that is a at `low` and b at `high`: not between them, if
+    nothing lies there. By the chord, and by halves at every fourth `i`."""
+    middle = low + 0.5 * (high - low)
+    if i % 4 != 3 and a != b:
+        by_chord = high - b * (high - low) / (b - a)
+        if low < by_chord < high:
+            return by_chord
+    return middle
+
+
+@compiled
 def ringing(omega: float, half: float, h: float) -> tuple[float, float]:
     """e^(-at) cos(bt) and e^(-at) sin(bt) / b at t = h; a is `half` and b^2 = omega^2 - a^2, of either sign or zero."""
     square = omega * omega - half * half

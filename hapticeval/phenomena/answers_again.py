@@ -161,8 +161,8 @@ MEMORYLESS = Check(
     metric="distance between the IHIPs of one HIP",
     unit="m",
     bound=(
-        "3 HIP steps + standoff, between the closest two of the IHIPs that either path has in the HIP's own row and in "
-        "the three after it: a proxy may lag by three ticks. The last three rows of a path, whose answers may come "
+        "3 HIP steps + standoff, between the closest two of the IHIPs that either path has in the HIP's own row and "
+        "in the three after it: a proxy may lag by three ticks. The last three rows of a path, whose answers may come "
         "after its end, are not compared."
     ),
     judge=judge_memoryless,
@@ -186,9 +186,9 @@ RESET_CLEARS = Check(
     metric="force, or IHIP, after a reset less that before",
     unit="N",
     bound=(
-        "Nothing: the same arithmetic on the same numbers gives the same bits. A renderer whose answers scatter, "
-        "as one with noise in it or with threads, declares by how much (`Declaration`), and is held to that: of the "
-        "IHIP a fiftieth of the model is believed, and of the force a tenth of the largest. In a closed loop the rows "
+        "Nothing: the same arithmetic on the same numbers gives the same bits. A renderer whose answers scatter, as "
+        "one with noise in it or with threads, declares by how much (`Declaration`), and is held to that: of the IHIP "
+        "a fiftieth of the model is believed, and of the force a tenth of the largest. In a closed loop the rows "
         "count in which the hand is where it was in the first run. The finding names the first tick that differs, the "
         "largest difference, and the second run's force as a share of the first's."
     ),

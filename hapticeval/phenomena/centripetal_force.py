@@ -41,7 +41,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     loose = _loose(base, scene)
     if loose is not None:
         message = "the tool is not held: off a surface that holds from both sides there is no force on it"
-        return undecided(message, **place(base, loose))
+        return undecided(message, evidence=place(base, loose))
     slower = SPEEDS if runs.at_speed is not None else ()
     everything = [base, *(runs.at_speed(factor) for factor in slower if runs.at_speed is not None)]
     terms = [_terms(recording, scene) for recording in everything]
@@ -72,7 +72,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     unclear = not np.isfinite(deviation) or abs(abs(share) - bound) <= 2.0 * deviation
     if bound > TELLS or (unclear and lacking <= bound):
         message = "too slow, or too much else going on, to separate the centripetal part of the error from the rest"
-        return undecided(message, metric, bound, **evidence)
+        return undecided(message, metric, bound, evidence)
     return compared(
         metric,
         bound,
@@ -208,12 +208,12 @@ CHECK = Check(
     unit="",
     bound=(
         "Cost and push count as the assigned dynamics answer to them, from when the start has died out to a "
-        "hundredth, and while the surface bears a force. 1.5 kappa v T: while a force is held for a tick T the "
-        "normal turns by kappa v T, half of it on average, and one tick more may pass between sample and force. The "
-        "verdict is inconclusive within two standard errors of the bound. On a bilateral constraint the force at "
-        "the start, where the error is zero, must supply m kappa v^2 to the same share, within the three ticks that "
-        "a proxy may lag. A bound above 0.1 is inconclusive, and so is a run of which more than a tenth has the tool "
-        "off a bilateral constraint without any force."
+        "hundredth, and while the surface bears a force. 1.5 kappa v T: while a force is held for a tick T the normal "
+        "turns by kappa v T, half of it on average, and one tick more may pass between sample and force. The verdict "
+        "is inconclusive within two standard errors of the bound. On a bilateral constraint the force at the start, "
+        "where the error is zero, must supply m kappa v^2 to the same share, within the three ticks that a proxy may "
+        "lag. A bound above 0.1 is inconclusive, and so is a run of which more than a tenth has the tool off a "
+        "bilateral constraint without any force."
     ),
     judge=judge,
 )

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from functools import cache
-from typing import Protocol
+from typing import Any, Protocol
 
 from hapticeval.errors import InputError
 from hapticeval.phenomena.sampling import LED
@@ -53,8 +53,9 @@ class Runs:
 
     def remembered(self) -> Runs:
         """The same runs, each sibling made once at the most."""
-        made = {each.name: getattr(self, each.name) for each in fields(self)}
-        return replace(self, **{name: cache(make) for name, make in made.items() if callable(make)})
+        siblings: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(self)}
+        made: dict[str, Any] = {name: cache(make) for name, make in siblings.items() if callable(make)}
+        return replace(self, **made)
 
 
 class Sibling(StrEnum):

@@ -58,7 +58,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     metric = Metric(CHECK.metric, float(apart[tick]), "m")
     if not bound <= COARSE * way:
         message = f"refinement does not settle the run: it is known to {mm(bound)} only"
-        return undecided(message, metric, bound, **evidence)
+        return undecided(message, metric, bound, evidence)
     return compared(
         metric,
         bound,

@@ -47,10 +47,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     }
     if distance[farthest] <= floor:
         message = f"the tool is never further off the surface than sampling and sensors may let it: {mm(floor)}"
-        return undecided(message, **evidence)
+        return undecided(message, evidence=evidence)
     if rate > 0.0 and math.exp(-0.25 * rate * span) > SHRINKS:
         message = f"{span:.3g} s are too short: the assigned dynamics decay at {rate:.3g} 1/s themselves"
-        return undecided(message, **evidence)
+        return undecided(message, evidence=evidence)
     before, after = float(distance[early].max()), float(distance[late].max())
     return compared(
         Metric(CHECK.metric, after, "m"),
@@ -93,9 +93,9 @@ CHECK = Check(
     bound=(
         "Of the time after the last push, the last half is compared with the quarter before it. While time doubles, "
         "what stays has the ratio 1, what falls as 1 / t has 1/2 (PP+D on a circle, the slowest of Table 6.2 that "
-        "comes to it), and what falls exponentially less; between the first two lies sqrt(1/2), so that what falls "
-        "as 1 / sqrt(t) or more slowly counts as staying. Nothing is asked for below what a held force leaves in "
-        "that time, 1.5 ticks of change of m kappa v^2 over K_p with the overshoot of the assigned dynamics, and below "
+        "comes to it), and what falls exponentially less; between the first two lies sqrt(1/2), so that what falls as "
+        "1 / sqrt(t) or more slowly counts as staying. Nothing is asked for below what a held force leaves in that "
+        "time, 1.5 ticks of change of m kappa v^2 over K_p with the overshoot of the assigned dynamics, and below "
         "what the position sensors are wrong by. Where even the assigned dynamics n'' = -(K_p / m) n - (K_d / m) n' "
         "would not fall so far in the time that there is, the verdict is inconclusive. A run that ends because the "
         "robot or the law leaves its domain fails."

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticeval.geometry.boundary import Boundary, apart
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.held_tool import HeldTool
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     NO_IHIP,
@@ -33,6 +33,9 @@ FINE = 0.125
 FINEST, COARSEST = 1e-6, 1e-4
 """Limits of that grain, as shares of the model's size."""
 
+FLIGHTS = 16
+"""Ways within one tick, each from where the slide before has ended; each brings the tool nearer to the hand."""
+
 
 KINDS = {
     "let go": "contact is lost inside the model",
@@ -48,21 +51,19 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if lacks_ihip(base, scene):
         return undecided(NO_IHIP)
     steps, size = hip_steps(base), scene.model.size
-    tool = HeldTool(
-        scene.model.boundary,
-        float(np.clip(FINE * steps.max(initial=0.0), FINEST * size, COARSEST * size)),
-    )
+    grain = float(np.clip(FINE * steps.max(initial=0.0), FINEST * size, COARSEST * size))
     across = _across_allowed(base, scene)
     # How far the HIP has moved in the last three ticks: (n,), m.
     along = np.concatenate([[0.0], np.cumsum(steps)])
     moved = along - along[np.maximum(np.arange(along.size) - LAG_TICKS, 0)]
-    allowed = moved + (across + tool.grain)
+    allowed = moved + (across + grain)
     trails = _trails(base, scene, allowed)
     if trails is not None:
         return trails
     contact = touching(base, scene)
     # An edge may lie off along the surface as well, by what the renderer's resolution leaves.
-    gap, since = _barred(base, contact, tool, allowed, moved + (across + resolution(base, scene)) + tool.grain)
+    reach = moved + (across + resolution(base, scene)) + grain
+    gap, since = _barred(base, contact, scene.model.boundary, grain, allowed, reach)
     if not contact.any() and not gap.any():
         return undecided("the hand is never led into the model, and the tool never in contact")
     worst = int(np.argmax(gap - allowed))
@@ -125,16 +126,34 @@ def _trails(base: Recording, scene: Scene, allowed: Array) -> Finding | None:
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 
+def follow(boundary: Boundary, tool: Array, hand: Array, grain: float) -> Array | None:
+    """Return where a rigid tool that follows the hand is held, (N,), m; None where it gets to the hand.
+
+    From `tool` (N,), outside or on the surface, it flies straight to `hand` (N,). A surface that bars its way holds it:
+    there it slides downhill in distance to the hand, until it rests at a local minimum or its way is open. It is placed
+    to `grain` (m): neither a notch nor a plate thinner than that is seen.
+    """
+    rests = False
+    for _ in range(FLIGHTS):
+        barred = boundary.first_crossing(tool, hand, grain=grain)
+        if barred is None:
+            return None
+        if rests and apart(barred, tool) <= grain:
+            break
+        tool, rests = boundary.descend(barred, hand, step=grain), True
+    return tool
+
+
 def _barred(
-    base: Recording, contact: BoolArray, tool: HeldTool, allowed: Array, reach: Array
+    base: Recording, contact: BoolArray, boundary: Boundary, grain: float, allowed: Array, reach: Array
 ) -> tuple[Array, IntArray]:
-    """For each tick without contact how far the HIP is from where a rigid tool is held, 0 where it is free: (n,), m.
+    """Return how far the HIP is from where a rigid tool is held in each tick without contact, 0 where free: (n,), m.
 
     And the tick since which it is held so: (n,). The rigid tool starts where the renderer's was: at its last IHIP in
     contact, or with the hand in free space.
     """
     hip, steps = base.hip, hip_steps(base)
-    frame = tool.boundary.frame(hip)
+    frame = boundary.frame(hip)
     clear = frame.distance > 0.0
     # No point of a way is inside where the clear distances at its ends cover it.
     clear[1:] &= clear[:-1] & (frame.distance[1:] + frame.distance[:-1] >= steps)
@@ -152,12 +171,13 @@ def _barred(
             start = base.ihip[tick - 1] if released else hip[tick - 1] if tick else frame.foot[0]
         else:
             start = held
-        held = tool.follow(start, hip[tick])
+        held = follow(boundary, start, hip[tick], grain)
         if held is None:
             continue
         far = float(np.linalg.norm(hip[tick] - held))
         if far > allowed[tick] and any(
-            tool.barred(other, hip[tick]) is None for other in tool.boundary.around(held, float(reach[tick]))
+            boundary.first_crossing(other, hip[tick], grain=grain) is None
+            for other in boundary.around(held, float(reach[tick]))
         ):
             held = None
             continue
@@ -179,16 +199,14 @@ CHECK = Check(
     bound=(
         "The way of the HIP over the last 3 ticks + standoff + rounding + the step of the rigid tool. Where the "
         "renderer gives no contact a rigid tool goes on from its last IHIP, or from the hand in free space: straight "
-        "to the HIP, and where the solid bars that way, along the surface downhill in distance, until it rests there "
-        "or its way is open. At rest it is held, and its distance from the HIP is how far a hand without contact has "
-        "got: into the solid, or beyond a plate, however thin. A proxy may answer three ticks late, so the way of "
-        "these is granted; its surface may lie off the model by the declared standoff (up to a fiftieth of the size), "
-        "or, where it declares a resolution only, by that. Its edges may lie off along the surface by as much and the "
-        "resolution (up to a sixteenth of the outline): contact may end where the way is open from so far beside. "
-        "Rounding is that of single precision, and the last digit of a log. The rigid tool moves in steps of an "
-        "eighth of the largest HIP step, between 1e-6 and 1e-4 of the model's size. In free space, which is no force "
-        "above the floor and the HIP outside of the model, or the IHIP farther outside than any contact point, the "
-        "IHIP is the HIP, within the same bound."
+        "to the HIP, and where the solid bars that way, along the surface downhill in distance, until it rests or its "
+        "way is open. At rest it is held, and its distance from the HIP is how far a hand without contact has got: "
+        "into the solid, or beyond a plate, however thin. The renderer's surface may lie off the model by the "
+        "declared standoff (up to a fiftieth of the size), or, where it declares a resolution only, by that; its "
+        "edges by as much and the resolution along the surface: contact may end where the way is open from so far "
+        "beside. Rounding is that of single precision, and the last digit of a log. The rigid tool moves in steps of "
+        "an eighth of the largest HIP step, between 1e-6 and 1e-4 of the model's size. In free space the IHIP is the "
+        "HIP, within the same bound."
     ),
     judge=judge,
 )

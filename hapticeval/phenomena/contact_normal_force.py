@@ -198,20 +198,15 @@ CHECK = Check(
     metric="angle of the force outside the true normals; at rest, the difference in newtons",
     unit="deg",
     bound=(
-        "The true normals are those of the model within 3 IHIP steps (the largest within three ticks of the row) + "
-        "standoff + resolution of arc around the IHIP. IHIP and force may each be three ticks late, so what is granted "
-        "is as long as the tool's way in that time, and the slower it goes, the sharper the check "
-        "(the declared resolution counts up to a sixteenth of the outline): a facet's direction is taken by the "
-        "true surface somewhere along that facet (mean value theorem), and across a corner every direction between "
-        "the faces' normals is an equivalent normal. In space they fill a cone about the normal at the IHIP, as wide "
-        "as that distance times the largest principal curvature there. A spring from an IHIP up to three ticks late "
-        "is judged from the HIP of that tick. Outside of them the force may point by the rounding of "
-        "single-precision positions: "
-        "1e-6 rad + 4 * 2^-23 * model size / least depth of these ticks, and that of a log's own digits: half "
-        "a step of every component. At rest the mean force over a window W may differ by 2 m v_max "
-        "/ W, the momentum that the window cannot account for; in a simulated closed loop Newton's law makes the "
-        "two equal, so that this half tests recordings of real devices, and the depth and apparent stiffness are "
-        "reported. Forces below K_p * 1 um are not judged."
+        "The true normals are those of the model around the IHIP, within 3 IHIP steps (the largest within three ticks "
+        "of the row: IHIP and force may each be that late) + standoff + declared resolution (up to a sixteenth of the "
+        "outline: the true surface has a facet's direction somewhere along it). Across a corner every direction "
+        "between the faces' normals is one; in space they fill a cone, as wide as that distance times the largest "
+        "curvature. A spring from an IHIP up to three ticks late is judged from the HIP of that tick. Beyond, "
+        "rounding: 1e-6 rad + 4 * 2^-23 * model size / least depth of these ticks, and half a step of every component "
+        "of a log. At rest the mean force over a window W may differ by 2 m v_max / W, the momentum that the window "
+        "cannot account for; in a simulated closed loop Newton's law makes the two equal, so that this half tests "
+        "recordings of real devices. Forces below K_p * 1 um are not judged."
     ),
     judge=judge,
 )

@@ -65,7 +65,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if tick == 0:
         return undecided("the tool is never in contact for two samples in a row")
     if lacks_ihip(base, scene):
-        return undecided(NO_IHIP, **place(base, tick))
+        return undecided(NO_IHIP, evidence=place(base, tick))
     if runs.refine is None:
         finding = _judge_fixed(base, scene, tick)
     elif runs.look is not None:
@@ -142,7 +142,7 @@ def _judge_refined(base: Recording, refine: Callable[[int], Recording], scene: S
         if slope < STAYS or slope > SHRINKS:
             return Finding(Outcome.FAIL, message, metric, bound, evidence)
         message = f"steep: the IHIP moves {where} in one step, and refinement does not settle it"
-        return undecided(message, metric, bound, **evidence)
+        return undecided(message, metric, bound, evidence)
     if slope < STAYS and left > bound - off:
         message = f"a jump of {where} stays, within the declared standoff of {mm(off)}"
     elif jumps[-1] > bound:
@@ -209,7 +209,7 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
             f"steep: the IHIP moves {where} in a HIP step {finer[-1]} times finer than the path's; its steps shrink "
             f"with the exponent {seen.slope:.2g} of the HIP's, and 1/6 is the least that counts as continuous"
         )
-        return undecided(message, metric, bound, **evidence)
+        return undecided(message, metric, bound, evidence)
     confirming = [jump_at_rate(factor, look, scene, seen.tick) for factor in CONFIRMS]
     evidence["jumps_at_2_and_4_times_the_rate_m"] = confirming
     if min(confirming) < 0.5 * seen.left:
@@ -285,12 +285,12 @@ def _judge_fixed(base: Recording, scene: Scene, tick: int) -> Finding:
         return Finding(Outcome.PASS, f"no jump beyond the HIP's own steps; {note}", metric, bound, evidence)
     if on_axis:
         message = f"the IHIP moves {jump} in one step near the medial axis; {note}"
-        return undecided(message, metric, bound, **evidence)
+        return undecided(message, metric, bound, evidence)
     slope = coarsened_slope(base, scene, tick)
     evidence["coarsened_slope"] = slope
     if not slope < STAYS:
         message = f"the IHIP moves {jump} in one step, and whether finer HIP steps shrink it is not known; {note}"
-        return undecided(message, metric, bound, **evidence)
+        return undecided(message, metric, bound, evidence)
     return Finding(Outcome.FAIL, f"pop-through of {jump}; {note}", metric, bound, evidence)
 
 
@@ -312,25 +312,21 @@ CHECK = Check(
     metric="IHIP jump that refinement leaves",
     unit="m",
     bound=(
-        "1.5 HIP steps + standoff: as far as a proxy that is three ticks late may move at twice the rate. Each "
-        "longer IHIP step is looked at in finer HIP steps, from where the hand has rested until the proxy has "
-        "caught up; a surface known to within a standoff places the IHIP no better than that (the declared "
-        "standoff counts as far as the IHIPs really lie off the model, and up to a fiftieth of its size; an IHIP "
-        "in contact that lies farther off fails too, for a smooth path through the solid is none along its "
-        "surface). Finer steps count only where they lead, in contact, by where the longer ones went: a jump that"
-        " finer sampling does not have, or that it lets go at, depends on the sampling rate, and fails, for the "
-        "hand feels the rate that the scene runs at. Where steps stay above the bound, the exponent decides by "
-        "which they shrink with the HIP's: 0 for a jump, 1 for a Lipschitz map, alpha / 180 degrees for a "
-        "conformal map at a tip of alpha (1/3 at 60 degrees). From 1/6 on it is continuous; below, steep, which "
-        "decides nothing. What shrinks by less, and becomes smooth only below what coordinates in single "
-        "precision resolve, is a jump. A jump has to show at 2 and 4 times the rate too. One of up to 1.5 of the "
-        "renderer's declared edges or cells is reported as mini pop-through (4.1.2): from one facet to the next; "
-        "a longer one as major. A run that has no places to look at (in closed loop, or of a renderer that "
-        "answers a stimulus whole) is refined as a whole, with a bound of 3 HIP steps of the finest run + "
-        "standoff, the slope of log2 J under refinement below 0.15 for a jump, and above it the limit of J, if "
-        "its fall is no power law (Aitken). A recording that cannot be refined is judged on its own sampling, the"
-        " weaker test: with the bound widened by what projecting on a convex surface stretches, a longer step is "
-        "a jump where leaving samples out around it leaves it as it is, and otherwise undecided."
+        "1.5 HIP steps + standoff: as far as a proxy that is three ticks late may move at twice the rate. Each longer "
+        "IHIP step is looked at in finer HIP steps, from where the hand has rested until the proxy has caught up. The "
+        "declared standoff counts as far as the IHIPs really lie off the model, and up to a fiftieth of its size; an "
+        "IHIP in contact that lies farther off fails too. Finer steps count only where they lead, in contact, by "
+        "where the longer ones went: a jump that finer sampling does not have, or that it lets go at, depends on the "
+        "sampling rate, and fails. Where steps stay above the bound, the exponent decides by which they shrink with "
+        "the HIP's: 0 for a jump, 1 for a Lipschitz map, alpha / 180 degrees for a conformal map at a tip of alpha. "
+        "From 1/6 on it is continuous; below, steep, which decides nothing. What becomes smooth only below what "
+        "coordinates in single precision resolve, and what moves while the hand rests, is a jump; it has to show at 2 "
+        "and 4 times the rate too. One of up to 1.5 of the renderer's declared edges or cells is a mini pop-through "
+        "(4.1.2), a longer one a major. A run without places to look at, in closed loop, is refined as a whole: bound "
+        "3 HIP steps of the finest run + standoff, a slope of log2 J below 0.15 for a jump, and above it the limit of "
+        "J, if its fall is no power law (Aitken). One recording alone is the weaker test: with the bound widened by "
+        "what projecting on a convex surface stretches, a longer step is a jump where leaving samples out around it "
+        "leaves it as it is, else undecided."
     ),
     judge=judge,
 )

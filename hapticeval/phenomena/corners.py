@@ -183,10 +183,10 @@ BROKEN_CONTACT = Check(
     metric="distance from the corner at which n_pre is lost or force remains",
     unit="m",
     bound=(
-        "3 HIP steps + standoff: a sampled renderer learns of the corner at the next "
-        "sample, may lag by three, and cannot know the corner better than its own surface does. A force within "
-        "5 per cent of the corner's turn, and of at least half the usual size on the first face, counts as kept; past "
-        "the corner every force counts until the first zero, and every one along n_pre thereafter."
+        "3 HIP steps + standoff: a sampled renderer learns of the corner at the next sample, may lag by three, and "
+        "cannot know the corner better than its own surface does. A force within 5 per cent of the corner's turn, and "
+        "of at least half the usual size on the first face, counts as kept; past the corner every force counts until "
+        "the first zero, and every one along n_pre thereafter."
     ),
     judge=judge_broken_contact,
 )
@@ -202,11 +202,11 @@ ABRUPT_SWITCH = Check(
     metric="HIP travel of the switch in penetration depths",
     unit="depths",
     bound=(
-        "(3 HIP steps + standoff) / depth: between two samples the turn cannot be seen, "
-        "and a corner is known no better than the renderer's own surface. Resting on the corner while the HIP goes "
-        "round it turns the force over an arc as long as the corner's turn (rad) times the depth, whatever the depth. "
-        "The switch lasts from where the force first leaves n_pre, by more than 5 per cent of the turn, to where it is "
-        "within 5 per cent of n_post for good."
+        "(3 HIP steps + standoff) / depth: between two samples the turn cannot be seen, and a corner is known no "
+        "better than the renderer's own surface. Resting on the corner while the HIP goes round it turns the force "
+        "over an arc as long as the corner's turn (rad) times the depth, whatever the depth. The switch lasts from "
+        "where the force first leaves n_pre, by more than 5 per cent of the turn, to where it is within 5 per cent of "
+        "n_post for good."
     ),
     judge=judge_abrupt_switch,
 )

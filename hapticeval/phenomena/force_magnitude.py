@@ -281,19 +281,19 @@ CHECK = Check(
     metric="apparent stiffness less the scene's, as a share of it",
     unit="",
     bound=(
-        "Of a linear spring the force is K_p times the depth exactly, so that nothing is allowed but what is "
-        "known to come on top, as a share of K_p times the depth d: a damper's K_d v, with v the speed along the "
-        "direction in which the depth is measured, of the hand or of the error, whichever is larger; m kappa v^2 "
-        "of the way along the surface (3.8), by HIP or IHIP, for a renderer that declares no spring; and single "
-        "precision, 4 * 2^-23 (size of the coordinates / d + 1). Of HIPs and IHIPs up to three ticks apart, or "
-        "both as late, any may belong to a force: K_p has to lie within what they span. Ticks where more than a "
-        "tenth is allowed are not judged, nor those where a lag reaches to before the contact. A renderer may "
-        "declare along what it is a spring (`Declaration`): then the level is must. Another is measured along the "
-        "error or across the surface, as it fits better, and the level is should: a law that is not proportional, "
-        "as the square root's, or one that knows the curvature, is no fault, but is not the scene's K_p either. A "
-        "force without an IHIP is held against the depth under the model, which an honest tool's distance is "
-        "never less than: too soft fails, the rest is not decided. A failure names what explains at least half of "
-        "the deviation's variance: the direction, the depth or the time; else whether single ticks are off (spikes)."
+        "Of a linear spring the force is K_p times the depth exactly, so that nothing is allowed but what is known to "
+        "come on top, as a share of K_p times the depth d: a damper's K_d v, with v the speed along the direction in "
+        "which the depth is measured, of the hand or of the error, whichever is larger; m kappa v^2 of the way along "
+        "the surface (3.8), by HIP or IHIP, for a renderer that declares no spring; and single precision, 4 * 2^-23 "
+        "(size of the coordinates / d + 1). Of HIPs and IHIPs up to three ticks apart, or both as late, any may "
+        "belong to a force: K_p has to lie within what they span. Ticks where more than a tenth is allowed are not "
+        "judged, nor those where a lag reaches to before the contact. A renderer may declare along what it is a "
+        "spring (`Declaration`): then the level is must. Another is measured along the error or across the surface, "
+        "as it fits better, and the level is should: a law that is not proportional, as the square root's, or one "
+        "that knows the curvature, is no fault, but is not the scene's K_p either. A force without an IHIP is held "
+        "against the depth under the model, which an honest tool's distance is never less than: too soft fails, the "
+        "rest is not decided. A failure names what explains at least half of the deviation's variance: the direction, "
+        "the depth or the time; else whether single ticks are off (spikes)."
     ),
     judge=judge,
     level=Level.SHOULD,

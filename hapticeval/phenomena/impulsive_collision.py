@@ -84,9 +84,10 @@ CHECK = Check(
     unit="",
     bound=(
         "m kappa v_t^2 over the window / (m v_n) + 1e-6: while it slides on, the tool turns with the surface. The "
-        "window is four ticks: a sampled renderer meets the contact at the first sample after it, its force acts until "
-        "the next, and it may lag by three. The operator's push over the window is taken out of the momentum's change, "
-        "and a tool that stays in contact may have it answered. A spring needs a quarter period, pi/2 sqrt(m / K_p)."
+        "window is four ticks: a sampled renderer meets the contact at the first sample after it, its force acts "
+        "until the next, and it may lag by three. The operator's push over the window is taken out of the momentum's "
+        "change, and a tool that stays in contact may have it answered. A spring needs a quarter period, pi/2 sqrt(m "
+        "/ K_p)."
     ),
     judge=judge,
 )

@@ -248,7 +248,7 @@ def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene) ->
             f"refinement does not settle {len(open_ways)} of {len(gains)} ways, as {most.what} from "
             f"t = {base.time[most.first]:.4g} s to {base.time[most.last]:.4g} s; over the others it gets no energy"
         )
-        return undecided(message, metric, worst.open, **evidence)
+        return undecided(message, metric, worst.open, evidence)
     message = f"the hand gets back no more than it put in; {worst.what} {shares}"
     return Finding(Outcome.PASS, message, metric, worst.open, evidence)
 
@@ -315,30 +315,26 @@ CHECK = Check(
     metric="work that the hand gets back beyond what it put in",
     unit="J",
     bound=(
-        "What the extrapolation leaves open, and nothing else: a passive renderer has W <= S(start) - S(end) with "
-        "S >= 0 what it stores. In free space S = 0, so that W <= 0 at every later row; and after a lap over the "
-        "same points S is what it was a lap before, once a renderer with a memory has had a lap to load it. A lap "
-        "is judged by the least that any settled lap after the first gives. Three shares are told apart. Hold: the sum "
-        "with the force held for a tick less the trapezoid, -(1/2) sum of dF . dx, which over a spring K is (K/2) "
-        "sum of |dx|^2. Lag: what else vanishes with the tick; L ticks of lag make it L K sum of |dx|^2, so that "
-        "a penalty late by L ticks gains (L + 1/2) K sum of |dx|^2 and is passive nevertheless. Law: the limit of "
-        "the trapezoid W, extrapolated linearly from h/2 and h/4. It alone is judged. Left open are the last "
-        "correction of that extrapolation (as in `refinement`), the trapezoid's own error, (1/2) sum of |(F[i-1] "
-        "- 2 F[i] + F[i+1]) . dx| of the finest run, which has the whole of every jump in it, and single "
-        "precision of coordinates and forces. A gain that shrinks by less than a quarter with a halving of the tick, "
-        "as a late proxy's does while a turn of the way lasts few ticks, is left open whole. More than a tenth of "
-        "what crossed, and a thousandth of force times way, decides nothing where the hand seems to have got "
-        "something. A recording that cannot be refined is judged by the trapezoid at the best of 0 to 3 ticks of lag,"
-        " between rests and from free space on, with a tenth of what crossed left open: the weaker test. Level info "
-        "where the scene calls for what is active by nature: delayed motors, or a damper on a filtered "
-        "velocity.\nConservative: the nearest point with pp, transversal or the square root's spring, F = -grad U "
-        "with U = K d^2/2, which is continuous across the medial axis. Dissipative: the constraint, whose tool moves "
-        "only to where it is nearer to the hand, so that W <= S(start) - S(end) + (K/2) sum of |dx|^2 tick by tick; "
-        "pp-v, which takes K_d |v|^2, and pp-pd, which takes K_d (n.v)^2. Active: the maps, for p(x) is no gradient "
-        "and the curl of F makes W = integral of curl F over the loop's area, with pp and with transversal; pp-d "
-        "under a convex surface, where the foot runs ahead of the hand and K_d v_t^2 |n| kappa / (1 - |n| kappa) is "
-        "given to it; pp-pd-c and set stabilisation off the surface, whose curvature force does m kappa v_t^2 of work"
-        " a metre of depth, which grows with the square of the speed."
+        "What the extrapolation leaves open, and nothing else. A passive renderer has W <= S(start) - S(end) with S "
+        ">= 0 what it stores: in free space S = 0, so that W <= 0 at every later row, and after a lap over the same "
+        "points S is what it was a lap before, once a renderer with a memory has had a lap to load it; the settled "
+        "lap after the first that gives least is judged. W has three shares. Hold: the sum with the force held for a "
+        "tick less the trapezoid, over a spring K (K/2) sum of |dx|^2. Lag: what else vanishes with the tick, L K sum "
+        "of |dx|^2 for L ticks. Law: the limit of the trapezoid, extrapolated linearly from h/2 and h/4; it alone is "
+        "judged. Left open are the last correction of that (as in `refinement`), the trapezoid's own error (1/2) sum "
+        "of |(F[i-1] - 2 F[i] + F[i+1]) . dx| of the finest run, single precision, and the whole of a gain that "
+        "shrinks by less than a quarter with a halving of the tick, as a late proxy's does in a sharp turn. A way on "
+        "which that is more than a tenth of what crossed, and a thousandth of force times way, decides nothing where "
+        "the hand seems to have got something; with such a way left the check does not pass. One recording alone is "
+        "judged by the trapezoid at the best of 0 to 3 ticks of lag, with a tenth of what crossed left open: the "
+        "weaker test. Level info where the scene calls for what is active by nature: delayed motors, or a damper on a "
+        "filtered velocity.\n"
+        "Conservative: the nearest point with pp, transversal or the square root's spring, F = -grad U with U = K "
+        "d^2/2. Dissipative: the constraint, whose tool moves only to where it is nearer to the hand; pp-v, which "
+        "takes K_d |v|^2, and pp-pd, which takes K_d (n.v)^2. Active: the maps, for p(x) is no gradient and W is the "
+        "integral of curl F over the loop; pp-d under a convex surface, where K_d v_t^2 |n| kappa / (1 - |n| kappa) "
+        "is given to the hand; pp-pd-c and set stabilisation off the surface, whose curvature force does m kappa "
+        "v_t^2 of work a metre of depth."
     ),
     judge=judge,
 )

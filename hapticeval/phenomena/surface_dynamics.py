@@ -52,7 +52,7 @@ def judge_output_invariance(runs: Runs, scene: Scene) -> Finding:
     metric = Metric(OUTPUT_INVARIANCE.metric, float(distance[tick]), "m")
     if cost > 0.0 and bound > TELLS * cost:
         message = f"what the sampling may do, {mm(bound)}, hides what a missing centripetal force would"
-        return undecided(message, metric, bound, **evidence)
+        return undecided(message, metric, bound, evidence)
     fails = f"the tool leaves the surface by {mm(metric.value)}, at t = {base.time[tick]:.4g} s"
     return compared(metric, bound, evidence, passes="the tool stays on the surface", fails=fails)
 
@@ -87,7 +87,7 @@ def judge_decoupling(runs: Runs, scene: Scene) -> Finding:
         "settled_by_refinement": remains.settled,
     }
     if bound > TELLS:
-        return undecided(TOO_MUCH, metric, bound, **evidence)
+        return undecided(TOO_MUCH, metric, bound, evidence)
     return compared(
         metric,
         bound,
@@ -133,7 +133,7 @@ def judge_tangential_dynamics(runs: Runs, scene: Scene) -> Finding:
         "settled_by_refinement": remains.settled,
     }
     if bound > TELLS:
-        return undecided(TOO_MUCH, metric, bound, **evidence)
+        return undecided(TOO_MUCH, metric, bound, evidence)
     fails = (
         f"{100.0 * metric.value:.3g} per cent of the sliding speed come or go unassigned, as if the surface had a "
         f"viscosity of {viscosity:.3g} kg/s instead of {viscosity_of(scene):.3g}"
@@ -208,12 +208,11 @@ OUTPUT_INVARIANCE = Check(
         "A held force is late by half a tick on average, which costs a distance of first order in the tick T or "
         "smaller. 2 n(T/4) - n(T/2) is free of that first order, and is wrong by less than d' = n(T/4) - n(T/2) or, "
         "where two orders cancel in that, by a third of 2 d' - d, d = n(T/2) - n(T): the larger of |d'| and half of "
-        "|2 d' - d| is the bound. Where halving the tick does not shrink the change by a quarter at least, as with "
-        "an encoder or with friction, or no finer run can be had, n itself must stay within what a held force "
-        "leaves: 1.5 ticks of change of the centripetal force over K_p, with the overshoot of the assigned "
-        "dynamics. To both comes what the position sensors are wrong by, and 1e-10 of the model for rounding. A "
-        "bound above a tenth of m kappa v^2 / K_p, what a renderer without the centripetal force pays, is "
-        "inconclusive."
+        "|2 d' - d| is the bound. Where halving the tick does not shrink the change by a quarter at least, as with an "
+        "encoder or with friction, or no finer run can be had, n itself must stay within what a held force leaves: "
+        "1.5 ticks of change of the centripetal force over K_p, with the overshoot of the assigned dynamics. To both "
+        "comes what the position sensors are wrong by, and 1e-10 of the model for rounding. A bound above a tenth of "
+        "m kappa v^2 / K_p, what a renderer without the centripetal force pays, is inconclusive."
     ),
     judge=judge_output_invariance,
 )
@@ -234,10 +233,10 @@ DECOUPLING = Check(
     bound=(
         "Judged from the start until the distance stays below a twentieth of its largest. The foot's speed is arc "
         "length a second, so that moving across has no share in it by itself; a law that leaves out 2 kappa n' s' "
-        "changes it by 2 kappa n. 2 q(T/4) - q(T/2) of the relative change q removes the first order of sampling, "
-        "and the bound is what that leaves at the most, as for output-invariance. Where halving the tick does not "
-        "settle it, the impulse that 1.5 ticks of the force's change along the surface may have given, over m "
-        "|p'(0)|. A bound above a tenth is inconclusive."
+        "changes it by 2 kappa n. 2 q(T/4) - q(T/2) of the relative change q removes the first order of sampling, and "
+        "the bound is what that leaves at the most, as for output-invariance. Where halving the tick does not settle "
+        "it, the impulse that 1.5 ticks of the force's change along the surface may have given, over m |p'(0)|. A "
+        "bound above a tenth is inconclusive."
     ),
     judge=judge_decoupling,
 )
@@ -261,12 +260,12 @@ TANGENTIAL_DYNAMICS = Check(
     bound=(
         "The foot's velocity, in bases carried along the surface without turning, changes at the covariant "
         "acceleration's rate; what it has changed since the start less the assigned acceleration's integral must "
-        "vanish at all times. That is an integral, so that no noise is amplified. 2 q(T/4) - q(T/2) removes the "
-        "first order of sampling, and the bound is what that leaves at the most, as for output-invariance. Where "
-        "halving the tick does not settle it, the impulse that 1.5 ticks of the force's change along the surface "
-        "may have given. A bound above a tenth is inconclusive; so is a hand that pushes a robot without a force "
-        "sensor, for the assigned dynamics do not say what it should feel. The apparent viscosity is the "
-        "least-squares one of the whole run."
+        "vanish at all times. That is an integral, so that no noise is amplified. 2 q(T/4) - q(T/2) removes the first "
+        "order of sampling, and the bound is what that leaves at the most, as for output-invariance. Where halving "
+        "the tick does not settle it, the impulse that 1.5 ticks of the force's change along the surface may have "
+        "given. A bound above a tenth is inconclusive; so is a hand that pushes a robot without a force sensor, for "
+        "the assigned dynamics do not say what it should feel. The apparent viscosity is the least-squares one of the "
+        "whole run."
     ),
     judge=judge_tangential_dynamics,
 )

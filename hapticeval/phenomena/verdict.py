@@ -59,9 +59,11 @@ class Finding:
         return self.bound - self.metric.value
 
 
-def undecided(message: str, metric: Metric | None = None, bound: float | None = None, **evidence: Any) -> Finding:
+def undecided(
+    message: str, metric: Metric | None = None, bound: float | None = None, evidence: Mapping[str, Any] | None = None
+) -> Finding:
     """Return the finding of a check that the recording does not let decide."""
-    return Finding(Outcome.INCONCLUSIVE, message, metric, bound, evidence)
+    return Finding(Outcome.INCONCLUSIVE, message, metric, bound, evidence or {})
 
 
 def compared(metric: Metric, bound: float, evidence: Mapping[str, Any], *, passes: str, fails: str) -> Finding:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from hapticeval.errors import RefusalError
 from hapticeval.files import plain
 from hapticeval.runner.events import JobFinished
 from hapticeval.runner.judging import Judged
@@ -120,9 +121,13 @@ def _run(job: Job, judged: Judged, file: Path | None) -> RunEntry:
         closed_form=case.closed_form.get(job.renderer),
         ended=None if judged.ended is None else Ended(**judged.ended),
         error=None if judged.error is None else Problem.of(judged.error),
-        refusal=None if judged.refusal is None else Refusal.of(judged.refusal),
+        refusal=judged.refusal and Refusal.of(judged.refusal, position=_position(judged.refusal)),
         replay=judged.replay,
     )
+
+
+def _position(refusal: RefusalError) -> list[float] | None:
+    return None if refusal.position is None else [float(each) for each in refusal.position]
 
 
 def _scene(case: Case) -> SceneEntry:

@@ -13,13 +13,13 @@ from dataclasses import asdict
 from functools import cached_property
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, Self
 
 import msgspec
 from msgspec import Meta
 
 from hapticeval.devices.inner_loop import InnerLoop
-from hapticeval.errors import HapticevalError, RefusalError
+from hapticeval.errors import HapticevalError
 from hapticeval.files import plain, read_json, without_non_finite, write_json
 from hapticeval.phenomena.verdict import UNSATISFIED, Level, Outcome, Verdict
 from hapticeval.recordings.compare.difference import Difference
@@ -82,22 +82,15 @@ class Problem(Entry, frozen=True, kw_only=True):
     todo: str
 
     @classmethod
-    def of(cls, error: HapticevalError) -> Problem:
-        """Return the entry of an error."""
-        return cls(what=error.what, why=error.why, todo=error.todo)
+    def of(cls, error: HapticevalError, **more: Any) -> Self:
+        """Return the entry of an error, with what `more` it has."""
+        return cls(what=error.what, why=error.why, todo=error.todo, **more)
 
 
 class Refusal(Problem, frozen=True, kw_only=True):
     """Why the renderer refused the scene, and at which `position` (m) on the model that was seen, if at one."""
 
     position: list[float] | None
-
-    @classmethod
-    def of(cls, error: HapticevalError) -> Refusal:
-        """Return the entry of a `RefusalError`."""
-        assert isinstance(error, RefusalError)
-        position = None if error.position is None else [float(each) for each in error.position]
-        return cls(what=error.what, why=error.why, todo=error.todo, position=position)
 
 
 class Ended(Entry, frozen=True, kw_only=True):

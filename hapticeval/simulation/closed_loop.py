@@ -216,7 +216,7 @@ def _loop(experiment: Experiment, scene: Scene, time: Array, dt: float) -> Loop:
     device, hand = scene.robot, experiment.hand
     count, size = time.size, device.dimension
     parts = [(each.stage, each.part(count, size, dt)) for each in scene.effects if each.stage is not None]
-    hooks = (
+    sensors, feeling, motors = (
         kernels.hook_of(part for stage, part in parts if stage is wanted)
         for wanted in (Stage.SENSE, Stage.FEEL, Stage.COMMAND)
     )
@@ -238,7 +238,9 @@ def _loop(experiment: Experiment, scene: Scene, time: Array, dt: float) -> Loop:
     loop = kernels.Loop(
         motion_of(device, load, default_method()),
         Inner(scene.inner_loop.code, scene.mass),
-        *hooks,
+        sensors,
+        feeling,
+        motors,
         device.parameters[:1].copy() if exact else None,
         RUNAWAY * (1.0 if device.turning else scene.model.size),
         state,

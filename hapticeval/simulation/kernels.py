@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from hapticeval.compiled import EFFECT, FirstClass, LawData, compiled, first_class, inner
+from hapticeval.compiled import EFFECT, FirstClass, LawData, compiled, compiled_once, first_class, inner
 from hapticeval.devices.inner_loop_kernels import Inner, torque
 from hapticeval.devices.motion_kernels import DRIFT, JACOBIAN, Grip, Motion, advance, fall_free
 from hapticeval.types import Array
@@ -73,9 +72,6 @@ def hook_of(parts: Iterable[Part]) -> Hook | None:
         if function is not None
     )
     return found or None
-
-
-compiled_once = cache(compiled)
 
 
 @compiled

@@ -117,67 +117,70 @@ def first_crossing(polygon: Polygon, start: ArrayLike, end: ArrayLike) -> tuple[
     return (edge, along, fraction) if edge >= 0 else None
 
 
+def deep_from(polygon: Polygon, start: np.ndarray, part: shapely.LineString, rounding: float) -> float:
+    """How far from `start` a part of a segment is deeper than rounding: it may run along an edge before that."""
+    ends = shapely.get_coordinates(part)
+    near, far = sorted(np.hypot(*(ends - start).T))
+    places = np.linspace(near, far, 401)
+    way = (ends - start)[np.argmax(np.hypot(*(ends - start).T))] / far
+    k = int(np.argmax(polygon.signed_distance(start + places[:, None] * way) < -rounding))
+    low, high = places[max(k - 1, 0)], places[k]
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        deep = polygon.signed_distance([start + middle * way])[0] < -rounding
+        low, high = (low, middle) if deep else (middle, high)
+    return float(high)
+
+
+def check_crossing(polygon: Polygon, start: np.ndarray, end: np.ndarray) -> None:
+    """A segment's first crossing is on the edge it names, and not behind where shapely sees it go inside."""
+    extent = float(np.max(np.ptp(polygon.vertices, axis=0)))
+    rounding = 1e-11 * extent + 1e-14 * np.max(np.abs(polygon.vertices))
+    if polygon.signed_distance([start])[0] < -rounding or np.hypot(*(end - start)) < rounding:
+        return
+    inside = shapely.intersection(shapely.LineString([start, end]), shapely.Polygon(polygon.vertices))
+    parts = [part for part in shapely.get_parts(inside) if part.length > rounding]
+    middles = [part.interpolate(0.5, normalized=True) for part in parts]
+    deep = [
+        part for part, at in zip(parts, middles, strict=True) if polygon.signed_distance([at.coords[0]]) < -rounding
+    ]
+    found = first_crossing(polygon, start, end)
+    if found is None:
+        assert not deep
+        return
+    edge, t, fraction = found
+    place = start + fraction * (end - start)
+    assert 0.0 <= t <= 1.0
+    assert 0.0 <= fraction <= 1.0
+    assert np.hypot(*(polygon.vertices[edge] + t * polygon.edges[edge] - place)) <= 10 * rounding
+    if deep:
+        first = min(deep, key=lambda part: np.min(np.hypot(*(shapely.get_coordinates(part) - start).T)))
+        assert np.hypot(*(place - start)) <= deep_from(polygon, start, first, rounding) + 1e-8 * extent
+
+
+names = st.sampled_from(list(POLYGONS))
+
+
 class TestFirstCrossing:
     @settings(max_examples=50)
-    @given(st.sampled_from(list(POLYGONS)), share, share, share, share)
-    def test_equals_shapely(self, name, a, b, c, d):
-        polygon = POLYGONS[name]
-        start, end = around(polygon, [a, b]), around(polygon, [c, d])
-        self.compare(polygon, start, end)
+    @given(names, share, share, share, share)
+    def test_from_anywhere(self, name, a, b, c, d):
+        check_crossing(POLYGONS[name], around(POLYGONS[name], [a, b]), around(POLYGONS[name], [c, d]))
 
     @settings(max_examples=50)
-    @given(st.sampled_from(list(POLYGONS)), st.integers(0, 10**6), share, share, share)
+    @given(names, st.integers(0, 10**6), share, share, share)
     @example("star", 1, 0.5, 0.5, 0.5)
     def test_from_the_outline(self, name, which, along, c, d):
         polygon = POLYGONS[name]
         edge = which % len(polygon.vertices)
-        self.compare(polygon, polygon.vertices[edge] + along * polygon.edges[edge], around(polygon, [c, d]))
+        check_crossing(polygon, polygon.vertices[edge] + along * polygon.edges[edge], around(polygon, [c, d]))
 
     @settings(max_examples=50)
-    @given(st.sampled_from(list(POLYGONS)), st.integers(0, 10**6), share, share, st.floats(1.0, 2.0))
+    @given(names, st.integers(0, 10**6), share, share, st.floats(1.0, 2.0))
     def test_aimed_at_a_vertex(self, name, which, a, b, beyond):
         polygon = POLYGONS[name]
-        start = around(polygon, [a, b])
-        vertex = polygon.vertices[which % len(polygon.vertices)]
-        self.compare(polygon, start, start + beyond * (vertex - start))
-
-    def compare(self, polygon: Polygon, start: np.ndarray, end: np.ndarray) -> None:
-        extent = float(np.max(np.ptp(polygon.vertices, axis=0)))
-        rounding = 1e-11 * extent + 1e-14 * np.max(np.abs(polygon.vertices))
-        if polygon.signed_distance([start])[0] < -rounding or np.hypot(*(end - start)) < rounding:
-            return
-        parts = shapely.get_parts(
-            shapely.intersection(shapely.LineString([start, end]), shapely.Polygon(polygon.vertices))
-        )
-        middles = [(part, part.interpolate(0.5, normalized=True)) for part in parts if part.length > rounding]
-        depths = [(part, -polygon.signed_distance([[p.x, p.y]])[0]) for part, p in middles]
-        deep = [part for part, depth in depths if depth > rounding]
-        found = first_crossing(polygon, start, end)
-        if found is None:
-            assert not deep
-            return
-        edge, t, fraction = found
-        place = start + fraction * (end - start)
-        assert 0.0 <= t <= 1.0
-        assert 0.0 <= fraction <= 1.0
-        assert np.hypot(*(polygon.vertices[edge] + t * polygon.edges[edge] - place)) <= 10 * rounding
-        if deep:
-            first = min(deep, key=lambda part: np.min(np.hypot(*(shapely.get_coordinates(part) - start).T)))
-            assert np.hypot(*(place - start)) <= self.deep_from(polygon, start, first, rounding) + 1e-8 * extent
-
-    def deep_from(self, polygon: Polygon, start: np.ndarray, part: shapely.LineString, rounding: float) -> float:
-        """How far from `start` a part of a segment is deeper than rounding: it may run along an edge before that."""
-        ends = shapely.get_coordinates(part)
-        near, far = sorted(np.hypot(*(ends - start).T))
-        places = np.linspace(near, far, 401)
-        way = (ends - start)[np.argmax(np.hypot(*(ends - start).T))] / far
-        k = int(np.argmax(polygon.signed_distance(start + places[:, None] * way) < -rounding))
-        low, high = places[max(k - 1, 0)], places[k]
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            deep = polygon.signed_distance([start + middle * way])[0] < -rounding
-            low, high = (low, middle) if deep else (middle, high)
-        return float(high)
+        start, vertex = around(polygon, [a, b]), polygon.vertices[which % len(polygon.vertices)]
+        check_crossing(polygon, start, start + beyond * (vertex - start))
 
     def test_along_an_edge_and_on(self):
         """What runs along an edge to its end, within rounding, goes inside there if the vertex is concave."""
@@ -186,42 +189,39 @@ class TestFirstCrossing:
             polygon = POLYGONS[rng.choice(list(POLYGONS))]
             edge = rng.integers(len(polygon.vertices))
             noise = rng.choice([0.0, 1.0]) * 10.0 ** rng.uniform(-18, -3) * rng.normal(size=2)
-            on, end = polygon.vertices[edge] + np.outer(
-                [rng.choice([0.0, rng.random(), 1.0]), rng.uniform(-1.0, 2.0)], polygon.edges[edge]
-            )
-            self.compare(polygon, on, end + noise)
+            shares = [rng.choice([0.0, rng.random(), 1.0]), rng.uniform(-1.0, 2.0)]
+            on, end = polygon.vertices[edge] + np.outer(shares, polygon.edges[edge])
+            check_crossing(polygon, on, end + noise)
 
     @pytest.mark.parametrize("shift", [0.0, 1e6])
-    def test_off_the_end_of_an_edge_into_the_inside(self, shift):
-        polygon = Polygon(np.array(NOTCHED) + shift)
-        for y in (1.0, 2.0):
-            for end in (3.5, 4.5):
-                edge, t, fraction = first_crossing(polygon, [1.0 + shift, y + shift], [1.0 + shift, end + shift])
-                assert (edge, t) == (4, 0.0)
-                assert y + fraction * (end - y) == pytest.approx(3.0)
-        assert first_crossing(polygon, [1.0 + shift, 1.0 + shift], [1.0 + shift, 2.9 + shift]) is None
+    @pytest.mark.parametrize(
+        ("start", "end", "expected"),
+        [
+            # off the end of an edge into the inside
+            *(((1, y), (1, end), (4, 0.0, (3.0 - y) / (end - y))) for y in (1.0, 2.0) for end in (3.5, 4.5)),
+            ((1, 1), (1, 2.9), None),
+            # from corners
+            ((1, 1), (0.5, 0.5), 0.0),
+            ((1, 1), (2, 2), None),
+            ((4, 1), (0.5, 2), (3, 3.0 / 7.0, 3.0 / 3.5)),
+            # leaving and sliding are no crossings, nor is standing still
+            ((2, 0), (2, -1), None),
+            ((1, 0), (3, 0), None),
+            ((0, 0), (4, 0), None),
+            ((2, 0.5), (2, 0.5), None),
+        ],
+    )
+    def test_of_a_notched_square(self, start, end, expected, shift):
+        found = first_crossing(Polygon(np.array(NOTCHED) + shift), np.add(start, shift), np.add(end, shift))
+        if isinstance(expected, float):
+            assert found[2] == expected
+        else:
+            assert found == (None if expected is None else pytest.approx(expected, abs=1e-9))
 
-    def test_thin_part_passed_right_through(self):
+    def test_of_thin_parts_and_touched_tips(self):
         assert first_crossing(POLYGONS["sliver"], [1.0, 1.0], [1.0, -1.0])[2] == pytest.approx((1.0 - 1e-6) / 2.0)
-
-    def test_a_touched_tip_is_not_crossed(self):
         for offset in (0.0, 1e-18):
             assert first_crossing(star().polygon(), [-0.1, 0.1 + offset], [0.1, 0.1 + offset]) is None
-
-    def test_leaving_and_sliding_are_not_crossing(self):
-        square = Polygon([[0, 0], [1, 0], [1, 1], [0, 1]])
-        assert first_crossing(square, [0.5, 0.0], [0.5, -1.0]) is None
-        assert first_crossing(square, [0.2, 0.0], [0.8, 0.0]) is None
-        assert first_crossing(square, [0.0, 0.0], [1.0, 0.0]) is None
-        assert first_crossing(square, [0.5, 0.5], [0.5, 0.5]) is None
-
-    def test_from_a_corner_into_the_inside(self):
-        notched = POLYGONS["notched"]
-        assert first_crossing(notched, [1.0, 1.0], [0.5, 0.5])[2] == 0.0
-        assert first_crossing(notched, [1.0, 1.0], [2.0, 2.0]) is None
-        edge, t, fraction = first_crossing(notched, [4.0, 1.0], [0.5, 2.0])
-        assert (edge, fraction) == (3, pytest.approx(3.0 / 3.5))
-        assert t == pytest.approx((1.0 + 3.0 / 3.5 - 1.0) / 2.0)
 
     def test_a_start_that_rounding_put_inside(self):
         polygon = cassinian().polygon(40)
@@ -229,8 +229,7 @@ class TestFirstCrossing:
             outward = np.array([polygon.edges[edge, 1], -polygon.edges[edge, 0]])
             outward /= np.hypot(*outward)
             start = polygon.vertices[edge] + 0.3 * polygon.edges[edge] - 1e-15 * outward
-            found = first_crossing(polygon, start, start - 1e-4 * outward)
-            assert found == (edge, pytest.approx(0.3), 0.0)
+            assert first_crossing(polygon, start, start - 1e-4 * outward) == (edge, pytest.approx(0.3), 0.0)
 
 
 @pytest.mark.parametrize(("n", "millimetres"), [(40, 1.17), (80, 0.29), (160, 0.074)])

@@ -102,19 +102,6 @@ class Switches:
         return s + math.copysign(self.by, way) if self.on else s
 
 
-class Sticks:
-    """The contact point stays until it is 0.5 mm behind, and then comes all at once."""
-
-    def __init__(self, slack: float = 0.5e-3) -> None:
-        self.slack = slack
-        self.s: float | None = None
-
-    def __call__(self, s: float, tick: int, dt: float) -> float | None:
-        if self.s is None or abs(s - self.s) > self.slack:
-            self.s = s
-        return self.s
-
-
 class Late:
     """The contact point of some ticks ago, of what another rule answers."""
 
@@ -127,51 +114,31 @@ class Late:
         return self.last[0]
 
 
-class Thirds:
-    """The contact point moves in every third tick."""
+class Follows:
+    """A contact point that goes to where `update(old, new, tick, dt)` leads it, `new` given by another rule."""
 
-    def __init__(self, of: Rule | None = None) -> None:
-        self.of = of
+    def __init__(self, update: Callable[[float, float, int, float], float], of: Rule | None = None) -> None:
+        self.update, self.of = update, of
         self.s: float | None = None
 
     def __call__(self, s: float, tick: int, dt: float) -> float | None:
-        moved = s if self.of is None else self.of(s, tick, dt)
-        if self.s is None or tick % 3 == 0:
-            self.s = moved
+        new = s if self.of is None else self.of(s, tick, dt)
+        self.s = new if self.s is None or new is None else self.update(self.s, new, tick, dt)
         return self.s
 
 
-class Eases:
-    """The contact point goes half of what is left of its way in each tick."""
-
-    def __init__(self) -> None:
-        self.s: float | None = None
-
-    def __call__(self, s: float, tick: int, dt: float) -> float | None:
-        self.s = s if self.s is None else self.s + 0.5 * (s - self.s)
-        return self.s
+def third(old: float, new: float, tick: int, dt: float) -> float:
+    """Moves in every third tick."""
+    return new if tick % 3 == 0 else old
 
 
-class Relaxes:
-    """As `Eases`, with a time constant of 1.5 ms at any rate."""
-
-    def __init__(self) -> None:
-        self.s: float | None = None
-
-    def __call__(self, s: float, tick: int, dt: float) -> float | None:
-        self.s = s if self.s is None else s + (self.s - s) * math.exp(-dt / 1.5e-3)
-        return self.s
-
-
-class Plays:
-    """Backlash of 0.2 mm either way: where the contact point is depends on the way taken, without a jump."""
-
-    def __init__(self) -> None:
-        self.s: float | None = None
-
-    def __call__(self, s: float, tick: int, dt: float) -> float | None:
-        self.s = s if self.s is None else min(max(self.s, s - 0.2e-3), s + 0.2e-3)
-        return self.s
+UPDATES: dict[str, Callable[[float, float, int, float], float]] = {
+    "sticks": lambda old, new, tick, dt: new if abs(new - old) > 0.5e-3 else old,
+    "eases": lambda old, new, tick, dt: old + 0.5 * (new - old),
+    "relaxes": lambda old, new, tick, dt: new + (old - new) * math.exp(-dt / 1.5e-3),
+    "plays": lambda old, new, tick, dt: min(max(old, new - 0.2e-3), new + 0.2e-3),
+}
+"""Stays until it is 0.5 mm behind; goes half of its way in each tick; with a time constant of 1.5 ms; has backlash."""
 
 
 class Bends:
@@ -241,18 +208,16 @@ BROKEN: dict[str, Callable[[], Rule]] = {
     "fine-pop": FinePop,
     "switches": partial(Switches, 0.5e-3, 0.02),
     "switches-late": lambda: Late(2, Switches(0.5e-3, 0.02)),
-    "switches-in-thirds": lambda: Thirds(Switches(0.5e-3, 0.02)),
-    "sticks": Sticks,
+    "switches-in-thirds": lambda: Follows(third, Switches(0.5e-3, 0.02)),
+    "sticks": partial(Follows, UPDATES["sticks"]),
 }
 """What `continuous-contact` has to fail."""
 
 HONEST: dict[str, Callable[[], Rule]] = {
     "late-by-1": partial(Late, 1),
     "late-by-3": partial(Late, 3),
-    "thirds": Thirds,
-    "eases": Eases,
-    "relaxes": Relaxes,
-    "plays": Plays,
+    "thirds": partial(Follows, third),
+    **{name: partial(Follows, UPDATES[name]) for name in ("eases", "relaxes", "plays")},
 }
 """What `continuous-contact` must not fail where the contact point of `inner` is continuous."""
 

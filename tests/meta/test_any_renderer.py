@@ -23,12 +23,9 @@ REAL = st.one_of(st.floats(-1e100, 1e100), st.sampled_from([math.nan, math.inf])
 """Any number whose square is one, and what is none."""
 
 
-def unprintable() -> Exception:
-    class Unprintable(Exception):
-        def __str__(self) -> str:
-            raise ValueError
-
-    return Unprintable()
+class Unprintable(Exception):
+    def __str__(self) -> str:
+        raise ValueError
 
 
 def raising(error: Callable[[], BaseException]) -> Callable[..., Any]:
@@ -63,7 +60,7 @@ NO_ANSWER: dict[str, Callable[..., Any]] = {
     "exits": raising(lambda: SystemExit(3)),
     "stops": raising(StopIteration),
     "recurses": raising(RecursionError),
-    "unprintable": raising(unprintable),
+    "unprintable": raising(Unprintable),
 }
 """Answers that are none."""
 

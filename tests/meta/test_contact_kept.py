@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import cassinian, circle, ellipsoid, from_vertices, line, sphere, star, torus
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.held_tool import HeldTool
+from hapticeval.phenomena.contact_kept import follow
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.sampling import touching, trailing
 from hapticeval.phenomena.verdict import Outcome
@@ -261,15 +261,15 @@ def test_a_rigid_tool_is_held_outside_of_the_solid_and_nowhere_else(angle, depth
     ahead = np.array([np.cos(angle), np.sin(angle)])
     start = 0.4 * ahead
     hand = (0.12 - depth) * ahead + aside * np.array([-ahead[1], ahead[0]])
-    tool = HeldTool(model.boundary, 2e-5)
-    held = tool.follow(start, hand)
+    grain = 2e-5
+    held = follow(model.boundary, start, hand, grain)
     inside = float(model.boundary.signed_distance(hand[np.newaxis])[0]) < -1e-9
     if inside:
         assert held is not None
     if held is None:
         return
     assert abs(float(model.boundary.signed_distance(held[np.newaxis])[0])) < 1e-9
-    for other in tool.boundary.around(held, tool.grain):
+    for other in model.boundary.around(held, grain):
         assert np.linalg.norm(other - hand) > np.linalg.norm(held - hand) - 1e-9
 
 

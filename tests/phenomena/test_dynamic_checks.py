@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made import FAIL, NO, PASS, UNDECIDED, found, outcome
+from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.force_sensor import ForceSensor
@@ -21,6 +21,7 @@ from hapticeval.phenomena.surface_motion import SurfaceMotion
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 
+EXPERIMENT = {"source": "experiment"}
 MASS = 0.1
 CIRCLE = Scene(model=circle(size=2.0), stiffness=50.0, damping=4.47, mass=MASS, bilateral=True)
 LINE = Scene(model=line(), stiffness=50.0, damping=4.47, mass=MASS, bilateral=True)
@@ -42,19 +43,19 @@ def force(scheme, scene, hip, velocity):
     n_rate = normal @ velocity
     along = velocity - n_rate * normal
     spring = -k * n * normal
-    if scheme == "pp":
-        return spring
-    if scheme == "pp-v":
-        return spring - d * velocity
-    if scheme == "pp-pd":
-        return spring - d * n_rate * normal
-    if scheme == "pp-d":
-        return spring - d * (velocity - along / (1.0 + n * kappa))
     stretch = 1.0 + n * kappa
     foot = along / stretch
-    bend = -kappa * (along @ along) / stretch * normal
-    turn = 2.0 * kappa * n_rate * foot
-    return spring - d * n_rate * normal + scene.mass * (bend + turn) - viscosity_of(scene) * stretch * foot
+    bend = -kappa * (along @ along) / stretch * normal + 2.0 * kappa * n_rate * foot
+    return (
+        spring
+        + {
+            "pp": 0.0 * spring,
+            "pp-v": -d * velocity,
+            "pp-pd": -d * n_rate * normal,
+            "pp-d": -d * (velocity - foot),
+            "set-stabilisation": -d * n_rate * normal + scene.mass * bend - viscosity_of(scene) * stretch * foot,
+        }[scheme]
+    )
 
 
 def run(scheme, scene, position, velocity, duration, dt, *, law=force, push=None):
@@ -69,8 +70,7 @@ def run(scheme, scene, position, velocity, duration, dt, *, law=force, push=None
         rows[tick] = hip, speed, given, operator
         hip, speed = device.advance(hip, speed, given, operator, operator, dt)
     hips, speeds, forces, operators = np.moveaxis(rows, 1, 0)
-    channels = {"hip": hips, "ihip": hips, "force": forces, "velocity": speeds, "operator_force": operators}
-    return Recording(np.arange(count) * dt, channels, {"source": "experiment", "dt": dt})
+    return recorded(hips, force=forces, dt=dt, meta=EXPERIMENT, velocity=speeds, operator_force=operators)
 
 
 def runs(scheme, scene, position, velocity, duration, *, dt=1e-3, law=force, name=None, push=None):
@@ -108,7 +108,6 @@ def judged(check: str, scheme: str, start: str):
 
 
 P, F, U = PASS, FAIL, UNDECIDED
-EXPERIMENT = {"source": "experiment"}
 SCHEMES = ("pp", "pp-v", "pp-d", "pp-pd", "set-stabilisation")
 EXPECTED = {
     ("constraint-stability", "line"): (F, P, P, P, P),
@@ -204,13 +203,12 @@ def test_stability_tells_what_stays_from_what_falls_with_time(kind, size):
         "grows": 0.3 * size * np.exp(0.5 * time) * np.cos(20.0 * time),
     }[kind]
     hip = np.column_stack([3.0 * time, n])
-    channels = {"hip": hip, "ihip": hip, "force": 0.0 * hip, "velocity": np.gradient(hip, 1e-3, axis=0)}
-    finding = found("constraint-stability", Runs(Recording(time, channels, {"source": "experiment"})), LINE)
-    assert finding.outcome is (PASS if kind == "1/t" else FAIL)
+    base = recorded(hip, force=0.0 * hip, meta=EXPERIMENT, velocity=np.gradient(hip, 1e-3, axis=0))
+    assert outcome("constraint-stability", base, LINE) is (PASS if kind == "1/t" else FAIL)
 
 
 def test_a_run_that_is_too_short_for_the_assigned_dynamics_decides_nothing():
-    finding = found("constraint-stability", Runs(run("pp-pd", LINE, (0.0, 0.1), (1.0, 0.0), 0.03, 1e-3)), LINE)
+    finding = found("constraint-stability", run("pp-pd", LINE, (0.0, 0.1), (1.0, 0.0), 0.03, 1e-3), LINE)
     assert finding.outcome is UNDECIDED
     assert "too short" in finding.message
 
@@ -218,10 +216,7 @@ def test_a_run_that_is_too_short_for_the_assigned_dynamics_decides_nothing():
 def test_a_run_that_ended_is_not_stable_and_says_why():
     base = made("set-stabilisation", "off-circle").base
     ended = {"tick": 20, "time": 0.02, "what": "joint 2 at its stop", "why": "x2 = 1 rad"}
-    cut = Recording(
-        base.time[:20], {k: v[:20] for k, v in base.channels.items()}, {"source": "experiment", "ended": ended}
-    )
-    finding = found("constraint-stability", Runs(cut), CIRCLE)
+    finding = found("constraint-stability", changed(base, {"ended": ended}, rows=slice(20)), CIRCLE)
     assert finding.outcome is FAIL
     assert "t = 0.02 s: joint 2 at its stop" in finding.message
     assert finding.evidence["ended"] == ended
@@ -232,8 +227,7 @@ def test_nothing_is_asked_below_what_the_sensors_are_wrong_by():
     hip = base.hip + np.array([0.0, 2e-5])
     measured = base.hip
     for shown, expected in (({"measured_hip": measured}, UNDECIDED), ({}, FAIL)):
-        recording = Recording(base.time, {**base.channels, "hip": hip, **shown}, base.meta)
-        assert outcome("constraint-stability", Runs(recording), LINE) is expected
+        assert outcome("constraint-stability", changed(base, hip=hip, **shown), LINE) is expected
 
 
 def test_a_push_ends_before_stability_is_judged_and_leaves_the_rest_undecided():
@@ -253,7 +247,7 @@ DYNAMIC = ("constraint-stability", "output-invariance", "decoupling", "tangentia
 
 def test_a_led_hand_and_a_one_sided_surface_are_not_what_these_checks_are_about():
     base = made("pp", "on-circle").base
-    led = Recording(base.time, base.channels, {"source": "playback"})
+    led = changed(base, {"source": "playback"})
     assert {outcome(c, Runs(led, law="6.24"), CIRCLE) for c in DYNAMIC} == {NO}
     one_sided = replace(CIRCLE, bilateral=False)
     for check in ("constraint-stability", "output-invariance"):
@@ -283,8 +277,7 @@ def great_circle(dt=1e-3, *, drag=3.0, turn=0.0, duration=1.0):
     )
     hip = r[:, None] * out
     velocity = r_rate[:, None] * out + (r * rate)[:, None] * along + r[:, None] * aside
-    channels = {"hip": hip, "ihip": hip, "force": np.zeros_like(hip), "velocity": velocity}
-    return Recording(time, channels, {"source": "experiment", "dt": dt})
+    return recorded(hip, force=0.0 * hip, dt=dt, meta=EXPERIMENT, velocity=velocity)
 
 
 def on_sphere(**motion):
@@ -316,19 +309,13 @@ def test_what_the_hand_adds_is_assigned_where_it_is_sensed():
         out = np.column_stack([np.cos(angle), 0.0 * angle, np.sin(angle)])
         along = np.column_stack([-np.sin(angle), 0.0 * angle, np.cos(angle)])
         middle = along + 0.5 * dt / factor * rate[:, None] * -out
-        channels = {
-            "hip": 0.1 * out,
-            "ihip": 0.1 * out,
-            "force": 0.0 * out,
-            "velocity": (0.1 * rate)[:, None] * along,
-            "operator_force": push * middle,
-        }
-        return Recording(time, channels, {"source": "experiment", "dt": dt / factor})
+        moves = {"velocity": (0.1 * rate)[:, None] * along, "operator_force": push * middle}
+        return recorded(0.1 * out, force=0.0 * out, dt=dt / factor, meta=EXPERIMENT, **moves)
 
     finding = found("tangential-dynamics", Runs(at(1), refine=at), scene)
     assert finding.outcome is PASS, (finding.message, finding.metric, finding.bound)
-    silent = Recording(at(1).time, {**at(1).channels, "operator_force": np.zeros((1001, 3))}, at(1).meta)
-    assert outcome("tangential-dynamics", Runs(silent), scene) is not PASS
+    silent = changed(at(1), operator_force=np.zeros((1001, 3)))
+    assert outcome("tangential-dynamics", silent, scene) is not PASS
 
 
 def test_bases_are_carried_along_without_turning():
@@ -338,8 +325,7 @@ def test_bases_are_carried_along_without_turning():
     normal = np.column_stack(
         [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.full(azimuth.size, np.cos(polar))]
     )
-    recording = Recording(azimuth, {"hip": 0.1 * normal, "ihip": 0.1 * normal, "force": 0.0 * normal})
-    bases = SurfaceMotion(recording, SPHERE).transported
+    bases = SurfaceMotion(recorded(0.1 * normal), SPHERE).transported
     np.testing.assert_allclose(np.einsum("kij,kil->kjl", bases, bases), np.tile(np.eye(2), (4001, 1, 1)), atol=1e-10)
     np.testing.assert_allclose(np.einsum("kij,ki->kj", bases, normal), 0.0, atol=1e-10)
     turned = np.arctan2(bases[-1][:, 0] @ bases[0][:, 1], bases[-1][:, 0] @ bases[0][:, 0])
@@ -354,8 +340,7 @@ def decaying(terms, noise=0.0):
         step = 1.0 / factor
         value = 1.0 + sum(c * step**p for p, c in terms.items())
         hip = np.full((4 * factor + 1, 2), value) + noise * generator.standard_normal((4 * factor + 1, 2))
-        time = np.arange(4 * factor + 1) * step
-        return Recording(time, {"hip": hip, "ihip": hip, "force": 0.0 * hip})
+        return recorded(hip, dt=step)
 
     return Runs(at(1), refine=at).remembered()
 
@@ -398,15 +383,15 @@ def test_a_tool_that_does_not_slide_shows_no_invariance():
 def test_a_tool_without_a_foot_is_no_fault_of_the_check(check):
     time = np.arange(400) * 1e-3
     hip = np.column_stack([time, 0.0 * time])  # from the centre of the circle
-    channels = {"hip": hip, "ihip": hip, "force": 0.0 * hip, "velocity": np.ones_like(hip) * (1.0, 0.2)}
-    finding = found(check, Runs(Recording(time, channels, {"source": "experiment"})), CIRCLE)
+    velocity = np.ones_like(hip) * (1.0, 0.2)
+    finding = found(check, recorded(hip, force=0.0 * hip, meta=EXPERIMENT, velocity=velocity), CIRCLE)
     assert finding.outcome is UNDECIDED
     assert finding.message.startswith("at t = 0 s the tool is at a centre of curvature")
 
 
 def test_what_a_start_near_the_centre_cost_is_no_allowance_for_what_follows():
     """PP+PD from 2 cm beside the centre of a circle: a held force costs much there, and nothing once it is outside."""
-    made = Runs(run("pp-pd", CIRCLE, (0.02, 0.0), (-3.0, 0.1), 1.0, 1e-3))
+    made = run("pp-pd", CIRCLE, (0.02, 0.0), (-3.0, 0.1), 1.0, 1e-3)
     finding = found("constraint-stability", made, CIRCLE)
     assert finding.outcome in (PASS, FAIL), finding.message
     assert finding.evidence["floor_m"] < 1e-3
@@ -426,21 +411,17 @@ def test_a_run_that_ended_is_compared_with_as_much_of_the_finer_ones():
     """They end at ticks of their own: what all of them have is extrapolated all the same."""
     whole = made("set-stabilisation", "on-circle")
 
-    def cut(recording, count, **ended):
-        return Recording(
-            recording.time[:count],
-            {name: values[:count] for name, values in recording.channels.items()},
-            {**recording.meta, **ended},
-        )
+    def cut(recording, count, ended):
+        return changed(recording, {"ended": ended} if ended else {}, rows=slice(count))
 
     def finer(factor):
-        return cut(whole.refine(factor), 300 * factor - 3, ended={"tick": 300 * factor - 3})
+        return cut(whole.refine(factor), 300 * factor - 3, {"tick": 300 * factor - 3})
 
-    short = Runs(cut(whole.base, 301, ended={"tick": 301}), refine=finer)
+    short = Runs(cut(whole.base, 301, {"tick": 301}), refine=finer)
     remains = left(short, lambda recording: SurfaceMotion(recording, CIRCLE).distance)
     assert remains.settled
     assert 290 <= len(remains.values) < 301
     for check in ("output-invariance", "tangential-dynamics"):
         assert outcome(check, short, CIRCLE) is PASS
-    unended = Runs(cut(whole.base, 301), refine=finer)
+    unended = Runs(cut(whole.base, 301, {}), refine=finer)
     assert not left(unended, lambda recording: SurfaceMotion(recording, CIRCLE).distance).settled

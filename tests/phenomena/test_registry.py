@@ -79,10 +79,11 @@ def test_an_installed_check_is_listed_explained_judged_and_reported(toy, command
     assert "toy-strength" not in OWN
     assert "Is it weak?" in command("list", "checks")
     assert "half a newton" in command("explain", "toy-strength")
-    command("run", "toys.toml", "-r", "minimum-distance", "-o", "out")
+    ran = command("run", "toys.toml", "-r", "minimum-distance", "-o", "out")
     verdicts = json.loads((toy / "out" / "results.json").read_text())["verdicts"]
     found = {verdict["check"]: (verdict["outcome"], verdict["metric"]["unit"]) for verdict in verdicts}
     assert found == {"toy-strength": ("fail", "N"), "reset-clears": ("pass", "N")}
+    assert (toy / "out" / "report.html").exists(), ran
     assert "half a newton" in (toy / "out" / "report.html").read_text()
 
 

@@ -8,18 +8,18 @@ import pytest
 from hand_paths import star_shaped, walks
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lut_sources import sphere
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, line, star
 from hapticeval.renderers import conformal, constraint, minimum_distance
-from hapticeval.renderers.family import by_conformal, by_mapping, by_minimum_distance
+from hapticeval.renderers.disk import by_conformal_map, by_flow_map
+from hapticeval.renderers.nearest import nearest
 from hapticeval.renderers.table import ASK, EDGE, HELD, MARKED, OUT, TOUCHES, Grid, Table, empty, grid_over
-from hapticeval.renderers.tabulated import MARGIN, OFF, fill, tabulate, tabulated
+from hapticeval.renderers.tabulated import MARGIN, OFF, Source, fill, tabulate, tabulated
 from hapticeval.scene import Scene
 
 MODELS = {"cassinian": cassinian(), "star": star(), "dumbbell": dumbbell()}
-PROJECTIONS = {"minimum-distance": by_minimum_distance, "conformal": by_conformal}
+PROJECTIONS = {"minimum-distance": nearest, "conformal": by_conformal_map}
 COARSE = 2e-3
 everything = pytest.mark.parametrize(("projection", "model"), [(p, m) for p in PROJECTIONS for m in MODELS])
 
@@ -30,6 +30,17 @@ def table_of(projection, model, *, cell=COARSE, bilateral=False):
 
 def exact_of(projection, model, *, bilateral=False):
     return PROJECTIONS[projection](Scene(model=MODELS[model], bilateral=bilateral), "curve")
+
+
+def sphere(radius):
+    """Minimum distance on a sphere about the origin; at its centre any direction is as good."""
+
+    def project(points):
+        far = np.linalg.norm(points, axis=1, keepdims=True)
+        rays = np.divide(points, far, out=np.tile((1.0, 0.0, 0.0), (len(points), 1)), where=far > 0.0)
+        return radius * rays, rays
+
+    return Source(project=project, distance=lambda points: np.linalg.norm(points, axis=1) - radius)
 
 
 def scattered(count=20_000, reach=0.12, seed=1):
@@ -58,7 +69,7 @@ def test_a_table_without_the_exact_projection_stays_on_the_surface_too(projectio
 @given(vertices=star_shaped(), hips=walks())
 def test_on_any_polygon_too(vertices, hips):
     model = from_vertices(vertices)
-    made = tabulated(by_minimum_distance, Scene(model=model), "curve", cell=4e-3)
+    made = tabulated(nearest, Scene(model=model), "curve", cell=4e-3)
     for ihips, normals, contact in (made.trace(hips), made.table.answers(hips)):
         assert np.all(np.abs(model.curve.signed_distance(ihips[contact])) <= made.standoff + 1e-12)
         np.testing.assert_allclose(np.hypot(*normals[contact].T), 1.0, atol=1e-12)
@@ -89,7 +100,7 @@ def test_contact_is_decided_as_by_the_exact_surface(projection, model):
 def test_where_the_table_does_not_interpolate_the_exact_projection_answers(projection, model):
     made, exact = table_of(projection, model), exact_of(projection, model)
     hips = scattered()
-    asked = made.table.look_many(hips, ask=True)[2] == ASK
+    asked = made.table.look_many(hips)[2] == ASK
     assert 0.01 < np.mean(asked) < 0.25
     for ours, theirs in zip(made.trace(hips), exact.trace(hips), strict=True):
         np.testing.assert_array_equal(ours[asked], theirs[asked])
@@ -103,7 +114,7 @@ def test_the_error_falls_with_the_square_of_the_cell():
     stretched = -model.curve.signed_distance(hips) * model.curve.curvature(model.curve.nearest(hips))
     counted = contact & (stretched < 0.5)
     tables = [table_of("minimum-distance", "cassinian", cell=cell).table for cell in cells]
-    answers = [table.look_many(hips, ask=True) for table in tables]
+    answers = [table.look_many(hips) for table in tables]
     for _, _, status in answers:
         counted &= status == TOUCHES
     assert np.count_nonzero(counted) > 0.7 * np.count_nonzero(contact)
@@ -126,7 +137,7 @@ def test_what_is_far_outside_or_no_number_is_free_space():
         np.testing.assert_array_equal(ihips, far)
         np.testing.assert_array_equal(normals, 0.0)
         for x, y in far:
-            assert table.look(x, y, ask=True)[0] == OUT
+            assert table.look(x, y)[0] == OUT
 
 
 def test_the_last_node_belongs_to_the_last_cell():
@@ -204,8 +215,8 @@ def test_a_table_is_made_once_for_a_model_and_its_settings():
 
 def test_a_flow_map_in_a_table():
     scene, settings = Scene(model=MODELS["cassinian"]), {"cells": 60}
-    made = tabulated(by_mapping, scene, "curve", cell=COARSE, **settings)
-    exact, hips = by_mapping(scene, "curve", **settings), scattered()
+    made = tabulated(by_flow_map, scene, "curve", cell=COARSE, **settings)
+    exact, hips = by_flow_map(scene, "curve", **settings), scattered()
     ihips, _, contact = made.trace(hips)
     truth, _, _ = exact.trace(hips)
     assert np.max(np.abs(scene.model.curve.signed_distance(ihips[contact]))) <= made.standoff

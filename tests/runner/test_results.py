@@ -47,7 +47,7 @@ def entry(finding, *more):
 def whole():
     """Results with every entry that there is."""
     scene = SceneEntry(
-        stiffness=1e3, damping=0.0, mass=0.1, bilateral=True, restitution=0.0, sampling_time=1e-3, viscosity=0.3,
+        stiffness=1e3, damping=0.0, mass=0.1, bilateral=True, restitution=0.0, sampling_time=1e-3,
         device=Robot(kind="point-mass"), inner_loop=InnerLoop.STATIC, effects=[{"kind": "delay", "time": 1e-3}],
     )  # fmt: skip
     replay = Replay(

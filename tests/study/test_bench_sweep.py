@@ -9,11 +9,10 @@ import pytest
 
 from hapticeval.commands.arguments import parse_knobs
 from hapticeval.errors import InputError, UnknownNameError
-from hapticeval.geometry.catalogue import cassinian, star
+from hapticeval.geometry.catalogue import star
 from hapticeval.knob import Knob
 from hapticeval.renderer import Response
-from hapticeval.renderers import constraint, minimum_distance
-from hapticeval.scene import Scene
+from hapticeval.renderers import minimum_distance
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.study.bench import sweep as sweeping
 from hapticeval.study.bench.accuracy import (
@@ -179,9 +178,6 @@ def test_knob_options_that_say_nothing_are_refused(text):
     with pytest.raises(InputError, match="--knob") as caught:
         parse_knobs([text])
     assert "vertices=40,80,160" in caught.value.todo
-
-
-def test_lengths_may_be_given_to_a_knob():
     assert parse_knobs(["cell=1mm,0.5 mm"])["cell"] == pytest.approx((1e-3, 5e-4))
 
 
@@ -273,12 +269,6 @@ def test_memory_counts_every_buffer_once():
     assert array_bytes(holder.__class__) == 0
     table = np.zeros(50)
     assert array_bytes(lambda: table) == 400
-
-
-def test_memory_of_a_polygon_grows_with_its_vertices():
-    scene = Scene(model=cassinian())
-    few, many = (array_bytes(constraint.with_knobs(vertices=n)(scene)) for n in (40, 400))
-    assert 8.0 < many / few < 12.0
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,12 @@ from hapticeval.discovery import resolve
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import cassinian, circle, ellipse, from_vertices, line, make_model, star
 from hapticeval.scene import Scene
-from hapticeval.study.projection_field.field import field_of, lines_of_constant_projection, shallow_angles
-from hapticeval.study.projection_field.singular import jumps_between
+from hapticeval.study.projection_field.field import (
+    field_of,
+    jumps_between,
+    lines_of_constant_projection,
+    shallow_angles,
+)
 from hapticeval.study.projection_field.study import Projector, has_memory, projector, study_field, surface_of
 
 MM = 1e-3

@@ -23,18 +23,16 @@ INSTEAD = "use the renderer 'conformal', which maps every model without holes"
 
 
 class FlowError(RefusalError):
-    """The flow gives no map: `position` (m) says where that was seen, `time` when, `count` how often."""
+    """The flow gives no map; `position` (m) is where that was seen."""
 
-    def __init__(self, what: str, *, position: tuple[float, float], time: float, count: int, why: str) -> None:
+    def __init__(self, what: str, *, position: tuple[float, float], time: float, why: str) -> None:
         self.position: tuple[float, ...] | None = position
-        self.time = time
-        self.count = count
         x, y = (round(c, 9) + 0.0 for c in position)  # to a nanometre: a centre is at zero
         super().__init__(f"{what} at ({x:.4g}, {y:.4g}) m, flow time {time:.4g}", why=why, todo=INSTEAD)
 
 
 class FlowSplitError(FlowError):
-    """The front fell apart into several (Figure 5.9); `count` of them."""
+    """The front fell apart into several (Figure 5.9)."""
 
 
 class FlowCollapseError(FlowError):
@@ -42,7 +40,7 @@ class FlowCollapseError(FlowError):
 
 
 class FoldedGridError(FlowError):
-    """Cells of the grid are turned over: lines crossed, and the map is not one-to-one; `count` of them."""
+    """Cells of the grid are turned over: lines crossed, and the map is not one-to-one."""
 
 
 VELOCITIES = MappingProxyType(
@@ -132,8 +130,7 @@ class Flow:
     """What a flow recorded: m levels, the first the surface itself, and n lines, anticlockwise.
 
     `points` (m, n, 2), m; `u` (n,) the curve's parameters of the lines' starts; `times` (m,), in m for velocities
-    without unit and m^2 for curvature; `lengths` (m,), m, and `areas` (m,), m^2, of the levels on the grid; `held`
-    (m,) how many gaps between lines were held open at the level; `cell` (m).
+    without unit and m^2 for curvature; `lengths` (m,), m, and `areas` (m,), m^2, of the levels on the grid; `cell` (m).
     """
 
     points: Array
@@ -141,7 +138,6 @@ class Flow:
     times: Array
     lengths: Array
     areas: Array
-    held: Array
     cell: float
 
 
@@ -154,8 +150,8 @@ def flow(model: Model, settings: FlowSettings) -> Flow:
     if not model.curve.closed:
         raise InputError(f"model '{model.name}' is unbounded", why="its surface does not shrink to a point")
     front = Front(model, settings)
-    times, lengths, areas, held, points = map(np.array, zip(*_levels(front, settings), strict=True))
-    return Flow(points, front.u, times, lengths, areas, held, front.h)
+    times, lengths, areas, points = map(np.array, zip(*_levels(front, settings), strict=True))
+    return Flow(points, front.u, times, lengths, areas, front.h)
 
 
 class Front:
@@ -178,7 +174,6 @@ class Front:
         self.u = starts(model, settings.line_count)
         self.points = model.curve.position(self.u)
         self.time = 0.0
-        self.held = 0
         self._cap = 2.0 * math.pi / model.curve.length
         self._speed = 1.0 / h if self.kind in (kernels.CURVATURE, kernels.CAP) else 1.0
         self._measure()
@@ -202,11 +197,8 @@ class Front:
         kernels.pull_back(self.values, self.h, self.x0, self.y0, self.points)
         self.time += steps * dt
         self._measure()
-        if self.gap > 0.0:
-            held = kernels.keep_apart(self.points, self.gap * self.length / self.points.shape[0])
-            if held:
-                kernels.pull_back(self.values, self.h, self.x0, self.y0, self.points)
-            self.held = held
+        if self.gap > 0.0 and kernels.keep_apart(self.points, self.gap * self.length / self.points.shape[0]):
+            kernels.pull_back(self.values, self.h, self.x0, self.y0, self.points)
 
     def _measure(self) -> None:
         self.length, self.area = kernels.front(self.values, self.h)
@@ -246,15 +238,13 @@ def starts(model: Model, lines: int) -> Array:
     return np.unique(curve.parameter(equal_steps(cuts, curve.length, lines)))
 
 
-def _levels(front: Front, settings: FlowSettings) -> Iterator[tuple[float, float, float, int, Array]]:
+def _levels(front: Front, settings: FlowSettings) -> Iterator[tuple[float, float, float, Array]]:
     """Run a flow to its end: a record a level."""
     whole = front.area
-    yield front.time, front.length, front.area, 0, front.points.copy()
+    yield front.time, front.length, front.area, front.points.copy()
     roundest, level = front.roundness, 1
-    held = 0
     while front.length >= 2.0 * math.pi * LAST_RADIUS * front.h:
         front.update()
-        held = max(held, front.held)
         roundest = max(roundest, front.roundness)
         lost = front.roundness < ROUNDNESS_LOST * roundest
         done = 1.0 - math.sqrt(max(front.area, 0.0) / whole) >= level / settings.level_count
@@ -263,13 +253,13 @@ def _levels(front: Front, settings: FlowSettings) -> Iterator[tuple[float, float
         if lost:
             raise _collapse(front)
         if done:
-            yield front.time, front.length, front.area, held, front.points.copy()
-            level, held = level + 1, 0
+            yield front.time, front.length, front.area, front.points.copy()
+            level += 1
     _check_parts(front)
     if front.aspect > LAST_ASPECT:
         raise _collapse(front)
     if math.sqrt(front.area / whole) < 1.0 - (level - 0.5) / settings.level_count:
-        yield front.time, front.length, front.area, held, front.points.copy()
+        yield front.time, front.length, front.area, front.points.copy()
 
 
 def _check_parts(front: Front) -> None:
@@ -279,7 +269,6 @@ def _check_parts(front: Front) -> None:
             f"the flow of model '{front.model.name}' splits into {count} parts",
             position=place,
             time=front.time,
-            count=count,
             why="the velocity knows the curvature alone, and a neck closes before the lobes have shrunk (Figure 5.9)",
         )
 
@@ -290,6 +279,5 @@ def _collapse(front: Front) -> FlowCollapseError:
         f"the flow of model '{front.model.name}' shrinks to a segment instead of a point",
         position=(float(x), float(y)),
         time=front.time,
-        count=1,
         why=f"the last level is {front.aspect:.2g} times as long as wide, and 4 pi A / L^2 is {front.roundness:.2g}",
     )

@@ -183,7 +183,6 @@ def _check_cells(model: Model, points: Array, times: Array) -> None:
             f"{count} of {folded.size} cells of the flow grid of model '{model.name}' are folded, the first",
             position=(float(x), float(y)),
             time=float(times[level]),
-            count=count,
             why="lines or levels cross there, and a point would have two surface points",
         )
 
@@ -199,7 +198,6 @@ def _directions(model: Model, ring: Array, centre: Array, time: float) -> Array:
             f"a level of the flow of model '{model.name}' is not star-shaped, {int(np.sum(steps <= 0.0))} times, first",
             position=(float(x), float(y)),
             time=float(time),
-            count=int(np.sum(steps <= 0.0)),
             why="directions from the centre do not tell its points apart",
         )
     return np.asarray(angles)

@@ -52,66 +52,45 @@ class Fault:
 
 DISORDER = 'convert with [time] disorder = "mask", which marks the row as no measurement; or mend the file'
 AGAIN = "copy or record the file again"
-COLUMN = "see which column of the file belongs here"
-SENSOR = "leave those rows out; see the sensor and its cable"
+COLUMN = "which column of the file belongs here"
 SIGN = "see its sign in the mapping, and what the sensor calls positive; no sign was changed"
 
-KINDS: Mapping[str, tuple[Severity, str]] = {
-    "duplicate": (Severity.FAULT, DISORDER),
-    "reversal": (Severity.FAULT, DISORDER),
-    "gap": (Severity.SUSPICIOUS, "see whether the loop or the logger was late"),
-    "rate": (Severity.SUSPICIOUS, "see whether every cycle was logged, and whether the unit of time is right"),
-    "missed": (Severity.SUSPICIOUS, "see the logger"),
-    "ended": (Severity.NOTE, ""),
-    "lost": (Severity.SUSPICIOUS, AGAIN),
-    "import": (Severity.SUSPICIOUS, AGAIN),
-    "rows": (Severity.SUSPICIOUS, AGAIN),
-    "no number": (Severity.FAULT, "left out; see why the sensor gave none"),
-    "jump": (
-        Severity.SUSPICIOUS,
-        "see whether a counter overflowed, or two logs were joined; replays begin anew there",
-    ),
-    "stuck": (Severity.SUSPICIOUS, SENSOR),
-    "saturated": (Severity.SUSPICIOUS, "there the limit of sensor or motor was recorded, not the signal"),
-    "spike": (Severity.SUSPICIOUS, "leave it out; see the cable and the logger"),
-    "constant": (Severity.SUSPICIOUS, f"see the sensor and its cable, and {COLUMN.removeprefix('see ')}"),
-    "repeated rows": (
-        Severity.SUSPICIOUS,
-        "the logger wrote old samples: see its rate and that of the device, and record again",
-    ),
-    "copy": (Severity.SUSPICIOUS, COLUMN),
-    "shifted copy": (Severity.SUSPICIOUS, COLUMN),
-    "from another run": (Severity.SUSPICIOUS, "see which run was meant: a hand never moves the same way twice"),
-    "velocity": (Severity.SUSPICIOUS, "see its column, unit and sign"),
-    "force lag": (Severity.SUSPICIOUS, "see whether both were logged in the same tick, and the delay of the loop"),
-    "unit": (Severity.SUSPICIOUS, "see the unit in the mapping"),
-    "force sign": (Severity.SUSPICIOUS, SIGN),
-    "forward kinematics": (
-        Severity.SUSPICIOUS,
-        "see zero offsets, directions and lengths of the device, and the frame of the HIP",
-    ),
-    "torque": (
-        Severity.SUSPICIOUS,
-        "see the signs of motors and force; an inner loop that adds its own dynamics differs too",
-    ),
-    "spring": (
-        Severity.SUSPICIOUS,
-        "see the stiffness, the sign of the force, and whether all three were logged in the same tick",
-    ),
-    "surface": (
-        Severity.SUSPICIOUS,
-        "see the model and its frame; a renderer with a coarser representation declares its resolution",
-    ),
-    "spring and surface": (
-        Severity.SUSPICIOUS,
-        "see model, stiffness, damping and the frames of HIP and force; the log has no IHIP to tell them apart",
-    ),
-    "contact": (
-        Severity.SUSPICIOUS,
-        "see the model, its size and its frame; a motor that is off or a force of something else does so too",
-    ),
+ADVICE: Mapping[str, str] = {
+    "duplicate": DISORDER,
+    "reversal": DISORDER,
+    "gap": "see whether the loop or the logger was late",
+    "rate": "see whether every cycle was logged, and whether the unit of time is right",
+    "missed": "see the logger",
+    "ended": "",
+    "lost": AGAIN,
+    "import": AGAIN,
+    "rows": AGAIN,
+    "no number": "left out; see why the sensor gave none",
+    "jump": "see whether a counter overflowed, or two logs were joined; replays begin anew there",
+    "stuck": "leave those rows out; see the sensor and its cable",
+    "saturated": "there the limit of sensor or motor was recorded, not the signal",
+    "spike": "leave it out; see the cable and the logger",
+    "constant": f"see the sensor and its cable, and {COLUMN}",
+    "repeated rows": "the logger wrote old samples: see its rate and that of the device, and record again",
+    "copy": f"see {COLUMN}",
+    "shifted copy": f"see {COLUMN}",
+    "from another run": "see which run was meant: a hand never moves the same way twice",
+    "velocity": "see its column, unit and sign",
+    "force lag": "see whether both were logged in the same tick, and the delay of the loop",
+    "unit": "see the unit in the mapping",
+    "force sign": SIGN,
+    "forward kinematics": "see zero offsets, directions and lengths of the device, and the frame of the HIP",
+    "torque": "see the signs of motors and force; an inner loop that adds its own dynamics differs too",
+    "spring": "see the stiffness, the sign of the force, and whether all three were logged in the same tick",
+    "surface": "see the model and its frame; a renderer with a coarser representation declares its resolution",
+    "spring and surface": "see model, stiffness, damping and the frames of HIP and force; the log has no IHIP to tell "
+    "them apart",
+    "contact": "see the model, its size and its frame; a motor that is off or a force of something else does so too",
 }
-"""How bad each kind of finding is unless its detector knows better, and what to do about it."""
+"""What to do about each kind of finding, unless its detector knows better."""
+
+WORST = ("duplicate", "reversal", "no number")
+"""Kinds that are faults. That a run ended is a note; all others are suspicious unless their detector knows better."""
 
 
 def found(
@@ -125,9 +104,9 @@ def found(
     todo: str | None = None,
     **measures: Any,
 ) -> Fault:
-    """Make a finding of one of `KINDS` at the rows [first, end) of `span`; `measures` are the numbers behind it."""
-    usual, advice = KINDS[kind]
+    """Make a finding of a kind of `ADVICE` at the rows [first, end) of `span`; `measures` are the numbers behind it."""
+    usual = Severity.FAULT if kind in WORST else Severity.NOTE if kind == "ended" else Severity.SUSPICIOUS
     first, end = span or (None, None)
     time = None if span is None else (float(recording.time[span[0]]), float(recording.time[span[1] - 1]))
-    advice = advice if todo is None else todo
+    advice = ADVICE[kind] if todo is None else todo
     return Fault(kind, severity or usual, message, advice, channel, first, end, time, measures)

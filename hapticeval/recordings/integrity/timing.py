@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticeval.recordings.integrity.issue import KINDS, Fault, Severity, found
+from hapticeval.recordings.integrity.issue import ADVICE, Fault, Severity, found
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.salvage import told_losses, told_warnings
 from hapticeval.recordings.stretches import GAP_STEPS, joined
@@ -71,7 +71,7 @@ def examine_timing(recording: Recording) -> tuple[Timing, list[Fault]]:
         faults.append(
             found(
                 recording, "gap", message, "time", (row, row + 2), severity=None if beside else Severity.NOTE,
-                todo=f"{BRIDGED if bridged else PARTED}; {KINDS['gap'][1]}", missing=count, bridged=bridged,
+                todo=f"{BRIDGED if bridged else PARTED}; {ADVICE['gap']}", missing=count, bridged=bridged,
             )
         )  # fmt: skip
     missing = sum(gaps.values())

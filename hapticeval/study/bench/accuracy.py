@@ -23,7 +23,7 @@ from hapticeval.simulation.playback import ask, play, start
 from hapticeval.stimulus.paths import build_path
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.study.bench.document import Errors
-from hapticeval.study.projection_field.singular import sampled, singular_geometry, singular_set
+from hapticeval.study.projection_field.field import sampled, singular_geometry, singular_set
 from hapticeval.types import Array
 
 POINTS = 1000

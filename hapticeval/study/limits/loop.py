@@ -164,7 +164,7 @@ def port_damping(robot: Robot, normal: Array, dt: float) -> float:
 
 def lateness(scene: Scene) -> float:
     """Return the seconds from a sample to the motors' answer."""
-    return sum(each.late for each in scene.effects)
+    return sum((each.late for each in scene.effects), 0.0)
 
 
 def passive_stiffness(scene: Scene, robot: Robot, normal: Array) -> float | None:

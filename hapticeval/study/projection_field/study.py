@@ -19,8 +19,7 @@ from hapticeval.runner.judging import built
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import ask, play, start
 from hapticeval.stimulus.stimulus import Path
-from hapticeval.study.projection_field.field import Field, field_of, shallow_angles
-from hapticeval.study.projection_field.singular import extent
+from hapticeval.study.projection_field.field import Field, extent, field_of, shallow_angles
 from hapticeval.types import Array
 
 TRIES = 64

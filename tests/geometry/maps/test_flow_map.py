@@ -152,8 +152,7 @@ def test_points_off_the_map_are_named():
 def folded_flow(points):
     times = np.arange(points.shape[0], dtype=float)
     areas = np.linspace(1.0, 0.1, points.shape[0])
-    zeros = np.zeros(points.shape[0])
-    return Flow(points, np.linspace(0, 2 * math.pi, points.shape[1], endpoint=False), times, areas, areas, zeros, 0.01)
+    return Flow(points, np.linspace(0, 2 * math.pi, points.shape[1], endpoint=False), times, areas, areas, 0.01)
 
 
 def test_folded_cells_are_refused_with_their_place():
@@ -162,10 +161,8 @@ def test_folded_cells_are_refused_with_their_place():
     points = 0.1 * np.linspace(1.0, 0.2, 6)[:, np.newaxis, np.newaxis] * rays
     assert chart_of(circle(), folded_flow(points)).points.shape == (6, 40, 2)
     points[3, [7, 9]] = points[3, [9, 7]]
-    with pytest.raises(FoldedGridError, match=r"(?s)of 200 cells.*conformal") as caught:
+    with pytest.raises(FoldedGridError, match=r"(?s)of 200 cells.*flow time 2.*conformal") as caught:
         chart_of(circle(), folded_flow(points))
-    assert caught.value.count >= 2
-    assert caught.value.time == 2.0
     assert math.hypot(*caught.value.position) == pytest.approx(0.068)
 
 

@@ -152,31 +152,39 @@ def test_a_rigid_tool_cannot_be_computed_again_from_where_it_was(ran):
         as_recorded(opened(file_of(ran, "push", "ideal")))
 
 
-def test_a_replay_keeps_samples_and_clock(tmp_path, counting):
+def asked(counting, what):
+    """What the counting renderer was asked first, along the path forwards."""
+    return [entry[1:] for entry in counting if entry[0] == what]
+
+
+def test_a_renderer_is_asked_at_the_recorded_samples_steps_velocities_and_pushes(tmp_path, counting):
     rng = np.random.default_rng(3)
     time = 5.0 + np.cumsum(rng.choice([0.007, 0.008], 200))
-    out = replayed(circle_run(time, radius=BESIDE), tmp_path, ["countingmodule:Counting"])
-    _, recording = out["countingmodule:Counting"]
-    np.testing.assert_array_equal(recording.time, time)
-    np.testing.assert_array_equal(recording.hip, circle_run(time, radius=BESIDE).hip)
-    steps = [entry[1] for entry in counting if entry[0] == "step"][:200]
-    np.testing.assert_array_equal(steps[1:], np.diff(time))
-    assert out["countingmodule:Counting"][0].replay.clock.startswith("irregular, 7 to 8 ms")
+    log = circle_run(time, radius=BESIDE)
+    velocity, push = 0.5 * backward_difference(log.hip, time), rng.standard_normal((200, 2))
+    log = Recording(time, {**log.channels, "velocity": velocity, "measured_force": push}, log.meta)
+    judged, answer = replayed(log, tmp_path, ["countingmodule:Feeling"])["countingmodule:Feeling"]
+    np.testing.assert_array_equal(answer.time, time)
+    np.testing.assert_array_equal(answer.hip, log.hip)
+    steps = asked(counting, "step")[:200]
+    np.testing.assert_array_equal([step for step, _ in steps][1:], np.diff(time))
+    np.testing.assert_array_equal([seen for _, seen in steps], velocity)
+    np.testing.assert_array_equal([felt for (felt,) in asked(counting, "feel")[:200]], push)
+    assert judged.replay.clock.startswith("irregular, 7 to 8 ms")
 
 
-def test_every_gap_starts_the_renderer_anew(tmp_path, counting):
-    time = np.arange(300) * 1e-3
+def test_every_gap_starts_the_renderer_anew_and_one_missed_cycle_is_none(tmp_path, counting):
+    time = np.delete(np.arange(301) * 1e-3, 50)
     time[200:] += 0.5
     valid = np.ones(300, dtype=bool)
     valid[90:100] = False
-    recording = circle_run(time, radius=BESIDE, valid=valid)
-    out = replayed(recording, tmp_path, ["countingmodule:Counting"], model=None)
-    judged, answer = out["countingmodule:Counting"]
-    starts = [entry[1] for entry in counting if entry[0] == "reset"][:3]
-    assert starts == [tuple(recording.hip[row]) for row in (0, 100, 200)]
+    log = circle_run(time, radius=BESIDE, valid=valid)
+    judged, answer = replayed(log, tmp_path, ["countingmodule:Counting"], model=None)["countingmodule:Counting"]
+    assert asked(counting, "reset")[:3] == [(tuple(log.hip[row]),) for row in (0, 100, 200)]
     assert (judged.replay.stretches, judged.replay.rows, judged.replay.rows_left_out) == (3, 290, 10)
     np.testing.assert_array_equal(answer.time, time[valid])
     assert len(answer.meta["stretches"]) == 3
+    assert asked(counting, "step")[50][0] == time[50] - time[49] > 1.5e-3
 
 
 def test_a_stretch_that_begins_inside_is_led_in_from_the_surface(tmp_path, counting):
@@ -219,25 +227,6 @@ def test_what_looks_like_a_spike_in_a_simulation_is_the_renderers(tmp_path, coun
     assert outcomes["continuous-contact"] is Outcome.FAIL
 
 
-def test_one_missed_cycle_is_no_gap(tmp_path, counting):
-    time = np.delete(np.arange(100) * 1e-3, 50)
-    out = replayed(circle_run(time, radius=BESIDE), tmp_path, ["countingmodule:Counting"])
-    judged, _ = out["countingmodule:Counting"]
-    assert judged.replay.stretches == 1
-    steps = [entry[1] for entry in counting if entry[0] == "step"]
-    assert steps[50] == time[50] - time[49] > 1.5e-3
-
-
-def test_the_velocity_is_the_recorded_one(tmp_path, counting):
-    time = np.arange(50) * 1e-3
-    recording = circle_run(time, radius=BESIDE)
-    filtered = 0.5 * backward_difference(recording.hip, time)
-    recording = Recording(time, {**recording.channels, "velocity": filtered}, recording.meta)
-    replayed(recording, tmp_path, ["countingmodule:Counting"])
-    seen = [entry[2] for entry in counting if entry[0] == "step"][:50]
-    np.testing.assert_array_equal(seen, filtered)
-
-
 def test_what_leads_out_of_a_renderers_domain_ends_the_stretch(tmp_path, counting):
     time = np.arange(600) * 1e-3
     log = circle_run(time)
@@ -253,23 +242,6 @@ def test_what_leads_out_of_a_renderers_domain_ends_the_stretch(tmp_path, countin
     found = as_recorded(subject(tmp_path / "log.h5", log), ["countingmodule:Bounded"])
     assert not found.follows
     assert "gives no answer from" in found.told()
-
-
-def test_a_renderer_that_feels_is_told_the_measured_push(tmp_path, counting):
-    time = np.arange(50) * 1e-3
-    recording = circle_run(time, radius=BESIDE)
-    push = np.random.default_rng(2).standard_normal((50, 2))
-    log = Recording(time, {**recording.channels, "measured_force": push}, recording.meta)
-    replayed(log, tmp_path, ["countingmodule:Feeling"])
-    np.testing.assert_array_equal([entry[1] for entry in counting if entry[0] == "feel"][:50], push)
-
-
-def test_a_rigid_tool_refuses_a_clock_that_is_not_regular(tmp_path):
-    time = np.cumsum(np.resize([0.007, 0.008], 100))
-    judged, recording = replayed(circle_run(time), tmp_path, ["ideal"])["ideal"]
-    assert recording is None
-    assert {verdict.outcome for verdict in judged.verdicts} == {Outcome.NOT_APPLICABLE}
-    assert "clock is not regular" in judged.refusal.what
 
 
 def test_the_recorded_run_is_a_column_and_the_difference_is_told(tmp_path):
@@ -443,30 +415,37 @@ def test_stretches_are_weighed_together():
     assert merged([]).outcome is Outcome.INCONCLUSIVE
 
 
-def test_the_command_writes_results_and_a_page_that_says_open_loop(ran, tmp_path, capsys):
-    file = file_of(ran, "slide", "minimum-distance+pp-v")
-    code = main(["replay", str(file), "-r", "constraint@curve", "-r", "constraint", "-o", str(tmp_path / "out")])
+def test_the_command_writes_results_and_a_page_that_says_open_loop(ran, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    file = file_of(ran, "slide", "constraint")
+    code = main(["replay", str(file), "-r", "constraint@curve", "-r", "constraint"])
     said = capsys.readouterr().out
-    results = read_results(tmp_path / "out")
+    (folder,) = tmp_path.iterdir()
+    assert folder.name == "replay-constraint"
+    results = read_results(folder)
     assert results.complete
     assert [run.renderer for run in results.runs] == [RECORDED, "constraint@curve", "constraint"]
     assert code == int(any(not verdict.as_expected for verdict in results.verdicts))
     assert OPEN_LOOP in said
     assert "IHIP" in said
-    page = (tmp_path / "out" / "report.html").read_text()
+    page = (folder / "report.html").read_text()
     assert "Distance from the recorded run" in page
     assert "2 renderers and the recorded run, 1 case." in page
     assert page.count("the hand would have moved otherwise") >= 3
-    written = read_recording(tmp_path / "out" / results.runs[1].recording)
+    written = read_recording(folder / results.runs[1].recording)
     assert written.meta["source"] == "replay"
 
 
 def test_a_replay_whose_renderers_all_refuse_is_no_success(tmp_path, capsys):
     log = circle_run(np.cumsum(np.resize([0.007, 0.008], 100)))
     write_recording(tmp_path / "log.h5", log)
-    assert main(["replay", str(tmp_path / "log.h5"), "-r", "ideal", "-o", str(tmp_path / "out")]) == 2
+    judged, answer = replayed(log, tmp_path, ["ideal"])["ideal"]
+    assert answer is None
+    assert {verdict.outcome for verdict in judged.verdicts} == {Outcome.NOT_APPLICABLE}
+    assert "clock is not regular" in judged.refusal.what
+    assert main(["replay", str(tmp_path / "log.h5"), "-r", "ideal", "-o", str(tmp_path / "refused")]) == 2
     assert "refuses: ideal" in capsys.readouterr().out
-    page = (tmp_path / "out" / "report.html").read_text()
+    page = (tmp_path / "refused" / "report.html").read_text()
     assert "every verdict as expected" not in page
     assert "every renderer refused every case" in page
 
@@ -521,14 +500,6 @@ def test_a_log_that_says_nothing_is_asked_for_everything_at_once(tmp_path, capsy
     assert main(["replay", str(tmp_path / "log.h5"), "--as-recorded", *given]) == 0
 
 
-def test_a_replay_has_a_folder_of_its_own(ran, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    file = file_of(ran, "slide", "constraint")
-    main(["replay", str(file), "-r", "constraint"])
-    assert [path.name for path in tmp_path.iterdir()] == ["replay-constraint"]
-    assert read_results(tmp_path / "replay-constraint").complete
-
-
 def test_an_interrupt_keeps_what_had_finished(ran, tmp_path):
     made = opened(file_of(ran, "slide", "constraint"))
     names = ["constraint", "minimum-distance"]
@@ -559,8 +530,8 @@ def test_a_steep_map_is_not_called_pop_through_on_one_sampling(tmp_path):
     assert outcomes == {"conformal": Outcome.INCONCLUSIVE, "minimum-distance": Outcome.FAIL}
 
 
-STROKE = FilePath(__file__).parents[2] / "shared" / "data" / "handwriting_svc" / "signal.svc"
-MAPPING = FilePath(__file__).parents[1] / "examples" / "handwriting.toml"
+STROKE = FilePath(__file__).parents[3] / "shared" / "data" / "handwriting_svc" / "signal.svc"
+MAPPING = FilePath(__file__).parents[2] / "examples" / "handwriting.toml"
 
 
 @pytest.mark.skipif(not STROKE.exists(), reason="needs shared/data/handwriting_svc beside the repository")

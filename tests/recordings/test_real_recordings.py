@@ -1,4 +1,4 @@
-"""A real teleoperation rig: its files come in with units and signs right, and its contacts are judged."""
+"""Real recordings: a teleoperation rig, its units, signs and contacts; and a pen stroke, a path with gaps."""
 
 from __future__ import annotations
 
@@ -20,13 +20,15 @@ from hapticeval.recordings.integrity.report import examine, sound_intervals
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data" / "tue_1dof_teleop"
+STROKE = ROOT.parent / "shared" / "data" / "handwriting_svc" / "signal.svc"
 MAPPING = ROOT / "examples" / "tue_1dof_teleop.toml"
 MAPPING_M2 = ROOT / "examples" / "tue_1dof_teleop_m2.toml"
+PEN = ROOT / "examples" / "handwriting.toml"
 RIGID, FOAM, FREE = "question1a_rigid", "m2_question1a_foam", "question1a_free_motion"
 LEVER = 0.075
 QUANTUM = 2.0 * np.pi / 300_000
 
-pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="needs shared/data/tue_1dof_teleop beside the repository")
+pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="needs shared/data beside the repository")
 
 
 @lru_cache
@@ -162,3 +164,32 @@ def test_from_file_to_report_by_commands(tmp_path, capsys, monkeypatch):
     assert "contacts above 0.5 N: 7" in shown
     assert "restitution: 0.467" in shown
     assert (tmp_path / "pictures" / "integrity-rigid-h5.png").is_file()
+
+
+def test_a_pen_stroke_is_a_path_with_gaps_where_the_pen_is_up_and_its_report_has_notes_only():
+    made = load(STROKE, mapping=PEN)
+    raw = np.loadtxt(STROKE, skiprows=1)
+    assert np.array_equal(made.valid, raw[:, 3] == 1)
+    assert np.allclose(made.hip, raw[:, :2] * 1e-3, atol=1e-12)
+    assert np.allclose(made.time, raw[:, 2], atol=1e-9)
+    assert list(made.channels) == ["hip"]
+    with pytest.raises(InputError, match="lacks the channel 'force'"):
+        _ = made.force
+    report = examine(made)
+    assert not report.suspicious
+    assert {fault.kind for fault in report.faults} == {"gap"}
+    assert report.timing.step == pytest.approx(0.008)
+    assert report.timing.rate == pytest.approx(133.1, abs=0.1)
+    assert report.timing.jitter[3] == pytest.approx(1e-3)
+    intervals = sound_intervals(made, report).sound
+    assert len(intervals) == 5
+    assert sum(each.end - each.first for each in intervals) == 819
+
+
+def test_from_stroke_to_report_by_commands(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["convert", str(STROKE), "--mapping", str(PEN), "-o", "stroke.h5"]) == 0
+    assert "559 rows in a gap" in capsys.readouterr().out
+    assert main(["inspect", "stroke.h5"]) == 0
+    assert "819 of 1378 rows are measurements" in capsys.readouterr().out
+    assert (tmp_path / "integrity-stroke.svg").is_file()

@@ -1,0 +1,130 @@
+"""The thesis suite on the reference renderers: Table 6.3 comes out, and every verdict is the recorded one.
+
+`thesis_verdicts.csv` pins each verdict's outcome and metric. Where a change means to change one of them, write it anew
+with `HAPTICEVAL_PUBLISH=1 .venv/bin/pytest tests/suites/test_thesis.py -k recorded`, and look at the difference.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+from functools import cache
+from pathlib import Path
+
+import honest
+import pytest
+from msgspec.structs import replace
+
+from hapticeval.discovery import own_renderers, resolve
+from hapticeval.phenomena.verdict import Outcome, Verdict
+from hapticeval.runner.judging import judge
+from hapticeval.runner.table import fill_table
+from hapticeval.suite.reading import load_suite
+
+SUITE = load_suite("thesis")
+RECORDED = Path(__file__).with_name("thesis_verdicts.csv")
+CLOSE = 1e-3
+"""Share of a metric, or of its bound, by which two machines may differ."""
+
+
+@cache
+def verdicts(name: str) -> tuple[Verdict, ...]:
+    found = []
+    for case in SUITE.cases:
+        judged = judge(resolve(name), name, SUITE.name, case)
+        assert judged.error is None
+        found += judged.verdicts
+    return tuple(found)
+
+
+def cell(verdict: Verdict) -> str:
+    metric = verdict.finding.metric
+    number = "" if metric is None else f"{metric.value:.4g} {metric.unit}"
+    return f"{verdict.outcome.value} {number}".strip()
+
+
+def publish(name: str) -> None:
+    """Replace one renderer's column of the recorded verdicts."""
+    rows = csv.DictReader(RECORDED.read_text().splitlines()) if RECORDED.exists() else []
+    table = {(row.pop("case"), row.pop("check")): row for row in rows}
+    for verdict in verdicts(name):
+        table.setdefault((verdict.case, verdict.check), {})[name] = cell(verdict)
+    with RECORDED.open("w", newline="") as file:
+        writer = csv.DictWriter(file, ["case", "check", *own_renderers()], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({"case": case, "check": check, **cells} for (case, check), cells in table.items())
+
+
+@pytest.mark.parametrize("name", own_renderers())
+def test_every_verdict_is_the_recorded_one_and_as_required_or_as_published(name):
+    if os.environ.get("HAPTICEVAL_PUBLISH"):
+        publish(name)
+    assert [verdict for verdict in verdicts(name) if not verdict.as_expected] == []
+    recorded = {(row["case"], row["check"]): row[name] for row in csv.DictReader(RECORDED.read_text().splitlines())}
+    assert {(verdict.case, verdict.check) for verdict in verdicts(name)} == set(recorded)
+    for verdict in verdicts(name):
+        outcome, *number = recorded[verdict.case, verdict.check].split()
+        assert verdict.outcome == outcome, (verdict.case, verdict.check, verdict.finding.message)
+        metric = verdict.finding.metric
+        assert (metric is None) == (not number)
+        if metric is not None:
+            near = pytest.approx(float(number[0]), rel=CLOSE, abs=CLOSE * (verdict.finding.bound or 0.0))
+            assert metric.value == near, (verdict.case, verdict.check)
+    table = fill_table([SUITE], verdicts(name))
+    published = {row.title: row.published[name] for row in SUITE.rows if name in row.published}
+    assert {title: table[title].get(name) for title in published} == published
+    if name == "set-stabilisation":
+        # It projects as minimum distance does, and a star has no curvature for it: nothing is said of corners.
+        assert [cells.get(name) for cells in table.values()] == ["No", None, "Yes", "Yes"]
+
+
+def test_what_is_published_could_be_contradicted():
+    published = [v for name in ("minimum-distance", "constraint") for v in verdicts(name) if v.published is not None]
+    assert {v.published for v in published} == {Outcome.PASS, Outcome.FAIL}
+    assert all(v.finding.metric is not None for v in published)
+
+
+@cache
+def judged(name: str, *checks: str, change: str = "", base: str) -> dict[str, Outcome]:
+    """The outcomes of some checks of a case, as a path in 2 s, on a reference renderer or one changed honestly."""
+    (case,) = [case for case in SUITE.cases if case.name == name]
+    if case.trajectory is not None:
+        case = replace(case, trajectory=replace(case.trajectory, duration=2.0))
+    kinds = {**honest.HONEST, "late-tool": honest.LateTool, "claims": Claims}
+    make = resolve(base)
+    made = (lambda scene: kinds[change](scene, make(scene))) if change else make
+    return {v.check: v.outcome for v in judge(made, "mine", "thesis", replace(case, checks=checks)).verdicts}
+
+
+class Claims(honest.Changed):
+    """Declares to be no more exact than the size of the model."""
+
+    standoff, resolution = 1.0, 10.0
+
+
+@pytest.mark.parametrize(
+    ("change", "case", "base", "checks"),
+    [
+        ("single", "star-convex-corner", "constraint", ("continuous-contact", "broken-contact")),
+        ("single", "star-concave-corner", "constraint", ("contact-normal-force",)),
+        ("single", "plane-press", "constraint", ("contact-normal-force",)),
+        ("single", "plane-impact", "constraint", ("impulsive-collision",)),
+        ("late-tool", "star-convex-corner", "constraint", ("broken-contact",)),
+        ("late-tool", "cassinian-shallow-slide", "constraint@curve", ("contact-normal-force", "continuous-contact")),
+        ("late-tool", "cassinian-deep-slide", "minimum-distance", ("memoryless",)),
+        ("claims", "star-convex-corner", "minimum-distance", ("continuous-contact", "broken-contact")),
+    ],
+)
+def test_what_a_renderer_is_honestly_short_of_costs_no_verdict_and_gains_none(change, case, base, checks):
+    expected = judged(case, *checks, base=base)
+    assert judged(case, *checks, base=base, change=change) == expected
+    assert set(expected.values()) == (
+        {Outcome.FAIL} if change == "claims" or case == "plane-impact" else {Outcome.PASS}
+    )
+
+
+def test_a_force_without_a_contact_point_is_not_called_continuous():
+    checks = ("continuous-contact", "contact-kept", "memoryless", "force-magnitude", "passivity")
+    outcomes = dict(judged("cassinian-deep-slide", *checks, base="minimum-distance", change="force-only"))
+    assert outcomes.pop("passivity") is Outcome.PASS, "a force alone does work"
+    assert set(outcomes.values()) == {Outcome.INCONCLUSIVE}
