@@ -111,9 +111,17 @@ def compiled_once(function: Callable[P, R]) -> Callable[P, R]:
     return compiled(function)
 
 
+def borrowing(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function that makes no arrays: it borrows those that it is given, and counts no references to them.
+
+    A kernel that is given a tuple of many arrays would else spend more time on counting than on its work.
+    """
+    return _compiled(function, _nrt=False)
+
+
 def inner(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function that only kernels call: without a way in from Python, which takes long to compile."""
-    return _compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    """Compile a function that borrows its arrays, into the kernels that call it: it has no way in from Python."""
+    return _compiled(function, _nrt=False, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 def _compiled(function: Callable[P, R], **options: Any) -> Callable[P, R]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import borrowing
 from hapticeval.devices.motion_kernels import BIAS, DRIFT, INERTIA, JACOBIAN, NET, SCRATCH, Plant, Scratch, solve
 from hapticeval.types import Array
 
@@ -18,7 +18,7 @@ class Inner(NamedTuple):
     mass: float
 
 
-@compiled
+@borrowing
 def torque(
     inner: Inner,
     plant: Plant,

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import DYNAMICS, KINEMATICS, MARGIN, FirstClass, compiled, first_class, inner
+from hapticeval.compiled import DYNAMICS, KINEMATICS, MARGIN, FirstClass, borrowing, compiled, first_class, inner
 from hapticeval.devices.integration import Method, control
 from hapticeval.types import Array
 
@@ -121,7 +121,7 @@ def scratch_of(size: int, stages: int = 1) -> Scratch:
     return Scratch(np.zeros((ROWS, size)), np.empty((SQUARES, size, size)), np.empty((stages, size)))
 
 
-@compiled
+@borrowing
 def solve(matrix: Array, vector: Array) -> None:
     """Replace `vector` (N,) by matrix⁻¹ vector; `matrix` (N, N) is overwritten. Elimination with row exchange."""
     size = vector.shape[0]
@@ -332,7 +332,7 @@ def stop(
     return h
 
 
-@compiled
+@borrowing
 def advance(motion: Motion, tick: int, begin: float, finish: float, joints: Array, rates: Array, torque: Array) -> int:
     """Move `joints` and `rates` (N,) from `begin` to `finish` seconds into the tick; return the steps, 0 if stuck."""
     control, pace, rows = motion.steps.control, motion.steps.pace, motion.scratch.rows

@@ -13,7 +13,7 @@ import numpy as np
 
 from hapticeval.errors import DomainError, HapticevalError
 from hapticeval.hardware.device import Guarded, HardwareDevice
-from hapticeval.hardware.wiring import CUTOFF, Kinematics, Rates, Wiring
+from hapticeval.hardware.wiring import Kinematics, Rates, Wiring
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recorder import Recorder
 from hapticeval.renderer import Renderer
@@ -80,21 +80,19 @@ def run(
     recorder: Recorder,
     *,
     cycles: int,
-    cutoff: float = CUTOFF,
     tell: Callable[[int], None] | None = None,
 ) -> LiveRun:
     """Run for `cycles` cycles of the hardware: read, project, answer, command, record; then stop the motors.
 
     The hardware is opened by `connect` when all else is ready, code compiled and loaded. Its motors are stopped
-    whatever happens, see `Guarded`. HIP and velocity come from the encoders alone, velocity as their difference through
-    a first-order low-pass of `cutoff` Hz; the scene's inner loop makes torques of the renderer's force. A row has the
-    hardware's stamp.
+    whatever happens, see `Guarded`. HIP and velocity come from the encoders alone, velocity by `Rates`; the scene's
+    inner loop makes torques of the renderer's force. A row has the hardware's stamp.
 
     Ctrl-C, a recorder whose writer dies, and a robot or a renderer that is led out of where it is defined, end the run:
     `ended` gives the reason. Raises `HapticevalError` where the hardware goes or gives nonsense, or stands outside of
     its workspace at the start, and `RendererError` with the tick when the renderer breaks.
     """
-    loop = _Loop(wiring, renderer, scene, recorder, cutoff)
+    loop = _Loop(wiring, renderer, scene, recorder)
     ended = ""
     warm(wiring, renderer, scene)
     gc.freeze()  # what there is stays: a collection in mid-run then looks at little
@@ -133,10 +131,10 @@ def run(
 class _Loop:
     """What a cycle needs, and what it leaves to the next."""
 
-    def __init__(self, wiring: Wiring, renderer: Renderer, scene: Scene, recorder: Recorder, cutoff: float) -> None:
+    def __init__(self, wiring: Wiring, renderer: Renderer, scene: Scene, recorder: Recorder) -> None:
         self.wiring, self.renderer, self.scene, self.recorder = wiring, renderer, scene, recorder
         self.kinematics = Kinematics(wiring.device)
-        self.rates = Rates(wiring.device.dimension, cutoff)
+        self.rates = Rates(wiring.device.dimension)
         self.tick = self.missed = 0
         self.last = 0
         self.took = array("q")

@@ -135,15 +135,14 @@ def read_wiring(path: Path) -> Wiring:
 class Rates:
     """Joint velocities from joint positions: their difference through a first-order low-pass (2.6), from rest on."""
 
-    def __init__(self, dimension: int, cutoff: float = CUTOFF) -> None:
-        self.cutoff = cutoff
+    def __init__(self, dimension: int) -> None:
         self._before: Array | None = None
         self._rates = np.zeros(dimension)
 
     def after(self, elapsed: float, joints: Array) -> Array:
         """Return velocities (N,), rad/s, at `joints` (N,), `elapsed` s after the ones before; zero the first time."""
         if self._before is not None:
-            share = blend(self.cutoff, elapsed)
+            share = blend(CUTOFF, elapsed)
             self._rates = self._rates + share * ((joints - self._before) / elapsed - self._rates)
         self._before = joints
         return self._rates

@@ -61,13 +61,13 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     IHIP has to lie on the surface: a path through the solid is no contact point's, however smooth.
     """
     base = runs.base
-    _, tick = largest_jump(base, scene)
+    jump, tick = largest_jump(base, scene)
     if tick == 0:
         return undecided("the tool is never in contact for two samples in a row")
     if lacks_ihip(base, scene):
         return undecided(NO_IHIP, evidence=place(base, tick))
     if runs.refine is None:
-        finding = _judge_fixed(base, scene, tick)
+        finding = _judge_fixed(base, scene, jump, tick)
     elif runs.look is not None:
         finding = _judge_closely(runs.look, runs.refine, scene)
     else:
@@ -264,7 +264,7 @@ def coarsened_slope(recording: Recording, scene: Scene, tick: int) -> float:
     return -_slope(jumps) if len(jumps) > 1 else math.nan
 
 
-def _judge_fixed(base: Recording, scene: Scene, tick: int) -> Finding:
+def _judge_fixed(base: Recording, scene: Scene, jump: float, tick: int) -> Finding:
     """Apply the weaker test, for a recording that cannot be refined: the jump against the HIP step.
 
     Near a convex surface of curvature kappa, projecting from depth d stretches distances by 1 / (1 - kappa d); where
@@ -279,19 +279,19 @@ def _judge_fixed(base: Recording, scene: Scene, tick: int) -> Finding:
     bound = LAG_TICKS * hip_step(base, scene) + standoff(base, scene)
     bound += (stretch - 1.0) * LAG_TICKS * hip_step(base, scene)
     evidence = _evidence(base, scene, tick)
-    metric = Metric("largest IHIP jump", _step_to(base, tick), "m")
-    jump, note = mm(metric.value), "judged on one sampling only, which is the weaker test"
-    if metric.value <= bound:
+    metric = Metric("largest IHIP jump", jump, "m")
+    moved, note = mm(jump), "judged on one sampling only, which is the weaker test"
+    if jump <= bound:
         return Finding(Outcome.PASS, f"no jump beyond the HIP's own steps; {note}", metric, bound, evidence)
     if on_axis:
-        message = f"the IHIP moves {jump} in one step near the medial axis; {note}"
+        message = f"the IHIP moves {moved} in one step near the medial axis; {note}"
         return undecided(message, metric, bound, evidence)
     slope = coarsened_slope(base, scene, tick)
     evidence["coarsened_slope"] = slope
     if not slope < STAYS:
-        message = f"the IHIP moves {jump} in one step, and whether finer HIP steps shrink it is not known; {note}"
+        message = f"the IHIP moves {moved} in one step, and whether finer HIP steps shrink it is not known; {note}"
         return undecided(message, metric, bound, evidence)
-    return Finding(Outcome.FAIL, f"pop-through of {jump}; {note}", metric, bound, evidence)
+    return Finding(Outcome.FAIL, f"pop-through of {moved}; {note}", metric, bound, evidence)
 
 
 CHECK = Check(

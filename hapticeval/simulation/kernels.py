@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from hapticeval.compiled import EFFECT, FirstClass, LawData, compiled, compiled_once, first_class, inner
+from hapticeval.compiled import EFFECT, FirstClass, LawData, borrowing, compiled_once, first_class, inner
 from hapticeval.devices.inner_loop_kernels import Inner, torque
 from hapticeval.devices.motion_kernels import DRIFT, JACOBIAN, Grip, Motion, advance, fall_free
 from hapticeval.types import Array
@@ -74,7 +74,7 @@ def hook_of(parts: Iterable[Part]) -> Hook | None:
     return found or None
 
 
-@compiled
+@borrowing
 def take_part(hook: Hook | None, tick: int, dt: float, first: Array, second: Array) -> float:
     """Let the effects of a stage change `first` and `second`; return the last of the times (s) that they give."""
     last = 0.0
@@ -136,7 +136,7 @@ def see(sensors: Hook | None, loop: Loop, tick: int) -> None:
     )  # fmt: skip
 
 
-@compiled
+@borrowing
 def sense(loop: Loop, tick: int) -> int:
     """Write what is and what the sensors give at the sample `tick`; return OUTSIDE where the device is not defined."""
     state, out, plant, scratch = loop.state, loop.out, loop.motion.plant, loop.motion.scratch
@@ -216,7 +216,7 @@ def add_drawn(grip: Grip | None, loop: Loop, tick: int, i: int, mean: float) -> 
     return float(mean + grip.gains[1] * (path[tick + 1, i] - path[tick, i] - moved) / dt)
 
 
-@compiled
+@borrowing
 def act(loop: Loop, tick: int) -> int:
     """Go from the renderer's force in out[FORCE, tick] to the device's state at the next sample."""
     state, out, load = loop.state, loop.out, loop.motion.load
@@ -239,7 +239,7 @@ def act(loop: Loop, tick: int) -> int:
     return DONE
 
 
-@compiled
+@borrowing
 def run(law: Callable[..., Any], data: LawData, loop: Loop) -> tuple[int, int]:
     """Run all ticks with a compiled law; return the tick that the run ended at, and how."""
     out, dt = loop.out, loop.motion.load.dt

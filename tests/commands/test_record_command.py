@@ -327,37 +327,12 @@ def test_a_socket_with_nobody_behind_it(here, capsys):
     assert not {"run.h5", "run.journal"} & names(here)
 
 
-def test_a_driver_that_breaks_leaves_what_was_recorded(here, capsys):
-    assert driven("mycard:Broken") == 2
-    said = capsys.readouterr()
-    assert "cable off" in said.err
-    assert "wrote run.h5" in said.out
-    run = read_recording(here / "run.h5")
-    assert len(run) == 20
-    assert any("cable off" in event.text for event in run.events)
-    assert not Path("run.journal").exists()
-
-
-def test_a_renderer_that_breaks_exits_with_its_own_code(here, capsys):
-    assert driven("mycard:Fine", "-r", "mycard:breaking") == 3
-    said = capsys.readouterr()
-    assert "not finite" in said.err
-    assert len(read_recording(here / "run.h5")) == 19
-
-
 def test_cycles_that_were_missed_are_told(here, capsys):
     assert driven("mycard:Skipping") == 1
     said = capsys.readouterr().out
     assert "1 cycles missed" in said
     assert "a cycle comes every 1 ms\n  what to do: " in said
     assert read_recording(here / "run.h5").clock.missed == 1
-
-
-def test_steps_that_were_in_time_are_told_without_advice(here, capsys):
-    assert driven("mycard:Fine") == 0
-    said = capsys.readouterr().out
-    assert "a step took" in said
-    assert "what to do" not in said
 
 
 @pytest.mark.parametrize(
@@ -379,12 +354,6 @@ def test_a_slow_renderer_is_told_from_its_steps(here, capsys):
     said = capsys.readouterr().out
     assert "cycles missed" in said
     assert "what to do: a --rate below 1000, or a faster renderer" in said
-
-
-def test_ctrl_c_finishes_the_recording(here, capsys):
-    assert driven("mycard:Stopped") == 1
-    assert "interrupted by the user" in capsys.readouterr().out
-    assert 20 <= len(read_recording(here / "run.h5")) <= 21
 
 
 def test_ctrl_c_on_the_twin_finishes_it_too(here):
@@ -450,16 +419,6 @@ def test_a_renderer_that_breaks_at_once_is_told_without_a_warning(here, capsys, 
     assert not {"run.h5", "run.journal"} & names(here)
 
 
-def test_no_limit_is_told_of_a_renderer_without_force(here, capsys):
-    assert driven("mycard:Fine", "-r", "mycard:forceless") == 0
-    assert "warning" not in capsys.readouterr().err
-
-
-def test_a_force_into_the_surface_is_warned_about(here, capsys):
-    driven("mycard:Fine", "-r", "mycard:pulling")
-    assert "warning: the renderer's force pulls the hand into the surface" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("name", ["run.csv", "run", "run.journal", "run.h5.mat"])
 def test_a_recording_has_the_name_of_one(here, capsys, name):
     assert main(["record", "-o", name, "--device", "twin"]) == 2
@@ -469,7 +428,38 @@ def test_a_recording_has_the_name_of_one(here, capsys, name):
     assert not names(here) & {name, "run.journal"}
 
 
-@pytest.mark.parametrize(("stiffness", "warned"), [("300", False), ("20000", True)])
-def test_a_stiffness_that_the_loop_cannot_hold_is_warned_about(here, capsys, stiffness, warned):
-    assert driven("mycard:Fine", "--stiffness", stiffness) in (0, 1)
-    assert ("cannot hold" in capsys.readouterr().err) == warned
+@pytest.mark.parametrize(
+    ("arguments", "code", "rows", "out", "err"),
+    [
+        (["mycard:Broken"], 2, 20, "wrote run.h5", "cable off"),
+        (["mycard:Fine", "-r", "mycard:breaking"], 3, 19, "wrote run.h5", "not finite"),
+        (["mycard:Stopped"], 1, 21, "interrupted by the user", ""),
+    ],
+)
+def test_a_run_that_ends_early_leaves_what_was_recorded(here, capsys, arguments, code, rows, out, err):
+    assert driven(*arguments) == code
+    said = capsys.readouterr()
+    assert out in said.out
+    assert err in said.err
+    run = read_recording(here / "run.h5")
+    assert rows - 1 <= len(run) <= rows
+    assert any((err or out) in event.text for event in run.events)
+    assert not Path("run.journal").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "warning"),
+    [
+        ([], ""),
+        (["-r", "mycard:forceless"], ""),
+        (["-r", "mycard:pulling"], "warning: the renderer's force pulls the hand into the surface"),
+        (["--stiffness", "300"], ""),
+        (["--stiffness", "20000"], "cannot hold"),
+    ],
+)
+def test_a_force_that_the_loop_cannot_hold_is_warned_about(here, capsys, arguments, warning):
+    assert driven("mycard:Fine", *arguments) in (0, 1)
+    said = capsys.readouterr()
+    assert "a step took" in said.out
+    assert arguments or "what to do" not in said.out
+    assert warning in said.err if warning else "warning" not in said.err

@@ -102,14 +102,14 @@ def test_a_missing_column_suggests_the_closest():
 
 def test_rows_out_of_order_without_a_number_or_in_a_gap_are_kept_and_not_valid():
     times, positions = K * 2.0, K * 1.0
-    times[[7, 20]] = times[[6, 3]]
+    times[[7, 20, 21]] = times[[6, 3, 4]]
     positions[25] = math.nan
     source = table(t=times, px=positions)
     with pytest.raises(InputError, match="does not increase at row 7"):
         converted(source)
     made = converted(source, time__disorder="mask")
-    assert np.flatnonzero(~made.valid).tolist() == [7, 20, 25]
-    assert made.meta["import"]["left out"] == {"time out of order": 2, "without a number": 1}
+    assert np.flatnonzero(~made.valid).tolist() == [7, 20, 21, 25]
+    assert made.meta["import"]["left out"] == {"time out of order": 3, "without a number": 1}
     assert made.hip[8, 0] == 8e-3
     up = converted(gaps={"column": "pen", "where": 0})
     assert [(rows.start, rows.stop) for rows in up.sound_rows()] == [(3, 10), (13, 20), (23, 30), (33, 40)]

@@ -121,6 +121,21 @@ def test_a_foreign_file_that_is_cut_is_refused_with_the_place(tmp_path_factory, 
     assert re.search(r"\d|index", caught.value.why), caught.value.why
 
 
+def test_what_is_whole_outside_and_broken_inside_is_refused(tmp_path):
+    path = tmp_path / "a.mat"
+    savemat(path, {"x": np.random.default_rng(1).normal(size=500)}, do_compression=True)
+    data = path.read_bytes()
+    path.write_bytes(data[:132] + struct.pack("<I", len(data) - 136 - 40) + data[136:-40])
+    with pytest.raises(InputError, match="is cut short or damaged") as caught:
+        read_table(path)
+    assert caught.value.why == "the variable at byte 128 breaks off"
+    np.savez(tmp_path / "inner.npz", x=np.arange(9.0))
+    (tmp_path / "a.npz").write_bytes(b"PK\x03\x04 x.npy" + (tmp_path / "inner.npz").read_bytes())
+    with pytest.raises(InputError, match="is cut short or damaged") as caught:
+        read_table(tmp_path / "a.npz")
+    assert "another archive inside of it" in caught.value.why
+
+
 def _borders(data):
     place, borders = 128, set()
     while place < len(data):

@@ -169,6 +169,14 @@ def test_the_limit_is_an_option(tmp_path, monkeypatch, capsys):
         assert "the limit for one file is 1e-06 GB" in capsys.readouterr().err
 
 
+def test_a_recording_that_declares_a_far_end_is_not_filled_up_to_it(tmp_path):
+    path = run_of(tmp_path / "a.h5")
+    data = path.read_bytes()
+    path.write_bytes(data[:28] + (3 * 10**9).to_bytes(8, "little") + data[36:])
+    with pytest.raises(InputError, match="would take 3 GB"):
+        salvage(path)
+
+
 @pytest.mark.parametrize("kind", ["external", "virtual", "link"])
 def test_no_other_file_is_read_through_an_hdf5_file(tmp_path, kind):
     secret = tmp_path / "secret"

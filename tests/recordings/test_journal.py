@@ -62,6 +62,8 @@ def test_a_whole_journal_comes_back_whole(tmp_path):
     assert recording.clock.anchor == LAYOUT.anchor
     assert recording.clock.missed == 0
     assert dict(recording.meta) == {"who": "A. Tester", "dt": 1e-3}
+    (loss,) = recover(write(tmp_path, path.read_bytes() + b"more")).losses
+    assert "it breaks off inside a block" in loss.where
 
 
 def test_no_flipped_byte_is_read_as_data_and_costs_more_than_its_block(tmp_path):

@@ -129,7 +129,7 @@ def test_what_cannot_be_drawn_costs_only_its_figure(folder, results):
     damaged.write_bytes(damaged.read_bytes()[:3000])
     write_reports(folder, workers=1)
     page = Page((folder / "report.html").read_text(encoding="utf-8"))
-    for text in ("No figure: cannot read the recording", "is cut short or damaged", "pop-through <here>"):
+    for text in ("No figure: cannot read plain.h5", "is cut short or damaged", "pop-through <here>"):
         assert text in page.words
     assert str(folder) not in page.words
 
