@@ -177,14 +177,14 @@ class TestContact:
         depth = -curve.signed_distance(rows[450:500, :2])
         np.testing.assert_allclose(depth, 1.0 / STIFFNESS, rtol=2e-3)
 
-    @pytest.mark.parametrize("encoders", [None, ENCODER_STEP], ids=["exact", "encoders"])
+    @pytest.mark.parametrize("encoders", [(), (Encoder(ENCODER_STEP),)], ids=["exact", "encoders"])
     @pytest.mark.parametrize("loop", list(InnerLoop))
     @pytest.mark.parametrize(
         ("device", "model"), [(Parallelogram2(), circle()), (Parallelogram3(), sphere())], ids=["2dof", "3dof"]
     )
     def test_so_does_the_robot_and_is_given_nothing(self, device, model, loop, encoders):
         """Whatever the inner loop makes of the force, it takes energy from the tool between touching and leaving."""
-        scene = touching(model=model, device=device, inner_loop=loop, effects=(Encoder(encoders),))
+        scene = touching(model=model, device=device, inner_loop=loop, effects=encoders)
         size = device.dimension
         start, velocity, push = np.zeros(size), np.zeros(size), np.zeros((4, size))
         start[-1], velocity[0], velocity[-1] = 0.11, 0.05, -0.3
