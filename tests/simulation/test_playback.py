@@ -7,6 +7,7 @@ import pytest
 
 from hapticeval.errors import RefusalError, RendererError, described
 from hapticeval.geometry.catalogue import line
+from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Declaration, Response, abilities_of
 from hapticeval.runner.judging import built
 from hapticeval.scene import Scene
@@ -329,3 +330,28 @@ def test_a_spring_that_is_none_is_refused():
     renderer.declares = Declaration(spring="sprung")
     with pytest.raises(RendererError, match="declares"):
         abilities_of(renderer)
+
+
+def test_a_step_without_an_answer_is_blamed_on_the_renderer():
+    class Silent(Echo):
+        def step(self, hip, velocity, dt):
+            return None
+
+    with pytest.raises(RendererError, match=r"step\(\) returned NoneType.*tick 0"):
+        play(Silent(), Path([0.0, 1.0], [[0.0, 0.0], [1.0, 0.0]]), 0.5)
+
+
+def test_a_whole_answer_has_the_clock_and_the_space_that_were_asked_for():
+    class Whole:
+        def __init__(self, time, size):
+            self.time, self.size = np.asarray(time), size
+
+        def answer(self, stimulus, dt):
+            still = np.zeros((self.time.size, self.size))
+            return Recording(self.time, {"hip": still, "ihip": still, "force": still})
+
+    path = Path([0.0, 1.0], [[0.0, 0.0], [1.0, 0.0]])
+    assert len(play(Whole([0.0, 0.5, 1.0], 2), path, 0.5)) == 3
+    for time, size in (([0.0, 0.5], 2), ([0.0, 0.4, 0.8], 2), ([0.0, 0.5, 1.0], 3)):
+        with pytest.raises(RendererError, match=r"answer\(\) has"):
+            play(Whole(time, size), path, 0.5)
