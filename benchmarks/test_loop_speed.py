@@ -18,7 +18,7 @@ from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.scene import Scene
-from hapticeval.simulation.closed_loop import drive
+from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 from hapticeval.study.integrators import Runner, integration_benchmark
 
@@ -56,7 +56,9 @@ def set_up(case, controller, hand):
         points = np.zeros((turns.size, size))
         points[:, 0], points[:, 1] = 0.098 * np.cos(turns), 0.098 * np.sin(turns)
         if size == 2:
-            points -= model.boundary.frame(points).distance[:, None] * model.boundary.frame(points).normal
+            points -= (
+                model.boundary.closest_point(points).distance[:, None] * model.boundary.closest_point(points).normal
+            )
         grip = Hand(path=Path(np.linspace(0.0, SECONDS, turns.size), points), stiffness=200.0, damping=5.0)
         velocity[:] = 0.0
     experiment = Experiment(SECONDS, position, velocity, np.zeros(1), np.zeros((1, size)), grip)
@@ -88,15 +90,15 @@ def best(*runs, rounds=20):
 def test_closed_loop(benchmark, case, controller, hand):
     renderer, scene, experiment = set_up(case, controller, hand)
     assert renderer.law is not None
-    recording = drive(renderer, experiment, scene, DT)
+    recording = simulate_closed_loop(renderer, experiment, scene, DT)
     ticks = len(recording)
     assert DT * ticks > 0.5 * SECONDS
     motion, counted = motion_alone(scene.robot)
-    looped, alone = best(lambda: drive(renderer, experiment, scene, DT), lambda: motion(afresh=False))
-    (slow,) = best(lambda: drive(InPython(renderer), experiment, scene, DT), rounds=2)
+    looped, alone = best(lambda: simulate_closed_loop(renderer, experiment, scene, DT), lambda: motion(afresh=False))
+    (slow,) = best(lambda: simulate_closed_loop(InPython(renderer), experiment, scene, DT), rounds=2)
     ratio = (looped / ticks) / (alone / counted)
     benchmark.extra_info["times the motion alone"] = round(ratio, 2)
     benchmark.extra_info["times real time"] = round(DT * ticks / looped)
     benchmark.extra_info["times the loop through Python"] = round(slow / looped, 1)
-    benchmark(drive, renderer, experiment, scene, DT)
+    benchmark(simulate_closed_loop, renderer, experiment, scene, DT)
     assert ratio < ALLOWED

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from hapticeval.geometry.catalogue import make_model
     from hapticeval.phenomena.check import Check, Runs
     from hapticeval.recordings.hdf5 import read_recording
-    from hapticeval.renderer import Batch, Declaration, Renderer, RendererFactory, Response, SelfDriven, Spring
+    from hapticeval.renderer import Batch, Declaration, Renderer, RendererFactory, Response, Spring, TrajectoryRenderer
     from hapticeval.scene import Scene
     from hapticeval.suite.reading import load_suite
 
@@ -45,7 +45,7 @@ _LAZY = {
     "Results": "hapticeval.api",
     "Runs": "hapticeval.phenomena.check",
     "Scene": "hapticeval.scene",
-    "SelfDriven": "hapticeval.renderer",
+    "TrajectoryRenderer": "hapticeval.renderer",
     "Spring": "hapticeval.renderer",
     "judge": "hapticeval.api",
     "known_renderers": "hapticeval.discovery",
@@ -81,9 +81,9 @@ __all__ = [
     "Results",
     "Runs",
     "Scene",
-    "SelfDriven",
     "Spring",
     "Stimulus",
+    "TrajectoryRenderer",
     "UnknownNameError",
     "Verdict",
     "__version__",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 from hapticeval.discovery import resolve
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.renderer import Renderer, RendererFactory, SelfDriven
+from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished
 from hapticeval.runner.execution import execute
 from hapticeval.runner.folder import prepare
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from hapticeval.recordings.recording import Recording
 
-AnyRenderer: TypeAlias = "str | RendererFactory | Renderer | SelfDriven"
+AnyRenderer: TypeAlias = "str | RendererFactory | Renderer | TrajectoryRenderer"
 """A name as of `hapticeval run -r`, a class or factory that takes a scene, or a renderer that is made."""
 
 DEFAULT_SUITE = "thesis"
@@ -307,7 +307,7 @@ def _factory(renderer: Any) -> str | RendererFactory:
     """Return a name or a factory as it is, and a factory for a renderer that is made."""
     if isinstance(renderer, str):
         return renderer
-    if not isinstance(renderer, type) and isinstance(renderer, Renderer | SelfDriven):
+    if not isinstance(renderer, type) and isinstance(renderer, Renderer | TrajectoryRenderer):
         return lambda scene: renderer  # noqa: ARG005 - a factory's
     if callable(renderer):
         return cast("RendererFactory", renderer)

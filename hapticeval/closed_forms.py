@@ -207,7 +207,7 @@ class ClosedForm:
         """
         self.check(scene)
         gains = Gains(*(gain / scene.mass for gain in (scene.stiffness, scene.damping, viscosity_of(scene))))
-        frame = scene.model.boundary.frame(np.asarray(position, dtype=np.float64)[np.newaxis])
+        frame = scene.model.boundary.closest_point(np.asarray(position, dtype=np.float64)[np.newaxis])
         normal, distance, foot = frame.normal[0], float(frame.distance[0]), frame.foot[0]
         across = float(velocity @ normal)
         along = velocity - across * normal

@@ -88,7 +88,7 @@ LAW_DATA = types.NamedTuple((VECTOR, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, VEC
 LAW = types.int64(LAW_DATA, VECTOR, VECTOR, VECTOR, types.float64, VECTOR, VECTOR)
 """(data, hip, velocity, push, dt, out ihip, out force): one tick of a renderer.
 
-Returns 0, or the number of the refusal that `CompiledLaw.refusals` words. `push` is the hand's force as sensed, zero
+Returns 0, or the number of the refusal that `CompiledStep.refusals` words. `push` is the hand's force as sensed, zero
 where there is no sensor.
 """
 

@@ -65,7 +65,7 @@ class Response(NamedTuple):
 class Renderer(Protocol):
     """Answers a HIP with an IHIP and a force, a tick at a time; made from a scene, by any callable that takes one.
 
-    N is 2, or 3 where the model is a surface in space: `scene.model.boundary.frame(points)` works in both, and
+    N is 2, or 3 where the model is a surface in space: `scene.model.boundary.closest_point(points)` works in both, and
     `scene.model.curve` refuses a surface. The force acts on the hand, and is zero in free space.
 
     What it may offer beside is in `Abilities`. A step that is led out of where the renderer is defined raises
@@ -94,18 +94,18 @@ class Batch(Renderer, Protocol):
 
 
 @runtime_checkable
-class SelfDriven(Protocol):
+class TrajectoryRenderer(Protocol):
     """A renderer with tool physics of its own, which answers a stimulus whole instead of tick by tick.
 
     The ideal rigid contact is one: a rigid tool's position follows from forces, not from a sampled HIP. A `Renderer`
-    that has an `answer` too is asked tick by tick.
+    that has an `simulate` too is asked tick by tick.
     """
 
-    def answer(self, stimulus: Stimulus, dt: float) -> Recording:
+    def simulate(self, stimulus: Stimulus, dt: float) -> Recording:
         """The whole run, sampled every `dt` seconds."""
 
 
-class CompiledLaw(NamedTuple):
+class CompiledStep(NamedTuple):
     """A renderer's step as compiled code, so that a whole closed loop runs without Python.
 
     `function` is a kernel of signature `hapticeval.compiled.LAW`, and `data` the renderer's own, with the state that
@@ -118,21 +118,21 @@ class CompiledLaw(NamedTuple):
     refusals: Mapping[int, str]
 
 
-RendererFactory: TypeAlias = Callable[[Scene], Renderer | SelfDriven]
+RendererFactory: TypeAlias = Callable[[Scene], Renderer | TrajectoryRenderer]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Abilities:
     """What a renderer offers beside the protocol: the one place where its attributes are read, by `abilities_of`.
 
-    `steps` says that it is a `Renderer`; else it is `SelfDriven`. The others are its attributes of the same name, all
-    optional, and false or empty where it has none:
+    `steps` is true for a `Renderer`, false for a `TrajectoryRenderer`. The others are its attributes of the same name,
+    all optional, and false or empty where it has none:
 
     - `run`: whether it has `run(hips, dt) -> (ihips, forces)`, see `Batch`;
-    - `feel`: whether it has `feel(push)`, and so wants the hand's measured force (N,), N, before each step of a scene
-      with a force sensor (8.6);
-    - `signals`: whether it has `signals(recording)`, which returns for a run in closed loop name -> (`Signal`, array),
-      one row per sample: its own coordinates, answers that it did not use;
+    - `observe_force`: whether it has `observe_force(push)`, and so wants the hand's measured force (N,), N, before each
+      step of a scene with a force sensor (8.6);
+    - `diagnostics`: whether it has `diagnostics(recording)`, which returns for a run in closed loop
+      name -> (`Signal`, array), one row per sample: its own coordinates, answers that it did not use;
     - `law`: its step as compiled code;
     - `surface`: the `Boundary` that it really renders, where that is not the model's own;
     - `resolution` and `standoff` (m): how coarse its own representation of the model is, see `Recording`;
@@ -142,9 +142,9 @@ class Abilities:
 
     steps: bool
     run: bool = False
-    feel: bool = False
-    signals: bool = False
-    law: CompiledLaw | None = None
+    observe_force: bool = False
+    diagnostics: bool = False
+    law: CompiledStep | None = None
     surface: Boundary | None = None
     resolution: float = 0.0
     standoff: float = 0.0
@@ -185,7 +185,7 @@ _READ: dict[int, tuple[weakref.ref[object], Abilities]] = {}
 
 def _read(renderer: object) -> Abilities:
     steps = _has(renderer, "reset") and _has(renderer, "step")
-    if not steps and not _has(renderer, "answer"):
+    if not steps and not _has(renderer, "simulate"):
         raise RendererError(
             f"the factory made a {type(renderer).__name__}, which is no renderer",
             why="a renderer has reset(hip) and step(hip, velocity, dt) -> (ihip, force)",
@@ -197,8 +197,8 @@ def _read(renderer: object) -> Abilities:
             f"the renderer's surface is a {type(surface).__name__}",
             todo="give the Boundary of hapticeval.geometry that it renders, or leave surface out",
         )
-    if law is not None and not isinstance(law, CompiledLaw):
-        raise RendererError(f"the renderer's law is a {type(law).__name__}", todo="give a CompiledLaw, or None")
+    if law is not None and not isinstance(law, CompiledStep):
+        raise RendererError(f"the renderer's law is a {type(law).__name__}", todo="give a CompiledStep, or None")
     if promise is not None and not (isinstance(promise, Declaration) and promise.sound):
         raise RendererError(
             f"the renderer declares {promise!r}",
@@ -208,8 +208,8 @@ def _read(renderer: object) -> Abilities:
     return Abilities(
         steps=steps,
         run=_has(renderer, "run"),
-        feel=_has(renderer, "feel"),
-        signals=_has(renderer, "signals"),
+        observe_force=_has(renderer, "observe_force"),
+        diagnostics=_has(renderer, "diagnostics"),
         law=law,
         surface=surface,
         resolution=_length(renderer, "resolution"),
@@ -246,7 +246,7 @@ def _supported(declaring: object) -> frozenset[str] | None:
     names = getattr(declaring, "supports", None)
     if isinstance(declaring, type) and not isinstance(names, Collection):
         return None  # a property of what the class makes
-    feels = {ForceSensor.requirement} if hasattr(declaring, "feel") else set()
+    feels = {ForceSensor.requirement} if hasattr(declaring, "observe_force") else set()
     if names is None:
         return frozenset(feels) or None
     if isinstance(names, str) or not (isinstance(names, Collection) and all(isinstance(name, str) for name in names)):
@@ -266,7 +266,7 @@ def check_support(scene: Scene, supports: frozenset[str]) -> None:
 
     These are names of `hapticeval.scene.requirements()`. "plane" and "space" narrow the models: where neither is
     declared a renderer is given both kinds, and its own code refuses what it cannot take, as `scene.model.curve` does.
-    A renderer that has `feel` supports "force-sensor" without declaring it.
+    A renderer that has `observe_force` supports "force-sensor" without declaring it.
     """
     anywhere = supports.isdisjoint((PLANE, SPACE))
     lacking = {

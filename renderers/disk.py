@@ -17,7 +17,7 @@ from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
 from hapticeval.renderers.law import once
 from hapticeval.renderers.nearest import nearest
 from hapticeval.renderers.outline import Outline, frame, nearest_on, outline_of
-from hapticeval.renderers.projective import Projected, Projection
+from hapticeval.renderers.projective import Projection, ProxyState
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -59,13 +59,13 @@ class DiskProjection:
         self._boundary = outline_of(curve)
         self._bilateral = bilateral
 
-    def project(self, hip: Array) -> Projected:
+    def project(self, hip: Array) -> ProxyState:
         """One tick."""
         x, y = hip.tolist()
         inside, _ = _side(self._boundary, x, y)
         u = self.map.parameter(x, y) if inside else math.nan
         px, py, nx, ny = _answer(self._boundary, self._bilateral, inside, u, x, y)
-        return Projected((px, py), (nx, ny), inside or self._bilateral)
+        return ProxyState((px, py), (nx, ny), inside or self._bilateral)
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
         """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""

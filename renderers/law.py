@@ -18,7 +18,7 @@ from hapticeval.errors import DomainError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import backward_difference
-from hapticeval.renderer import CompiledLaw, Response
+from hapticeval.renderer import CompiledStep, Response
 from hapticeval.renderers.regulation import PP_D, PP_PD, PP_PD_C, PP_V, SQUARE_ROOT, TRANSVERSAL, Regulation
 from hapticeval.scene import Scene
 from hapticeval.types import Array
@@ -44,7 +44,7 @@ class LawRenderer:
     the representation is blurred, and `standoff` (m) how far it may lie off the model.
     """
 
-    def __init__(self, law: CompiledLaw, surface: Boundary, *, resolution: float = 0.0, standoff: float = 0.0) -> None:
+    def __init__(self, law: CompiledStep, surface: Boundary, *, resolution: float = 0.0, standoff: float = 0.0) -> None:
         self.law = law
         self.surface = surface
         self.resolution = resolution

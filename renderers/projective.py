@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from hapticeval.compiled import LAW, LawData, compiled, first_class, law_data
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.renderer import CompiledLaw, Declaration, Response
+from hapticeval.renderer import CompiledStep, Declaration, Response
 from hapticeval.renderers.law import (
     BILATERAL,
     ERROR,
@@ -29,7 +29,7 @@ from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
 
-class Projected(NamedTuple):
+class ProxyState(NamedTuple):
     """Where one HIP is projected to: IHIP (N,), m, and outward unit normal (N,) there, and whether it touches.
 
     Out of contact the IHIP is the HIP and the normal is zero.
@@ -54,7 +54,7 @@ class Projection(Protocol):
     def surface(self) -> Boundary:
         """What is really rendered."""
 
-    def project(self, hip: Array) -> Projected:
+    def project(self, hip: Array) -> ProxyState:
         """One tick, for a projection without memory."""
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
@@ -95,9 +95,9 @@ class CompiledProjection:
         params[BILATERAL] = float(bilateral)
         self._data = law_data(params, state=ROOM[surface.dimension] + memory, **tables)
 
-    def project(self, hip: Array) -> Projected:
+    def project(self, hip: Array) -> ProxyState:
         """One tick, for a projection without memory."""
-        return Projected(*(each[0] for each in self.trace(hip[np.newaxis])))
+        return ProxyState(*(each[0] for each in self.trace(hip[np.newaxis])))
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
         """A tick a row of `hips` (n, N): IHIPs, normals and contact."""
@@ -119,7 +119,7 @@ class ProjectiveRenderer(LawRenderer):
     """
 
     def __init__(self, projection: CompiledProjection, regulation: Regulation, scene: Scene) -> None:
-        law = CompiledLaw(projection.law, projection.data(gains(regulation, scene)), refusals={})
+        law = CompiledStep(projection.law, projection.data(gains(regulation, scene)), refusals={})
         super().__init__(law, projection.surface, resolution=projection.resolution, standoff=projection.standoff)
         self.projection = projection
         self.regulation = regulation

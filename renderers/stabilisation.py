@@ -19,7 +19,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.geometry.surface import Surface
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recording import Recording
-from hapticeval.renderer import CompiledLaw
+from hapticeval.renderer import CompiledStep
 from hapticeval.renderers.atlas import active, by_charts, charts
 from hapticeval.renderers.law import LawRenderer
 from hapticeval.renderers.stabilisation_laws import BEYOND, MEMORY, on_curve, on_surface
@@ -36,9 +36,9 @@ class Stabilisation(LawRenderer):
         data = law_data(gains, state=MEMORY, **tables)
         where = "the centre of curvature" if surface.dimension == 2 else "a centre of curvature"
         refusals = {BEYOND: f"the hand is at {where} of its nearest surface point, or beyond it"}
-        super().__init__(CompiledLaw(law, data, refusals), surface)
+        super().__init__(CompiledStep(law, data, refusals), surface)
 
-    def feel(self, push: Array) -> None:
+    def observe_force(self, push: Array) -> None:
         """Take the measured force of the hand on the tool (N,), N, for the ticks that follow."""
         self._push[:] = push
 
@@ -146,7 +146,7 @@ class SurfaceStabilisation(Stabilisation):
         self._scene = scene
         self._atlas = atlas
 
-    def signals(self, recording: Recording) -> Mapping[str, tuple[Signal, Array]]:
+    def diagnostics(self, recording: Recording) -> Mapping[str, tuple[Signal, Array]]:
         """With charts, what Figures 7.7 and 7.8 show: the active chart, the coordinates and the torques of each.
 
         `eta1` and `eta2` (n, 4) are (t̂_1, its rate, t̂_2, its rate) of (7.10), rad and rad/s; `torque1` and `torque2`
@@ -184,7 +184,7 @@ class SurfaceStabilisation(Stabilisation):
 
     def led_out(self, hip: Array, what: str) -> DomainError:
         """Where I + nW is not positive."""
-        foot, _, distance, _ = self.surface.frame(hip[np.newaxis])
+        foot, _, distance, _ = self.surface.closest_point(hip[np.newaxis])
         inwards, outwards = self.surface.medial_distance(foot)[0]
         inside = distance[0] < 0.0
         return DomainError(

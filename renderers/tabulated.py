@@ -37,7 +37,7 @@ from hapticeval.geometry.curve import Curve, as_curve
 from hapticeval.geometry.polygon_kernels import signed_distances
 from hapticeval.renderers.law import once
 from hapticeval.renderers.outline import outline_of
-from hapticeval.renderers.projective import Projected, Projection
+from hapticeval.renderers.projective import Projection, ProxyState
 from hapticeval.renderers.table import ASK, CELL, EDGE, HELD, MARKED, TOUCHES, Table, empty, grid_over
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, ByteArray
@@ -292,13 +292,13 @@ class LutProjection:
         self.standoff = max(table.standoff, exact.standoff)
         self._exact = exact
 
-    def project(self, hip: Array) -> Projected:
+    def project(self, hip: Array) -> ProxyState:
         """One tick."""
         x, y = hip.tolist()
         status, px, py, nx, ny = self.table.look(x, y)
         if status == ASK:
             return self._exact.project(hip)
-        return Projected((px, py), (nx, ny), status == TOUCHES)
+        return ProxyState((px, py), (nx, ny), status == TOUCHES)
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
         """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""

@@ -54,7 +54,7 @@ def charts_words(recording: Recording) -> str:
 def atlas_svg(recording: Recording, model: Model, *, prefix: str, title: str) -> str:
     """Return the figure as an SVG element for a page, from the signals that set stabilisation by an atlas records."""
     time, chart = recording.time, recording.channels["chart"]
-    frame = model.boundary.frame(recording.hip)
+    frame = model.boundary.closest_point(recording.hip)
     rate = np.sum(recording.velocity * frame.normal, axis=1)
     with figure(8.0, 7.2, page=True) as made:
         distance, first, second, torques = made.subplots(4, 1, sharex=True)

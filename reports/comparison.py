@@ -79,7 +79,7 @@ def surface_motion(recording: Recording, model: Model) -> tuple[Array, Array]:
 
     In the plane the speed has the sign of the tangent; P_T ẏ = (I + n W) ṗ.
     """
-    frame = model.boundary.frame(recording.hip)
+    frame = model.boundary.closest_point(recording.hip)
     velocity = recording.velocity
     across = np.sum(velocity * frame.normal, axis=1)[:, None] * frame.normal
     count = recording.hip.shape[1]

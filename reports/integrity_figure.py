@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hapticeval.files import file_stem
-from hapticeval.recordings.integrity.issue import Fault, Severity
+from hapticeval.recordings.integrity.issue import Issue, Severity
 from hapticeval.recordings.integrity.report import Integrity, Soundness
 from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.reports.canvas import INK, figure, save_figure
@@ -75,7 +75,7 @@ def _channel(axes: Axes, recording: Recording, name: str, valid: BoolArray) -> N
         axes.axvspan(recording.time[first], recording.time[end - 1], color=GREY, alpha=0.25, linewidth=0)
 
 
-def _marks(axes: Axes, faults: Sequence[Fault]) -> None:
+def _marks(axes: Axes, faults: Sequence[Issue]) -> None:
     """What was found, over its times: a line for a moment, a band for a stretch."""
     for fault in faults[:MANY]:
         if fault.time is not None:

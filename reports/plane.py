@@ -152,7 +152,7 @@ def _ring(model: Model, view: Box) -> Array:
         points = int(np.clip(boundary.girth * MM / (view[2] - view[0]) * 400.0, 400, 40_000))
         return MM * boundary.points(max(points, 8 * len(boundary.corners)))
     centre = np.array([view[0] + view[2], view[1] + view[3]]) / 2.0
-    frame = boundary.frame(centre[np.newaxis] / MM)
+    frame = boundary.closest_point(centre[np.newaxis] / MM)
     point, left = MM * frame.foot[0], -frame.normal[0]
     tangent = np.array([left[1], -left[0]])
     far = 3.0 * (np.linalg.norm(centre - point) + view[2] - view[0] + view[3] - view[1])

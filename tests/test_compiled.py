@@ -45,7 +45,7 @@ points = np.array([[0.01, 0.02], [0.3, -0.1]])
 points.flags.writeable = False
 for kind in ("cassinian", "star"):
     model = make_model(kind, size=0.2)
-    model.curve.frame(points)
+    model.curve.closest_point(points)
     model.polygon().signed_distance(points)
     for name in ("minimum-distance", "constraint"):
         renderer = resolve(name)(Scene(model=model))

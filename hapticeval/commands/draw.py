@@ -305,7 +305,7 @@ def limits(
         point = stimulus.points[0] if isinstance(stimulus, HandPath) else stimulus.position
     else:
         point = parse_point(at, built.model.dimension, option="--at")
-    frame = built.model.boundary.frame(np.asarray(point)[None])
+    frame = built.model.boundary.closest_point(np.asarray(point)[None])
     place = Place(frame.foot[0], frame.normal[0])
     with Terminal() as terminal:
         document = study_limits(resolve(renderer), built, place, terminal.working)

@@ -26,7 +26,7 @@ from hapticeval.recordings.memory import LIMIT
 
 if TYPE_CHECKING:
     from hapticeval.api import Results
-    from hapticeval.replay.subject import Subject
+    from hapticeval.replay.subject import ReplayCase
     from hapticeval.runner.interrupts import Interrupts
 
 DEFAULT_SUITE = "thesis"
@@ -241,7 +241,7 @@ def _model(name: str | None) -> Mapping[str, Any] | None:
     return {"kind": found.name, **found.parameters}
 
 
-def _replay(made: Subject, renderers: list[str], directory: Path, seed: int, see: str) -> int:
+def _replay(made: ReplayCase, renderers: list[str], directory: Path, seed: int, see: str) -> int:
     from hapticeval.api import carry_out
     from hapticeval.replay.job import differences, prepared, replay_plan
     from hapticeval.workers import cores
@@ -264,7 +264,7 @@ def _warn(suspicious: Sequence[str], see: str, terminal: Terminal) -> None:
         terminal.line(see)
 
 
-def _as_recorded(made: Subject, renderers: list[str] | None, see: str) -> int:
+def _as_recorded(made: ReplayCase, renderers: list[str] | None, see: str) -> int:
     from hapticeval.replay.as_recorded import as_recorded
 
     found = as_recorded(made, renderers or ())

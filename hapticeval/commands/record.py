@@ -89,7 +89,7 @@ def record(
     from hapticeval.hardware.wiring import CUTOFF
     from hapticeval.recordings.recorder import Recorder
     from hapticeval.renderer import Renderer, abilities_of
-    from hapticeval.runner.judging import built
+    from hapticeval.runner.judging import make_renderer
     from hapticeval.study.limits.search import too_stiff
 
     journal = output.with_suffix(".journal")
@@ -105,7 +105,7 @@ def record(
     wired = _wiring(hardware, robot, wiring)
     scene = _scene(wired, wiring, model, stiffness=stiffness, damping=damping, rate=rate)
     factory = resolve(renderer)
-    made = built(factory, scene)
+    made = make_renderer(factory, scene)
     if not isinstance(made, Renderer):
         raise InputError(
             f"'{renderer}' cannot run on hardware", why="it has physics of its own", todo="choose another with -r"

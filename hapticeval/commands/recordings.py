@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from hapticeval.geometry.curve import Curve
     from hapticeval.recordings.compare.align import Run
     from hapticeval.recordings.formats import Table
-    from hapticeval.recordings.integrity.consistency import Check
+    from hapticeval.recordings.integrity.consistency import ConsistencyTest
     from hapticeval.recordings.recording import Recording
 
 INSPECTED = """\b
@@ -191,15 +191,15 @@ def _model(recording: Recording, name: str | None) -> Any:
     return None if said is None else make_model(**said)
 
 
-def _not_asked(recording: Recording, damped: str) -> list[Check]:
+def _not_asked(recording: Recording, damped: str) -> list[ConsistencyTest]:
     """Checks that the recording's own words ask for, and cannot be given."""
-    from hapticeval.recordings.integrity.consistency import KINEMATICS, SPRING, Check
+    from hapticeval.recordings.integrity.consistency import KINEMATICS, SPRING, ConsistencyTest
 
-    found = [Check(SPRING, why=damped)] if damped else []
+    found = [ConsistencyTest(SPRING, why=damped)] if damped else []
     name = recording.meta.get("device")
     if name is not None and "joint_position" in recording.channels and _device(recording) is None:
         why = f"the device '{name}' is none whose kinematics are known"
-        found.append(Check(KINEMATICS, why=why))
+        found.append(ConsistencyTest(KINEMATICS, why=why))
     return found
 
 

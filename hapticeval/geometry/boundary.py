@@ -25,7 +25,7 @@ BEND = 0.25
 """Share of the smallest radius of curvature by which a slide in space steps at the most, so as to stay on its sheet."""
 
 
-class Frame(NamedTuple):
+class ClosestPoint(NamedTuple):
     """The closest boundary points of n points: point = foot + distance normal.
 
     `foot` (n, N), m, is the globally nearest boundary point; `normal` (n, N) the outward unit normal there; `distance`
@@ -96,7 +96,7 @@ class Boundary(Protocol):
     def corners(self) -> tuple[Corner, ...]:
         """The corners of a plane boundary in order; empty in space."""
 
-    def frame(self, points: ArrayLike) -> Frame:
+    def closest_point(self, points: ArrayLike) -> ClosestPoint:
         """Return the closest boundary points of (n, N) points, with normals, signed distances and curvature."""
 
     def signed_distance(self, points: ArrayLike) -> Array:
@@ -120,7 +120,7 @@ class Boundary(Protocol):
     def points(self, n: int) -> Array:
         """Return n boundary points (n, N), spread over all of it, the same at each call."""
 
-    def walk(self, start: Array, lengths: Array) -> Frame:
+    def walk(self, start: Array, lengths: Array) -> ClosestPoint:
         """Return the boundary points (k, N) at `lengths` (k,), m, along it from the one nearest to `start` (N,).
 
         Negative lengths go the other way; `distance` is zero. In space the way is straight, and ends are projected.
@@ -148,7 +148,7 @@ def march(boundary: Boundary, start: Array, end: Array, grain: float) -> Array |
     while at < length:
         along = np.minimum(at + grain * np.arange(AHEAD + 1), length)
         points = start + along[:, np.newaxis] * ((end - start) / length)
-        frame = boundary.frame(points)
+        frame = boundary.closest_point(points)
         inside = np.flatnonzero(frame.distance[1:] < -1e-6 * grain)
         if inside.size:
             return np.asarray(frame.foot[inside[0]])
@@ -162,8 +162,8 @@ def apart(a: Array, b: Array) -> float:
 
 
 class InSpace:
-    """What a closed boundary in space has of itself: all of `Boundary` but its `name`, its `bounds` and its `frame`.
-
+    """What a closed boundary in space has of itself: all of `Boundary` but its `name`, its `bounds` and its `closest_point`.
+    """What a closed boundary in space has of itself: all of `Boundary` but `name`, `bounds` and `closest_point`.
     Normal cones, slides and walks are those of a smooth surface. One with edges has its own `normal_cone`.
     """
 
@@ -177,7 +177,7 @@ class InSpace:
         """(xmin, ymin, zmin, xmax, ymax, zmax), m."""
         raise NotImplementedError
 
-    def frame(self, points: ArrayLike) -> Frame:
+    def closest_point(self, points: ArrayLike) -> ClosestPoint:
         """See `Boundary.frame`."""
         raise NotImplementedError
 
@@ -189,7 +189,7 @@ class InSpace:
 
     def signed_distance(self, points: ArrayLike) -> Array:
         """See `Boundary.signed_distance`."""
-        return self.frame(points).distance
+        return self.closest_point(points).distance
 
     def first_crossing(self, start: Array, end: Array, *, grain: float) -> Array | None:
         """See `Boundary.first_crossing`."""
@@ -200,12 +200,12 @@ class InSpace:
 
         Along a path of length s the normal turns by at most the largest |W| on the way times s.
         """
-        frame = self.frame(points)
+        frame = self.closest_point(points)
         basis = np.linalg.svd(frame.normal[:, np.newaxis, :])[2][:, 1:, :]
         steps = [np.zeros_like(frame.foot)]
         for angle in np.linspace(0.0, 2.0 * np.pi, RING, endpoint=False):
             steps.append(reach[:, np.newaxis] * (np.cos(angle) * basis[:, 0] + np.sin(angle) * basis[:, 1]))
-        shapes = [self.frame(frame.foot + step).shape for step in steps]
+        shapes = [self.closest_point(frame.foot + step).shape for step in steps]
         half = reach * np.max([np.abs(np.linalg.eigvalsh(shape)).max(axis=1) for shape in shapes], axis=0)
 
         def beyond(directions: Array) -> Array:
@@ -218,28 +218,28 @@ class InSpace:
     def points(self, n: int) -> Array:
         """See `Boundary.points`: those of a sphere round the bounds, projected."""
         low, high = np.reshape(self.bounds, (2, 3))
-        return self.frame(0.5 * (low + high) + 0.5 * (high - low) * spiral(n)).foot
+        return self.closest_point(0.5 * (low + high) + 0.5 * (high - low) * spiral(n)).foot
 
-    def walk(self, start: Array, lengths: Array) -> Frame:
+    def walk(self, start: Array, lengths: Array) -> ClosestPoint:
         """See `Boundary.walk`: along the axis that lies flattest to the surface."""
-        begin = self.frame(start[np.newaxis])
+        begin = self.closest_point(start[np.newaxis])
         along = np.zeros(3)
         along[int(np.argmin(np.abs(begin.normal[0])))] = 1.0
         along -= (along @ begin.normal[0]) * begin.normal[0]
-        found = self.frame(begin.foot + lengths[:, np.newaxis] * along / np.linalg.norm(along))
+        found = self.closest_point(begin.foot + lengths[:, np.newaxis] * along / np.linalg.norm(along))
         return found._replace(distance=np.zeros_like(found.distance))
 
     def around(self, point: Array, reach: float) -> Array:
         """See `Boundary.around`."""
-        frame = self.frame(point[np.newaxis])
+        frame = self.closest_point(point[np.newaxis])
         across = np.linalg.svd(frame.normal)[2][1:]
         angle = np.linspace(0.0, 2.0 * np.pi, RING, endpoint=False)
-        return self.frame(frame.foot + reach * np.column_stack([np.cos(angle), np.sin(angle)]) @ across).foot
+        return self.closest_point(frame.foot + reach * np.column_stack([np.cos(angle), np.sin(angle)]) @ across).foot
 
     def descend(self, start: Array, goal: Array, *, step: float) -> Array:
         """See `Boundary.descend`: by the part of the error along the surface, halved where that leads uphill."""
         share = 1.0
-        frame = self.frame(start[np.newaxis])
+        frame = self.closest_point(start[np.newaxis])
         far = apart(goal, frame.foot[0])
         for _ in range(SLIDES):
             foot, normal = frame.foot[0], frame.normal[0]
@@ -250,7 +250,7 @@ class InSpace:
             length = share * min(size, BEND / bend if bend > 0.0 else math.inf)
             if length <= 1e-3 * step:
                 break
-            following = self.frame((foot + length / size * error)[np.newaxis])
+            following = self.closest_point((foot + length / size * error)[np.newaxis])
             nearer = apart(goal, following.foot[0])
             if nearer >= far:
                 share *= 0.5

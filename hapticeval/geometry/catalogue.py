@@ -96,7 +96,7 @@ def cassinian(lobes: int = 4, a_n: float = 2.0, a_d: float = 1.0, size: float = 
 def circle(size: float = 0.2) -> Model:
     """A circle of diameter `size` (m) about the origin: constant curvature, closed-form answers."""
     size = checked_size(size)
-    rows = pieces.strung([pieces.arc((0.0, 0.0), size / 2.0, 0.0, 2.0 * math.pi)])
+    rows = pieces.concatenate_segments([pieces.arc((0.0, 0.0), size / 2.0, 0.0, 2.0 * math.pi)])
     return _model(Curve("circle", rows, True), size=size)
 
 
@@ -141,7 +141,7 @@ def dumbbell(neck: float = 0.5, size: float = 0.2) -> Model:
         pieces.line((-end, -half_width), (end, -half_width)),
         pieces.arc((end, -height), fillet, math.pi / 2.0, -bend),
     ]
-    return _model(Curve("dumbbell", pieces.strung(rows), True), neck=neck, size=size)
+    return _model(Curve("dumbbell", pieces.concatenate_segments(rows), True), neck=neck, size=size)
 
 
 def line() -> Model:

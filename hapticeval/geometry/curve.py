@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError
 from hapticeval.geometry import curve_kernels, polygon_kernels
-from hapticeval.geometry.boundary import AHEAD, Boundary, Corner, Frame, march
+from hapticeval.geometry.boundary import AHEAD, Boundary, ClosestPoint, Corner, march
 from hapticeval.geometry.kernels import (
     ARC,
     CASSINIAN,
@@ -155,7 +155,7 @@ class Curve:
         """See `Boundary.signed_distance`."""
         return answered(curve_kernels.distances, self._located_by, points, 2)
 
-    def frame(self, points: ArrayLike) -> Frame:
+    def closest_point(self, points: ArrayLike) -> ClosestPoint:
         """See `Boundary.frame`: one compiled call."""
         return answered(curve_kernels.frames, self._located_by, points, 2)
 
@@ -176,7 +176,7 @@ class Curve:
         """See `Boundary.points`: the `outline`."""
         return self.outline(n)
 
-    def walk(self, start: Array, lengths: Array) -> Frame:
+    def walk(self, start: Array, lengths: Array) -> ClosestPoint:
         """See `Boundary.walk`."""
         us = np.atleast_1d(self.parameter(self.arc_length(self.nearest(start[np.newaxis])) + lengths))
         return curve_kernels.framed(self._rows, us, np.zeros(us.size))

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from hapticeval.compiled import compiled
-from hapticeval.geometry.boundary import Frame
+from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.geometry.kernels import ARC, U0, U1, UNBOUNDED, A, B, C, D, E, check_finite, evaluate, piece_of
 from hapticeval.geometry.polygon_kernels import nearest_kernel, side_kernel
 from hapticeval.types import Array
@@ -368,8 +368,8 @@ def distances(pieces: Array, samples: Array, vertices: Array, tree: Array, point
 
 
 @compiled
-def framed(pieces: Array, us: Array, distances: Array) -> Frame:
-    """The `Frame` of n points with their feet at the parameters `us` (n,), m."""
+def framed(pieces: Array, us: Array, distances: Array) -> ClosestPoint:
+    """The `ClosestPoint` of n points with their feet at the parameters `us` (n,), m."""
     n = us.shape[0]
     feet, normals, shapes = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2, 2))
     closed = pieces[0, 0] != UNBOUNDED
@@ -386,12 +386,12 @@ def framed(pieces: Array, us: Array, distances: Array) -> Frame:
         feet[i, 0], feet[i, 1], normals[i, 0], normals[i, 1] = x, y, ty, -tx
         shapes[i, 0, 0], shapes[i, 0, 1] = curvature * tx * tx, curvature * tx * ty
         shapes[i, 1, 0], shapes[i, 1, 1] = curvature * ty * tx, curvature * ty * ty
-    return Frame(feet, normals, distances, shapes)
+    return ClosestPoint(feet, normals, distances, shapes)
 
 
 @compiled
-def frames(pieces: Array, samples: Array, vertices: Array, tree: Array, points: Array) -> Frame:
-    """The `Frame` of points (n, 2). Raises as `check_finite` does."""
+def frames(pieces: Array, samples: Array, vertices: Array, tree: Array, points: Array) -> ClosestPoint:
+    """The `ClosestPoint` of points (n, 2). Raises as `check_finite` does."""
     check_finite(points)
     us, far = np.empty(points.shape[0]), np.empty(points.shape[0])
     for i in range(points.shape[0]):

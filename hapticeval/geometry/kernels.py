@@ -172,7 +172,7 @@ def arc(centre: Sequence[float], radius: float, start: float, sweep: float) -> A
     return np.array([ARC, 0.0, length, centre[0], centre[1], radius, start, np.sign(sweep), 0.0])
 
 
-def strung(rows: Sequence[Array]) -> Array:
+def concatenate_segments(rows: Sequence[Array]) -> Array:
     """Return pieces put one after the other: u runs on from each into the next."""
     pieces = np.array(rows)
     ends = np.cumsum(pieces[:, U1])

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.geometry import surface_kernels as kernels
-from hapticeval.geometry.boundary import Frame, InSpace, spiral
+from hapticeval.geometry.boundary import ClosestPoint, InSpace, spiral
 from hapticeval.geometry.validate import answered
 from hapticeval.types import Array
 
@@ -48,7 +48,7 @@ class Surface(InSpace):
         extents = extents * (3 // len(extents))
         return (*(-each for each in extents), *extents)
 
-    def frame(self, points: ArrayLike) -> Frame:
+    def closest_point(self, points: ArrayLike) -> ClosestPoint:
         """See `Boundary.frame`: one compiled call."""
         return answered(kernels.frames, (self.row,), points, 3)
 
@@ -62,7 +62,7 @@ class Surface(InSpace):
         Along the normal, infinite where there is none: between them each point of the normal has this foot, and I + nW
         is positive.
         """
-        frame = self.frame(points)
+        frame = self.closest_point(points)
         return kernels.reach_many(self.row, frame.foot, frame.normal)
 
     def points(self, n: int) -> Array:

@@ -19,7 +19,7 @@ from typing import TypeAlias
 import numpy as np
 
 from hapticeval.compiled import compiled
-from hapticeval.geometry.boundary import Frame
+from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.geometry.kernels import check_finite
 from hapticeval.types import Array
 
@@ -249,8 +249,8 @@ def distances(reals: Array, points: Array) -> Array:
 
 
 @compiled
-def frames(reals: Array, points: Array) -> Frame:
-    """The `Frame` of points (n, 3). Raises as `check_finite` does."""
+def frames(reals: Array, points: Array) -> ClosestPoint:
+    """The `ClosestPoint` of points (n, 3). Raises as `check_finite` does."""
     check_finite(points)
     n = points.shape[0]
     feet, normals, far, shapes = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty((n, 3, 3))
@@ -261,7 +261,7 @@ def frames(reals: Array, points: Array) -> Frame:
             feet[i, k], normals[i, k] = p[k], normal[k]
             unit = (1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0)
             shapes[i, k, 0], shapes[i, k, 1], shapes[i, k, 2] = times(w, unit)
-    return Frame(feet, normals, far, shapes)
+    return ClosestPoint(feet, normals, far, shapes)
 
 
 @compiled

@@ -18,7 +18,7 @@ from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recorder import Recorder
 from hapticeval.renderer import Renderer
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import ask, start
+from hapticeval.simulation.playback import reset_checked, step_checked
 from hapticeval.types import Array
 
 WORLD, JOINT = ("hip", "velocity", "ihip", "force"), ("joint_position", "joint_torque")
@@ -60,14 +60,14 @@ def warm(wiring: Wiring, renderer: Renderer, scene: Scene) -> None:
     """
     device, kinematics, rates = wiring.device, Kinematics(wiring.device), Rates(wiring.device.dimension)
     home = device.position(np.zeros(device.dimension))
-    frame = scene.model.boundary.frame(home[None])
+    frame = scene.model.boundary.closest_point(home[None])
     for side in (-BESIDE, BESIDE):
         with contextlib.suppress(DomainError):  # of a point that the robot or the renderer does not have
             joints = device.joints(frame.foot[0] + side * frame.normal[0])
             kinematics.check(joints)
             hip, velocity = kinematics.hand(joints, rates.after(scene.sampling_time, joints))
-            start(renderer, hip)
-            _, force = ask(renderer, 0, hip, velocity, scene.sampling_time)
+            reset_checked(renderer, hip)
+            _, force = step_checked(renderer, 0, hip, velocity, scene.sampling_time)
             torque = scene.inner_loop.torque(device, joints, np.zeros_like(joints), force, mass=scene.mass)
             wiring.commands(torque)
 
@@ -154,8 +154,8 @@ class _Loop:
         rates = self.rates.after(dt * (late + 1), joints)
         hip, velocity = self.kinematics.hand(joints, rates)
         if self.tick == 0:
-            start(self.renderer, hip)
-        ihip, force = ask(self.renderer, self.tick, hip, velocity, dt)
+            reset_checked(self.renderer, hip)
+        ihip, force = step_checked(self.renderer, self.tick, hip, velocity, dt)
         torque = scene.inner_loop.torque(self.wiring.device, joints, rates, force, mass=scene.mass)
         write(self.wiring.commands(torque))
         self.recorder.append(hip, velocity, ihip, force, joints, torque, raw, at=stamp)

@@ -10,13 +10,13 @@ from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     NO_IHIP,
     TELLS,
+    evidence_at,
     farthest_standoff,
     hip_step,
     lacks_ihip,
     listed,
     mm,
-    place,
-    placement,
+    position_tolerance,
     touching,
 )
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
@@ -43,13 +43,13 @@ def judge_memoryless(runs: Runs, scene: Scene) -> Finding:
     apart, other = _closest(base, back, common, match[common])
     worst = int(np.argmax(apart))
     metric = Metric(MEMORYLESS.metric, float(apart[worst]), "m")
-    bound = placement(base, scene)
+    bound = position_tolerance(base, scene)
     share = float(np.mean(apart > bound))
     return compared(
         metric,
         bound,
         {
-            **place(base, int(common[worst])),
+            **evidence_at(base, int(common[worst])),
             "ihip_other_path": listed(back.ihip[other[worst]]),
             "hips_compared": int(common.size),
             "share_apart": share,
@@ -96,7 +96,7 @@ def judge_reset_clears(runs: Runs, scene: Scene) -> Finding:
     metric = Metric(f"{named} after a reset less that before", float(apart[name][worst]), unit)
     ratio = _ratio(base.force[:rows], again.force[:rows])
     evidence: dict[str, object] = {
-        **place(base, worst),
+        **evidence_at(base, worst),
         "ihip_apart_m": float(apart["ihip"].max()),
         "force_apart_N": float(apart["force"].max()),
         "force_ratio": ratio,

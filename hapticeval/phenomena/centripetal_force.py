@@ -8,19 +8,19 @@ import numpy as np
 from scipy.signal import lfilter, lfilter_zi
 
 from hapticeval.closed_forms import Gains, transversal
-from hapticeval.geometry.boundary import Frame
+from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
 from hapticeval.phenomena.sampling import (
     FORCE_DEPTH,
     HOLD_TICKS,
     LAG_TICKS,
     TELLS,
-    loaded,
+    above_force_floor,
+    evidence_at,
     mm,
-    place,
-    placement,
+    open_loop_reason,
+    position_tolerance,
     touching,
-    unsettled_by_path,
 )
 from hapticeval.phenomena.surface_motion import decay_rate
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
@@ -35,13 +35,13 @@ SPEEDS = (0.5, 0.75)
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Regress the surface error on what the missing centripetal force would cost, over all speeds."""
     base = runs.base
-    unsettled = unsettled_by_path(base)
+    unsettled = open_loop_reason(base)
     if unsettled is not None:
         return undecided(unsettled)
     loose = _loose(base, scene)
     if loose is not None:
         message = "the tool is not held: off a surface that holds from both sides there is no force on it"
-        return undecided(message, evidence=place(base, loose))
+        return undecided(message, evidence=evidence_at(base, loose))
     slower = SPEEDS if runs.at_speed is not None else ()
     everything = [base, *(runs.at_speed(factor) for factor in slower if runs.at_speed is not None)]
     terms = [_terms(recording, scene) for recording in everything]
@@ -57,7 +57,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     contact = np.flatnonzero(touching(base, scene))
     tick = int(contact[np.argmax(np.abs(costs[0]))]) if contact.size else 0
     evidence: dict[str, object] = {
-        **place(base, tick),
+        **evidence_at(base, tick),
         "centripetal_error_m": share * largest,
         "kappa_v2_m_over_K_m": largest,
         "standard_error": deviation,
@@ -92,7 +92,7 @@ def _loose(recording: Recording, scene: Scene) -> int | None:
     if not scene.bilateral:
         return None
     distance = np.abs(scene.model.boundary.signed_distance(recording.hip))
-    free = (distance > placement(recording, scene) + FORCE_DEPTH) & ~loaded(recording, scene)
+    free = (distance > position_tolerance(recording, scene) + FORCE_DEPTH) & ~above_force_floor(recording, scene)
     return int(np.argmax(np.where(free, distance, 0.0))) if np.mean(free) > TELLS else None
 
 
@@ -102,7 +102,7 @@ def _terms(recording: Recording, scene: Scene) -> tuple[Array, Array, Array, flo
     The cost is what a spring pays when it alone supplies (3.8): kappa v_t^2 m / K_p, outwards, as the assigned dynamics
     answer to it. The last number is the largest |kappa| v_t, rad/s, the rate at which the normal turns.
     """
-    frame = scene.model.boundary.frame(recording.hip)
+    frame = scene.model.boundary.closest_point(recording.hip)
     turning, speed2 = _bending(frame, recording.velocity)
     push = np.zeros(len(recording))
     if "operator_force" in recording.channels:
@@ -110,7 +110,9 @@ def _terms(recording: Recording, scene: Scene) -> tuple[Array, Array, Array, flo
     cost, share = (_answer(force, recording, scene) for force in (speed2 * scene.mass, push))
     bearing = touching(recording, scene)
     if not scene.bilateral:
-        bearing &= loaded(recording, scene)  # inside and without force, as after a touch, nothing bends the path
+        bearing &= above_force_floor(
+            recording, scene
+        )  # inside and without force, as after a touch, nothing bends the path
     judged = bearing & _under_way(recording, scene, bearing)
     fastest = float(np.max(turning[judged], initial=0.0))
     return frame.distance[judged], share[judged], cost[judged], fastest
@@ -146,7 +148,7 @@ def _under_way(recording: Recording, scene: Scene, bearing: BoolArray) -> BoolAr
     return np.asarray(since >= lasts if 2.0 * lasts <= since[-1] else since >= 0.0)
 
 
-def _bending(frame: Frame, velocity: Array) -> tuple[Array, Array]:
+def _bending(frame: ClosestPoint, velocity: Array) -> tuple[Array, Array]:
     """|W v| (n,), rad/s, the rate at which the normal turns, and <W v, v> (n,), m/s^2: kappa v_t^2 in the plane."""
     turning = np.einsum("kij,kj->ki", frame.shape, velocity)
     return np.linalg.norm(turning, axis=1), np.asarray(np.sum(turning * velocity, axis=1))
@@ -181,7 +183,7 @@ def _missing_at_zero_error(recording: Recording, scene: Scene) -> float | None:
     if not scene.bilateral:
         return None
     ticks = slice(0, LAG_TICKS + 1)
-    frame = scene.model.boundary.frame(recording.hip[ticks])
+    frame = scene.model.boundary.closest_point(recording.hip[ticks])
     normal = frame.normal
     wanted = scene.mass * _bending(frame, recording.velocity[ticks])[1]
     if abs(frame.distance[0]) > 1e-9 * scene.model.size or not np.all(np.abs(wanted) > 0.0):

@@ -7,7 +7,7 @@ import numpy as np
 from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
 from hapticeval.phenomena.refinement import extrapolated
-from hapticeval.phenomena.sampling import listed, mm, place
+from hapticeval.phenomena.sampling import evidence_at, listed, mm
 from hapticeval.phenomena.surface_motion import SurfaceMotion
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.scene import Scene
@@ -40,7 +40,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     bound = correction * np.sqrt(hips.shape[1]) + 1e-10 * way
     distance = scene.model.boundary.signed_distance
     evidence: dict[str, object] = {
-        **place(base, tick),
+        **evidence_at(base, tick),
         "law": form.name,
         "citation": form.citation,
         "sampled_apart_m": float(np.max(np.linalg.norm(base.hip - expected, axis=1))),

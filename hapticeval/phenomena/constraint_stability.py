@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.sampling import mm, place
+from hapticeval.phenomena.sampling import evidence_at, mm
 from hapticeval.phenomena.surface_motion import SurfaceMotion, decay_rate
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.scene import Scene
@@ -23,7 +23,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     ended = base.meta.get("ended")
     if ended is not None:
         message = f"the run ended at t = {ended['time']:.4g} s: {ended['what']}"
-        return Finding(Outcome.FAIL, message, evidence={**place(base, len(base) - 1), "ended": dict(ended)})
+        return Finding(Outcome.FAIL, message, evidence={**evidence_at(base, len(base) - 1), "ended": dict(ended)})
     motion = SurfaceMotion(base, scene)
     first = int(np.flatnonzero(motion.pushed).max(initial=-1)) + 1
     free = base.time[first:] - base.time[min(first, len(base) - 1)]
@@ -40,7 +40,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     floor = motion.held_distance(first + int(np.argmax(early))) + motion.sensor_error + 1e-12 * scene.model.size
     farthest = int(np.argmax(distance))
     evidence: dict[str, object] = {
-        **place(base, first + farthest),
+        **evidence_at(base, first + farthest),
         "largest_distance_m": float(distance[farthest]),
         "floor_m": floor,
         "assigned_decay_rate_1_s": rate,

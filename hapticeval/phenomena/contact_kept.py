@@ -10,11 +10,11 @@ from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     NO_IHIP,
     believed_standoff,
+    evidence_at,
     hip_steps,
     lacks_ihip,
     listed,
     mm,
-    place,
     resolution,
     rounding,
     touching,
@@ -22,7 +22,7 @@ from hapticeval.phenomena.sampling import (
 )
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
 from hapticeval.recordings.channels import SIMULATED
-from hapticeval.recordings.quantization import grain
+from hapticeval.recordings.quantization import quantization_step
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
@@ -71,7 +71,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     bound = float(allowed[worst])
     if gap[worst] <= bound:
         message = "the tool is in contact wherever the model bars its way to the hand"
-        return Finding(Outcome.PASS, message, metric, bound, place(base, worst))
+        return Finding(Outcome.PASS, message, metric, bound, evidence_at(base, worst))
     lost = gap > allowed
     took = np.diff(base.time, append=base.time[-1] + base.dt)
     depth = -scene.model.boundary.signed_distance(base.hip)
@@ -80,7 +80,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     kind = "tunnelled" if np.all(depth[lost] <= allowed[lost]) else "let go" if had else "not met"
     ticks, seconds = int(lost.sum()), float(took[lost].sum())
     evidence: dict[str, object] = {
-        **place(base, first),
+        **evidence_at(base, first),
         "kind": kind,
         "deepest_m": max(float(depth[lost].max()), 0.0),
         "farthest_time": float(base.time[worst]),
@@ -106,7 +106,7 @@ def _across_allowed(base: Recording, scene: Scene) -> float:
     """
     digits = 0.0
     if base.meta.get("source") not in SIMULATED:
-        digits = float(np.linalg.norm([grain(column) for column in (*base.hip.T, *base.ihip.T)]))
+        digits = float(np.linalg.norm([quantization_step(column) for column in (*base.hip.T, *base.ihip.T)]))
     return (believed_standoff(base, scene) or resolution(base, scene)) + rounding(scene) + digits
 
 
@@ -122,7 +122,7 @@ def _trails(base: Recording, scene: Scene, allowed: Array) -> Finding | None:
         f"at t = {base.time[worst]:.4g} s ({many} of {len(base)} ticks)"
     )
     metric = Metric("distance of the IHIP from the HIP in free space", float(off[worst]), "m")
-    evidence = {**place(base, worst), "kind": "trails", "trailing_ticks": many}
+    evidence = {**evidence_at(base, worst), "kind": "trails", "trailing_ticks": many}
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 
@@ -131,7 +131,7 @@ def follow(boundary: Boundary, tool: Array, hand: Array, grain: float) -> Array 
 
     From `tool` (N,), outside or on the surface, it flies straight to `hand` (N,). A surface that bars its way holds it:
     there it slides downhill in distance to the hand, until it rests at a local minimum or its way is open. It is placed
-    to `grain` (m): neither a notch nor a plate thinner than that is seen.
+    to `quantization_step` (m): neither a notch nor a plate thinner than that is seen.
     """
     rests = False
     for _ in range(FLIGHTS):
@@ -153,7 +153,7 @@ def _barred(
     contact, or with the hand in free space.
     """
     hip, steps = base.hip, hip_steps(base)
-    frame = boundary.frame(hip)
+    frame = boundary.closest_point(hip)
     clear = frame.distance > 0.0
     # No point of a way is inside where the clear distances at its ends cover it.
     clear[1:] &= clear[:-1] & (frame.distance[1:] + frame.distance[:-1] >= steps)

@@ -9,10 +9,19 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.sampling import LAG_TICKS, hip_step, loaded, mm, place, resolution, rounding, standoff
+from hapticeval.phenomena.sampling import (
+    LAG_TICKS,
+    above_force_floor,
+    evidence_at,
+    hip_step,
+    mm,
+    resolution,
+    rounding,
+    standoff,
+)
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
 from hapticeval.recordings.channels import SIMULATED
-from hapticeval.recordings.quantization import grain
+from hapticeval.recordings.quantization import quantization_step
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
@@ -27,7 +36,7 @@ NEAREST = "minimum-distance"
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Judge the direction first; then, where the run ends in rest under an operator's push, the magnitude."""
     base = runs.base
-    strong = np.flatnonzero(loaded(base, scene))
+    strong = np.flatnonzero(above_force_floor(base, scene))
     if strong.size == 0:
         return undecided("no force above the floor: the tool never presses on the surface")
     if "ihip" not in base.channels:
@@ -38,7 +47,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     worst = int(np.argmax(deviation - allowed))
     angle, bound = math.degrees(float(deviation[worst])), math.degrees(float(allowed[worst]))
     tick = int(strong[worst])
-    evidence: dict[str, object] = {**place(base, tick), "samples": int(strong.size), **_error_angle(base, scene)}
+    evidence: dict[str, object] = {**evidence_at(base, tick), "samples": int(strong.size), **_error_angle(base, scene)}
     metric = Metric("angle of the force outside the true normals", angle, "deg")
     where = f"every true normal near the IHIP at t = {base.time[tick]:.4g} s"
     if angle > bound:
@@ -83,7 +92,7 @@ def _without_ihip(recording: Recording, scene: Scene, strong: IntArray) -> Findi
     of these nothing is decided.
     """
     ihip = recording.hip.copy()
-    ihip[strong] = scene.model.boundary.frame(ihip[strong]).foot
+    ihip[strong] = scene.model.boundary.closest_point(ihip[strong]).foot
     finding = judge(Runs(replace(recording, channels={**recording.channels, "ihip": ihip})), scene)
     evidence = {"nearest" if name == "ihip" else name: value for name, value in finding.evidence.items()}
     assumed = "no IHIP was recorded: judged at the model's point nearest to the HIP"
@@ -97,7 +106,7 @@ def _without_ihip(recording: Recording, scene: Scene, strong: IntArray) -> Findi
 def _error_angle(recording: Recording, scene: Scene) -> dict[str, float]:
     """How far the error vector leans from the normal, degrees: what section 5.1 asks to vanish at shallow depth."""
     error = recording.ihip - recording.hip
-    pressed = np.flatnonzero(loaded(recording, scene) & np.any(error != 0.0, axis=1))
+    pressed = np.flatnonzero(above_force_floor(recording, scene) & np.any(error != 0.0, axis=1))
     if pressed.size == 0:
         return {}
     reach = _reach(recording, scene)[pressed] + resolution(recording, scene)
@@ -157,7 +166,7 @@ def _rounding(recording: Recording, scene: Scene, strong: IntArray) -> Array:
     angle = 1e-6 + 4.0 * SINGLE * np.maximum(stretch, 1.0)
     if recording.meta.get("source") not in SIMULATED:
         force = recording.force[strong]
-        off = 0.5 * float(np.linalg.norm([grain(column) for column in recording.force.T]))
+        off = 0.5 * float(np.linalg.norm([quantization_step(column) for column in recording.force.T]))
         angle += np.arcsin(np.minimum(off / np.linalg.norm(force, axis=1), 1.0))
     return np.asarray(angle)
 
@@ -177,7 +186,7 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
     still = LAG_TICKS * hip_step(recording, scene) + standoff(recording, scene)
     if travel > still or not recording.contact[window].all():
         return None
-    normal = scene.model.boundary.frame(ihip[-1:]).normal[0]
+    normal = scene.model.boundary.closest_point(ihip[-1:]).normal[0]
     force = float(np.mean(recording.force[window] @ normal))
     push = -float(np.mean(recording.channels["operator_force"][window] @ normal))
     speed = float(np.max(np.abs(velocity @ normal)))

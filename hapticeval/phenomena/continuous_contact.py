@@ -14,13 +14,13 @@ from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     NO_IHIP,
     believed_standoff,
+    evidence_at,
     hip_step,
     hip_steps,
     lacks_ihip,
     listed,
     mm,
     off_surface,
-    place,
     rounding,
     standoff,
     touching,
@@ -65,7 +65,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if tick == 0:
         return undecided("the tool is never in contact for two samples in a row")
     if lacks_ihip(base, scene):
-        return undecided(NO_IHIP, evidence=place(base, tick))
+        return undecided(NO_IHIP, evidence=evidence_at(base, tick))
     if runs.refine is None:
         finding = _judge_fixed(base, scene, jump, tick)
     elif runs.look is not None:
@@ -81,14 +81,14 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         evidence = {**finding.evidence, "off_surface_m": distance}
         return replace(finding, message=f"{finding.message}; besides, {message}", evidence=evidence)
     metric = Metric("distance of the IHIP in contact from the surface", distance, "m")
-    return Finding(Outcome.FAIL, message, metric, allowed, place(base, tick))
+    return Finding(Outcome.FAIL, message, metric, allowed, evidence_at(base, tick))
 
 
 def _evidence(base: Recording, scene: Scene, tick: int) -> dict[str, object]:
     """Return where and when the IHIP moved far, and how far."""
     jump = _step_to(base, tick)
     return {
-        **place(base, tick),
+        **evidence_at(base, tick),
         "ihip_before": listed(base.ihip[tick - 1]),
         "jump_m": jump,
         "hip_step_m": hip_step(base, scene),
@@ -271,7 +271,7 @@ def _judge_fixed(base: Recording, scene: Scene, jump: float, tick: int) -> Findi
     kappa d comes close to 1 a long step may be honest, and one recording cannot decide. Nor can it where the step grows
     when samples are left out: a jump stays as long as it is, and a steep way does not.
     """
-    ends = scene.model.boundary.frame(base.ihip[tick - 1 : tick + 1])
+    ends = scene.model.boundary.closest_point(base.ihip[tick - 1 : tick + 1])
     depth = float(np.linalg.norm(base.hip[tick] - base.ihip[tick]))
     bent = depth * max(0.0, float(np.linalg.eigvalsh(ends.shape).max()))
     on_axis = bent >= 0.9

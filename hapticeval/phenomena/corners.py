@@ -10,14 +10,14 @@ from hapticeval.geometry.boundary import Boundary, Corner
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.sampling import (
     NO_IHIP,
+    above_force_floor,
+    evidence_at,
     hip_step,
     hip_steps,
     lacks_ihip,
     listed,
-    loaded,
     mm,
-    place,
-    placement,
+    position_tolerance,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import Recording
@@ -91,7 +91,7 @@ def angle_between(vectors: Array, direction: Array) -> Array:
 def judge_broken_contact(runs: Runs, scene: Scene) -> Finding:
     """Measure how far from the corner, before or after it, the force stops being what a rigid corner gives."""
     base = runs.base
-    strong = loaded(base, scene)
+    strong = above_force_floor(base, scene)
     crossing = find_crossing(base, scene.model.boundary, strong, convex=True)
     if crossing is None:
         return undecided("no force is felt near a convex corner")
@@ -115,9 +115,9 @@ def judge_broken_contact(runs: Runs, scene: Scene) -> Finding:
     tick = int(early_ticks[0]) if too_early and early_ticks.size else min(crossed + gone, len(base) - 1)
     return compared(
         Metric(BROKEN_CONTACT.metric, max(early, late), "m"),
-        placement(base, scene),
+        position_tolerance(base, scene),
         {
-            **place(base, tick),
+            **evidence_at(base, tick),
             "corner": listed(crossing.corner.position),
             "lost_before_corner_m": early,
             "remains_after_corner_m": late,
@@ -136,7 +136,7 @@ def judge_abrupt_switch(runs: Runs, scene: Scene) -> Finding:
     base = runs.base
     if lacks_ihip(base, scene):
         return undecided(NO_IHIP)
-    strong = loaded(base, scene)
+    strong = above_force_floor(base, scene)
     crossing = find_crossing(base, scene.model.boundary, strong, convex=False)
     if crossing is None:
         return undecided("no force is felt near a concave corner")
@@ -155,9 +155,9 @@ def judge_abrupt_switch(runs: Runs, scene: Scene) -> Finding:
     depth = max(float(np.median(depths[pressed[pressed <= left]])), hip_step(base, scene))
     return compared(
         Metric(ABRUPT_SWITCH.metric, travel / depth, "depths"),
-        placement(base, scene) / depth,
+        position_tolerance(base, scene) / depth,
         {
-            **place(base, reached),
+            **evidence_at(base, reached),
             "corner": listed(crossing.corner.position),
             "switch_starts_s": float(base.time[left]),
             "switch_takes_s": takes,

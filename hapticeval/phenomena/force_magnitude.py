@@ -10,11 +10,11 @@ from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     TELLS,
+    above_force_floor,
     believed_standoff,
+    evidence_at,
     hip_step,
     lacks_ihip,
-    loaded,
-    place,
     rounding,
     standoff,
     touching,
@@ -65,14 +65,14 @@ class Measured:
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Measure the stiffness at every tick in contact, and look for what explains its deviations."""
     base = runs.base
-    if not loaded(base, scene).any():
+    if not above_force_floor(base, scene).any():
         return undecided("no force above the floor: the tool never presses on the surface")
     declared = base.meta.get("spring")
     if lacks_ihip(base, scene):
         return replace(_without_ihip(base, scene), level=Level.SHOULD)
     level = Level.MUST if declared is not None else Level.SHOULD
     depths = np.linalg.norm(base.hip - base.ihip, axis=1)
-    if not depths[loaded(base, scene)].any():
+    if not depths[above_force_floor(base, scene)].any():
         message = "a rigid contact: its force comes without a depth, and has no stiffness that could be measured"
         return Finding(Outcome.NOT_APPLICABLE, message, level=level)
     springs = tuple(Spring) if declared is None else (Spring(declared),)
@@ -97,7 +97,7 @@ def _measure(base: Recording, scene: Scene, spring: Spring) -> Measured:
     along, depth = _along(force, errors[0], spring)
     # A spring that gives nothing has no direction of its own: what it should have given is along the error.
     granted = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene)
-    idle = ~loaded(base, scene)[now] & (np.linalg.norm(errors[0], axis=1) > granted)
+    idle = ~above_force_floor(base, scene)[now] & (np.linalg.norm(errors[0], axis=1) > granted)
     shares[:, idle] = [_share(force[idle], each[idle], scene.stiffness, Spring.ERROR) for each in errors]
     along[idle], depth[idle] = _along(force[idle], errors[0][idle], Spring.ERROR)
     velocity = _velocity(base)
@@ -139,7 +139,7 @@ def _bending(base: Recording, scene: Scene, velocity: Array, ticks: IntArray) ->
 
     With v the speed of the hand or of the IHIP, whichever is larger.
     """
-    shape = scene.model.boundary.frame(base.ihip[ticks]).shape
+    shape = scene.model.boundary.closest_point(base.ihip[ticks]).shape
     largest = np.max(np.abs(np.linalg.eigvalsh(shape)), axis=1)
     sliding = backward_difference(base.ihip, base.time)
     speed = np.maximum(*(np.linalg.norm(each[ticks], axis=1) for each in (velocity, sliding)))
@@ -151,7 +151,7 @@ def _without_ihip(base: Recording, scene: Scene) -> Finding:
 
     A tool that lags behind is farther away, and makes a larger force of it: only one that is too soft is seen.
     """
-    ticks = np.flatnonzero(loaded(base, scene))
+    ticks = np.flatnonzero(above_force_floor(base, scene))
     depth = np.maximum(-scene.model.boundary.signed_distance(base.hip), 0.0)
     late = np.array([depth[np.maximum(ticks - lag, 0)] for lag in range(LAG_TICKS + 1)])
     size = np.linalg.norm(base.force[ticks], axis=1)
@@ -184,7 +184,7 @@ def _finding(base: Recording, scene: Scene, measured: Measured) -> Finding:
     deepest = int(np.argmax(measured.depth))
     size, depth = float(np.linalg.norm(base.force[measured.ticks[deepest]])), float(measured.depth[deepest])
     evidence: dict[str, object] = {
-        **place(base, tick),
+        **evidence_at(base, tick),
         "apparent_stiffness_N_m": median,
         "stiffness_05_N_m": low,
         "stiffness_95_N_m": high,

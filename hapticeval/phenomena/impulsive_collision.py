@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.sampling import LAG_TICKS, place, touching, unsettled_by_path
+from hapticeval.phenomena.sampling import LAG_TICKS, evidence_at, open_loop_reason, touching
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -18,7 +18,7 @@ WINDOW_TICKS = LAG_TICKS + 1
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the momentum along the normal that the first ticks of contact take out with (3.5)."""
     base = runs.base
-    unsettled = unsettled_by_path(base)
+    unsettled = open_loop_reason(base)
     if unsettled is not None:
         return undecided(unsettled)
     contact = touching(base, scene)
@@ -28,7 +28,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     end = struck + WINDOW_TICKS
     if end >= len(base):
         return undecided("the recording ends with the collision")
-    frame = scene.model.boundary.frame(base.ihip[struck : struck + 1])
+    frame = scene.model.boundary.closest_point(base.ihip[struck : struck + 1])
     normal = frame.normal[0]
     along = base.velocity @ normal
     approach = -float(along[struck])
@@ -45,7 +45,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     stopped = np.flatnonzero(along[struck:] >= 0.0)
     stopped_ms = 1e3 * float(base.time[struck + stopped[0]] - base.time[struck]) if stopped.size else None
     evidence: dict[str, object] = {
-        **place(base, struck),
+        **evidence_at(base, struck),
         "approach_speed_m_s": approach,
         "impulse_wanted_Ns": wanted,
         "impulse_in_window_Ns": taken,

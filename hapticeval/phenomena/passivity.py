@@ -9,7 +9,7 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
 from hapticeval.phenomena.refinement import SETTLES
-from hapticeval.phenomena.sampling import TELLS, mm, place, touching
+from hapticeval.phenomena.sampling import TELLS, evidence_at, mm, touching
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
 from hapticeval.recordings.integrity.force_sign import balance
 from hapticeval.recordings.recording import SINGLE, Recording
@@ -29,7 +29,7 @@ FINEST = (4, 8, 16)
 
 
 @dataclass(frozen=True)
-class Way:
+class Heading:
     """Rows [first, last] of the base recording that bound what the renderer has stored, with what they are."""
 
     first: int
@@ -143,16 +143,16 @@ def _number(hip: Array, first: int, period: int, near: float) -> int:
     return 1 + (stop - 1) // period if stop > 0 else 0
 
 
-def stretches(free: BoolArray) -> Iterator[Way]:
+def stretches(free: BoolArray) -> Iterator[Heading]:
     """From each last row in free space to the next one there, or to the end."""
     edges = np.flatnonzero(free[:-1] & ~free[1:])
     for first in edges:
         later = np.flatnonzero(free[first + 1 :])
         last = int(first + 1 + later[0]) if later.size else free.size - 1
-        yield Way(int(first), last, "since free space" if not later.size else "from free space to free space")
+        yield Heading(int(first), last, "since free space" if not later.size else "from free space to free space")
 
 
-def _gain(sampled: Sequence[Sampled], way: Way, rounding: Array, *, anywhere: bool) -> Gain:
+def _gain(sampled: Sequence[Sampled], way: Heading, rounding: Array, *, anywhere: bool) -> Gain:
     """The gain over `way`; with `anywhere` up to the row of it where it is furthest beyond what is open, if at any.
 
     `sampled` are the base run, and three of which each has twice the rate of the one before.
@@ -224,7 +224,7 @@ def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene) ->
     worst = max(telling, key=lambda each: each.excess)
     metric = Metric(CHECK.metric, worst.law, "J")
     evidence = {
-        **place(base, worst.last),
+        **evidence_at(base, worst.last),
         "from_time": float(base.time[worst.first]),
         "way": worst.what,
         "hold_J": worst.hold,
@@ -272,7 +272,7 @@ def _gains(
     gains = [_gain(sampled, way, rounding, anywhere=True) for way in stretches(free)]
     for first, period, number in round_trips:
         starts = [first + lap * period for lap in range(1, number) if first + (lap + 1) * period < count]
-        after = [Way(start, start + period, LAP) for start in starts if not whole.free[start:][:period].all()]
+        after = [Heading(start, start + period, LAP) for start in starts if not whole.free[start:][:period].all()]
         if after:
             # What one lap alone gives may have been stored; what is created comes in every lap.
             lasting = [_gain(sampled, way, rounding, anywhere=False) for way in after]
@@ -292,7 +292,7 @@ def _judge_fixed(base: Recording) -> Finding:
         return undecided(f"no two rows bound what is stored; {note}")
     least = min((each.given for each in found), key=lambda each: each.energy - each.open)
     metric = Metric(CHECK.metric, least.energy, "J")
-    evidence = {**place(base, least.last), "from_time": float(base.time[least.first]), "way": least.how}
+    evidence = {**evidence_at(base, least.last), "from_time": float(base.time[least.first]), "way": least.how}
     if least.passive:
         return Finding(Outcome.PASS, f"the hand gets back no more than it put in; {note}", metric, least.open, evidence)
     message = (

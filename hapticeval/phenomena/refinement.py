@@ -17,11 +17,11 @@ SETTLES = 0.75
 
 
 @dataclass(frozen=True)
-class Left:
+class Extrapolated:
     """A quantity at the base run's samples: `values` (n, ...), in the limit of fast sampling where `settled`.
 
     Where the base run ended early, n is what the finer ones have of it too. `change` bounds the limit's own error: see
-    `left`. Where halving did not settle it, `values` are the base run's.
+    `richardson_two_level`. Where halving did not settle it, `values` are the base run's.
     """
 
     values: Array
@@ -29,7 +29,7 @@ class Left:
     settled: bool
 
 
-def left(runs: Runs, measure: Callable[[Recording], Array]) -> Left:
+def richardson_two_level(runs: Runs, measure: Callable[[Recording], Array]) -> Extrapolated:
     """Linear extrapolation from half and a quarter of the tick: 2 q(T/4) - q(T/2).
 
     A held force lags by half a tick, an effect of first order in T, which this removes. What it leaves of an effect of
@@ -39,18 +39,18 @@ def left(runs: Runs, measure: Callable[[Recording], Array]) -> Left:
     """
     base = measure(runs.base)
     if runs.refine is None:
-        return Left(base, float("inf"), False)
+        return Extrapolated(base, float("inf"), False)
     half, quarter = (_at_base(measure(runs.refine(factor)), base.shape[0], factor) for factor in (2, 4))
     common = min(half.shape[0], quarter.shape[0])
     if common < base.shape[0] and ("ended" not in runs.base.meta or common < 2):
-        return Left(base, float("inf"), False)
+        return Extrapolated(base, float("inf"), False)
     base, half, quarter = base[:common], half[:common], quarter[:common]
     before, after = half - base, quarter - half
     first, last, bent = (_largest(step) for step in (before, after, 2.0 * after - before))
     rounding = 1e-12 * _largest(base)
     if last <= SETTLES * first or last <= rounding:
-        return Left(2.0 * quarter - half, max(last, 0.5 * bent), True)
-    return Left(base, last, False)
+        return Extrapolated(2.0 * quarter - half, max(last, 0.5 * bent), True)
+    return Extrapolated(base, last, False)
 
 
 def _largest(values: Array) -> float:

@@ -45,7 +45,7 @@ def touching(recording: Recording, scene: Scene) -> BoolArray:
         return np.ones(len(recording), dtype=bool)
     if "force" not in recording.channels:
         return recording.contact
-    contact = loaded(recording, scene)
+    contact = above_force_floor(recording, scene)
     if "ihip" in recording.channels:
         contact |= recording.apart & ~trailing(recording, scene)
     return contact
@@ -60,7 +60,7 @@ def trailing(recording: Recording, scene: Scene) -> BoolArray:
     found = np.zeros(len(recording), dtype=bool)
     if scene.bilateral or not {"ihip", "force"} <= recording.channels.keys():
         return found
-    silent = np.flatnonzero(recording.apart & ~loaded(recording, scene))
+    silent = np.flatnonzero(recording.apart & ~above_force_floor(recording, scene))
     if silent.size:
         distance = scene.model.boundary.signed_distance
         steps = hip_steps(recording)
@@ -116,7 +116,7 @@ def resolution(recording: Recording, scene: Scene) -> float:
     return min(recording.resolution, COARSEST * scene.model.boundary.girth)
 
 
-def placement(recording: Recording, scene: Scene) -> float:
+def position_tolerance(recording: Recording, scene: Scene) -> float:
     """How well a contact point can be placed: three ticks of lag and the standoff, m."""
     return LAG_TICKS * hip_step(recording, scene) + standoff(recording, scene)
 
@@ -126,7 +126,7 @@ def force_floor(scene: Scene) -> float:
     return scene.stiffness * FORCE_DEPTH
 
 
-def loaded(recording: Recording, scene: Scene) -> BoolArray:
+def above_force_floor(recording: Recording, scene: Scene) -> BoolArray:
     """Where the force is above the floor: (n,)."""
     strong: BoolArray = np.linalg.norm(recording.force, axis=1) > force_floor(scene)
     return strong
@@ -140,7 +140,7 @@ def lacks_ihip(recording: Recording, scene: Scene) -> bool:
     """
     if "force" not in recording.channels:
         return False
-    silent = loaded(recording, scene) & np.all(recording.ihip == recording.hip, axis=1)
+    silent = above_force_floor(recording, scene) & np.all(recording.ihip == recording.hip, axis=1)
     if not silent.any():
         return False
     off = np.abs(scene.model.boundary.signed_distance(recording.hip[silent]))
@@ -148,7 +148,7 @@ def lacks_ihip(recording: Recording, scene: Scene) -> bool:
     return bool(off.max() > way + believed_standoff(recording, scene) or np.ptp(off) > way)
 
 
-def unsettled_by_path(recording: Recording) -> str | None:
+def open_loop_reason(recording: Recording) -> str | None:
     """Why a recording cannot show how hand and force act on each other; None where it can.
 
     A simulated experiment without an operator's force had none; of any other run it is then not known.
@@ -164,7 +164,7 @@ def unsettled_by_path(recording: Recording) -> str | None:
 NO_IHIP = "the renderer gives a force but no IHIP: its contact point cannot be judged"
 
 
-def place(recording: Recording, tick: int) -> dict[str, object]:
+def evidence_at(recording: Recording, tick: int) -> dict[str, object]:
     """Return as evidence when and where a sample is; without the IHIP where none was recorded."""
     return {
         "time": float(recording.time[tick]),

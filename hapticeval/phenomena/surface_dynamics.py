@@ -11,8 +11,8 @@ from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.force_sensor import ForceSensor
 from hapticeval.effects.viscosity import viscosity_of
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
-from hapticeval.phenomena.refinement import left
-from hapticeval.phenomena.sampling import TELLS, mm, place
+from hapticeval.phenomena.refinement import richardson_two_level
+from hapticeval.phenomena.sampling import TELLS, evidence_at, mm
 from hapticeval.phenomena.surface_motion import SLIDES, SurfaceMotion
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import Recording
@@ -37,14 +37,14 @@ def judge_output_invariance(runs: Runs, scene: Scene) -> Finding:
         return undecided("the operator pushes: what follows is the answer to that")
     if motion.footless is not None or not motion.slides:
         return undecided(motion.footless or STILL)
-    remains = left(runs, lambda recording: SurfaceMotion(recording, scene).distance)
+    remains = richardson_two_level(runs, lambda recording: SurfaceMotion(recording, scene).distance)
     distance = np.abs(remains.values)
     tick = int(np.argmax(distance))
     cost = float(np.max(np.abs(motion.centripetal))) / scene.stiffness
     bound = remains.change if remains.settled else motion.held_distance()
     bound += motion.sensor_error + 1e-10 * scene.model.size
     evidence: dict[str, object] = {
-        **place(base, tick),
+        **evidence_at(base, tick),
         "distance_at_this_sampling_m": float(np.max(np.abs(motion.distance))),
         "settled_by_refinement": remains.settled,
         "m_kappa_v2_over_K_m": cost,
@@ -72,14 +72,14 @@ def judge_decoupling(runs: Runs, scene: Scene) -> Finding:
     start = float(motion.foot_speed[0])
     if start * (base.time[-1] - base.time[0]) <= SLIDES * scene.model.size:
         return undecided(STILL)
-    remains = left(runs, lambda recording: _speed_deviation(recording, scene))
+    remains = richardson_two_level(runs, lambda recording: _speed_deviation(recording, scene))
     last = min(int(np.flatnonzero(distance > GONE * farthest)[-1]), len(remains.values) - 1)
     deviation = np.abs(remains.values[: last + 1])
     tick = int(np.argmax(deviation))
     metric = Metric(DECOUPLING.metric, float(deviation[tick]), "")
     bound = (remains.change if remains.settled else float(motion.held_speed[last]) / start) + 1e-9
     evidence: dict[str, object] = {
-        **place(base, tick),
+        **evidence_at(base, tick),
         "largest_distance_m": farthest,
         "moves_across_until_s": float(base.time[last]),
         "foot_speed_at_start_m_s": start,
@@ -117,7 +117,7 @@ def judge_tangential_dynamics(runs: Runs, scene: Scene) -> Finding:
             "the operator pushes a robot without a force sensor: its own inertia has a share in the motion"
         )
     top = float(motion.foot_speed.max())
-    remains = left(runs, lambda recording: _unexplained(recording, scene))
+    remains = richardson_two_level(runs, lambda recording: _unexplained(recording, scene))
     excess = np.linalg.norm(remains.values, axis=1) / top
     tick = int(np.argmax(excess))
     metric = Metric(TANGENTIAL_DYNAMICS.metric, float(excess[tick]), "")
@@ -125,7 +125,7 @@ def judge_tangential_dynamics(runs: Runs, scene: Scene) -> Finding:
     bound = bound / top + 1e-9
     viscosity = _apparent_viscosity(motion)
     evidence: dict[str, object] = {
-        **place(base, tick),
+        **evidence_at(base, tick),
         "assigned_viscosity_kg_s": viscosity_of(scene),
         "apparent_viscosity_kg_s": viscosity,
         "foot_speed_at_start_m_s": float(motion.foot_speed[0]),

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hapticeval.geometry.boundary import Frame
+from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.sampling import HOLD_TICKS
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -29,9 +29,9 @@ class SurfaceMotion:
     scene: Scene
 
     @cached_property
-    def frame(self) -> Frame:
+    def frame(self) -> ClosestPoint:
         """Feet, normals, distances and shape operators."""
-        return self.scene.model.boundary.frame(self.recording.hip)
+        return self.scene.model.boundary.closest_point(self.recording.hip)
 
     @property
     def distance(self) -> Array:

@@ -46,7 +46,7 @@ DIGITS = range(3, 15)
 """Significant digits that a text may keep; a double has 15 to 17."""
 
 
-def quantum(values: Array) -> float | None:
+def numeric_step(values: Array) -> float | None:
     """The step of the lattice that all values lie on: an encoder's, or a logger's; None where they lie on none."""
     distinct = np.unique(values[np.isfinite(values)])
     if distinct.size < 4:
@@ -81,9 +81,9 @@ def _common(steps: Array, floor: float) -> float:
     return common
 
 
-def grain(values: Array) -> float:
+def quantization_step(values: Array) -> float:
     """The step between neighbouring numbers that a column (n,) can tell, at its largest; 0 for double precision."""
-    return max(quantum(values) or 0.0, single(values), _decimal(values))
+    return max(numeric_step(values) or 0.0, single(values), _decimal(values))
 
 
 def single(values: Array) -> float:
@@ -164,8 +164,8 @@ def _own(values: Array) -> float:
     if size == 0.0:
         return 0.0
     # whole numbers and short decimals are exact in either precision, and no sign of one
-    computed = max((single(column) for column in values.T if quantum(column) is None), default=0.0)
-    return max(STEPS * max(computed, float(np.spacing(size))), *(grain(column) for column in values.T))
+    computed = max((single(column) for column in values.T if numeric_step(column) is None), default=0.0)
+    return max(STEPS * max(computed, float(np.spacing(size))), *(quantization_step(column) for column in values.T))
 
 
 def _encoder(recording: Recording, hip: Array, keep: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> float:
@@ -173,7 +173,7 @@ def _encoder(recording: Recording, hip: Array, keep: np.ndarray[tuple[int], np.d
     if "joint_position" not in recording.channels:
         return 0.0
     joints = recording.channels["joint_position"][keep]
-    step = max((quantum(column) or 0.0 for column in joints.T), default=0.0)
+    step = max((numeric_step(column) or 0.0 for column in joints.T), default=0.0)
     turned, moved = (np.linalg.norm(np.diff(each, axis=0), axis=1) for each in (joints, hip))
     some = turned > 0.0
     return step * float(np.median(moved[some] / turned[some])) if step > 0.0 and some.any() else 0.0

@@ -62,12 +62,12 @@ class Salvaged:
     losses: tuple[Loss, ...]
 
 
-def told_losses(recording: Recording) -> tuple[str, ...]:
+def describe_losses(recording: Recording) -> tuple[str, ...]:
     """Return what is lost of the file that a recording was made of, in words."""
     return tuple(event.text for event in recording.events if event.kind == LOST)
 
 
-def told_warnings(recording: Recording) -> tuple[str, ...]:
+def describe_warnings(recording: Recording) -> tuple[str, ...]:
     """Return the warnings of the import of a foreign file: rows that are cut off, cells without a number."""
     return tuple(str(text) for text in recording.meta.get("import", {}).get("warnings", ()))
 
@@ -77,7 +77,9 @@ def incomplete(recording: Recording) -> bool:
     left_out = recording.meta.get("import", {}).get("left out", {})
     ended = any(event.kind == "ended" for event in recording.events)
     missed = recording.clock is not None and recording.clock.missed
-    return bool(missed or ended or told_losses(recording) or told_warnings(recording) or left_out.keys() & set(MISSING))
+    return bool(
+        missed or ended or describe_losses(recording) or describe_warnings(recording) or left_out.keys() & set(MISSING)
+    )
 
 
 def salvage(path: Path) -> Salvaged:

@@ -86,7 +86,7 @@ def steps(recording: Recording, stretch: Stretch) -> float | Array:
     return np.concatenate([[nominal], taken])
 
 
-def told(recording: Recording, found: tuple[Stretch, ...]) -> str:
+def describe_stretches(recording: Recording, found: tuple[Stretch, ...]) -> str:
     """The clock in words, for the report."""
     each = [steps(recording, stretch) for stretch in found]
     if all(isinstance(step, float) for step in each):

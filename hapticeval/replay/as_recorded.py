@@ -19,8 +19,8 @@ from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.recordings.stretches import Stretch
 from hapticeval.renderer import Renderer
 from hapticeval.replay.rerender import hand_path, joined, rerendered
-from hapticeval.replay.subject import Subject
-from hapticeval.runner.judging import built
+from hapticeval.replay.subject import ReplayCase
+from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -140,7 +140,7 @@ class AsRecorded:
         return "\n".join([head, *(f"  {each.told()}" for each in self.channels), *ends])
 
 
-def as_recorded(subject: Subject, renderers: Sequence[str] = ()) -> AsRecorded:
+def as_recorded(subject: ReplayCase, renderers: Sequence[str] = ()) -> AsRecorded:
     """Compute the recorded renderer again along the log's own HIP, and compare with the log's IHIP and force.
 
     The renderer is the recording's (`meta["renderer"]`) or the one of `renderers`. Raises `InputError` where neither
@@ -155,7 +155,9 @@ def as_recorded(subject: Subject, renderers: Sequence[str] = ()) -> AsRecorded:
             todo="name it: --as-recorded -r constraint",
         )
     scene = subject.case.build_scene()
-    renderer = built(resolve(names[0]) if renderers else resolve_installed(names[0], source=subject.file), scene)
+    renderer = make_renderer(
+        resolve(names[0]) if renderers else resolve_installed(names[0], source=subject.file), scene
+    )
     if not isinstance(renderer, Renderer):
         raise InputError(
             f"'{names[0]}' cannot be computed again from {subject.file}",

@@ -16,12 +16,12 @@ from hapticeval.phenomena.verdict import Finding, Level, Outcome
 from hapticeval.quantity import aligned
 from hapticeval.recordings.compare.difference import Apart, Difference, difference
 from hapticeval.recordings.recording import REQUIRED, Recording
-from hapticeval.recordings.stretches import told
+from hapticeval.recordings.stretches import describe_stretches
 from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.rerender import HandPath, Part, backwards, hand_path, joined, rerendered
-from hapticeval.replay.subject import SUITE, Subject
+from hapticeval.replay.subject import SUITE, ReplayCase
 from hapticeval.runner import results
-from hapticeval.runner.judging import Recorded, built, judge_recorded
+from hapticeval.runner.judging import Recorded, judge_recorded, make_renderer
 from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.work import Done, kept, seed_all
 from hapticeval.scene import Scene
@@ -29,10 +29,10 @@ from hapticeval.suite.suite import Suite
 
 
 @dataclass(frozen=True)
-class Replay:
+class ReplayTask:
     """The runner's work: judge the recorded run, or replay its hand `path` through the job's renderer."""
 
-    subject: Subject
+    subject: ReplayCase
     path: HandPath
 
     def __call__(self, job: Job, directory: Path | None, seed: int) -> Done:
@@ -67,7 +67,7 @@ class Replay:
         return Recorded(joined(parts), tuple(Runs(part) for part in parts), note)
 
     def _replayed(self, name: str, scene: Scene) -> Recorded:
-        path, renderer = self.path, built(resolve(name), scene)
+        path, renderer = self.path, make_renderer(resolve(name), scene)
         parts = rerendered(renderer, path, scene)
 
         def runs(part: Part) -> Runs:
@@ -94,7 +94,7 @@ class Replay:
         return results.Replay(
             file=self.subject.file,
             note=note,
-            clock=told(path.recording, path.stretches),
+            clock=describe_stretches(path.recording, path.stretches),
             stretches=len(parts),
             rows=rows,
             rows_left_out=len(path.recording) - rows,
@@ -105,7 +105,7 @@ class Replay:
         )
 
 
-def replay_plan(subject: Subject, renderers: Sequence[str], *, seed: int = 0) -> Plan:
+def replay_plan(subject: ReplayCase, renderers: Sequence[str], *, seed: int = 0) -> Plan:
     """Plan the recorded run and each of `renderers` for the runner, with `prepared(subject)` as its work.
 
     Raises what `resolve` raises, and `InputError` for a renderer that would be taken for the recorded run.
@@ -121,12 +121,12 @@ def replay_plan(subject: Subject, renderers: Sequence[str], *, seed: int = 0) ->
     return Plan((suite,), (RECORDED, *names), jobs, (), seed)
 
 
-def prepared(subject: Subject) -> Replay:
+def prepared(subject: ReplayCase) -> ReplayTask:
     """Return the work of a replay: what of the recording is sound is found once, for all renderers.
 
     Raises `InputError` where no two sound samples follow each other.
     """
-    return Replay(subject, hand_path(subject))
+    return ReplayTask(subject, hand_path(subject))
 
 
 RANK = (Outcome.FAIL, Outcome.ERROR, Outcome.PASS, Outcome.INCONCLUSIVE, Outcome.NOT_APPLICABLE)

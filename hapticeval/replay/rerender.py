@@ -10,13 +10,13 @@ import numpy as np
 
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
 from hapticeval.recordings.channels import SIMULATED
-from hapticeval.recordings.integrity.issue import Fault, Severity
+from hapticeval.recordings.integrity.issue import Issue, Severity
 from hapticeval.recordings.recording import Recording, backward_difference
 from hapticeval.recordings.stretches import Stretch, steps, stretches
-from hapticeval.renderer import Renderer, SelfDriven, abilities_of
-from hapticeval.replay.subject import Subject
+from hapticeval.renderer import Renderer, TrajectoryRenderer, abilities_of
+from hapticeval.replay.subject import ReplayCase
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import answered, lead
+from hapticeval.simulation.playback import run_path, simulate_checked
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array
 
@@ -57,7 +57,7 @@ class HandPath:
         return backward_difference(self.hip[stretch.rows], self.recording.time[stretch.rows])
 
 
-def hand_path(subject: Subject) -> HandPath:
+def hand_path(subject: ReplayCase) -> HandPath:
     """Find the hand path of a recording. Raises `InputError` where no two sound samples follow each other.
 
     A simulated recording is examined for gaps only, any other as `inspect` does it, with the model that it is replayed
@@ -92,9 +92,9 @@ def hand_path(subject: Subject) -> HandPath:
     return path
 
 
-def _suspicious(faults: Sequence[Fault]) -> Iterator[str]:
+def _suspicious(faults: Sequence[Issue]) -> Iterator[str]:
     """Yield a line for each kind of finding and channel: the first of them, and how many there are."""
-    found: dict[tuple[str, str], list[Fault]] = {}
+    found: dict[tuple[str, str], list[Issue]] = {}
     for fault in faults:
         if fault.severity is not Severity.NOTE:
             found.setdefault((fault.kind, fault.channel), []).append(fault)
@@ -113,7 +113,7 @@ class Part:
     ended: str = ""
 
 
-def rerendered(renderer: Renderer | SelfDriven, path: HandPath, scene: Scene | None) -> tuple[Part, ...]:
+def rerendered(renderer: Renderer | TrajectoryRenderer, path: HandPath, scene: Scene | None) -> tuple[Part, ...]:
     """Return the renderer's answers along each stretch, from a reset each, at the recorded samples and times.
 
     With a `scene`, a hand that starts inside its model is led in first, see `playback.way_in`.
@@ -135,7 +135,7 @@ def rerendered(renderer: Renderer | SelfDriven, path: HandPath, scene: Scene | N
     return tuple(parts)
 
 
-def _forwards(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, scene: Scene | None) -> Part:
+def _forwards(renderer: Renderer | TrajectoryRenderer, path: HandPath, stretch: Stretch, scene: Scene | None) -> Part:
     rows = stretch.rows
     time, hip, velocity = path.recording.time[rows], path.hip[rows], path.velocity(stretch)
     dt = steps(path.recording, stretch) if path.dt is None else path.dt
@@ -169,7 +169,7 @@ def _forwards(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch,
         return Part(stretch, led(count, each[:count].copy()), f"{time[count]:.6g} to {time[-1]:.6g} s: {error.what}")
 
 
-def backwards(renderer: Renderer | SelfDriven, path: HandPath, stretch: Stretch, scene: Scene) -> Recording:
+def backwards(renderer: Renderer | TrajectoryRenderer, path: HandPath, stretch: Stretch, scene: Scene) -> Recording:
     """Return the answers to the same HIPs in the opposite order, each step as long as it was."""
     time, hip = path.recording.time[stretch.rows], path.hip[stretch.rows][::-1]
     back, dt = time[-1] - time[::-1], steps(path.recording, stretch)
@@ -190,19 +190,19 @@ def _led(
     pushes: Array | None = None,
     first: int = 0,
 ) -> Recording:
-    ihip, force = lead(renderer, hip, velocity, dt, scene=scene, pushes=pushes, first=first)
+    ihip, force = run_path(renderer, hip, velocity, dt, scene=scene, pushes=pushes, first=first)
     channels = {"hip": hip, "ihip": ihip, "force": force, "velocity": velocity}
     return Recording(time, channels, {"source": "replay", **abilities_of(renderer).meta, "dt": float(np.median(dt))})
 
 
-def _answered(renderer: SelfDriven, time: Array, hip: Array, dt: float | Array) -> Recording:
+def _answered(renderer: TrajectoryRenderer, time: Array, hip: Array, dt: float | Array) -> Recording:
     if not isinstance(dt, float):
         raise RefusalError(
             "the recording's clock is not regular",
             why="it answers a stimulus whole, at one sampling time, and a recording is never re-timed",
             todo="choose a renderer that is asked step by step",
         )
-    answer = answered(renderer, Path(time - time[0], hip), dt)
+    answer = simulate_checked(renderer, Path(time - time[0], hip), dt)
     if len(answer) != time.size:
         raise RendererError(
             f"the renderer's answer() gave {len(answer)} samples for {time.size}",

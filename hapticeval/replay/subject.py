@@ -33,7 +33,7 @@ NUMBERS = {
 
 
 @dataclass(frozen=True)
-class Subject:
+class ReplayCase:
     """A recording from `file` with the case that its renderers are judged in."""
 
     file: str
@@ -49,7 +49,7 @@ def subject(
     suite_case: str | None = None,
     scene: Sequence[str] = (),
     unsaid: Mapping[str, str] | None = None,
-) -> Subject:
+) -> ReplayCase:
     """The case of a replay: model, scene and checks.
 
     Each comes from what is given (`model` as a suite has it; `suite_case` as SUITE/CASE; `scene` as key=value), else
@@ -92,7 +92,7 @@ def subject(
             why="hand and model must live in the same space",
             todo="give the wall: --model line" if recording.hip.shape[1] == 1 else "give another model with --model",
         )
-    return Subject(file.name, recording, made)
+    return ReplayCase(file.name, recording, made)
 
 
 def _not_said(file: Path, scene: Mapping[str, str], rest: Mapping[str, str]) -> InputError:

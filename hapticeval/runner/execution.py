@@ -11,7 +11,7 @@ from pathlib import Path
 from hapticeval.errors import RendererError
 from hapticeval.runner.events import Event, Interrupted, RunFinished, RunStarted
 from hapticeval.runner.interrupts import Interrupts
-from hapticeval.runner.judging import broken
+from hapticeval.runner.judging import error_verdicts
 from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.progress import Progress
 from hapticeval.runner.work import Done, Work, run_job
@@ -79,7 +79,7 @@ def _done(answer: Answer[Done], job: Job) -> Done:
             why="a crash in compiled code, os._exit(), or memory that ran out",
             todo="run it alone under a debugger: python -X faulthandler",
         )
-        return broken(error, job.renderer, job.suite, job.case), None
+        return error_verdicts(error, job.renderer, job.suite, job.case), None
     if answer.error is not None:
         raise answer.error
     assert answer.value is not None

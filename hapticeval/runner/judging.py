@@ -12,10 +12,10 @@ from hapticeval.phenomena.check import Runs, without_channel
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
 from hapticeval.recordings.recording import MissingChannelError, Recording
-from hapticeval.renderer import Renderer, RendererFactory, SelfDriven, abilities_of, check_support, choices_of
+from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer, abilities_of, check_support, choices_of
 from hapticeval.runner.results import Replay
 from hapticeval.scene import Scene
-from hapticeval.simulation.closed_loop import drive
+from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import Closeup, compare_batch, play
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.suite.case import Case
@@ -38,13 +38,13 @@ class Judged:
     replay: Replay | None = None
 
 
-class _Bench:
+class _RunFactory:
     """Makes recordings of one renderer in one scene, and counts the seconds that it simulates."""
 
     def __init__(self, factory: RendererFactory, scene: Scene, case: Case, name: str) -> None:
         self.scene = scene
         self.simulated = 0.0
-        self.renderer = built(factory, scene)
+        self.renderer = make_renderer(factory, scene)
         self.stimulus = case.build_stimulus(scene, self.renderer)
         self.law = case.closed_form.get(name)
 
@@ -52,7 +52,7 @@ class _Bench:
         if isinstance(stimulus, Path):
             recording = play(self.renderer, stimulus, dt, scene=self.scene)
         else:
-            recording = drive(self.renderer, stimulus, self.scene, dt)
+            recording = simulate_closed_loop(self.renderer, stimulus, self.scene, dt)
         self.simulated += len(recording) * dt
         return recording
 
@@ -82,7 +82,7 @@ class _Bench:
         return Closeup.of(self.renderer, base, self.scene)
 
 
-def built(factory: RendererFactory, scene: Scene) -> Renderer | SelfDriven:
+def make_renderer(factory: RendererFactory, scene: Scene) -> Renderer | TrajectoryRenderer:
     """The renderer that a factory makes for a scene: whatever runs a renderer gets it here.
 
     Raises `RefusalError` where the scene asks for what neither declares to support, before anything is built where the
@@ -122,7 +122,7 @@ def judge(factory: RendererFactory, renderer: str, suite: str, case: Case) -> Ju
     """
 
     def record(scene: Scene) -> Recorded:
-        bench = _Bench(factory, scene, case, renderer)
+        bench = _RunFactory(factory, scene, case, renderer)
         runs = bench.runs()
         return Recorded(runs.base, (runs,), simulated=lambda: bench.simulated)
 
@@ -165,7 +165,7 @@ def judge_recorded(
     )
 
 
-def broken(error: HapticevalError, renderer: str, suite: str, case: Case) -> Judged:
+def error_verdicts(error: HapticevalError, renderer: str, suite: str, case: Case) -> Judged:
     """What is left of a renderer in a case whose process is gone: every verdict an error."""
     findings = [_error_finding(error)] * len(case.checks)
     return Judged(_verdicts(findings, renderer, suite, case), None, error, None, 0.0, 0.0)

@@ -14,9 +14,15 @@ from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Stage
 from hapticeval.errors import DomainError, InputError, RunawayError, renderer_errors
 from hapticeval.recordings.recording import Recording
-from hapticeval.renderer import CompiledLaw, Renderer, SelfDriven, abilities_of
+from hapticeval.renderer import CompiledStep, Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import answered, ask, feel, not_finite, start
+from hapticeval.simulation.playback import (
+    not_finite,
+    observe_force_checked,
+    reset_checked,
+    simulate_checked,
+    step_checked,
+)
 from hapticeval.stimulus.stimulus import Experiment, sample_times
 from hapticeval.types import Array
 
@@ -34,7 +40,9 @@ class _End(NamedTuple):
     error: DomainError
 
 
-def drive(renderer: Renderer | SelfDriven, experiment: Experiment, scene: Scene, dt: float) -> Recording:
+def simulate_closed_loop(
+    renderer: Renderer | TrajectoryRenderer, experiment: Experiment, scene: Scene, dt: float
+) -> Recording:
     """Run `experiment` on the scene's robot, with the renderer sampled every `dt` seconds.
 
     A tick: the sensors are read, the renderer answers, the inner loop makes torques of its force, and the motors hold
@@ -54,7 +62,7 @@ def drive(renderer: Renderer | SelfDriven, experiment: Experiment, scene: Scene,
     the number range.
     """
     if not isinstance(renderer, Renderer):
-        return answered(renderer, experiment, dt)
+        return simulate_checked(renderer, experiment, dt)
     device = scene.robot
     if experiment.dimension != device.dimension:
         raise InputError(
@@ -85,11 +93,11 @@ def _drive_point_mass(
     push = experiment.operator_force(np.append(time, count * dt))
     hips, ihips, forces, velocities = (np.empty((count, experiment.dimension)) for _ in range(4))
     hip, velocity = experiment.position, experiment.velocity
-    start(renderer, hip)
+    reset_checked(renderer, hip)
     end = None
     for tick in range(count):
         try:
-            ihip, force = ask(renderer, tick, hip, velocity, dt)
+            ihip, force = step_checked(renderer, tick, hip, velocity, dt)
         except DomainError as error:
             end = _ended(tick, error)
             break
@@ -108,7 +116,7 @@ def _drive_point_mass(
 
 
 def _drive_device(
-    renderer: Renderer, law: CompiledLaw | None, experiment: Experiment, scene: Scene, dt: float
+    renderer: Renderer, law: CompiledStep | None, experiment: Experiment, scene: Scene, dt: float
 ) -> Recording:
     """Any device and any effect, by compiled kernels; the renderer by its own, where it has any."""
     from hapticeval.compiled import LAW, first_class
@@ -117,7 +125,7 @@ def _drive_device(
     time = sample_times(experiment.duration, dt)
     loop = _loop(experiment, scene, time, dt)
     out = loop.out
-    start(renderer, out[kernels.MEASURED_HIP, 0])
+    reset_checked(renderer, out[kernels.MEASURED_HIP, 0])
     end = None
     if law is None:
         end = _ask_tick_by_tick(renderer, loop, scene.robot, dt)
@@ -142,14 +150,16 @@ def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float)
     sense, act = (specialised(kernel, loop, 0) for kernel in (kernels.sense, kernels.act))
     out, joints = loop.out, loop.state[kernels.JOINTS]
     hips, speeds, pushes = out[kernels.MEASURED_HIP], out[kernels.MEASURED_SPEED], out[kernels.MEASURED_FORCE]
-    feels = loop.feeling is not None and abilities_of(renderer).feel
+    feels = loop.feeling is not None and abilities_of(renderer).observe_force
     for tick in range(out.shape[1]):
         if tick > 0 and sense(loop, tick) == kernels.OUTSIDE:
             return _ended(tick, _outside(device, joints))
         if feels:
-            feel(renderer, tick, hips[tick], pushes[tick])
+            observe_force_checked(renderer, tick, hips[tick], pushes[tick])
         try:
-            out[kernels.IHIP, tick], out[kernels.FORCE, tick] = ask(renderer, tick, hips[tick], speeds[tick], dt)
+            out[kernels.IHIP, tick], out[kernels.FORCE, tick] = step_checked(
+                renderer, tick, hips[tick], speeds[tick], dt
+            )
         except DomainError as error:
             return _ended(tick, error)
         if act(loop, tick) != kernels.DONE:
@@ -157,7 +167,7 @@ def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float)
     return None
 
 
-def _refused(law: CompiledLaw, number: int, hip: Array) -> DomainError:
+def _refused(law: CompiledStep, number: int, hip: Array) -> DomainError:
     """What a law's refusal number says."""
     return DomainError(
         law.refusals.get(number, f"the renderer's law refuses: number {number}"),
@@ -185,10 +195,10 @@ def _recorded(renderer: Renderer, time: Array, channels: Mapping[str, Array], dt
             "why": end.error.why,
         }
     recording = Recording(time[:count], {name: values[:count] for name, values in channels.items()}, meta=meta)
-    if not abilities_of(renderer).signals:
+    if not abilities_of(renderer).diagnostics:
         return recording
     with renderer_errors("signals()"):
-        told = dict(renderer.signals(recording))  # type: ignore[attr-defined]
+        told = dict(renderer.diagnostics(recording))  # type: ignore[attr-defined]
     more = {name: values for name, (_, values) in told.items()}
     signals = {name: signal for name, (signal, _) in told.items()}
     return Recording(recording.time, {**recording.channels, **more}, meta=meta, signals=signals)

@@ -20,7 +20,7 @@ from hapticeval.errors import (
 )
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.recordings.recording import REQUIRED, SINGLE, Recording, backward_difference
-from hapticeval.renderer import Batch, Renderer, SelfDriven, abilities_of
+from hapticeval.renderer import Batch, Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Path, Stimulus, sample_times
 from hapticeval.types import Array
@@ -38,22 +38,22 @@ REST = 10
 """Ticks that it then rests where the path begins: more than any granted lag."""
 
 
-def play(renderer: Renderer | SelfDriven, path: Path, dt: float, *, scene: Scene | None = None) -> Recording:
-    """The renderer's answers along `path`, sampled every `dt` seconds; with a `scene` led in first: see `lead`.
+def play(renderer: Renderer | TrajectoryRenderer, path: Path, dt: float, *, scene: Scene | None = None) -> Recording:
+    """The renderer's answers along `path`, sampled every `dt` seconds; with a `scene` led in first: see `run_path`.
 
     Raises `RendererError`, naming tick and HIP, when the renderer raises, answers in a wrong shape or with a
     number that is not finite.
     """
     if not isinstance(renderer, Renderer):
-        return answered(renderer, path, dt)
+        return simulate_checked(renderer, path, dt)
     time, hips = path.sampled(dt)
     velocity = backward_difference(hips, time)
-    ihips, forces = lead(renderer, hips, velocity, dt, scene=scene)
+    ihips, forces = run_path(renderer, hips, velocity, dt, scene=scene)
     channels = {"hip": hips, "ihip": ihips, "force": forces, "velocity": velocity}
     return Recording(time, channels, meta={"source": "playback", "dt": dt, **abilities_of(renderer).meta})
 
 
-def lead(
+def run_path(
     renderer: Renderer,
     hips: Array,
     velocity: Array,
@@ -73,7 +73,7 @@ def lead(
     measured `pushes` (n, N), N, row by row, where there are any. Errors count ticks from `first` on.
     """
     can = abilities_of(renderer)
-    if not can.feel:
+    if not can.observe_force:
         pushes = None
     way = way_in(renderer, hips, scene)
     count = way.shape[0]
@@ -103,7 +103,7 @@ def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
         return none
     boundary: Boundary = abilities_of(renderer).surface or scene.model.boundary
     start = hips[0]
-    frame = boundary.frame(start[np.newaxis])
+    frame = boundary.closest_point(start[np.newaxis])
     depth = -float(frame.distance[0])
     if depth <= 0.0:
         return none
@@ -117,10 +117,10 @@ def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
     return np.vstack([(1.0 - share) * before + share * start, np.repeat(start[np.newaxis], REST, axis=0)])
 
 
-def answered(renderer: SelfDriven, stimulus: Stimulus, dt: float) -> Recording:
-    """Return `renderer.answer(...)`. Raises `RendererError` unless that is a recording of what was asked for."""
+def simulate_checked(renderer: TrajectoryRenderer, stimulus: Stimulus, dt: float) -> Recording:
+    """Return `renderer.simulate(...)`. Raises `RendererError` unless that is a recording of what was asked for."""
     with renderer_errors("answer()"):
-        recording = renderer.answer(stimulus, dt)
+        recording = renderer.simulate(stimulus, dt)
     if not isinstance(recording, Recording):
         raise RendererError(
             f"the renderer's answer() gave a {type(recording).__name__}", todo="return a hapticeval.Recording"
@@ -189,13 +189,13 @@ def _step_by_step(
     ihips = np.empty_like(hips)
     forces = np.empty_like(hips)
     steps = np.broadcast_to(dt, hips.shape[0]).tolist()
-    start(renderer, hips[0])
+    reset_checked(renderer, hips[0])
     for row, step in enumerate(steps):
         tick = first + max(row - ahead, 0)
         if pushes is not None:
-            feel(renderer, tick, hips[row], pushes[row])
+            observe_force_checked(renderer, tick, hips[row], pushes[row])
         try:
-            ihips[row], forces[row] = ask(renderer, tick, hips[row], velocity[row], step)
+            ihips[row], forces[row] = step_checked(renderer, tick, hips[row], velocity[row], step)
         except RefusalError as refusal:
             if row == 0:
                 raise
@@ -209,19 +209,19 @@ def _step_by_step(
     return ihips, forces
 
 
-def start(renderer: Renderer, hip: Array) -> None:
+def reset_checked(renderer: Renderer, hip: Array) -> None:
     """Call `renderer.reset(hip)`. Raises `RendererError` for what it raises."""
     with renderer_errors("reset()", tick=0, hip=hip):
         renderer.reset(hip.copy())
 
 
-def feel(renderer: Renderer, tick: int, hip: Array, push: Array) -> None:
-    """Call `renderer.feel(push)`. Raises `RendererError` for what it raises."""
-    with renderer_errors("feel()", tick=tick, hip=hip):
-        renderer.feel(push.copy())  # type: ignore[attr-defined]
+def observe_force_checked(renderer: Renderer, tick: int, hip: Array, push: Array) -> None:
+    """Call `renderer.observe_force(push)`. Raises `RendererError` for what it raises."""
+    with renderer_errors("observe_force()", tick=tick, hip=hip):
+        renderer.observe_force(push.copy())  # type: ignore[attr-defined]
 
 
-def ask(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
+def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt: float) -> tuple[Array, Array]:
     """Return IHIP and force, (N,) each, of `renderer.step(...)`, in copies of their own.
 
     The renderer gets copies too: what it does to its arguments, and to its answers later, must not reach the recording.
@@ -416,7 +416,7 @@ class Closeup:
         rows = _Rows.resting(self._rows.hip[row], self._subject.dt, PATIENCE)
         answers: list[tuple[Array, Array]] = []
         for _ in range(PATIENCE):
-            answers.append(ask(renderer, self._tick(row), rows.hip[0], rows.velocity[0], self._subject.dt))
+            answers.append(step_checked(renderer, self._tick(row), rows.hip[0], rows.velocity[0], self._subject.dt))
             same = [np.array_equal(ihip, answers[-1][0]) for ihip, _ in answers[-lag - 1 :]]
             if len(same) > lag and all(same):
                 break
@@ -430,7 +430,7 @@ class Closeup:
             return copy
         renderer = self._subject.renderer
         way = self._before.followed_by(self._rows.part(0, row + 1))
-        start(renderer, way.hip[0])
+        reset_checked(renderer, way.hip[0])
         _led_on(renderer, way, -self._subject.ahead)
         return renderer
 
@@ -443,7 +443,7 @@ class Closeup:
         if nearest >= 0:
             renderer = subject.copy(self._kept[nearest])
         else:
-            start(subject.renderer, self._before.followed_by(self._rows).hip[0])
+            reset_checked(subject.renderer, self._before.followed_by(self._rows).hip[0])
             _led_on(subject.renderer, self._before, -subject.ahead)
             renderer = subject.renderer
         if renderer is None:
@@ -504,7 +504,7 @@ class _Subject:
 def _led_on(renderer: Renderer, rows: _Rows, first: int) -> tuple[Array, Array]:
     """The answers, (n, N) each, of a renderer that is led on without a reset. Errors count ticks from `first` on."""
     answers = [
-        ask(renderer, max(first + row, 0), hip, velocity, dt)
+        step_checked(renderer, max(first + row, 0), hip, velocity, dt)
         for row, (hip, velocity, dt) in enumerate(zip(rows.hip, rows.velocity, rows.dt.tolist(), strict=True))
     ]
     if not answers:

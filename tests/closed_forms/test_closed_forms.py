@@ -169,7 +169,7 @@ def cartesian(scheme, curve, k, d):
     """The same law without any coordinates of the curve: m y'' is the scheme's force as section 4.2 has it."""
 
     def rates(time, state):
-        frame = curve.frame(state[np.newaxis, :2])
+        frame = curve.closest_point(state[np.newaxis, :2])
         normal, n, velocity = frame.normal[0], frame.distance[0], state[2:]
         across = normal * (normal @ velocity)
         foot_rate = np.linalg.solve(np.eye(2) + n * frame.shape[0], velocity - across)

@@ -25,11 +25,11 @@ from hapticeval.errors import InputError, RefusalError, UnknownNameError
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.renderer import Response
 from hapticeval.reports.scene_words import robot_words
-from hapticeval.runner.judging import built
+from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.results import Robot, SceneEntry
 from hapticeval.runner.work import scene_document
 from hapticeval.scene import Scene, requirements
-from hapticeval.simulation.closed_loop import drive
+from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 from hapticeval.suite.reading import load_suite
 
@@ -104,9 +104,9 @@ def test_one_more_effect_takes_a_class_and_a_line(tmp_path, monkeypatch, written
     assert scene.effects == (Weak(0.25),)
     assert requirements()["weak"] == "the motors are weak"
 
-    renderer = built(Pushing, scene)
+    renderer = make_renderer(Pushing, scene)
     assert renderer.wrapped_for is scene
-    run = drive(renderer, case.build_stimulus(scene, renderer), scene, 1e-3)
+    run = simulate_closed_loop(renderer, case.build_stimulus(scene, renderer), scene, 1e-3)
     asked = [scene.robot.jacobian(q).T @ f for q, f in zip(run.channels["joint_position"], run.force, strict=True)]
     np.testing.assert_allclose(run.channels["joint_torque"], 0.25 * np.array(asked), rtol=1e-14)
 
@@ -115,7 +115,7 @@ def test_one_more_effect_takes_a_class_and_a_line(tmp_path, monkeypatch, written
     entry = SceneEntry(**document, device=Robot(kind=scene.robot.name), inner_loop=scene.inner_loop)
     assert robot_words(SimpleNamespace(scene=entry)).endswith("; motors of 0.25 of their torque")
     with pytest.raises(RefusalError, match=r"'weak' \(the motors are weak\)"):
-        built(type("Strong", (Pushing,), {"supports": {"bilateral"}}), scene)
+        make_renderer(type("Strong", (Pushing,), {"supports": {"bilateral"}}), scene)
 
 
 def test_documents_and_short_forms_give_the_same_effects():

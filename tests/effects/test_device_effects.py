@@ -20,7 +20,7 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import line
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
-from hapticeval.simulation.closed_loop import drive
+from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 
 DT = 1e-3
@@ -36,7 +36,7 @@ class Script:
     def reset(self, hip):
         self.given, self.felt = [], []
 
-    def feel(self, push):
+    def observe_force(self, push):
         self.felt.append(push)
 
     def step(self, hip, velocity, dt):
@@ -52,7 +52,7 @@ def run(forces, device, *, ticks=40, velocity=None, push=None, loop=InnerLoop.ST
     times = np.linspace(0.0, ticks * DT, len(push)) if len(push) > 1 else np.zeros(1)
     trial = Experiment((ticks - 1) * DT, rest, rest if velocity is None else np.asarray(velocity), times, push)
     renderer = Script(forces)
-    return drive(renderer, trial, scene, DT), renderer
+    return simulate_closed_loop(renderer, trial, scene, DT), renderer
 
 
 def noise(seed, ticks, size, scale):

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from hapticeval.errors import InputError
 from hapticeval.geometry import catalogue
-from hapticeval.geometry.boundary import Boundary, Frame, InSpace
+from hapticeval.geometry.boundary import Boundary, ClosestPoint, InSpace
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipsoid, from_vertices, line, sphere, star
 from hapticeval.geometry.catalogue import torus as torus_model
 from hapticeval.geometry.kernels import U0
@@ -30,7 +30,7 @@ turns = st.tuples(*[st.floats(-1.0, 1.0)] * 6)
 
 
 class Cube(InSpace):
-    """A cube about the origin, by its faces; `name`, `bounds` and `frame`, and cones for its edges and corners."""
+    """A cube by its faces: `name`, `bounds` and `closest_point`, and cones for its edges and corners."""
 
     def __init__(self, half: float) -> None:
         self.name, self.half = "cube", half
@@ -39,7 +39,7 @@ class Cube(InSpace):
     def bounds(self) -> tuple[float, ...]:
         return (*[-self.half] * 3, *[self.half] * 3)
 
-    def frame(self, points: ArrayLike) -> Frame:
+    def closest_point(self, points: ArrayLike) -> ClosestPoint:
         array = points_for(points, 3)
         if not np.isfinite(array).all():
             raise refuse_not_finite(array)
@@ -53,10 +53,10 @@ class Cube(InSpace):
         distance = np.where((np.abs(array) < self.half).all(axis=1), -1.0, 1.0) * np.linalg.norm(away, axis=1)
         outside = (distance > 0.0) & (np.count_nonzero(away, axis=1) > 1)
         normal[outside] = away[outside] / distance[outside, None]
-        return Frame(foot, normal, distance, np.zeros((len(array), 3, 3)))
+        return ClosestPoint(foot, normal, distance, np.zeros((len(array), 3, 3)))
 
     def normal_cone(self, points: Array, reach: Array) -> Callable[[Array], Array]:
-        foot = self.frame(points).foot
+        foot = self.closest_point(points).foot
         active = self.half - np.abs(foot) <= np.maximum(reach, 1e-12)[:, None]
 
         def beyond(directions: Array) -> Array:
@@ -95,12 +95,12 @@ def scattered(boundary: Boundary, count: int = 400) -> Array:
 def test_every_kind_keeps_the_protocol(boundary):
     assert isinstance(boundary, Boundary)
     points = scattered(boundary)
-    frame = boundary.frame(points)
+    frame = boundary.closest_point(points)
     np.testing.assert_array_equal(boundary.signed_distance(points), frame.distance)
     np.testing.assert_allclose(np.abs(frame.distance), np.linalg.norm(points - frame.foot, axis=1), atol=1e-15)
     np.testing.assert_allclose(np.linalg.norm(frame.normal, axis=1), 1.0, atol=1e-14)
     np.testing.assert_allclose(np.einsum("nij,nj->ni", frame.shape, frame.normal), 0.0, atol=1e-9)
-    alone = [boundary.frame(point[np.newaxis]) for point in points[:20]]
+    alone = [boundary.closest_point(point[np.newaxis]) for point in points[:20]]
     for k, part in enumerate(frame):
         np.testing.assert_array_equal(part[:20], np.concatenate([one[k] for one in alone]))
     np.testing.assert_allclose(boundary.signed_distance(boundary.points(300)), 0.0, atol=1e-15)
@@ -129,7 +129,7 @@ def test_walks_slides_and_neighbours_stay_on_it(boundary):
     start, goal = scattered(boundary, 2)
     way = boundary.walk(start, np.linspace(-0.02, 0.02, 9))
     np.testing.assert_allclose(boundary.signed_distance(way.foot), 0.0, atol=1e-15)
-    np.testing.assert_allclose(way.foot[4], boundary.frame(start[np.newaxis]).foot[0], atol=1e-14)
+    np.testing.assert_allclose(way.foot[4], boundary.closest_point(start[np.newaxis]).foot[0], atol=1e-14)
     around = boundary.around(way.foot[4], 1e-3)
     np.testing.assert_allclose(boundary.signed_distance(around), 0.0, atol=1e-15)
     np.testing.assert_allclose(np.linalg.norm(around - way.foot[4], axis=1), 1e-3, rtol=0.3)
@@ -140,7 +140,7 @@ def test_walks_slides_and_neighbours_stay_on_it(boundary):
 
 @each
 def test_its_own_normal_is_in_the_cone_and_the_opposite_one_is_not(boundary):
-    frame = boundary.frame(boundary.points(40)[1:-1])
+    frame = boundary.closest_point(boundary.points(40)[1:-1])
     off = boundary.normal_cone(frame.foot, np.full(38, 1e-9))
     np.testing.assert_allclose(off(3.0 * frame.normal), 0.0, atol=1e-6)
     assert np.all(off(-frame.normal) > 0.5)
@@ -225,11 +225,11 @@ class TestConesInSpace:
     @settings(max_examples=200)
     def test_it_holds_the_normals_in_reach_and_is_no_wider_than_the_surface_turns(self, name, number, way, reach):
         body = BODIES[name]
-        frame = body.frame(body.points(500)[number : number + 1])
+        frame = body.closest_point(body.points(500)[number : number + 1])
         one, other = np.linalg.svd(frame.normal)[2][1:]
         off = body.normal_cone(frame.foot, np.array([reach]))
         # Where the surface is concave, the foot lies a little farther along than the point on the tangent plane.
-        there = body.frame(frame.foot + 0.9 * reach * (np.cos(way) * one + np.sin(way) * other))
+        there = body.closest_point(frame.foot + 0.9 * reach * (np.cos(way) * one + np.sin(way) * other))
         assert off(there.normal)[0] <= 1e-9
         steepest = {"sphere": 10.0, "ellipsoid": 0.1 / 0.05**2, "torus": 1.0 / 0.03}[name]
         assert off(one[None])[0] >= np.pi / 2 - reach * steepest - 1e-9
@@ -261,7 +261,7 @@ class Nearest:
         pass
 
     def step(self, hip, velocity, dt):
-        frame = self.boundary.frame([hip])
+        frame = self.boundary.closest_point([hip])
         if frame.distance[0] >= 0.0:
             return Response(hip, 0.0 * hip)
         ihip = frame.foot[0] + self.lift * frame.normal[0]

@@ -40,14 +40,14 @@ def implicit(surface, points):
 def some(surface, seed=1):
     """Points of the surface, and a random tangent vector at each."""
     points = surface.points(60)
-    normal = surface.frame(points).normal
+    normal = surface.closest_point(points).normal
     v = np.random.default_rng(seed).normal(size=points.shape)
     return points, v - np.sum(v * normal, axis=1)[:, None] * normal
 
 
 def shape_derivative(surface, points, directions):
     """∇_v W (n, 3, 3), 1/m^2, at the feet of points (n, 3), with v the tangent part of `directions` (n, 3)."""
-    foot, normal, _, _ = surface.frame(points)
+    foot, normal, _, _ = surface.closest_point(points)
     out = np.empty((len(foot), 3, 3))
     for i, (p, n, v) in enumerate(zip(foot, normal, directions, strict=True)):
         for k, unit in enumerate(np.eye(3)):
@@ -60,7 +60,7 @@ def shape_derivative(surface, points, directions):
 @settings(max_examples=50)
 @given(points=POINTS)
 def test_the_foot_is_on_the_surface_and_nothing_on_it_is_nearer(surface, points):
-    foot, normal, distance, shape = surface.frame(points)
+    foot, normal, distance, shape = surface.closest_point(points)
     size = max(surface.reals)
     np.testing.assert_allclose(implicit(surface, foot), 0.0, atol=1e-14)
     np.testing.assert_allclose(foot + distance[:, None] * normal, points, atol=4e-16)
@@ -74,7 +74,7 @@ def test_the_foot_is_on_the_surface_and_nothing_on_it_is_nearer(surface, points)
 @every
 def test_the_normal_is_the_gradient_of_the_distance(surface):
     points = np.random.default_rng(2).uniform(-0.15, 0.15, (300, 3))
-    _, normal, distance, _ = surface.frame(points)
+    _, normal, distance, _ = surface.closest_point(points)
     inward, outward = surface.medial_distance(points).T
     clear = (distance + inward > 1e-4) & (outward - distance > 1e-4)
     assert np.count_nonzero(clear) > 200
@@ -86,9 +86,9 @@ def test_the_normal_is_the_gradient_of_the_distance(surface):
 @every
 def test_the_shape_operator_turns_the_normal_and_its_derivative_turns_it(surface):
     points, v = some(surface)
-    _, normal, _, shape = surface.frame(points)
+    _, normal, _, shape = surface.closest_point(points)
     h, size = 1e-5 * min(surface.reals), np.abs(shape).max()
-    before, after = surface.frame(points - h * v), surface.frame(points + h * v)
+    before, after = surface.closest_point(points - h * v), surface.closest_point(points + h * v)
     turned = (after.normal - before.normal) / (2.0 * h)
     np.testing.assert_allclose(np.einsum("nij,nj->ni", shape, v), turned, rtol=1e-6, atol=1e-6 * size)
     np.testing.assert_allclose(np.einsum("nij,nj->ni", shape, normal), 0.0, atol=1e-14 * size)
@@ -107,7 +107,7 @@ def test_the_shape_operator_turns_the_normal_and_its_derivative_turns_it(surface
 def test_all_of_it_scales(surface, factor):
     larger = Surface(surface.name, surface.kind, tuple(factor * each for each in surface.reals))
     points = np.random.default_rng(3).uniform(-0.12, 0.12, (100, 3))
-    here, there = surface.frame(points), larger.frame(factor * points)
+    here, there = surface.closest_point(points), larger.closest_point(factor * points)
     for k, (one, other) in enumerate(zip(here, there, strict=True)):
         scale = factor ** (1, 0, 1, -1)[k]
         np.testing.assert_allclose(other, scale * one, atol=1e-12 * scale * np.abs(one).max())
@@ -116,13 +116,13 @@ def test_all_of_it_scales(surface, factor):
 @every
 def test_the_medial_set_is_where_another_foot_is_as_near(surface):
     points = surface.points(200)
-    _, normal, _, shape = surface.frame(points)
+    _, normal, _, shape = surface.closest_point(points)
     for side, reach in zip((-1.0, 1.0), surface.medial_distance(points).T, strict=True):
         near = np.isfinite(reach)
         assert near.all() or (side > 0.0 and near.any() == (surface.kind == "torus"))
         way = (side * reach[near])[:, None] * normal[near]
-        np.testing.assert_allclose(surface.frame(points[near] + 0.999 * way).foot, points[near], atol=1e-12)
-        beyond = surface.frame(points[near] + 1.02 * way).foot
+        np.testing.assert_allclose(surface.closest_point(points[near] + 0.999 * way).foot, points[near], atol=1e-12)
+        beyond = surface.closest_point(points[near] + 1.02 * way).foot
         assert np.all(np.linalg.norm(beyond - points[near], axis=1) > 1e-3 * min(surface.reals))
         shrunk = np.eye(3) + 0.999 * (side * reach[near])[:, None, None] * shape[near]
         assert np.all(np.linalg.eigvalsh(shrunk) > 0.0)
@@ -146,7 +146,7 @@ def test_the_medial_set_is_where_another_foot_is_as_near(surface):
     ],
 )
 def test_points_with_many_nearest_ones(model, point, distance):
-    foot, normal, found, _ = model.surface.frame([point])
+    foot, normal, found, _ = model.surface.closest_point([point])
     assert found[0] == pytest.approx(distance, abs=1e-16)
     np.testing.assert_allclose(foot + found[:, None] * normal, [point], atol=1e-16)
     np.testing.assert_allclose(implicit(model.surface, foot), 0.0, atol=1e-14)
@@ -158,7 +158,7 @@ def test_points_with_many_nearest_ones(model, point, distance):
 def test_needles_plates_and_almost_spheres(axes, point, share):
     surface = Surface("extreme", "ellipsoid", axes)
     points = np.array([point, (point[0], share * point[1], share * point[2])])
-    foot, normal, distance, _ = surface.frame(points)
+    foot, normal, distance, _ = surface.closest_point(points)
     np.testing.assert_allclose(implicit(surface, foot), 0.0, atol=1e-13)
     np.testing.assert_allclose(foot + distance[:, None] * normal, points, atol=1e-14)
     for each, far in zip(points, np.abs(distance), strict=True):

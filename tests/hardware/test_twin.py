@@ -12,7 +12,7 @@ from hapticeval.effects.catalogue import read_effects
 from hapticeval.errors import HapticevalError
 from hapticeval.hardware.twin import Twin, demonstration
 from hapticeval.hardware.wiring import CUTOFF
-from hapticeval.simulation.closed_loop import drive
+from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 
 CYCLES = 600
@@ -30,7 +30,7 @@ def test_it_is_the_closed_loop(tmp_path, dimension, effects):
     scene = scene_of(wiring, effects=seen)
     hand, still = hand_of(dimension), np.zeros(dimension)
     experiment = Experiment((CYCLES - 1) * DT, hand.path.points[0], still, np.zeros(1), still[None], hand)
-    loop = drive(resolve(RENDERER)(scene), experiment, scene, DT)
+    loop = simulate_closed_loop(resolve(RENDERER)(scene), experiment, scene, DT)
     _, run = recorded(tmp_path, twin_of(wiring, effects=effects), wiring, cycles=CYCLES, scene=scene)
     assert len(run) == len(loop) == CYCLES
     assert np.any(run.force != 0.0)

@@ -100,7 +100,7 @@ def strays(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
         return tick.ihip, tick.force
     angle = 0.1 * (tick.hip[1] > 0.03)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    at = tick.scene.model.boundary.frame((turn @ tick.ihip)[np.newaxis])
+    at = tick.scene.model.boundary.closest_point((turn @ tick.ihip)[np.newaxis])
     return at.foot[0] - 0.001 * at.normal[0], np.linalg.norm(tick.force) * at.normal[0]
 
 

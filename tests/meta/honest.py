@@ -29,7 +29,7 @@ class Spring:
         pass
 
     def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
-        at = self.boundary.frame(hip[np.newaxis])
+        at = self.boundary.closest_point(hip[np.newaxis])
         ihip = at.foot[0] if at.distance[0] < 0.0 else hip
         return Response(ihip, self.stiffness * (ihip - hip))
 
@@ -42,7 +42,7 @@ class Changed:
         self.inner = inner
 
     def __getattr__(self, name: str) -> Any:
-        if name in ("surface", "resolution", "standoff", "supports", "feel", "declares"):
+        if name in ("surface", "resolution", "standoff", "supports", "observe_force", "declares"):
             return getattr(self.inner, name)
         raise AttributeError(name)
 
@@ -111,7 +111,7 @@ class Apart(Changed):
     standoff = height = STANDOFF
 
     def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
-        frame = self.scene.model.boundary.frame(hip[np.newaxis])
+        frame = self.scene.model.boundary.closest_point(hip[np.newaxis])
         shift = self.height * frame.normal[0]
         if not self.scene.bilateral and frame.distance[0] >= self.height:
             return Response(hip, np.zeros_like(hip))

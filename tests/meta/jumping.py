@@ -193,7 +193,7 @@ class OffStep(Spring):
         answers: Iterable[Response] = [self.step(hip, np.zeros_like(hip), dt) for hip in hips]
         ihips, forces = map(np.array, zip(*answers, strict=True))
         inside = np.any(ihips != hips, axis=1)
-        normals = self.boundary.frame(ihips).normal
+        normals = self.boundary.closest_point(ihips).normal
         return ihips - self.off * inside[:, np.newaxis] * normals, forces
 
 

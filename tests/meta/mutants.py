@@ -11,8 +11,8 @@ from functools import cache
 
 import numpy as np
 
-from hapticeval.ideal import ideal
-from hapticeval.ideal.contact import IdealContact
+from hapticeval.rigid_contact import ideal
+from hapticeval.rigid_contact.contact import IdealContact
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
@@ -32,8 +32,8 @@ class Mutant:
         self.spoil = spoil
         self.contact = ideal(scene)
 
-    def answer(self, stimulus: Stimulus, dt: float) -> Recording:
-        true = self.contact.answer(stimulus, dt)
+    def simulate(self, stimulus: Stimulus, dt: float) -> Recording:
+        true = self.contact.simulate(stimulus, dt)
         return Recording(true.time, self.spoiled(true, stimulus), true.meta)
 
     def spoiled(self, true: Recording, stimulus: Stimulus) -> dict[str, np.ndarray]:
@@ -49,7 +49,7 @@ def answered(case: str, suite: str = "thesis") -> tuple[Scene, Stimulus, Recordi
     scene = found.build_scene()
     contact = ideal(scene)
     stimulus = found.build_stimulus(scene, contact)
-    return scene, stimulus, contact.answer(stimulus, scene.sampling_time)
+    return scene, stimulus, contact.simulate(stimulus, scene.sampling_time)
 
 
 def touches(name: str, case: Case) -> bool:

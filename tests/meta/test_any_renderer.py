@@ -131,7 +131,7 @@ odd = st.fixed_dictionaries(
         "lag": st.integers(0, 30),
         "attributes": st.dictionaries(
             st.sampled_from(
-                ["standoff", "resolution", "surface", "run", "feel", "law", "signals", "supports", "answer"]
+                ["standoff", "resolution", "surface", "run", "observe_force", "law", "signals", "supports", "answer"]
             ),
             st.one_of(REAL, st.none(), st.just("1 mm"), st.just(lambda *anything: None)),
             max_size=2,

@@ -207,7 +207,7 @@ class PlainProxy:
 
     def step(self, hip, velocity, dt):
         self.asked.append((hip, velocity))
-        frame = self.boundary.frame(hip[np.newaxis])
+        frame = self.boundary.closest_point(hip[np.newaxis])
         outside = bool(frame.distance[0] >= 0.0)
         self.touches = not outside and (self.touches or self.free)
         self.free = outside

@@ -14,7 +14,7 @@ from lawbreakers import LAWBREAKERS
 from mutants import BESIDES, MUTANTS
 from outsiders import HONEST
 
-from hapticeval.ideal import ideal
+from hapticeval.rigid_contact import ideal
 from hapticeval.phenomena.registry import OWN
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
 from hapticeval.runner.judging import judge

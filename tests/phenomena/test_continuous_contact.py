@@ -21,7 +21,7 @@ CHECK = "continuous-contact"
 
 
 def led(answer, meta=None, height=0.0):
-    """HIPs moving 40 mm along x in 2 s, 1 mm deep, and `answer(x)` as the IHIP's place along x: by the factor."""
+    """HIPs moving 40 mm along x in 2 s, 1 mm deep, and `simulate(x)` as the IHIP's place along x: by the factor."""
 
     def record(factor):
         x = np.linspace(0.0, 0.04, 2000 * factor + 1)

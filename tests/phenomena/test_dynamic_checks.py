@@ -16,7 +16,7 @@ from hapticeval.effects.force_sensor import ForceSensor
 from hapticeval.effects.viscosity import Viscosity, viscosity_of
 from hapticeval.geometry.catalogue import circle, line, sphere
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.refinement import extrapolated, left
+from hapticeval.phenomena.refinement import extrapolated, richardson_two_level
 from hapticeval.phenomena.surface_motion import SurfaceMotion
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -348,7 +348,7 @@ def decaying(terms, noise=0.0):
 @given(c1=st.floats(-0.1, 0.1), c2=st.floats(-0.1, 0.1))
 @settings(max_examples=40)
 def test_refinement_bounds_what_it_leaves(c1, c2):
-    found = left(decaying({1: c1, 2: c2}), lambda recording: recording.hip)
+    found = richardson_two_level(decaying({1: c1, 2: c2}), lambda recording: recording.hip)
     if found.settled:
         assert np.max(np.abs(found.values - 1.0)) <= found.change + 1e-12
 
@@ -363,7 +363,7 @@ def test_three_powers_of_the_tick_are_removed(c):
 
 def test_what_does_not_shrink_with_the_tick_is_not_extrapolated():
     runs_ = decaying({}, noise=1e-3)
-    found = left(runs_, lambda recording: recording.hip)
+    found = richardson_two_level(runs_, lambda recording: recording.hip)
     assert not found.settled
     np.testing.assert_array_equal(found.values, runs_.base.hip)
 
@@ -418,10 +418,10 @@ def test_a_run_that_ended_is_compared_with_as_much_of_the_finer_ones():
         return cut(whole.refine(factor), 300 * factor - 3, {"tick": 300 * factor - 3})
 
     short = Runs(cut(whole.base, 301, {"tick": 301}), refine=finer)
-    remains = left(short, lambda recording: SurfaceMotion(recording, CIRCLE).distance)
+    remains = richardson_two_level(short, lambda recording: SurfaceMotion(recording, CIRCLE).distance)
     assert remains.settled
     assert 290 <= len(remains.values) < 301
     for check in ("output-invariance", "tangential-dynamics"):
         assert outcome(check, short, CIRCLE) is PASS
     unended = Runs(cut(whole.base, 301, {}), refine=finer)
-    assert not left(unended, lambda recording: SurfaceMotion(recording, CIRCLE).distance).settled
+    assert not richardson_two_level(unended, lambda recording: SurfaceMotion(recording, CIRCLE).distance).settled

@@ -150,7 +150,7 @@ def test_set_stabilisation_below_the_surface_does_the_work_of_its_curvature_forc
     path = loop(centre=(0.08, 0.012), radius=0.004, lap=0.5, start=(0.11, 0.02), approach=0.25)
     scene = Scene(model=cassinian())
     hip = path.sampled(1e-4)[1][2500 : 2500 + 5001]
-    frame = scene.model.boundary.frame(hip)
+    frame = scene.model.boundary.closest_point(hip)
     n, moved = frame.distance, np.diff(hip, axis=0)
     kappa = np.trace(frame.shape, axis1=1, axis2=2)
     tangent = np.column_stack([-frame.normal[:, 1], frame.normal[:, 0]])

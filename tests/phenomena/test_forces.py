@@ -13,7 +13,7 @@ from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
-from hapticeval.simulation.closed_loop import drive
+from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 
 PLANE = Scene(model=line(), stiffness=1000.0, mass=0.1)
@@ -173,7 +173,7 @@ class Unilateral:
         pass
 
     def step(self, hip, velocity, dt):
-        at = self.boundary.frame(hip[None])
+        at = self.boundary.closest_point(hip[None])
         ihip = at.foot[0] if at.distance[0] < 0 else hip
         return Response(ihip, self.stiffness * (ihip - hip))
 
@@ -191,8 +191,8 @@ def test_a_tool_that_flew_off_shows_nothing_of_what_a_bilateral_constraint_costs
     scene = Scene(model=circle(), stiffness=50.0, damping=4.47, mass=0.1, bilateral=True)
     start = Experiment(1.0, np.array([0.1, 0.0]), np.array([0.0, 0.5]), np.zeros(1), np.zeros((1, 2)))
     renderer = make(scene)
-    base = drive(renderer, start, scene, 1e-3)
-    runs = Runs(base, at_speed=lambda f: drive(renderer, start.at_speed(f), scene, 1e-3))
+    base = simulate_closed_loop(renderer, start, scene, 1e-3)
+    runs = Runs(base, at_speed=lambda f: simulate_closed_loop(renderer, start.at_speed(f), scene, 1e-3))
     finding = found("centripetal-force", runs, scene)
     assert finding.outcome is expected
     if make is Unilateral:

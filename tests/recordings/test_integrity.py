@@ -14,7 +14,7 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.integrity.consistency import inverse_checks
 from hapticeval.recordings.integrity.relations import derivative_fit, matched
 from hapticeval.recordings.integrity.report import examine, sound_intervals
-from hapticeval.recordings.quantization import grain, quantum
+from hapticeval.recordings.quantization import numeric_step, quantization_step
 from hapticeval.recordings.recording import Clock, Recording
 from hapticeval.recordings.stretches import stretches
 
@@ -267,8 +267,8 @@ def test_left_out_rows_are_named_with_their_reason():
 def test_the_quantum_of_an_encoder_is_found_and_other_signals_have_none(step):
     random = np.random.default_rng(4)
     counts = np.cumsum(random.integers(-3, 4, size=400))
-    assert quantum(counts * step + random.normal()) == pytest.approx(step, rel=1e-6)
-    assert quantum(random.normal(size=500)) is None
+    assert numeric_step(counts * step + random.normal()) == pytest.approx(step, rel=1e-6)
+    assert numeric_step(random.normal(size=500)) is None
 
 
 @settings(max_examples=15)
@@ -482,20 +482,20 @@ def last_place(values, digits):
 @pytest.mark.parametrize("digits", [3, 7, 14])
 def test_the_grain_of_a_column_is_that_of_its_digits_its_precision_or_its_encoder(digits, scale):
     kept = written(scale * SIGNAL, digits)
-    assert grain(kept) == pytest.approx(last_place(kept, digits))
+    assert quantization_step(kept) == pytest.approx(last_place(kept, digits))
     if digits < 13:
         for factor in (1e-3, -1.0):  # a change of unit hides no digits
-            assert grain(factor * kept) >= 0.9 * abs(factor) * last_place(scale * SIGNAL, digits)
+            assert quantization_step(factor * kept) >= 0.9 * abs(factor) * last_place(scale * SIGNAL, digits)
     single = (scale * SIGNAL).astype(np.float32).astype(float)
-    assert grain(single) == np.spacing(np.float32(np.abs(single).max()))
-    assert grain(scale * SIGNAL) == 0.0
+    assert quantization_step(single) == np.spacing(np.float32(np.abs(single).max()))
+    assert quantization_step(scale * SIGNAL) == 0.0
     step = 1e-3 * scale
-    assert grain(step * np.round(scale * SIGNAL / step)) == pytest.approx(step, rel=1e-6)
+    assert quantization_step(step * np.round(scale * SIGNAL / step)) == pytest.approx(step, rel=1e-6)
 
 
 @pytest.mark.parametrize("values", [np.zeros(100), np.array([0.1, 0.2, 0.3]), np.array([]), np.full(9, np.nan)])
 def test_of_few_numbers_nothing_is_said(values):
-    assert grain(values) < 0.11  # three numbers are at most a lattice
+    assert quantization_step(values) < 0.11  # three numbers are at most a lattice
 
 
 @pytest.mark.parametrize("digits", [4, 6, 9])

@@ -12,7 +12,7 @@ from hapticeval.recordings.hdf5 import read_recording, write_recording
 from hapticeval.recordings.importing.convert import is_ours, load
 from hapticeval.recordings.journal import MAGIC
 from hapticeval.recordings.recording import Clock, Recording
-from hapticeval.recordings.salvage import LOST, told_losses
+from hapticeval.recordings.salvage import LOST, describe_losses
 
 ROWS = 400
 META = {"renderer": "minimum-distance", "scene": {"stiffness": 1000.0, "model": {"kind": "circle", "size": 0.2}}}
@@ -68,7 +68,9 @@ def test_a_recording_that_is_cut_is_examined_and_salvaged_when_asked_to(here, ca
     assert sound.stop >= 150
     assert made.hip[sound].tobytes() == run().hip[sound].tobytes()
     lost = ROWS - len(made)
-    assert f"every signal, rows {len(made)} to {ROWS - 1}: {lost} rows ({1e-3 * lost:.3g} s)" in told_losses(made)[1]
+    assert (
+        f"every signal, rows {len(made)} to {ROWS - 1}: {lost} rows ({1e-3 * lost:.3g} s)" in describe_losses(made)[1]
+    )
     capsys.readouterr()
     assert main(["inspect", "run.h5"]) == 1
     assert "suspicious: lost (all): the end of the file, the file ends at byte" in capsys.readouterr().out

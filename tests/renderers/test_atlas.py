@@ -129,7 +129,7 @@ def test_the_renderer_gives_the_torque_of_the_active_chart(both):
     seen = set()
     for joints, rates, push in states(60, seed=2):
         y = ROBOT.position(joints)
-        renderer.feel(push)
+        renderer.observe_force(push)
         force = renderer.step(y, ROBOT.jacobian(joints) @ rates, 1e-3).force
         chart = int(active(y[None])[0])
         seen.add(chart)
@@ -258,8 +258,8 @@ def test_it_answers_as_the_law_without_charts(bilateral):
         if k % 10 == 0:
             ours.reset(y)
             other.reset(y)
-        ours.feel(push)
-        other.feel(push)
+        ours.observe_force(push)
+        other.observe_force(push)
         one, two = ours.step(y, yd, 1e-3), other.step(y, yd, 1e-3)
         np.testing.assert_allclose(one.ihip, two.ihip, atol=1e-16)
         np.testing.assert_allclose(one.force, two.force, atol=1e-12 * max(1.0, np.linalg.norm(two.force)))

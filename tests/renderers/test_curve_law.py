@@ -147,7 +147,7 @@ def moved(renderer, start, times, push=None):
 
     def rate(_, state):
         if push is not None:
-            renderer.feel(push)
+            renderer.observe_force(push)
         force = renderer.step(state[:2], state[2:], 0.0).force + (0.0 if push is None else push)
         return np.concatenate([state[2:], force / MASS])
 
@@ -207,9 +207,9 @@ def test_with_a_force_sensor_the_push_moves_the_foot_and_not_the_depth(name, see
     renderer = set_stabilisation(held(model))
     renderer.reset(hip)
     without = renderer.step(hip, velocity, 1e-3).force
-    renderer.feel(push)
+    renderer.observe_force(push)
     change = renderer.step(hip, velocity, 1e-3).force + push - without
-    frame = model.curve.frame(hip[None])
+    frame = model.curve.closest_point(hip[None])
     normal, stretch = frame.normal[0], 1.0 + frame.distance[0] * np.trace(frame.shape[0])
     tangent = np.array([-normal[1], normal[0]])
     np.testing.assert_allclose(change, stretch * (tangent @ push) * tangent, atol=1e-11)

@@ -118,7 +118,7 @@ def test_in_space_the_term_is_that_of_the_shape_operator(model):
     rng = np.random.default_rng(2)
     pair = [family(held(model)) for family in (follows, minimum_distance.variant(regulation="pp-pd"))]
     for hip, velocity in zip(0.08 * rng.normal(size=(30, 3)), rng.normal(size=(30, 3)), strict=True):
-        frame = model.boundary.frame(hip[None])
+        frame = model.boundary.closest_point(hip[None])
         with_term, without = (renderer.step(hip, velocity, 1e-3).force for renderer in pair)
         expected = -MASS * (velocity @ frame.shape[0] @ velocity) * frame.normal[0]
         np.testing.assert_allclose(with_term - without, expected, rtol=1e-9, atol=1e-12)

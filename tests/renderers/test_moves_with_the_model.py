@@ -95,7 +95,7 @@ def rounded(model: Model, motion: Motion) -> Model:
         else:
             end = motion(row[[A, B]] + length * row[[C, D]])
             rows.append(pieces.line(centre, end) if way > 0.0 else pieces.line(end, centre))
-    return Model("moved", {}, Curve("moved", pieces.strung(rows if way > 0.0 else rows[::-1]), True))
+    return Model("moved", {}, Curve("moved", pieces.concatenate_segments(rows if way > 0.0 else rows[::-1]), True))
 
 
 def path(model: Model, seed: int, count: int = 120) -> Array:
@@ -249,7 +249,7 @@ def test_in_space(name: str, case: str, scale: float) -> None:
     hips = path(model, 4)
     if name != "minimum-distance":
         t = np.linspace(0.0, 0.6, 120)
-        frame = model.surface.frame(0.1 * np.column_stack([np.cos(t), np.sin(t), 0.5 * np.sin(3.0 * t)]))
+        frame = model.surface.closest_point(0.1 * np.column_stack([np.cos(t), np.sin(t), 0.5 * np.sin(3.0 * t)]))
         hips = frame.foot - 1e-3 * (1.0 + np.sin(60.0 * t))[:, np.newaxis] * frame.normal
     assert compare(name, model, made(scale), hips, motion) > 0.95
 

@@ -190,7 +190,7 @@ def test_it_is_the_nearest_point_of_a_solid(model, bilateral):
     hips = a_walk()
     renderer = minimum_distance(Scene(model=model, bilateral=bilateral))
     ihips, forces = renderer.run(hips, 1e-3)
-    foot, _, distance, _ = model.surface.frame(hips)
+    foot, _, distance, _ = model.surface.closest_point(hips)
     touches = bilateral | (distance < 0.0)
     assert 100 < np.count_nonzero(distance < 0.0) < 1900
     np.testing.assert_allclose(ihips[touches], foot[touches], atol=1e-16)

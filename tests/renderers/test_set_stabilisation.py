@@ -20,7 +20,7 @@ from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, 
 from hapticeval.renderer import Renderer
 from hapticeval.renderers import set_stabilisation
 from hapticeval.scene import Scene
-from hapticeval.simulation.closed_loop import drive
+from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 
 STIFFNESS, MASS = 1000.0, 0.1
@@ -59,7 +59,7 @@ class TestFactory:
         renderer = set_stabilisation(Scene(model=cassinian()))
         assert isinstance(renderer, Renderer)
         assert renderer.law is not None
-        assert callable(renderer.feel)
+        assert callable(renderer.observe_force)
         assert renderer.surface.name == "cassinian"
 
     def test_in_space_it_works_on_surfaces(self):
@@ -149,7 +149,7 @@ class TestContact:
         rng = np.random.default_rng(1)
         u = rng.uniform(*((-0.1, 0.1) if not curve.closed else curve.u_range), 3000)
         hips = curve.position(u) + rng.uniform(-2e-3, 1e-3, 3000)[:, None] * curve.normal(u)
-        frame = curve.frame(hips)
+        frame = curve.closest_point(hips)
         forces = np.array(
             [renderer.step(*pair, 1e-3).force for pair in zip(hips, rng.normal(size=(3000, 2)), strict=True)]
         )
@@ -167,7 +167,7 @@ class TestContact:
         curve = scene.model.curve
 
         def push(t, y):
-            normal = curve.frame(y[None]).normal[0]
+            normal = curve.closest_point(y[None]).normal[0]
             return (-1.0 if t < 0.5 else 0.5) * normal
 
         start = np.array([0.0, 0.01 if name == "line" else 0.11])
@@ -190,7 +190,7 @@ class TestContact:
         start[-1], velocity[0], velocity[-1] = 0.11, 0.05, -0.3
         push[:, -1] = -1.0, -1.0, 0.5, 0.5
         trial = Experiment(0.35, start, velocity, np.array([0.0, 0.2, 0.201, 0.35]), push)
-        run = drive(set_stabilisation(scene), trial, scene, 1e-3)
+        run = simulate_closed_loop(set_stabilisation(scene), trial, scene, 1e-3)
         felt = np.any(run.force != 0.0, axis=1)
         assert "ended" not in run.meta
         assert switches(felt) == 2
@@ -204,7 +204,7 @@ class TestContact:
         curve = scene.model.curve
         u = np.pi / 4.0 - 0.2
         rows, felt = driven(scene, curve.position(u), 0.5 * curve.tangent(u), lambda *_: np.zeros(2), 300)
-        frame = curve.frame(rows[:, :2])
+        frame = curve.closest_point(rows[:, :2])
         assert felt[0]
         assert switches(felt) == 1
         last = int(np.flatnonzero(felt)[-1])
@@ -217,7 +217,7 @@ class TestContact:
         renderer.reset(position)
         felt = []
         for _ in range(500):
-            renderer.feel(push)
+            renderer.observe_force(push)
             force = renderer.step(position, velocity, 1e-3).force
             felt.append(bool(np.any(force != 0.0)))
             position, velocity = device.advance(position, velocity, force, push, push, 1e-3)
@@ -297,7 +297,7 @@ class TestEnergy:
         for dt in (2e-4, 1e-4):
             hips, velocities = in_and_out(curve, np.linspace(0.0, 0.5, round(0.5 / dt) + 1), seed)
             forces, energy = led(scene, hips, velocities, dt)
-            frame = curve.frame(hips)
+            frame = curve.closest_point(hips)
             n, kappa = frame.distance, np.trace(frame.shape, axis1=1, axis2=2)
             along = velocities[:, 1] * frame.normal[:, 0] - velocities[:, 0] * frame.normal[:, 1]
             centripetal = MASS * kappa * along**2 / (1.0 + n * kappa)

@@ -19,7 +19,7 @@ from hapticeval.geometry.catalogue import circle, sphere
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import abilities_of
-from hapticeval.runner.judging import built, judge
+from hapticeval.runner.judging import judge, make_renderer
 from hapticeval.runner.results import read_results
 from hapticeval.scene import requirements
 from hapticeval.study.limits.loop import Place
@@ -48,13 +48,13 @@ class Nearest:
         pass
 
     def step(self, hip, velocity, dt):
-        at = self.boundary.frame(hip[None])
+        at = self.boundary.closest_point(hip[None])
         ihip = at.foot[0] if at.distance[0] < 0 else hip
         return Response(ihip, self.stiffness * (ihip - hip))
 
 
 class Feels(Nearest):
-    def feel(self, push):
+    def observe_force(self, push):
         pass
 
 
@@ -71,29 +71,29 @@ def test_a_scene_asks_for_what_it_calls_for_and_no_more(name):
 @pytest.mark.parametrize("name", ["bilateral", "viscosity", "force-sensor"])
 def test_what_is_not_declared_is_refused_by_name_and_what_is_declared_is_not(name):
     with pytest.raises(RefusalError, match=f"'{name}'") as refused:
-        built(Nearest, ASKING[name])
+        make_renderer(Nearest, ASKING[name])
     assert f'supports = {{"{name}"}}' in refused.value.todo
-    assert isinstance(built(declaring(name), ASKING[name]), Nearest)
+    assert isinstance(make_renderer(declaring(name), ASKING[name]), Nearest)
 
 
 def test_all_that_is_missing_is_named_at_once():
     scene = replace(SENSED.with_effects(Viscosity(0.1)), bilateral=True)
     with pytest.raises(RefusalError, match=r"'bilateral' .* 'viscosity' .* 'force-sensor'"):
-        built(Nearest, scene)
+        make_renderer(Nearest, scene)
     with pytest.raises(RefusalError, match="declares support for bilateral") as refused:
-        built(declaring("bilateral"), replace(PLAIN, bilateral=True, effects=(Viscosity(0.1),)))
+        make_renderer(declaring("bilateral"), replace(PLAIN, bilateral=True, effects=(Viscosity(0.1),)))
     assert "'bilateral'" not in refused.value.what
 
 
 def test_a_renderer_that_declares_no_dimension_is_given_both_and_one_that_does_no_other():
     for scene in (PLAIN, ASKING["space"]):
-        built(Nearest, scene)
-        built(declaring("bilateral"), scene)
-    built(declaring("space"), ASKING["space"])
+        make_renderer(Nearest, scene)
+        make_renderer(declaring("bilateral"), scene)
+    make_renderer(declaring("space"), ASKING["space"])
     with pytest.raises(RefusalError, match="'plane'"):
-        built(declaring("space"), PLAIN)
+        make_renderer(declaring("space"), PLAIN)
     with pytest.raises(RefusalError, match="surface in space"):
-        built(lambda scene: Nearest(scene) if scene.model.curve else None, ASKING["space"])
+        make_renderer(lambda scene: Nearest(scene) if scene.model.curve else None, ASKING["space"])
 
 
 def test_a_factory_that_declares_is_refused_before_it_builds_anything():
@@ -102,7 +102,7 @@ def test_a_factory_that_declares_is_refused_before_it_builds_anything():
 
     make.supports = {"plane"}
     with pytest.raises(RefusalError, match="'bilateral'"):
-        built(make, ASKING["bilateral"])
+        make_renderer(make, ASKING["bilateral"])
 
 
 def test_what_it_makes_may_declare_by_a_property():
@@ -111,15 +111,15 @@ def test_what_it_makes_may_declare_by_a_property():
         def supports(self):
             return ["bilateral"]
 
-    built(Depends, ASKING["bilateral"])
-    built(lambda scene: Depends(scene), ASKING["bilateral"])
+    make_renderer(Depends, ASKING["bilateral"])
+    make_renderer(lambda scene: Depends(scene), ASKING["bilateral"])
     with pytest.raises(RefusalError, match="'viscosity'"):
-        built(Depends, ASKING["viscosity"])
+        make_renderer(Depends, ASKING["viscosity"])
 
 
 def test_a_renderer_that_feels_needs_not_declare_the_sensor():
-    built(Feels, SENSED)
-    built(lambda scene: Feels(scene), SENSED)
+    make_renderer(Feels, SENSED)
+    make_renderer(lambda scene: Feels(scene), SENSED)
 
 
 @pytest.mark.parametrize(
@@ -133,17 +133,19 @@ def test_a_renderer_that_feels_needs_not_declare_the_sensor():
 )
 def test_a_wrong_declaration_is_an_error(supports, error, words):
     with pytest.raises(error, match=words):
-        built(lambda scene: type("Wrong", (Nearest,), {"supports": supports})(scene), PLAIN)
+        make_renderer(lambda scene: type("Wrong", (Nearest,), {"supports": supports})(scene), PLAIN)
 
 
-@pytest.mark.parametrize("name", ["surface", "standoff", "declares", "supports", "law", "run", "feel", "signals"])
+@pytest.mark.parametrize(
+    "name", ["surface", "standoff", "declares", "supports", "law", "run", "observe_force", "diagnostics"]
+)
 def test_an_attribute_that_raises_or_is_of_another_kind_is_an_error_of_the_renderer(name):
     def fails(self):
         raise KeyError(name)
 
     for wrong in (property(fails), "wrong"):
         with pytest.raises(RendererError, match="the renderer"):
-            built(lambda scene, wrong=wrong: type("Wrong", (Nearest,), {name: wrong})(scene), PLAIN)
+            make_renderer(lambda scene, wrong=wrong: type("Wrong", (Nearest,), {name: wrong})(scene), PLAIN)
 
 
 def test_abilities_are_read_once():
@@ -155,7 +157,7 @@ def test_abilities_are_read_once():
             Counts.read += 1
             return 1e-3 * Counts.read
 
-    made = built(Counts, PLAIN)
+    made = make_renderer(Counts, PLAIN)
     assert [abilities_of(made).standoff for _ in range(3)] == [1e-3] * 3
     assert Counts.read == 1
 
@@ -176,14 +178,14 @@ SUPPORTED = {
 def test_the_renderers_that_come_along_work_where_they_declare_and_are_refused_elsewhere(name, asked):
     scene = replace(ASKING[asked], damping=5.0)
     if asked in SUPPORTED[name]:
-        made = built(resolve(name), scene)
+        made = make_renderer(resolve(name), scene)
         hip = np.array([0.095, 0.0, 0.0][: scene.model.dimension])
         if hasattr(made, "step"):
             made.reset(hip)
             assert np.linalg.norm(made.step(hip, 0.0 * hip, 1e-3)[1]) > 0.0
     else:
         with pytest.raises(RefusalError):
-            built(resolve(name), scene)
+            make_renderer(resolve(name), scene)
 
 
 def test_every_renderer_that_comes_along_declares():
@@ -206,12 +208,12 @@ def test_a_renderer_with_physics_of_its_own_is_asked_no_more_than_it_declares():
         def __init__(self, scene):
             pass
 
-        def answer(self, stimulus, dt):
+        def simulate(self, stimulus, dt):
             return Recording(np.arange(2.0), {})
 
-    built(Whole, PLAIN)
+    make_renderer(Whole, PLAIN)
     with pytest.raises(RefusalError):
-        built(Whole, ASKING["bilateral"])
+        make_renderer(Whole, ASKING["bilateral"])
 
 
 def test_limits_take_the_gains_of_a_unilateral_renderer_and_do_not_let_it_go():
@@ -251,7 +253,7 @@ def test_what_does_not_apply_stops_no_gate(tmp_path, capsys, monkeypatch):
         "    def reset(self, hip):\n"
         "        pass\n"
         "    def step(self, hip, velocity, dt):\n"
-        "        at = self.boundary.frame([hip])\n"
+        "        at = self.boundary.closest_point([hip])\n"
         "        ihip = at.foot[0] if at.distance[0] < 0 else hip\n"
         "        return Response(ihip, self.stiffness * (ihip - hip))\n"
     )

@@ -43,7 +43,7 @@ def start_of(model, offset, seed=1):
     """A state at `offset` m from a random foot, with a speed of some 0.5 m/s along and 0.1 m/s across."""
     rng = np.random.default_rng(seed)
     foot = model.surface.points(101)[rng.integers(101)]
-    normal = model.surface.frame([foot]).normal[0]
+    normal = model.surface.closest_point([foot]).normal[0]
     way = np.cross(normal, rng.normal(size=3))
     across = 0.1 if offset else 0.0
     return np.concatenate([foot + offset * normal, 0.5 * way / np.linalg.norm(way) + across * normal])
@@ -55,7 +55,7 @@ def moved(renderer, state, duration, push=(0.0, 0.0, 0.0), *, sensed=True):
 
     def slope(_, x):
         if sensed:
-            renderer.feel(push)
+            renderer.observe_force(push)
         return np.concatenate([x[3:], (renderer.step(x[:3], x[3:], 1e-3).force + push) / MASS])
 
     renderer.reset(state[:3])
@@ -67,7 +67,7 @@ def moved(renderer, state, duration, push=(0.0, 0.0, 0.0), *, sensed=True):
 
 def foot_motion(model, states):
     """Foot, its velocity, n and ṅ of states (n, 6), from the frame alone."""
-    foot, normal, n, shape = model.surface.frame(states[:, :3])
+    foot, normal, n, shape = model.surface.closest_point(states[:, :3])
     velocity = states[:, 3:]
     rate = np.sum(normal * velocity, axis=1)
     stretch = np.eye(3) + n[:, None, None] * shape
@@ -175,7 +175,7 @@ def test_a_unilateral_contact_never_pulls_and_is_off_outside(model):
     rng = np.random.default_rng(4)
     pressed = 0
     for foot in model.surface.points(400):
-        normal = model.surface.frame([foot]).normal[0]
+        normal = model.surface.closest_point([foot]).normal[0]
         n = rng.uniform(-0.01, 0.005)
         y, yd = foot + n * normal, rng.normal(size=3)
         renderer.reset(y)
@@ -200,7 +200,7 @@ def test_pressing_is_what_a_rigid_surface_would_take():
     top, along = np.array([0.0, 0.0, 0.1]), np.array([0.5, 0.0, 0.0])
     for push, pressing in ((1.0, 0.75), (0.3, 0.05), (0.2, 0.0)):
         renderer.reset(top)
-        renderer.feel(np.array([0.0, 0.0, -push]))
+        renderer.observe_force(np.array([0.0, 0.0, -push]))
         force = renderer.step(top, along, 1e-3).force
         np.testing.assert_allclose(force, [0.0, 0.0, pressing], atol=1e-15)
 

@@ -13,7 +13,7 @@ from hapticeval.effects.encoder import Encoder
 from hapticeval.effects.velocity_filter import VelocityFilter, blend
 from hapticeval.geometry.catalogue import circle, line, sphere
 from hapticeval.scene import Scene
-from hapticeval.simulation.closed_loop import drive
+from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 
 STIFFNESS, MASS = 1000.0, 0.1
@@ -74,7 +74,7 @@ def pressed(scene, press, speed, duration, dt):
     """A run on a plane that begins a tick before the touch."""
     start, velocity = np.array([0.0, speed * dt]), np.array([0.1, -speed])
     trial = Experiment(duration, start, velocity, np.zeros(1), np.array([[0.0, -press]]))
-    return drive(resolve("set-stabilisation")(scene), trial, scene, dt)
+    return simulate_closed_loop(resolve("set-stabilisation")(scene), trial, scene, dt)
 
 
 @pytest.mark.parametrize("press", [0.3, 2.0])
@@ -139,7 +139,7 @@ def test_the_robot_presses_slides_and_leaves_as_often_as_the_loop_says(device, m
     start[-1], velocity[0], velocity[-1] = 0.101, 0.05, -speed
     push[:, -1] = -press, -press, 0.5, 0.5
     trial = Experiment(0.35, start, velocity, np.array([0.0, 0.2, 0.201, 0.35]), push)
-    run = drive(resolve("set-stabilisation")(scene), trial, scene, 1e-3)
+    run = simulate_closed_loop(resolve("set-stabilisation")(scene), trial, scene, 1e-3)
     touches = contact(run)
     assert not touches[0]
     assert not touches[-1]

@@ -72,8 +72,8 @@ class Bounded(Counting):
         return super().step(hip, velocity, dt)
 
 class Feeling(Counting):
-    def feel(self, push):
-        self.log.append(("feel", tuple(push)))
+    def observe_force(self, push):
+        self.log.append(("observe_force", tuple(push)))
 """
 
 
@@ -169,7 +169,7 @@ def test_a_renderer_is_asked_at_the_recorded_samples_steps_velocities_and_pushes
     steps = asked(counting, "step")[:200]
     np.testing.assert_array_equal([step for step, _ in steps][1:], np.diff(time))
     np.testing.assert_array_equal([seen for _, seen in steps], velocity)
-    np.testing.assert_array_equal([felt for (felt,) in asked(counting, "feel")[:200]], push)
+    np.testing.assert_array_equal([felt for (felt,) in asked(counting, "observe_force")[:200]], push)
     assert judged.replay.clock.startswith("irregular, 7 to 8 ms")
 
 

@@ -25,7 +25,7 @@ def dipping(model, *, depth=3e-3, rows=600):
     """A hand that goes round near the surface, into it and out again."""
     time = 1e-3 * np.arange(rows)
     around = np.column_stack([np.cos(3.0 * time), np.sin(3.0 * time), 0.2 + 0.1 * np.sin(5.0 * time)])
-    frame = model.boundary.frame(0.1 * around)
+    frame = model.boundary.closest_point(0.1 * around)
     dip = -depth * np.clip(np.sin(10.0 * time), -0.3, 1.0)
     return time, frame.foot + dip[:, np.newaxis] * frame.normal
 

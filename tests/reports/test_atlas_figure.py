@@ -13,7 +13,7 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
 from hapticeval.scene import Scene
-from hapticeval.simulation.closed_loop import drive
+from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 
 SCENE = Scene(
@@ -28,7 +28,7 @@ def round_the_meridian(name):
     hand = Hand(path=Path(0.2 * angle, around), stiffness=200.0, damping=5.0)
     start = np.array([0.1, 0.0, 0.0])
     experiment = Experiment(0.6, start, np.zeros(3), np.zeros(1), np.zeros((1, 3)), hand)
-    return drive(resolve(name)(SCENE), experiment, SCENE, 1e-3)
+    return simulate_closed_loop(resolve(name)(SCENE), experiment, SCENE, 1e-3)
 
 
 def test_the_charts_ask_for_the_torque_that_the_motors_gave():

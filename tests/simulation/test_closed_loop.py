@@ -24,9 +24,9 @@ from hapticeval.effects.saturation import Saturation
 from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.errors import DomainError, InputError, RendererError
 from hapticeval.geometry.catalogue import circle, line, make_model
-from hapticeval.renderer import CompiledLaw, Response
+from hapticeval.renderer import CompiledStep, Response
 from hapticeval.scene import Scene
-from hapticeval.simulation.closed_loop import drive
+from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 
 K, D = 500.0, 44.7
@@ -35,7 +35,7 @@ K, D = 500.0, 44.7
 def final(name, model, position, velocity, time, dt, **robot):
     scene = Scene(model=model, stiffness=K, damping=D, mass=1.0, bilateral=True, **robot)
     rest = Experiment(time, np.array(position), np.array(velocity), np.zeros(1), np.zeros((1, 2)))
-    recording = drive(resolve(name)(scene), rest, scene, dt)
+    recording = simulate_closed_loop(resolve(name)(scene), rest, scene, dt)
     assert recording.time[-1] == pytest.approx(time, abs=1e-12)
     return recording.hip[-1], recording.velocity[-1]
 
@@ -106,7 +106,7 @@ def test_a_held_spring_grows_as_its_sampled_eigenvalue_says():
     dt, ticks = 1e-3, 4000
     scene = Scene(model=line(), stiffness=K, mass=1.0, bilateral=True)
     start = Experiment(ticks * dt, np.array([0.0, 1e-3]), np.zeros(2), np.zeros(1), np.zeros((1, 2)))
-    recording = drive(resolve("constraint")(scene), start, scene, dt)
+    recording = simulate_closed_loop(resolve("constraint")(scene), start, scene, dt)
     # The quadratic form of the sampled map y+ = y + T v - a y/2, v+ = v - a y/T is multiplied by z z* a tick.
     a = K * dt * dt
     y, v = recording.hip[:, 1], recording.velocity[:, 1] * dt
@@ -143,7 +143,7 @@ def test_a_point_mass_integrates_a_ramp_exactly(force, slope, mass):
     ramp = Experiment(
         0.5, np.zeros(2), np.array([0.3, -0.1]), np.array([0.0, 0.5]), np.array([[0.0, 0.0], 0.5 * slope])
     )
-    recording = drive(Constant(force), ramp, Scene(model=line(), mass=mass), 0.01)
+    recording = simulate_closed_loop(Constant(force), ramp, Scene(model=line(), mass=mass), 0.01)
     t = recording.time[:, None]
     expected = np.array([0.3, -0.1]) * t + (force * t**2 / 2 + slope * t**3 / 6) / mass
     np.testing.assert_allclose(recording.hip, expected, atol=1e-12 * (1 + np.abs(expected).max()))
@@ -162,7 +162,7 @@ def test_a_loop_that_runs_away_is_stopped_at_its_tick():
 
     push = Experiment(1.0, np.array([1e-3, 0.0]), np.zeros(2), np.zeros(1), np.zeros((1, 2)))
     with pytest.raises(RendererError, match="ran away") as caught:
-        drive(Explosive(), push, Scene(model=line(), mass=0.1), 1e-3)
+        simulate_closed_loop(Explosive(), push, Scene(model=line(), mass=0.1), 1e-3)
     assert caught.value.tick > 0
 
 
@@ -177,7 +177,7 @@ def test_a_loop_far_from_the_origin_runs_as_one_at_it(effects):
         push = Experiment(
             0.2, origin + np.array([0.01, 0.0505]), np.array([0.05, -0.1]), np.zeros(1), np.array([[0.0, -1.0]])
         )
-        found.append(drive(resolve("minimum-distance")(scene), push, scene, 1e-3).hip - origin)
+        found.append(simulate_closed_loop(resolve("minimum-distance")(scene), push, scene, 1e-3).hip - origin)
     np.testing.assert_allclose(found[1], found[0], atol=1e-6)
     assert found[0][:, 1].min() < 0.05
 
@@ -199,7 +199,7 @@ def test_a_loop_runs_away_at_a_million_model_sizes_wherever_it_is(origin, size, 
     )
     push = Experiment(1.0, np.array([origin + 1e-3, origin]), np.zeros(2), np.zeros(1), np.zeros((1, 2)))
     with pytest.raises(RendererError, match="ran away") as caught:
-        drive(Explosive(), push, scene, 1e-3)
+        simulate_closed_loop(Explosive(), push, scene, 1e-3)
     assert 0 < caught.value.tick < 10
     assert abs(caught.value.hip[0] - origin) < 1e6 * size
 
@@ -229,13 +229,13 @@ class Spring:
     def __init__(self, *, law, stiffness=300.0, damping=3.0, radius=1e3, breaks=1e9):
         self.data = law_data((stiffness, damping, radius, breaks), state=1)
         if law:
-            self.law = CompiledLaw(counting_spring, self.data, self.refusals)
+            self.law = CompiledStep(counting_spring, self.data, self.refusals)
 
     def reset(self, hip):
         self.data.state[:] = 0.0
         self.push = np.zeros(hip.size)
 
-    def feel(self, push):
+    def observe_force(self, push):
         self.push = push
 
     def step(self, hip, velocity, dt):
@@ -291,7 +291,7 @@ def test_a_compiled_law_gives_the_numbers_of_its_renderer_in_python(effects, han
     """To the last bit, in every channel; and the loop of the plain point mass is the same in either way."""
     scene = Scene(model=line(), mass=1.0, device=device, inner_loop=loop, effects=EFFECTS[effects])
     pushed = trial(device.dimension, hand=hand, push=push)
-    runs = [drive(Spring(law=law, stiffness=stiffness), pushed, scene, 1e-3) for law in (True, False)]
+    runs = [simulate_closed_loop(Spring(law=law, stiffness=stiffness), pushed, scene, 1e-3) for law in (True, False)]
     same(*runs)
     assert len(runs[0]) == 101
 
@@ -301,8 +301,8 @@ def test_a_compiled_law_gives_the_numbers_of_its_renderer_in_python(effects, han
 def test_a_refusal_ends_the_run_at_its_tick(law, device):
     scene = Scene(model=line(), mass=1.0, device=device)
     away = trial(device.dimension, push=0.1, speed=0.5)
-    whole = drive(Spring(law=law, stiffness=0.0, damping=0.0), away, scene, 1e-3)
-    ended = drive(Spring(law=law, stiffness=0.0, damping=0.0, radius=0.03), away, scene, 1e-3)
+    whole = simulate_closed_loop(Spring(law=law, stiffness=0.0, damping=0.0), away, scene, 1e-3)
+    ended = simulate_closed_loop(Spring(law=law, stiffness=0.0, damping=0.0, radius=0.03), away, scene, 1e-3)
     tick = int(np.argmax(np.linalg.norm(whole.hip, axis=1) > 0.03))
     assert 0 < tick == len(ended)
     told = dict(ended.meta["ended"])
@@ -320,14 +320,16 @@ def test_a_refusal_ends_the_run_at_its_tick(law, device):
 @pytest.mark.parametrize("device", DEVICES[1:3], ids=lambda device: device.name)
 def test_a_refusal_at_the_start_is_an_error(law, device):
     with pytest.raises(DomainError, match="beyond the radius"):
-        drive(Spring(law=law, radius=0.01), trial(device.dimension), Scene(model=line(), device=device), 1e-3)
+        simulate_closed_loop(
+            Spring(law=law, radius=0.01), trial(device.dimension), Scene(model=line(), device=device), 1e-3
+        )
 
 
 @pytest.mark.parametrize("law", [True, False], ids=["compiled", "python"])
 def test_an_answer_that_is_not_finite_is_told_with_its_tick(law):
     scene = Scene(model=line(), device=Parallelogram2())
     with pytest.raises(RendererError, match="not finite") as caught:
-        drive(Spring(law=law, breaks=7), trial(2), scene, 1e-3)
+        simulate_closed_loop(Spring(law=law, breaks=7), trial(2), scene, 1e-3)
     assert caught.value.tick == 7
 
 
@@ -336,7 +338,9 @@ def test_a_robot_that_leaves_its_workspace_ends_the_run(law):
     """Driven outwards at 0.9 m/s it meets a joint limit; all recorded joints are inside, the next are not."""
     device = Parallelogram2()
     scene = Scene(model=line(), mass=1.0, device=device)
-    recording = drive(Spring(law=law, stiffness=-200.0, damping=0.0), trial(2, duration=2.0, speed=0.9), scene, 1e-3)
+    recording = simulate_closed_loop(
+        Spring(law=law, stiffness=-200.0, damping=0.0), trial(2, duration=2.0, speed=0.9), scene, 1e-3
+    )
     assert 0 < len(recording) == recording.meta["ended"]["tick"] < 2001
     assert recording.meta["ended"]["time"] == pytest.approx(1e-3 * len(recording))
     joints = recording.channels["joint_position"]
@@ -350,18 +354,18 @@ def test_a_start_outside_of_the_workspace_is_an_error():
     scene = Scene(model=line(), device=Parallelogram2())
     outside = Experiment(0.1, np.array([2.0, 0.0]), np.zeros(2), np.zeros(1), np.zeros((1, 2)))
     with pytest.raises(DomainError, match=r"2, 0"):
-        drive(Spring(law=True), outside, scene, 1e-3)
+        simulate_closed_loop(Spring(law=True), outside, scene, 1e-3)
 
 
 def test_an_experiment_in_another_dimension_than_the_device_is_an_error():
     with pytest.raises(InputError, match="moves in 3D"):
-        drive(Spring(law=True), trial(2), Scene(model=line(), device=Parallelogram3()), 1e-3)
+        simulate_closed_loop(Spring(law=True), trial(2), Scene(model=line(), device=Parallelogram3()), 1e-3)
 
 
 @pytest.mark.parametrize("device", DEVICES, ids=lambda device: f"{device.name}{device.dimension}")
 def test_an_experiment_starts_where_and_as_fast_as_it_says(device):
     started = trial(device.dimension)
-    recording = drive(Spring(law=True), started, Scene(model=line(), device=device), 1e-3)
+    recording = simulate_closed_loop(Spring(law=True), started, Scene(model=line(), device=device), 1e-3)
     np.testing.assert_allclose(recording.hip[0], started.position, atol=1e-15)
     np.testing.assert_allclose(recording.velocity[0], started.velocity, atol=1e-15)
 
@@ -381,7 +385,7 @@ def test_a_hand_at_rest_is_passive(device, stiffness, damping, seed):
     home = 0.02 * rng.standard_normal(size)
     grip = Hand(path=Path([0.0, 1.0], [home, home]), stiffness=stiffness, damping=damping)
     held = Experiment(0.1, position, velocity, np.zeros(1), np.zeros((1, size)), grip)
-    recording = drive(Constant(np.zeros(size)), held, Scene(model=line(), device=device), 1e-3)
+    recording = simulate_closed_loop(Constant(np.zeros(size)), held, Scene(model=line(), device=device), 1e-3)
     joints = recording.channels.get("joint_position", recording.hip)
     rates = recording.channels.get("joint_velocity", recording.velocity)
     kinetic = np.array([0.5 * v @ device.inertia(q) @ v for q, v in zip(joints, rates, strict=True)])
@@ -392,7 +396,7 @@ def test_a_hand_at_rest_is_passive(device, stiffness, damping, seed):
 def test_the_hand_s_force_is_its_mean_over_the_tick():
     """Momentum: what the point mass gains in a tick is the force's impulse, the operator's and the renderer's."""
     drawn = trial(2, hand=True, push=1.0)
-    recording = drive(Spring(law=True), drawn, Scene(model=line(), mass=0.3), 1e-3)
+    recording = simulate_closed_loop(Spring(law=True), drawn, Scene(model=line(), mass=0.3), 1e-3)
     gained = 0.3 * np.diff(recording.velocity, axis=0)
     given_ = 1e-3 * (recording.force + recording.channels["operator_force"])[:-1]
     assert np.abs(gained - given_).max() < 1e-8 * np.abs(gained).max()
@@ -408,7 +412,7 @@ def test_the_point_mass_is_linear_in_force(seed, hand):
 
     def hips(force):
         pushed = Experiment(0.1, np.zeros(2), np.zeros(2), times, force, grip)
-        return drive(Spring(law=True), pushed, Scene(model=line(), mass=0.3), 1e-3).hip
+        return simulate_closed_loop(Spring(law=True), pushed, Scene(model=line(), mass=0.3), 1e-3).hip
 
     size = np.abs(hips(one)).max() + np.abs(hips(two)).max()
     # Each tick is exact, or with a hand true to 1e-9 between samples: a hundred of them in a stable loop.
@@ -418,7 +422,9 @@ def test_the_point_mass_is_linear_in_force(seed, hand):
 def test_a_hand_draws_any_recording_s_path():
     """m e'' + b e' + k e = m y_d'', critically damped: |e| <= m a / k, and a dt / (w exp 1) for the path's corners."""
     angle = np.linspace(0.0, 2.0 * np.pi, 1001)
-    drawn = drive(Constant(np.zeros(2)), trial(2, push=1.0, duration=0.5), Scene(model=line(), mass=0.3), 1e-3)
+    drawn = simulate_closed_loop(
+        Constant(np.zeros(2)), trial(2, push=1.0, duration=0.5), Scene(model=line(), mass=0.3), 1e-3
+    )
     circle_ = 0.05 * np.column_stack([np.cos(angle), np.sin(angle)])
     stiffness, mass = 5000.0, 0.1
     omega = np.sqrt(stiffness / mass)
@@ -426,7 +432,7 @@ def test_a_hand_draws_any_recording_s_path():
         rate = np.diff(path, axis=0) / 1e-3
         hand = Hand(path=Path(time, path), stiffness=stiffness, damping=2.0 * np.sqrt(stiffness * mass))
         led = Experiment(float(time[-1]), path[0], rate[0], np.zeros(1), np.zeros((1, 2)), hand)
-        recording = drive(Constant(np.zeros(2)), led, Scene(model=line(), mass=mass), 1e-3)
+        recording = simulate_closed_loop(Constant(np.zeros(2)), led, Scene(model=line(), mass=mass), 1e-3)
         bend = np.abs(np.diff(rate, axis=0) / 1e-3).max()
         bound = np.sqrt(2.0) * bend * (mass / stiffness + 1e-3 / (omega * np.e))
         assert np.linalg.norm(recording.hip - path, axis=1).max() <= bound

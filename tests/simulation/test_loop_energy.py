@@ -27,9 +27,9 @@ from hapticeval.effects.saturation import Saturation
 from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.effects.viscosity import Viscosity
 from hapticeval.geometry.catalogue import ellipse, ellipsoid, line, sphere, torus
-from hapticeval.renderer import CompiledLaw, abilities_of
+from hapticeval.renderer import CompiledStep, abilities_of
 from hapticeval.scene import Scene
-from hapticeval.simulation.closed_loop import drive
+from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 
 DT = 1e-3
@@ -59,7 +59,7 @@ def draw_home(data, hip, velocity, push, dt, ihip, force):
 
 class Spring:
     def __init__(self, stiffness, damping):
-        self.law = CompiledLaw(draw_home, law_data((stiffness, damping)), {})
+        self.law = CompiledStep(draw_home, law_data((stiffness, damping)), {})
 
     def reset(self, hip):
         pass
@@ -171,7 +171,7 @@ def balance(recording, trial, scene):
 def test_energy_is_accounted_for(device, loop, effects, hand):
     scene = Scene(model=line(), mass=1.0, device=device, inner_loop=loop, effects=EFFECTS[effects])
     trial = experiment(device.dimension, hand)
-    recording = drive(Spring(300.0, 3.0), trial, scene, DT)
+    recording = simulate_closed_loop(Spring(300.0, 3.0), trial, scene, DT)
     assert "ended" not in recording.meta
     changed, work, kinetic = balance(recording, trial, scene).T
     assert changed.size > 0.8 * len(recording)
@@ -222,15 +222,15 @@ class Asked:
 
     def __init__(self, renderer):
         self.reset, self.step = renderer.reset, renderer.step
-        if hasattr(renderer, "feel"):
-            self.feel = renderer.feel
+        if hasattr(renderer, "observe_force"):
+            self.observe_force = renderer.observe_force
 
 
 def pressing(model, hand):
     """From 2 mm outside, pressed onto a model and along it, and drawn off."""
     toward = np.zeros((1, model.dimension))
     toward[0, 0], toward[0, -1] = 0.03, 0.2
-    foot, normal, _, _ = (each[0] for each in model.boundary.frame(toward))
+    foot, normal, _, _ = (each[0] for each in model.boundary.closest_point(toward))
     along = np.zeros_like(normal)
     along[0], along[-1] = normal[-1], -normal[0]
     along /= np.linalg.norm(along)
@@ -249,10 +249,10 @@ def test_energy_is_accounted_for_with_every_renderer(name, model, device, loop, 
         inner_loop=loop, effects=(Viscosity(0.2), *EFFECTS[effects]),
     )  # fmt: skip
     trial, renderer = pressing(model, hand), resolve(name)(scene)
-    recording = drive(renderer, trial, scene, DT)
+    recording = simulate_closed_loop(renderer, trial, scene, DT)
     assert "ended" not in recording.meta
     if abilities_of(renderer).law is not None:
-        asked = drive(Asked(renderer), trial, scene, DT)
+        asked = simulate_closed_loop(Asked(renderer), trial, scene, DT)
         for channel in asked.channels:
             np.testing.assert_array_equal(recording.channels[channel], asked.channels[channel])
     felt = np.any(recording.force != 0.0, axis=1)
@@ -287,7 +287,7 @@ def test_the_printed_robot_creates_energy_that_no_one_gave():
     device = Parallelogram3(dynamics=Dynamics.PRINTED)
     scene = Scene(model=line(), mass=1.0, device=device)
     trial = Experiment(0.1, np.zeros(3), np.array([0.3, 0.5, 0.5]), np.zeros(1), np.zeros((1, 3)))
-    changed, work, kinetic = balance(drive(Spring(1e-3, 0.0), trial, scene, DT), trial, scene).T
+    changed, work, kinetic = balance(simulate_closed_loop(Spring(1e-3, 0.0), trial, scene, DT), trial, scene).T
     assert np.abs(changed - work).max() > 1e-6 * kinetic.max()
 
 
@@ -296,8 +296,8 @@ def test_a_spring_to_the_surface_keeps_what_it_takes(device):
     """PP's force is that of the potential K n^2 / 2; held, it is late by the change of the force over the tick."""
     scene = Scene(model=ellipsoid(), stiffness=300.0, mass=0.3, device=device)
     trial = pressing(scene.model, hand=True)
-    recording = drive(resolve("minimum-distance+pp")(scene), trial, scene, DT)
-    n = np.minimum(scene.model.surface.frame(recording.hip).distance, 0.0)
+    recording = simulate_closed_loop(resolve("minimum-distance+pp")(scene), trial, scene, DT)
+    n = np.minimum(scene.model.surface.closest_point(recording.hip).distance, 0.0)
     taken = -np.sum(recording.force[:-1] * np.diff(recording.hip, axis=0), axis=1)
     stored = 0.5 * scene.stiffness * np.diff(n**2)
     step = np.linalg.norm(np.diff(recording.hip, axis=0), axis=1)

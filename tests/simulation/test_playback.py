@@ -9,10 +9,10 @@ from hapticeval.errors import RefusalError, RendererError, described
 from hapticeval.geometry.catalogue import line
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Declaration, Response, abilities_of
-from hapticeval.runner.judging import built
+from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
-from hapticeval.simulation.closed_loop import drive
-from hapticeval.simulation.playback import Closeup, ask, compare_batch, lead, play
+from hapticeval.simulation.closed_loop import simulate_closed_loop
+from hapticeval.simulation.playback import Closeup, compare_batch, play, run_path, step_checked
 from hapticeval.stimulus.stimulus import Experiment, Path
 
 PATH = Path(np.array([0.0, 1.0]), np.array([[0.0, 0.0], [0.1, 0.0]]))
@@ -128,21 +128,21 @@ def raises(*_):
 UNREADABLE = r"raised Unreadable: \(its text cannot be read: UnicodeDecodeError\)"
 
 
-@pytest.mark.parametrize("method", ["reset", "step", "run", "feel"])
+@pytest.mark.parametrize("method", ["reset", "step", "run", "observe_force"])
 def test_an_exception_whose_text_cannot_be_read_is_one_as_any(method):
     renderer = Echo()
     setattr(renderer, method, raises)
     scene = Scene(model=line())
-    pushes = np.zeros((2, 2)) if method == "feel" else None
+    pushes = np.zeros((2, 2)) if method == "observe_force" else None
     with pytest.raises(RendererError, match=rf"the renderer's {method}\(\) {UNREADABLE}") as caught:
-        lead(renderer, np.zeros((2, 2)), np.zeros((2, 2)), 1e-3, scene=scene, pushes=pushes)
+        run_path(renderer, np.zeros((2, 2)), np.zeros((2, 2)), 1e-3, scene=scene, pushes=pushes)
     assert caught.value.tick == 0
     assert isinstance(caught.value.__cause__, Unreadable)
 
 
 def test_so_is_one_of_a_factory_and_of_a_stimulus_answered_whole():
     with pytest.raises(RendererError, match=f"the renderer's factory {UNREADABLE}") as caught:
-        built(raises, Scene(model=line()))
+        make_renderer(raises, Scene(model=line()))
     assert "in raises" in caught.value.why
 
     class Whole:
@@ -165,10 +165,10 @@ def test_a_renderer_with_a_step_is_asked_step_by_step_whatever_else_it_has():
             return self.answer(hip)
 
     scene = Scene(model=line())
-    renderer = built(lambda scene: Helped(), scene)
+    renderer = make_renderer(lambda scene: Helped(), scene)
     assert len(play(renderer, PATH, 0.01)) == 101
     push = Experiment(0.01, np.zeros(2), np.zeros(2), np.zeros(1), np.array([[0.0, -1.0]]))
-    assert len(drive(renderer, push, scene, 1e-3)) == 11
+    assert len(simulate_closed_loop(renderer, push, scene, 1e-3)) == 11
 
 
 def test_a_batch_with_a_nan_is_named_with_its_tick():
@@ -320,8 +320,8 @@ class OwnBuffers:
 def test_an_answer_stays_what_it_was():
     renderer = OwnBuffers()
     renderer.reset(np.zeros(2))
-    first, _ = ask(renderer, 0, np.ones(2), np.zeros(2), 1e-3)
-    ask(renderer, 1, np.full(2, 3.0), np.zeros(2), 1e-3)
+    first, _ = step_checked(renderer, 0, np.ones(2), np.zeros(2), 1e-3)
+    step_checked(renderer, 1, np.full(2, 3.0), np.zeros(2), 1e-3)
     np.testing.assert_array_equal(first, np.ones(2))
 
 
@@ -346,7 +346,7 @@ def test_a_whole_answer_has_the_clock_and_the_space_that_were_asked_for():
         def __init__(self, time, size):
             self.time, self.size = np.asarray(time), size
 
-        def answer(self, stimulus, dt):
+        def simulate(self, stimulus, dt):
             still = np.zeros((self.time.size, self.size))
             return Recording(self.time, {"hip": still, "ihip": still, "force": still})
 

@@ -83,7 +83,7 @@ def test_the_tool_runs_on_a_geodesic_where_its_curvature_changes(model, start):
     name, dt = f"{model}{start}-robot", 1e-3
     recording = judged("surfaces", name, "set-stabilisation").recording
     surface = named("surfaces", name).build_scene().model.surface
-    foot, normal, n, shape = surface.frame(recording.hip)
+    foot, normal, n, shape = surface.closest_point(recording.hip)
     across = np.sum(normal * recording.velocity, axis=1)
     along = recording.velocity - across[:, None] * normal
     rate = np.linalg.solve(np.eye(3) + n[:, None, None] * shape, along[..., None])[..., 0]

@@ -117,7 +117,7 @@ def _wrapped(value: Array, period: float) -> Array:
     return np.asarray((value + 0.5 * period) % period - 0.5 * period)
 
 
-class Way(NamedTuple):
+class Segment(NamedTuple):
     """Rows (n,) of a run in their order, their abscissa (n,), and `apart` (n - 1,), between which nothing is known."""
 
     rows: IntArray
@@ -130,10 +130,10 @@ class Way(NamedTuple):
         return 1 if self.along[-1] > self.along[0] else -1
 
 
-def _ways(recording: Recording, abscissa: Abscissa, label: str) -> list[Way]:
+def _ways(recording: Recording, abscissa: Abscissa, label: str) -> list[Segment]:
     """Return the gapless stretches of a run with their abscissa. Raises `InputError` as `Abscissa.along` does."""
     found = [
-        Way(np.arange(stretch.first, stretch.end), *abscissa.along(recording, stretch, label))
+        Segment(np.arange(stretch.first, stretch.end), *abscissa.along(recording, stretch, label))
         for stretch in stretches(recording)
     ]
     if not found:
@@ -141,13 +141,13 @@ def _ways(recording: Recording, abscissa: Abscissa, label: str) -> list[Way]:
     return found
 
 
-def _rejoined(found: Sequence[Way], *, slack: float, period: float | None) -> Iterator[Way]:
+def _rejoined(found: Sequence[Segment], *, slack: float, period: float | None) -> Iterator[Segment]:
     """Put the stretches of a run (one at least) together again: a gap in the clock ends neither a lap nor a way.
 
     Over a gap of a closed abscissa the hand took the shorter way. One that starts anew from farther back, and goes the
     same way again, is another pass and stays apart. Where two stretches meet the abscissa leaps.
     """
-    whole: Way | None = None
+    whole: Segment | None = None
     direction, farthest = 0, 0.0
     for rows, along, apart in found:
         if whole is not None and period is not None:
@@ -158,10 +158,10 @@ def _rejoined(found: Sequence[Way], *, slack: float, period: float | None) -> It
             yield whole
             whole, direction = None, 0
         if whole is None:
-            whole = Way(rows, along, apart)
+            whole = Segment(rows, along, apart)
         else:
             both = (whole.rows, rows), (whole.along, along), (whole.apart, [True], apart)
-            whole = Way(*(np.concatenate(parts) for parts in both))
+            whole = Segment(*(np.concatenate(parts) for parts in both))
         if goes:
             direction, farthest = goes[-1], float(along[turns[-1]])
     if whole is not None:
@@ -186,13 +186,13 @@ def _turns(along: Array, slack: float) -> list[int]:
     return [*turns, high if direction > 0 else low] if direction else []
 
 
-def _headings(way: Way, turns: Sequence[int]) -> Iterator[Way]:
+def _headings(way: Segment, turns: Sequence[int]) -> Iterator[Segment]:
     """Yield the parts of a way between turns: the abscissa goes strictly one way, and steps back are left out."""
     leapt = np.concatenate([[0], np.cumsum(way.apart)])
     for first, last in pairwise(turns):
         inside = way.along[first : last + 1] * (1 if way.along[last] > way.along[first] else -1)
         kept = first + np.flatnonzero(np.append(True, inside[1:] > np.maximum.accumulate(inside)[:-1]))
-        yield Way(way.rows[kept], way.along[kept], np.diff(leapt[kept]) > 0)
+        yield Segment(way.rows[kept], way.along[kept], np.diff(leapt[kept]) > 0)
 
 
 def _worded(value: float, unit: str) -> str:
@@ -201,7 +201,7 @@ def _worded(value: float, unit: str) -> str:
     return f"{1e3 * value:.4g} mm" if unit == "m" else f"{value:.4g} {unit}"
 
 
-def _seam(every: Sequence[Way], period: float) -> float:
+def _seam(every: Sequence[Segment], period: float) -> float:
     """Return where to cut a closed abscissa: in the middle of the widest stretch that no run visits, or at 0.
 
     A sector round the origin of the angles then stays in one piece.
@@ -219,7 +219,7 @@ def _seam(every: Sequence[Way], period: float) -> float:
     return float((start + 0.5 * float(first + end)) / bins * period % period) - period if end else 0.0
 
 
-def _range(every: Sequence[Way], period: float | None) -> tuple[float, float]:
+def _range(every: Sequence[Segment], period: float | None) -> tuple[float, float]:
     """Return the lowest and the highest abscissa of the common grid."""
     ends = [(float(way.along.min()), float(way.along.max())) for way in every]
     if period is not None:
@@ -370,7 +370,7 @@ def _laps(
     number: int,
     before: int,
     recording: Recording,
-    part: Way,
+    part: Segment,
     smooth: BoolArray,
     fine: Resolution,
     grid: Array,

@@ -14,9 +14,9 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from hapticeval.recordings.channels import SIMULATED
-from hapticeval.recordings.integrity.issue import Fault, Severity, found, plural
+from hapticeval.recordings.integrity.issue import Issue, Severity, found, plural
 from hapticeval.recordings.provenance import declared_floor
-from hapticeval.recordings.quantization import quantum
+from hapticeval.recordings.quantization import numeric_step
 from hapticeval.recordings.recording import Column, Recording, columns_of, runs_of
 from hapticeval.recordings.stretches import GAP_STEPS
 from hapticeval.types import Array, BoolArray
@@ -40,7 +40,7 @@ HELD = ("N", "N m")
 Span = tuple[int, int]
 
 
-def faults_of_numbers(recording: Recording) -> Iterator[Fault]:
+def faults_of_numbers(recording: Recording) -> Iterator[Issue]:
     """Yield the stretches of rows in which a channel lacks a number, in whichever of its columns."""
     channels: dict[str, dict[str, BoolArray]] = {}
     for name, column in columns_of(recording).items():
@@ -53,7 +53,7 @@ def faults_of_numbers(recording: Recording) -> Iterator[Fault]:
             yield found(recording, "no number", message, lacking[0] if len(lacking) == 1 else channel, (first, end))
 
 
-def faults_of_values(recording: Recording) -> Iterator[Fault]:
+def faults_of_values(recording: Recording) -> Iterator[Issue]:
     """Yield jumps, stuck, clipped and spiking rows of each column, over its rows that follow each other.
 
     A place goes from row to row without a jump, but for a proxy's, which may also rest on a wall at an extreme of its
@@ -63,7 +63,7 @@ def faults_of_values(recording: Recording) -> Iterator[Fault]:
         sound = recording.measured & np.isfinite(values)
         if not sound.any() or np.ptp(values[sound]) == 0.0:
             continue
-        step, held, proxy = quantum(values[sound]) or 0.0, unit in HELD, channel == "ihip"
+        step, held, proxy = numeric_step(values[sound]) or 0.0, unit in HELD, channel == "ihip"
         extremes = (float(values[sound].min()), float(values[sound].max()))
         for begin, stop in unbroken(sound, recording.time):
             kept = values[begin:stop]
@@ -194,7 +194,7 @@ OWN = {"velocity": "hip", "measured_velocity": "hip", "joint_velocity": "joint_p
 """... but for these, which follow one channel: a speed its own component of it."""
 
 
-def frozen(recording: Recording, known: Sequence[Fault]) -> Iterator[Fault]:
+def frozen(recording: Recording, known: Sequence[Issue]) -> Iterator[Issue]:
     """Yield stretches over which a force, torque or speed keeps its value though the hand moves, and constant columns.
 
     `known` are findings whose rows need no second one. Answers of a simulation are exact, and left alone.
@@ -252,7 +252,7 @@ def _unit(recording: Recording, reference: str) -> str:
     return recording.signals[first if first in recording.signals else first.rpartition(".")[0]].unit
 
 
-def _dead(recording: Recording, name: str, column: Column, travel: Array, other: str) -> Iterator[Fault]:
+def _dead(recording: Recording, name: str, column: Column, travel: Array, other: str) -> Iterator[Issue]:
     """Yield the finding on a column that never changes, where its reference does."""
     channel, unit, values = column
     if np.count_nonzero(travel) < MOVES or recording.signals[channel].frame not in ("world", "joint"):
@@ -309,7 +309,7 @@ def _rests(recording: Recording, column: Column, rows: slice, value: float) -> b
     floor = declared_floor(recording) or 0.0
     if value == 0.0:
         return True
-    if abs(value) > max(floor, LEVELS * (quantum(column.values[recording.measured]) or 0.0)):
+    if abs(value) > max(floor, LEVELS * (numeric_step(column.values[recording.measured]) or 0.0)):
         return False
     return bool(np.max(np.abs(recording.channels[column.channel][rows])) <= max(floor, abs(value)) * LEVELS)
 
@@ -319,7 +319,7 @@ AROUND = 3  # steps on either side of a repeated row that are looked at
 FEWEST, SHARE = 10, 0.005  # so many repeated rows, and this share of all, are a logger's habit and no chance
 
 
-def repeated_rows(recording: Recording) -> Iterator[Fault]:
+def repeated_rows(recording: Recording) -> Iterator[Issue]:
     """Yield a finding on rows that hold the row before over again, in all columns, in the middle of a motion.
 
     At rest, and in motion slower than a quantum per row, that may be so. Between two steps of `STEADY` quanta in the
@@ -339,7 +339,7 @@ def repeated_rows(recording: Recording) -> Iterator[Fault]:
     around = rows[:, np.newaxis] + np.delete(np.arange(-AROUND, AROUND + 1), AROUND)
     impossible = np.zeros(rows.size, dtype=bool)
     for values, taken in zip(columns, steps.T, strict=True):
-        step = quantum(values[measured]) or float(np.quantile(np.abs(taken[taken != 0.0]), 0.01))
+        step = numeric_step(values[measured]) or float(np.quantile(np.abs(taken[taken != 0.0]), 0.01))
         beside = taken[around]
         large = np.abs(beside) > STEADY * step
         one_way = np.all(beside >= 0.0, axis=1) | np.all(beside <= 0.0, axis=1)

@@ -16,9 +16,9 @@ from typing import Protocol
 import numpy as np
 
 from hapticeval.geometry.model import Model
-from hapticeval.recordings.integrity.issue import Fault, found
+from hapticeval.recordings.integrity.issue import Issue, found
 from hapticeval.recordings.provenance import declared_floor, is_bilateral
-from hapticeval.recordings.quantization import grain
+from hapticeval.recordings.quantization import quantization_step
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import LAG, joined
 from hapticeval.types import Array, IntArray
@@ -26,7 +26,7 @@ from hapticeval.types import Array, IntArray
 QUANTA = 3.0
 """Residuals of so many quanta still come from encoders: one each for rounding, filtering and a tick of lag.
 
-A quantum is what the numbers of all channels involved resolve: see `grain`.
+A quantum is what the numbers of all channels involved resolve: see `quantization_step`.
 """
 
 ROUNDING = 1e-9
@@ -56,7 +56,7 @@ NEEDS = {
 
 
 @dataclass(frozen=True)
-class Check:
+class ConsistencyTest:
     """An inverse check, see `RELATIONS`: made over `rows` rows, or not made, and `why`.
 
     `largest` and `median` residual are in `unit`, and so is the `quantum` that the numbers of its channels resolve.
@@ -69,7 +69,7 @@ class Check:
     largest: float = 0.0
     median: float = 0.0
     quantum: float = 0.0
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[Issue, ...] = ()
     why: str = ""
 
     @property
@@ -99,13 +99,13 @@ def inverse_checks(
     device: Kinematics | None = None,
     model: Model | None = None,
     stiffness: float | None = None,
-) -> tuple[Check, ...]:
+) -> tuple[ConsistencyTest, ...]:
     """Make the checks that a device, a model and a stiffness K_p (N/m, where K_d = 0) allow, or give each reason.
 
     Without an IHIP, stiffness and model together are checked against HIP and force.
     """
     rows = np.flatnonzero(recording.measured)
-    makers: dict[str, Callable[[], Check]] = {}
+    makers: dict[str, Callable[[], ConsistencyTest]] = {}
     if device is not None:
         makers[KINEMATICS] = partial(forward_kinematics, recording, rows, device)
         makers[TORQUE] = partial(transposed_jacobian, recording, rows, device)
@@ -121,11 +121,11 @@ def inverse_checks(
         missing = [channel for channel in NEEDS[name] if channel not in recording.channels]
         why = "" if rows.size else "not one row is valid"
         why = f"the log has no {' and no '.join(missing)}" if missing else why
-        checks.append(Check(name, why=why) if why else make())
+        checks.append(ConsistencyTest(name, why=why) if why else make())
     return tuple(checks)
 
 
-def forward_kinematics(recording: Recording, rows: IntArray, device: Kinematics) -> Check:
+def forward_kinematics(recording: Recording, rows: IntArray, device: Kinematics) -> ConsistencyTest:
     """Check the HIP against the forward kinematics of the joints (2.28); residual in m."""
     joints, hip = recording.channels["joint_position"][rows], recording.hip[rows]
     residual = hip - np.array([device.position(row) for row in joints])
@@ -134,7 +134,7 @@ def forward_kinematics(recording: Recording, rows: IntArray, device: Kinematics)
     return _checked(recording, rows, KINEMATICS, "hip", "m", np.linalg.norm(residual, axis=1), step)
 
 
-def transposed_jacobian(recording: Recording, rows: IntArray, device: Kinematics) -> Check:
+def transposed_jacobian(recording: Recording, rows: IntArray, device: Kinematics) -> ConsistencyTest:
     """Check the joint torques against J^T F (2.8), F being the force on the hand; residual in N m.
 
     A loop that adds the device's own dynamics (2.11) has more torque than that, which is a finding too.
@@ -147,7 +147,7 @@ def transposed_jacobian(recording: Recording, rows: IntArray, device: Kinematics
     return _checked(recording, rows, TORQUE, "joint_torque", "N m", np.linalg.norm(residual, axis=1), step)
 
 
-def spring(recording: Recording, rows: IntArray, stiffness: float) -> Check:
+def spring(recording: Recording, rows: IntArray, stiffness: float) -> ConsistencyTest:
     """Check F = K_p (IHIP - HIP) of (6.1): residual in N, and in the findings the stiffness that fits best."""
     hip, ihip, force = recording.hip[rows], recording.ihip[rows], recording.force[rows]
     reach = ihip - hip
@@ -157,7 +157,7 @@ def spring(recording: Recording, rows: IntArray, stiffness: float) -> Check:
     return _fitted(check, stiffness, float(np.sum(force * reach)), float(np.sum(reach * reach)))
 
 
-def on_the_model(recording: Recording, rows: IntArray, model: Model) -> Check:
+def on_the_model(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTest:
     """Check the IHIP in contact against the model's boundary; residual in m.
 
     What the renderer declares of its own representation is allowed.
@@ -166,13 +166,13 @@ def on_the_model(recording: Recording, rows: IntArray, model: Model) -> Check:
     apart = np.linalg.norm(recording.ihip[rows] - hip, axis=1)
     rows = rows[apart > 1e-6 * float(np.max(np.abs(hip), initial=0.0))]
     if rows.size == 0:
-        return Check(SURFACE, why="the IHIP is the HIP throughout: there is no contact")
+        return ConsistencyTest(SURFACE, why="the IHIP is the HIP throughout: there is no contact")
     tool = recording.ihip[rows]
-    residual, step = np.abs(model.boundary.frame(tool).distance), _coarsest(tool) + _blurred(recording)
+    residual, step = np.abs(model.boundary.closest_point(tool).distance), _coarsest(tool) + _blurred(recording)
     return _checked(recording, rows, SURFACE, "ihip", "m", residual, step, size=model.size)
 
 
-def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: float) -> Check:
+def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: float) -> ConsistencyTest:
     """Check HIP + F / K_p against the model's boundary wherever there is a force: residual in m.
 
     Findings name the stiffness that fits best: the least squares of d + n . F / K_p, which is the distance to first
@@ -182,12 +182,12 @@ def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: 
     floor = max(QUANTA * quantum, declared_floor(recording) or 0.0)
     rows = rows[np.linalg.norm(recording.force[rows], axis=1) > floor]
     if rows.size == 0:
-        return Check(IMPLIED, why="the log has no force beyond its resolution")
+        return ConsistencyTest(IMPLIED, why="the log has no force beyond its resolution")
     hip, force = recording.hip[rows], recording.force[rows]
-    residual = np.abs(model.boundary.frame(hip + force / stiffness).distance)
+    residual = np.abs(model.boundary.closest_point(hip + force / stiffness).distance)
     step = _coarsest(hip) + quantum / stiffness + _blurred(recording)
     check = _checked(recording, rows, IMPLIED, "force", "m", residual, step, size=model.size)
-    frame = model.boundary.frame(hip)
+    frame = model.boundary.closest_point(hip)
     along = np.sum(frame.normal * force, axis=1)
     return _fitted(check, stiffness, float(np.dot(along, along)), -float(np.dot(frame.distance, along)))
 
@@ -197,7 +197,7 @@ def _blurred(recording: Recording) -> float:
     return (recording.standoff + recording.resolution) / QUANTA
 
 
-def contact(recording: Recording, rows: IntArray, model: Model) -> Check:
+def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTest:
     """Check that the force is where the model is; the residual is how deep without one, or how far off with one, m.
 
     There is a force while the HIP is inside and goes deeper, and none while it is outside, each through `LAG` ticks, by
@@ -206,7 +206,7 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> Check:
     """
     place = recording.channels.get("measured_hip", recording.hip)  # the renderer acts on what the sensors gave it
     distance = np.full(len(recording), np.nan)
-    distance[rows] = model.boundary.frame(place[rows]).distance
+    distance[rows] = model.boundary.closest_point(place[rows]).distance
     allowed = QUANTA * _coarsest(place[rows]) + recording.standoff + recording.resolution
     size = np.linalg.norm(recording.force, axis=1)
     floor = max(QUANTA * _coarsest(recording.force[rows]), declared_floor(recording) or 0.0)
@@ -228,7 +228,7 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> Check:
             faults.append(found(recording, CONTACT, message, "force", span, residual=largest, rows=int(at.size)))
     off = off[rows]
     most, median = float(off.max(initial=0.0)), float(np.median(off))
-    return Check(CONTACT, "m", int(rows.size), most, median, allowed / QUANTA, tuple(faults))
+    return ConsistencyTest(CONTACT, "m", int(rows.size), most, median, allowed / QUANTA, tuple(faults))
 
 
 def _through(recording: Recording, values: Array, extreme: np.ufunc) -> Array:
@@ -244,7 +244,7 @@ def _through(recording: Recording, values: Array, extreme: np.ufunc) -> Array:
 
 def _coarsest(values: Array) -> float:
     """Return the coarsest grain of the columns of `values` (n, N)."""
-    return max((grain(column) for column in values.T), default=0.0)
+    return max((quantization_step(column) for column in values.T), default=0.0)
 
 
 def _checked(
@@ -257,7 +257,7 @@ def _checked(
     step: float,
     *,
     size: float | None = None,
-) -> Check:
+) -> ConsistencyTest:
     """Judge a residual (n,) at `rows` (n,): one finding where some are beyond rounding and `QUANTA` steps.
 
     It names the stretch from the first to the last of them. `size` is that of the signal of which rounding is a share:
@@ -267,7 +267,7 @@ def _checked(
         size = float(np.max(np.abs(recording.channels[channel][rows]), initial=0.0))
     bound = QUANTA * step + ROUNDING * size
     largest, median = float(residual.max()), float(np.median(residual))
-    check = Check(name, unit, int(rows.size), largest, median, step)
+    check = ConsistencyTest(name, unit, int(rows.size), largest, median, step)
     bad = rows[residual > bound]
     if bad.size == 0:
         return check
@@ -280,7 +280,7 @@ def _checked(
     return replace(check, faults=(fault,))
 
 
-def _fitted(check: Check, declared: float, share: float, square: float) -> Check:
+def _fitted(check: ConsistencyTest, declared: float, share: float, square: float) -> ConsistencyTest:
     """Name in the findings of a check the stiffness that fits best, share / square, where that is positive."""
     if not square > 0.0:
         return check

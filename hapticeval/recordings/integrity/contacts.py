@@ -21,7 +21,7 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.provenance import declared_floor
-from hapticeval.recordings.quantization import quantum
+from hapticeval.recordings.quantization import numeric_step
 from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.types import Array
 
@@ -107,7 +107,7 @@ def impacts(recording: Recording) -> Impacts:
     press, into = np.where(valid, -sign * force, 0.0), sign * place
     declared = declared_floor(recording)
     floor = SHARE * float(press.max()) if declared is None else declared
-    step, tick = quantum(into[valid]) or 0.0, float(np.median(np.diff(time)))
+    step, tick = numeric_step(into[valid]) or 0.0, float(np.median(np.diff(time)))
     window = max(2, round(SPEED_WINDOW / tick))
     contacts, unexplained, retreats = [], [], []
     for first, end in runs_of((press > floor) & valid):

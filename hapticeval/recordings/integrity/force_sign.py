@@ -60,9 +60,9 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.integrity.contacts import impacts, wall_channel
-from hapticeval.recordings.integrity.issue import SIGN, Fault, found
+from hapticeval.recordings.integrity.issue import SIGN, Issue, found
 from hapticeval.recordings.provenance import declared_floor, is_bilateral
-from hapticeval.recordings.quantization import grain, resolution
+from hapticeval.recordings.quantization import quantization_step, resolution
 from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.recordings.stretches import LAG, stretches
 from hapticeval.types import Array, IntArray
@@ -76,7 +76,7 @@ MOST = 300  # rests that are looked at, spread over the run
 
 
 @dataclass(frozen=True)
-class Gift:
+class PassivityViolation:
     """What an environment would have given (J) over rows [first, last] beyond what it may have stored, and what of that
     the numbers leave open (J); `passive` where the first is within the second. `how` says what the ends are."""
 
@@ -98,11 +98,11 @@ class Gift:
 
 
 @dataclass(frozen=True)
-class Balance:
+class PassivityTest:
     """The largest gifts with the force as it is and with its sign turned, over a stretch."""
 
-    given: Gift
-    turned: Gift
+    given: PassivityViolation
+    turned: PassivityViolation
 
     @property
     def sign(self) -> int:
@@ -110,19 +110,19 @@ class Balance:
         return int(self.given.passive) - int(self.turned.passive)
 
     @property
-    def active(self) -> Gift:
+    def active(self) -> PassivityViolation:
         """The gift with the sign that is not passive."""
         return self.turned if self.sign > 0 else self.given
 
 
-def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> tuple[Balance, ...]:
+def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> tuple[PassivityTest, ...]:
     """Balance a stretch without gaps, at each lag that a force on the hand may have.
 
     `place` and `force` are (n, N), `time` (n,), `floor` N. Empty where no two rows bound what is stored.
     """
     if len(time) < 2:
         return ()
-    steps = max(map(grain, place.T)), max(map(grain, force.T))
+    steps = max(map(quantization_step, place.T)), max(map(quantization_step, force.T))
     rests, share = _resting(place, time, steps[0])
     free = [end - 1 for first, end in runs_of(~np.any(force != 0.0, axis=1)) if end - first >= FREE_ROWS]
     free = free[:: max(1, -(-len(free) // MOST))]
@@ -134,7 +134,7 @@ def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> t
         given, turned = (port.largest(sign, rests[rests < end], from_free) for sign in (1.0, -1.0))
         if given is None or turned is None:
             return ()
-        balances.append(Balance(given, turned))
+        balances.append(PassivityTest(given, turned))
     return tuple(balances)
 
 
@@ -165,20 +165,20 @@ class _Port:
             + SHARE * (self.crossed[last] - self.crossed[first])
         )
 
-    def largest(self, sign: float, rests: IntArray, free: list[int]) -> Gift | None:
+    def largest(self, sign: float, rests: IntArray, free: list[int]) -> PassivityViolation | None:
         """Return the gift that is the furthest beyond what is open; None where no two rows bound what is stored."""
         return max([*self._rests(sign, rests), *self._free(sign, free)], key=lambda each: each.excess, default=None)
 
-    def _rests(self, sign: float, rests: IntArray) -> Iterator[Gift]:
+    def _rests(self, sign: float, rests: IntArray) -> Iterator[PassivityViolation]:
         if rests.size < 2:
             return
         a, b = (rests[each] for each in np.triu_indices(rests.size, 1))
         back = float(self.size.max()) * np.linalg.norm(self.place[b] - self.place[a], axis=1)
         given, left = sign * (self.work[b] - self.work[a]) - back, self.open(a, b) + self.kinetic
         best = int(np.argmax(given - left))
-        yield Gift(float(given[best]), float(left[best]), int(a[best]), int(b[best]), "at rest at both")
+        yield PassivityViolation(float(given[best]), float(left[best]), int(a[best]), int(b[best]), "at rest at both")
 
-    def _free(self, sign: float, free: list[int]) -> Iterator[Gift]:
+    def _free(self, sign: float, free: list[int]) -> Iterator[PassivityViolation]:
         # But for the noise what is open adds up, and its best row is one for all that begin before it: no gift is
         # further beyond than that, and those are looked at in turn until no other could be.
         sums = sign * self.work - self.position * self.turned - self.reading * self.path - SHARE * self.crossed
@@ -188,14 +188,16 @@ class _Port:
             for first in free
             if first + 1 < len(sums)
         }
-        best: Gift | None = None
+        best: PassivityViolation | None = None
         for first in sorted(most, key=most.__getitem__, reverse=True):
             if best is not None and most[first] <= best.excess:
                 break
             rows = slice(first + 1, None)
             given, left = sign * (self.work[rows] - self.work[first]), self.open(first, rows)
             row = int(np.argmax(given - left))
-            gift = Gift(float(given[row]), float(left[row]), first, first + 1 + row, "free of force at the first")
+            gift = PassivityViolation(
+                float(given[row]), float(left[row]), first, first + 1 + row, "free of force at the first"
+            )
             best = max(best or gift, gift, key=lambda each: each.excess)
         if best is not None:
             yield best
@@ -238,10 +240,10 @@ class Sign:
     words: str
 
 
-Judged = tuple[Sign, Fault | None]
+Judged = tuple[Sign, Issue | None]
 
 
-def force_signs(recording: Recording) -> tuple[tuple[Sign, ...], list[Fault]]:
+def force_signs(recording: Recording) -> tuple[tuple[Sign, ...], list[Issue]]:
     """Decide the sign of each force of a recording, as far as physics does, and suspect each that seems wrong."""
     judged: list[Judged] = []
     for channel, place, sense in PORTS:
@@ -262,8 +264,8 @@ def force_signs(recording: Recording) -> tuple[tuple[Sign, ...], list[Fault]]:
 def _energy(recording: Recording, channel: str, place: str, sense: float) -> Judged:
     """Decide by the stretch with the largest margin: rule 1."""
     floor = declared_floor(recording) or 0.0 if channel == wall_channel(recording) else 0.0
-    decided: list[tuple[int, Balance]] = []
-    unclear: list[Balance] = []
+    decided: list[tuple[int, PassivityTest]] = []
+    unclear: list[PassivityTest] = []
     for stretch in stretches(recording):
         rows = stretch.rows
         force = sense * recording.channels[channel][rows]
@@ -294,12 +296,12 @@ def _energy(recording: Recording, channel: str, place: str, sense: float) -> Jud
 
 def _wrong(
     recording: Recording, channel: str, words: str, span: tuple[int, int] | None, todo: str = SIGN, **measures: Any
-) -> Fault:
+) -> Issue:
     message = f"the sign seems wrong: {words}"
     return found(recording, "force sign", message, channel, span, todo=todo, **measures)
 
 
-def _unclear(balances: list[Balance]) -> str:
+def _unclear(balances: list[PassivityTest]) -> str:
     if not balances:
         return "not told: the hand is not at rest twice, and was never free of force for long"
     best = max(balances, key=lambda each: max(each.given.energy, each.turned.energy))

@@ -24,7 +24,7 @@ class Severity(StrEnum):
 
 
 @dataclass(frozen=True)
-class Fault:
+class Issue:
     """One finding: `kind` in a word or two, the channel and column, the rows [first, end), and the times there.
 
     `first` is None for what concerns the whole recording. `measures` are the numbers behind it.
@@ -103,10 +103,10 @@ def found(
     severity: Severity | None = None,
     todo: str | None = None,
     **measures: Any,
-) -> Fault:
+) -> Issue:
     """Make a finding of a kind of `ADVICE` at the rows [first, end) of `span`; `measures` are the numbers behind it."""
     usual = Severity.FAULT if kind in WORST else Severity.NOTE if kind == "ended" else Severity.SUSPICIOUS
     first, end = span or (None, None)
     time = None if span is None else (float(recording.time[span[0]]), float(recording.time[span[1] - 1]))
     advice = ADVICE[kind] if todo is None else todo
-    return Fault(kind, severity or usual, message, advice, channel, first, end, time, measures)
+    return Issue(kind, severity or usual, message, advice, channel, first, end, time, measures)

@@ -26,7 +26,7 @@ import numpy as np
 
 from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.integrity.columns import unbroken
-from hapticeval.recordings.integrity.issue import Fault, Severity, found
+from hapticeval.recordings.integrity.issue import Issue, Severity, found
 from hapticeval.recordings.recording import Recording, columns_of
 from hapticeval.recordings.stretches import LAG, nominal_step
 from hapticeval.types import Array, BoolArray
@@ -112,7 +112,7 @@ PAIRS = (("hip", "velocity"), ("joint_position", "joint_velocity"), ("ihip", "to
 """Places and their velocities."""
 
 
-def velocities(recording: Recording) -> Iterator[Fault]:
+def velocities(recording: Recording) -> Iterator[Issue]:
     """Yield velocities whose ratio, correlation or lag to the derivative of their position is wrong."""
     for place, speed in PAIRS:
         positions, speeds = recording.channels.get(place), recording.channels.get(speed)
@@ -196,7 +196,7 @@ def _best_lag(a: Array, b: Array) -> int:
     return lag if abs(lag) <= size - COPY_ROWS else 0
 
 
-def copies(recording: Recording) -> Iterator[Fault]:
+def copies(recording: Recording) -> Iterator[Issue]:
     """Yield columns that are another one over again, or its negative, or shifted by some ticks: no second measurement.
 
     That two channels are one column of the file is a note where the mapping says so.
@@ -227,7 +227,7 @@ def copies(recording: Recording) -> Iterator[Fault]:
             break
 
 
-def of_another_run(recording: Recording, other: Recording, run: str) -> Iterator[Fault]:
+def of_another_run(recording: Recording, other: Recording, run: str) -> Iterator[Issue]:
     """Yield columns that another run, called `run`, holds too, at some shift: runs of a hand never agree to the bit."""
     theirs = columns_of(other)
     for name, column in columns_of(recording).items():
@@ -242,7 +242,7 @@ LINEAR = 0.95
 """The steps of a force that is made of IHIP - HIP correlate with those by at least this, at the right lag."""
 
 
-def force_lag(recording: Recording) -> Iterator[Fault]:
+def force_lag(recording: Recording) -> Iterator[Issue]:
     """Yield by how many ticks the force follows IHIP - HIP, of which it is made where no damping is."""
     if not {"hip", "ihip", "force"} <= recording.channels.keys():
         return
@@ -278,7 +278,7 @@ LEAST = 1e-5
 """Metres of extent below which a device has hardly moved, or its metres were meant to be something larger."""
 
 
-def units(recording: Recording) -> Iterator[Fault]:
+def units(recording: Recording) -> Iterator[Issue]:
     """Yield extents and peaks that no haptic device has: a unit taken for another."""
     keep = recording.measured
     todo = None if "import" in recording.meta else "see the program that wrote it"
@@ -316,7 +316,7 @@ FACTORS = {
 """What the times would have to be multiplied by, and which units were mixed up then."""
 
 
-def time_unit(recording: Recording) -> Iterator[Fault]:
+def time_unit(recording: Recording) -> Iterator[Issue]:
     """Yield a suspicion where the clock or the hand's speed is none that a haptic device has, and the units that fit.
 
     A hand whose extent is none either has its length in a wrong unit, see `units`: only the clock counts then.

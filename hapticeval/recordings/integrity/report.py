@@ -12,22 +12,22 @@ import numpy as np
 from hapticeval.geometry.model import Model
 from hapticeval.quantity import aligned
 from hapticeval.recordings.integrity import columns, relations
-from hapticeval.recordings.integrity.consistency import Check, Kinematics, inverse_checks
+from hapticeval.recordings.integrity.consistency import ConsistencyTest, Kinematics, inverse_checks
 from hapticeval.recordings.integrity.contacts import Impact, Impacts
 from hapticeval.recordings.integrity.force_sign import Sign, force_signs
-from hapticeval.recordings.integrity.issue import Fault, Severity, plural
+from hapticeval.recordings.integrity.issue import Issue, Severity, plural
 from hapticeval.recordings.integrity.timing import Timing, examine_timing
 from hapticeval.recordings.provenance import LINE, before_the_wall
-from hapticeval.recordings.quantization import quantum
+from hapticeval.recordings.quantization import numeric_step
 from hapticeval.recordings.recording import Recording, columns_of, runs_of
-from hapticeval.recordings.salvage import told_losses, told_warnings
+from hapticeval.recordings.salvage import describe_losses, describe_warnings
 from hapticeval.recordings.stretches import stretches
 from hapticeval.types import BoolArray
 
 LEFT_OUT = ("stuck", "spike", "jump")
 """Findings whose rows are no measurement of the hand, though they are valid: checks leave them out."""
 
-DETECTORS: tuple[Callable[[Recording], Iterable[Fault]], ...] = (
+DETECTORS: tuple[Callable[[Recording], Iterable[Issue]], ...] = (
     columns.repeated_rows,
     relations.copies,
     relations.velocities,
@@ -80,9 +80,9 @@ class Integrity:
     duration: float
     timing: Timing
     columns: Mapping[str, ColumnFacts]
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[Issue, ...] = ()
     signs: tuple[Sign, ...] = ()
-    checks: tuple[Check, ...] = ()
+    checks: tuple[ConsistencyTest, ...] = ()
 
     @property
     def suspicious(self) -> bool:
@@ -106,7 +106,7 @@ def examine(
     for name, column in columns_of(recording).items():
         kept = column.values[ordered & np.isfinite(column.values)]
         if kept.size:
-            facts[name] = ColumnFacts(column.unit, float(kept.min()), float(kept.max()), quantum(kept))
+            facts[name] = ColumnFacts(column.unit, float(kept.min()), float(kept.max()), numeric_step(kept))
     timing, faults = examine_timing(recording)
     faults += [*columns.faults_of_values(recording), *columns.faults_of_numbers(recording)]
     faults += columns.frozen(recording, list(faults))
@@ -277,7 +277,7 @@ def converted(recording: Recording) -> str:
         *(f"remark: {text}" for text in said.get("cells", ())),
         *([f"missed: {plural(missed, 'cycle')} of the loop without a row"] if missed else []),
         *(f"ended: {event.text}" for event in recording.events if event.kind == "ended"),
-        *(f"suspicious: {text}" for text in told_losses(recording) + told_warnings(recording)),
+        *(f"suspicious: {text}" for text in describe_losses(recording) + describe_warnings(recording)),
     ])  # fmt: skip
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticeval.recordings.integrity.issue import ADVICE, Fault, Severity, found
+from hapticeval.recordings.integrity.issue import ADVICE, Issue, Severity, found
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.salvage import told_losses, told_warnings
+from hapticeval.recordings.salvage import describe_losses, describe_warnings
 from hapticeval.recordings.stretches import GAP_STEPS, joined
 from hapticeval.types import IntArray
 
@@ -40,7 +40,7 @@ class Timing:
     missing_seconds: float = 0.0
 
 
-def examine_timing(recording: Recording) -> tuple[Timing, list[Fault]]:
+def examine_timing(recording: Recording) -> tuple[Timing, list[Issue]]:
     """Return the timing of a recording's stamps, in the order in which they were recorded, and what is wrong with it.
 
     A gap beside rows that are no measurement is a note. "bridged" in its measures and its advice follow from
@@ -114,7 +114,7 @@ def _caught_up(stamps: IntArray, row: int, median: float) -> bool:
     return bool(np.any(stamps[after] - stamps[row] < (after - row + HALF) * median))
 
 
-def _said(recording: Recording) -> Iterator[Fault]:
+def _said(recording: Recording) -> Iterator[Issue]:
     """Yield what the clock counted, what the run's events and its import state, and a number of rows that differs."""
     missed = None if recording.clock is None else recording.clock.missed
     if missed:
@@ -122,7 +122,7 @@ def _said(recording: Recording) -> Iterator[Fault]:
     for event in recording.events:
         if event.kind == "ended":
             yield found(recording, "ended", event.text)
-    for kind, texts in (("lost", told_losses(recording)), ("import", told_warnings(recording))):
+    for kind, texts in (("lost", describe_losses(recording)), ("import", describe_warnings(recording))):
         yield from (found(recording, kind, text) for text in texts)
     declared = recording.meta.get("rows")
     if isinstance(declared, int) and declared != len(recording):

@@ -19,7 +19,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.knob import Knob, Settings
 from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import ask, play, start
+from hapticeval.simulation.playback import play, reset_checked, step_checked
 from hapticeval.stimulus.paths import build_path
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.study.bench.document import Errors
@@ -112,8 +112,8 @@ def answers(renderer: Renderer, work: Workload) -> Answers:
     ihips, forces = np.empty_like(work.points), np.empty_like(work.points)
     still = np.zeros(2)
     for row, hip in enumerate(work.points):
-        start(renderer, hip)
-        ihips[row], forces[row] = ask(renderer, row, hip, still, work.dt)
+        reset_checked(renderer, hip)
+        ihips[row], forces[row] = step_checked(renderer, row, hip, still, work.dt)
     slid = play(renderer, work.slide, work.dt)
     return Answers(np.vstack([ihips, slid.ihip]), np.vstack([forces, slid.force]))
 

@@ -14,7 +14,7 @@ from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import HapticevalError, InputError, RendererError, UnknownNameError, described
 from hapticeval.knob import Settings
 from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured
-from hapticeval.runner.judging import built
+from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.results import environment
 from hapticeval.study.bench.accuracy import (
     MODELS,
@@ -211,7 +211,7 @@ class Sweep:
 
     def _measure(self, entry: _Entry) -> None:
         setting, work = entry.setting, entry.work
-        warm = built(setting.factory, work.scene)  # what is compiled on first use is compiled now
+        warm = make_renderer(setting.factory, work.scene)  # what is compiled on first use is compiled now
         if not isinstance(warm, Renderer):
             raise _NotBenched(
                 f"'{setting.renderer}' has no reset and step to be timed",

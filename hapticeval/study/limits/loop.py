@@ -128,7 +128,7 @@ class SampledLoop:
 
 
 def slope_of(answer: Callable[[Array], Array], count: int, step: float = 1e-6) -> Array:
-    """Return the Jacobian (N, count) of `answer` at zero, by central differences of `step`."""
+    """Return the Jacobian (N, count) of `simulate` at zero, by central differences of `step`."""
     return np.column_stack([(answer(step * axis) - answer(-step * axis)) / (2.0 * step) for axis in np.eye(count)])
 
 

@@ -13,9 +13,9 @@ import numpy as np
 from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.errors import DomainError, InputError, RefusalError, RunawayError
 from hapticeval.renderer import Renderer, RendererFactory
-from hapticeval.runner.judging import built
+from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
-from hapticeval.simulation.closed_loop import drive
+from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 from hapticeval.study.limits.loop import Gains, Place, SampledLoop, gains_of, robot_at
 from hapticeval.types import Array
@@ -58,9 +58,9 @@ def family_of(factory: RendererFactory, scene: Scene, place: Place) -> Family:
         # Gains are the renderer's alone and need no robot; inside they are the same for one that cannot hold both ways.
         alone = replace(scene, device=None, stiffness=share * scene.stiffness, bilateral=True)
         try:
-            renderer = built(factory, alone)
+            renderer = make_renderer(factory, alone)
         except RefusalError:
-            renderer = built(factory, replace(alone, bilateral=False))
+            renderer = make_renderer(factory, replace(alone, bilateral=False))
         if not isinstance(renderer, Renderer):
             raise InputError(
                 "the renderer has physics of its own, and no gains to look for a limit of",
@@ -121,7 +121,7 @@ def _settles(factory: RendererFactory, scene: Scene, place: Place, stiffness: fl
     """Return whether the distance from the surface is smaller at the end of a run than after its first tenth."""
     held = replace(scene, stiffness=stiffness, bilateral=True)
     try:
-        renderer = built(factory, held)
+        renderer = make_renderer(factory, held)
     except RefusalError:
         raise
     except InputError:  # it refuses gains that it knows to be unstable
@@ -130,7 +130,7 @@ def _settles(factory: RendererFactory, scene: Scene, place: Place, stiffness: fl
     still = np.zeros_like(place.point)
     start = Experiment(TICKS * dt, place.point + PUSH * place.normal, still, np.zeros(1), still[None])
     try:
-        run = drive(renderer, start, held, dt)
+        run = simulate_closed_loop(renderer, start, held, dt)
     except RunawayError:
         return False
     if "ended" in run.meta:
@@ -169,7 +169,7 @@ def too_stiff(factory: RendererFactory, scene: Scene, *, cutoff: float) -> str:
     """
     boundary = scene.model.boundary
     sensed = scene.with_effects(VelocityFilter(cutoff))
-    frame = boundary.frame(boundary.points(PLACES))
+    frame = boundary.closest_point(boundary.points(PLACES))
     places = [Place(*each) for each in zip(frame.foot, frame.normal, strict=True)]
     try:
         family = _across(family_of(factory, scene, places[0]))

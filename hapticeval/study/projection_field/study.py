@@ -15,9 +15,9 @@ from hapticeval.files import file_stem
 from hapticeval.geometry.curve import Curve, as_curve
 from hapticeval.geometry.model import Model
 from hapticeval.renderer import Renderer, abilities_of, configured
-from hapticeval.runner.judging import built
+from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import ask, play, start
+from hapticeval.simulation.playback import play, reset_checked, step_checked
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.study.projection_field.field import Field, extent, field_of, shallow_angles
 from hapticeval.types import Array
@@ -45,7 +45,7 @@ def study_field(
     """
     settings = dict(knobs or {})
     scene = Scene(model=model)
-    made = built(configured(resolve(renderer), settings, name=renderer), scene)
+    made = make_renderer(configured(resolve(renderer), settings, name=renderer), scene)
     if not isinstance(made, Renderer):
         raise InputError(
             f"'{renderer}' has no projection to draw", why="it answers a whole stimulus, not a HIP at a time"
@@ -95,8 +95,8 @@ class Projector:
         ihips = np.empty_like(hips)
         still = np.zeros(hips.shape[1])
         for row, hip in enumerate(hips):
-            start(self._renderer, hip if self._origin is None else self._origin)
-            ihips[row], _ = ask(self._renderer, row, hip, still, self._dt)
+            reset_checked(self._renderer, hip if self._origin is None else self._origin)
+            ihips[row], _ = step_checked(self._renderer, row, hip, still, self._dt)
         return ihips
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, from_vertices, line, star
-from hapticeval.ideal import ideal
-from hapticeval.renderer import SelfDriven
+from hapticeval.rigid_contact import ideal
+from hapticeval.renderer import TrajectoryRenderer
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment, Path
 
@@ -16,16 +16,16 @@ DT = 1e-3
 
 
 def play(model, time, points, dt=DT, **scene):
-    return ideal(Scene(model=model, **scene)).answer(Path(time, points), dt)
+    return ideal(Scene(model=model, **scene)).simulate(Path(time, points), dt)
 
 
 def drive(model, position, velocity, force, duration=0.1, dt=DT, **scene):
-    return ideal(Scene(model=model, **scene)).answer(Experiment(duration, position, velocity, [0.0], [force]), dt)
+    return ideal(Scene(model=model, **scene)).simulate(Experiment(duration, position, velocity, [0.0], [force]), dt)
 
 
 def test_the_recording_says_where_it_comes_from():
     made = ideal(Scene(model=star()))
-    assert isinstance(made, SelfDriven)
+    assert isinstance(made, TrajectoryRenderer)
     assert not hasattr(made, "reset")
     recording = play(star(), [0.0, 1.0], [[0.2, 0.0], [0.0, 0.0]])
     assert {"source": "playback", "model": "star", "dt": DT}.items() <= recording.meta.items()
@@ -64,7 +64,7 @@ def test_a_path_that_starts_inside_starts_at_rest_on_the_surface():
 def test_a_push_that_changes_between_samples_is_followed_exactly():
     experiment = Experiment(0.1, [0.0, 1.0], [0.0, 0.0], [0.0, 0.01234, 0.05001], [[0.0, 0.0], [3.0, 0.0], [3.0, 1.0]])
     for dt in (1e-3, 7e-3):
-        recording = ideal(Scene(model=line(), mass=0.1)).answer(experiment, dt)
+        recording = ideal(Scene(model=line(), mass=0.1)).simulate(experiment, dt)
         t = recording.time[-1]
         x = 30.0 * (0.01234**2 / 6.0 + 0.01234 / 2.0 * (t - 0.01234) + 0.5 * (t - 0.01234) ** 2)
         rise = 0.05001 - 0.01234
@@ -180,13 +180,13 @@ def test_bad_input_is_refused_with_a_reason():
     contact = ideal(Scene(model=circle()))
     inside = Experiment(0.1, [0.0, 0.0], [0.0, 0.0], [0.0], [[0.0, 0.0]])
     with pytest.raises(InputError, match=r"0\.1 m inside the model 'circle'"):
-        contact.answer(inside, DT)
-    assert len(ideal(Scene(model=circle(), bilateral=True)).answer(inside, DT)) == 101
+        contact.simulate(inside, DT)
+    assert len(ideal(Scene(model=circle(), bilateral=True)).simulate(inside, DT)) == 101
     with pytest.raises(InputError, match="3 dimensions"):
-        contact.answer(Path([0.0, 1.0], np.zeros((2, 3))), DT)
+        contact.simulate(Path([0.0, 1.0], np.zeros((2, 3))), DT)
     for dt in (0.0, -1.0, float("nan")):
         with pytest.raises(InputError, match="sampling time"):
-            contact.answer(Path([0.0, 1.0], [[0.2, 0.0], [0.3, 0.0]]), dt)
+            contact.simulate(Path([0.0, 1.0], [[0.2, 0.0], [0.3, 0.0]]), dt)
 
 
 def test_the_same_run_gives_the_same_bits():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from hapticeval.ideal.contact import IdealContact
+    from hapticeval.rigid_contact.contact import IdealContact
     from hapticeval.scene import Scene
 
 
@@ -15,7 +15,7 @@ class _Ideal:
     summary = "event-driven rigid, frictionless contact of a point tool: the ground truth"
 
     def __call__(self, scene: Scene) -> IdealContact:
-        from hapticeval.ideal.contact import IdealContact
+        from hapticeval.rigid_contact.contact import IdealContact
 
         return IdealContact(scene)
 

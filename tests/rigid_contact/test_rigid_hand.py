@@ -12,7 +12,7 @@ from hapticeval.errors import RefusalError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
-from hapticeval.simulation.closed_loop import drive
+from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 
 MASS = 0.1
@@ -42,7 +42,7 @@ def test_free_flight_is_the_integrators_whatever_the_grips_damping(share, stiffn
     damping = share * 2.0 * np.sqrt(stiffness * MASS)
     experiment = drawn([[0.0, 0.3], [0.1, 0.35], [0.05, 0.3]], stiffness=stiffness, damping=damping)
     scene = Scene(model=make_model("line"), mass=MASS)
-    ideal, loop = (drive(each, experiment, scene, 1e-3) for each in (resolve("ideal")(scene), Nothing()))
+    ideal, loop = (simulate_closed_loop(each, experiment, scene, 1e-3) for each in (resolve("ideal")(scene), Nothing()))
     np.testing.assert_allclose(ideal.hip, loop.hip, atol=1e-9)
     np.testing.assert_allclose(ideal.velocity, loop.velocity, atol=1e-7)
 
@@ -54,11 +54,11 @@ def test_free_flight_is_the_integrators_whatever_the_grips_damping(share, stiffn
 def test_a_stiff_spring_tends_to_the_rigid_contact(model, points):
     """Pressed in and drawn off again: the distance falls with the spring's softness."""
     experiment, apart = drawn(points), []
-    ideal = drive(resolve("ideal")(Scene(model=make_model(model), mass=MASS)), experiment, Scene(
+    ideal = simulate_closed_loop(resolve("ideal")(Scene(model=make_model(model), mass=MASS)), experiment, Scene(
         model=make_model(model), mass=MASS), 1e-3)  # fmt: skip
     for stiffness, ticks in ((1e5, 40), (1.6e6, 160)):
         scene = Scene(model=make_model(model), stiffness=stiffness, damping=2.0 * np.sqrt(stiffness * MASS), mass=MASS)
-        soft = drive(resolve("minimum-distance+pp-pd")(scene), experiment, scene, 1e-3 / ticks)
+        soft = simulate_closed_loop(resolve("minimum-distance+pp-pd")(scene), experiment, scene, 1e-3 / ticks)
         apart.append(float(np.max(np.abs(soft.hip[::ticks][: len(ideal)] - ideal.hip[: len(soft.hip[::ticks])]))))
     assert ideal.contact.any()
     assert not ideal.contact.all()
@@ -68,6 +68,6 @@ def test_a_stiff_spring_tends_to_the_rigid_contact(model, points):
 def test_what_it_cannot_do_is_refused():
     scene = Scene(model=make_model("line"), mass=MASS)
     with pytest.raises(RefusalError, match="only brakes"):
-        drive(resolve("ideal")(scene), drawn([[0.0, 0.1], [0.1, 0.1]], stiffness=0.0), scene, 1e-3)
+        simulate_closed_loop(resolve("ideal")(scene), drawn([[0.0, 0.1], [0.1, 0.1]], stiffness=0.0), scene, 1e-3)
     with pytest.raises(RefusalError, match="surface in space"):
         resolve("ideal")(Scene(model=make_model("sphere")))

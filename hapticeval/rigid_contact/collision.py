@@ -16,7 +16,7 @@ from hapticeval.compiled import compiled, for_kernels
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import STRAIGHT, joint_turn
 from hapticeval.geometry.kernels import ARC, KIND, LINE, U0, U1, UNBOUNDED, evaluate, evaluate_many
-from hapticeval.ideal.motion import between, flown
+from hapticeval.rigid_contact.motion import between, flown
 from hapticeval.types import Array
 
 Flight: TypeAlias = tuple[float, float, float, float, float]
@@ -41,7 +41,7 @@ tool that has just left the surface, or bounced, does not collide with it again.
 where the depth is zero."""
 
 
-class Terrain(NamedTuple):
+class BoundaryCells(NamedTuple):
     """`pieces` (n, 9) as in `kernels`; `joints` (n,), rad, how the boundary turns where piece i begins (positive
     convex); `paces` (n,), 1/m, how fast each piece changes with arc length; `cells` (m, 16), see the column names."""
 
@@ -51,7 +51,7 @@ class Terrain(NamedTuple):
     cells: Array
 
 
-def terrain(curve: Curve) -> Terrain:
+def terrain(curve: Curve) -> BoundaryCells:
     """Prepare `curve` for the tool, once a scene."""
     pieces = for_kernels(curve.pieces)
     count = pieces.shape[0]
@@ -62,7 +62,7 @@ def terrain(curve: Curve) -> Terrain:
     for i in range(count):
         cuts, paces[i] = _cuts_and_pace(pieces[i])
         rows.append(_cells(pieces, i, cuts, joints[i] > 0.0, joints[(i + 1) % count] > 0.0))
-    return Terrain(pieces, joints, paces, np.vstack(rows))
+    return BoundaryCells(pieces, joints, paces, np.vstack(rows))
 
 
 def _cuts_and_pace(piece: Array) -> tuple[Array, float]:
@@ -219,7 +219,7 @@ def _entry(cell: Array, pieces: Array, flight: Flight, h: float, load: Array) ->
 
 
 @compiled
-def first_entry(terrain: Terrain, flight: Flight, h: float, load: Array, free: Array) -> tuple[float, int, float]:
+def first_entry(terrain: BoundaryCells, flight: Flight, h: float, load: Array, free: Array) -> tuple[float, int, float]:
     """When the flight (x, y, vx, vy, tau) of h seconds first enters the model, through which piece and at what u.
 
     Infinite if it stays outside. `free` (4,) is a box (xmin, xmax, ymin, ymax) known to hold no boundary: it spares

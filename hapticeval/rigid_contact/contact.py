@@ -10,9 +10,23 @@ import numpy as np
 
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.kernels import U0, U1, piece_of
-from hapticeval.ideal.advance import FLIGHT, KINDS, MODE, PIECE, SLIDE, STATES, VX, VY, Stretches, U, X, Y, follow
-from hapticeval.ideal.collision import Terrain, terrain
-from hapticeval.ideal.motion import BILATERAL, DAMPER, LOADS, MASS, RESTITUTION, SPRING
+from hapticeval.rigid_contact.advance import (
+    FLIGHT,
+    KINDS,
+    MODE,
+    PIECE,
+    SLIDE,
+    STATES,
+    VX,
+    VY,
+    Stretches,
+    U,
+    X,
+    Y,
+    follow,
+)
+from hapticeval.rigid_contact.collision import BoundaryCells, terrain
+from hapticeval.rigid_contact.motion import BILATERAL, DAMPER, LOADS, MASS, RESTITUTION, SPRING
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus, sample_times
@@ -42,10 +56,10 @@ class IdealContact:
         self.scene = scene
 
     @cached_property
-    def _terrain(self) -> Terrain:
+    def _terrain(self) -> BoundaryCells:
         return terrain(self.scene.model.curve)
 
-    def answer(self, stimulus: Stimulus, dt: float) -> Recording:
+    def simulate(self, stimulus: Stimulus, dt: float) -> Recording:
         """The tool's motion, sampled every `dt` seconds.
 
         An `Experiment` pushes the tool, and its hand draws it by its own spring. Along a `Path` the hand holds it

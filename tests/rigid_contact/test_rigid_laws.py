@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
 from hapticeval.geometry.kernels import evaluate_many
-from hapticeval.ideal import ideal
-from hapticeval.ideal.motion import DAMPER, G0X, G0Y, LOADS, MASS, SPRING, slid
+from hapticeval.rigid_contact import ideal
+from hapticeval.rigid_contact.motion import DAMPER, G0X, G0Y, LOADS, MASS, SPRING, slid
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment, Path
 
@@ -65,7 +65,7 @@ def check_laws(model, recording, *, bilateral=False):
 @given(experiments(), st.sampled_from([0.0, 0.3, 0.9]))
 def test_momentum_balances_and_the_tool_stays_outside(drawn, restitution):
     model, experiment = drawn
-    recording = contact(model, restitution=restitution).answer(experiment, DT)
+    recording = contact(model, restitution=restitution).simulate(experiment, DT)
     check_laws(model, recording)
     middle = 0.5 * (recording.time + recording.time + DT)
     # The operator's mean force, where no knot of it lies within the sample, is its value in the middle.
@@ -81,7 +81,7 @@ def test_energy_never_grows_beyond_the_work_of_a_constant_push(drawn, restitutio
     model, experiment = drawn
     force = experiment.force[0]
     experiment = pushed(experiment.position, experiment.velocity, [force, force])
-    recording = contact(model, restitution=restitution).answer(experiment, DT)
+    recording = contact(model, restitution=restitution).simulate(experiment, DT)
     energy = 0.5 * MASS_KG * (recording.velocity**2).sum(axis=1) - recording.hip @ force
     assert np.diff(energy).max() < 1e-11
     if restitution == 1.0:
@@ -96,7 +96,7 @@ def test_energy_never_grows_beyond_the_work_of_a_constant_push(drawn, restitutio
 @given(experiments(models=(cassinian(), circle(), ellipse(4.0), dumbbell(0.3))))
 def test_a_unilateral_contact_never_pulls(drawn):
     model, experiment = drawn
-    recording = contact(model).answer(experiment, DT)
+    recording = contact(model).simulate(experiment, DT)
     normal = model.curve.normal(model.curve.nearest(recording.hip))
     steady = np.ones(len(recording), dtype=bool)
     for event in recording.meta["events"]:
@@ -108,7 +108,7 @@ def test_a_unilateral_contact_never_pulls(drawn):
 @given(experiments(models=(cassinian(), circle(), star(), dumbbell(0.3))))
 def test_a_held_tool_stays_on_the_boundary(drawn):
     model, experiment = drawn
-    recording = contact(model, bilateral=True).answer(experiment, DT)
+    recording = contact(model, bilateral=True).simulate(experiment, DT)
     check_laws(model, recording, bilateral=True)
     assert all(e["kind"] in ("impact", "corner", "rest") for e in recording.meta["events"])
 
@@ -136,7 +136,7 @@ def test_a_turned_or_mirrored_world_gives_the_turned_or_mirrored_motion(data, sy
     _, moved = symmetry
     model, one = data.draw(experiments(models=symmetry[:1]))
     other = Experiment(one.duration, moved(one.position), moved(one.velocity), one.force_time, moved(one.force))
-    a, b = (contact(model, restitution=restitution).answer(each, DT) for each in (one, other))
+    a, b = (contact(model, restitution=restitution).simulate(each, DT) for each in (one, other))
     # Up to the first event that rounding may decide: a bounce amplifies it, so compare the first few.
     end = np.inf if len(a.meta["events"]) < 4 else a.meta["events"][3]["time"]
     same = a.time < end
@@ -153,7 +153,7 @@ def test_a_turned_or_mirrored_world_gives_the_turned_or_mirrored_motion(data, sy
 def test_playback_stays_physical_wherever_the_hand_goes(model, corners, duration, restitution):
     points = 0.13 * np.array(corners)
     path = Path(np.linspace(0.0, duration, len(points)), points)
-    recording = contact(model, restitution=restitution).answer(path, DT)
+    recording = contact(model, restitution=restitution).simulate(path, DT)
     check_laws(model, recording)
 
 
@@ -181,7 +181,7 @@ def test_sliding_converges_with_order_six(spring):
 def test_a_refined_run_holds_the_coarse_one():
     curve = cassinian().curve
     path = Path(np.linspace(0.0, 2.0, 401), 0.8 * curve.position(np.linspace(0.0, 2.0 * math.pi, 401)))
-    coarse, fine = (contact(cassinian()).answer(path, dt) for dt in (1e-3, 1e-3 / 8))
+    coarse, fine = (contact(cassinian()).simulate(path, dt) for dt in (1e-3, 1e-3 / 8))
     np.testing.assert_allclose(fine.hip[::8][: len(coarse)], coarse.hip, atol=1e-10)
     whole = len(fine) // 8
     means = fine.force[: whole * 8].reshape(-1, 8, 2).mean(axis=1)
@@ -191,7 +191,7 @@ def test_a_refined_run_holds_the_coarse_one():
 def test_a_thin_part_is_not_passed_through():
     blade = from_vertices([[-0.05, -1e-7], [0.05, -1e-7], [0.05, 1e-7], [-0.05, 1e-7]])
     for speed in (0.1, 1.0, 50.0):
-        recording = contact(blade).answer(pushed([0.001, 0.03], [0.0, -speed], [[0, -1], [0, -1]], 0.5), DT)
+        recording = contact(blade).simulate(pushed([0.001, 0.03], [0.0, -speed], [[0, -1], [0, -1]], 0.5), DT)
         assert recording.hip[:, 1].min() > 1e-7 - 1e-12
         assert recording.meta["events"][0]["kind"] == "impact"
 
@@ -205,7 +205,7 @@ def test_a_graze_between_two_samples_is_a_collision(depth, angle):
 
     def shot(height):
         begin = start * forward + height * outward
-        return contact(circle()).answer(pushed(begin, 5.0 * forward, [[0, 0], [0, 0]], 0.03), DT).meta["events"]
+        return contact(circle()).simulate(pushed(begin, 5.0 * forward, [[0, 0], [0, 0]], 0.03), DT).meta["events"]
 
     impact = shot(0.1 - depth)[0]
     assert impact["kind"] == "impact"

@@ -17,8 +17,8 @@ import numpy as np
 
 from hapticeval.compiled import compiled
 from hapticeval.geometry.kernels import KIND, U0, U1, UNBOUNDED
-from hapticeval.ideal.collision import Terrain, first_entry
-from hapticeval.ideal.motion import (
+from hapticeval.rigid_contact.collision import BoundaryCells, first_entry
+from hapticeval.rigid_contact.motion import (
     BEGAN,
     BILATERAL,
     G0X,
@@ -71,7 +71,7 @@ class Run(NamedTuple):
     log: Array
     tally: IntArray
     free: Array
-    terrain: Terrain
+    terrain: BoundaryCells
 
 
 class Stretches(NamedTuple):
@@ -87,7 +87,7 @@ class Stretches(NamedTuple):
 
 
 @compiled
-def note(run: Run, kind: int, tau: float, jx: float, jy: float) -> None:
+def log_event(run: Run, kind: int, tau: float, jx: float, jy: float) -> None:
     """Log an event at the tool's place with impulse (jx, jy); beyond the log's length it is only counted."""
     k, log = run.tally[0], run.log
     if k < log.shape[0]:
@@ -97,7 +97,7 @@ def note(run: Run, kind: int, tau: float, jx: float, jy: float) -> None:
 
 
 @compiled
-def strike(run: Run, vx: float, vy: float) -> tuple[float, float]:
+def apply_impulse(run: Run, vx: float, vy: float) -> tuple[float, float]:
     """Give the tool a velocity at once; the impulse that this took (N s) is the contact's."""
     state, mass = run.state, run.load[MASS]
     jx, jy = mass * (vx - state[VX]), mass * (vy - state[VY])
@@ -109,7 +109,7 @@ def strike(run: Run, vx: float, vy: float) -> tuple[float, float]:
 
 @compiled
 def place(run: Run, piece: int, u: float, w: float) -> None:
-    """Set the tool sliding at u on a piece; its velocity is left to `strike`."""
+    """Set the tool sliding at u on a piece; its velocity is left to `apply_impulse`."""
     state = run.state
     x, y, _, _, _, _ = surface(run.terrain.pieces[piece], u)
     state[MODE], state[PIECE], state[U], state[W] = SLIDE, piece, u, w
@@ -117,7 +117,7 @@ def place(run: Run, piece: int, u: float, w: float) -> None:
 
 
 @compiled
-def land(run: Run, piece: int, u: float, tau: float) -> None:
+def impact(run: Run, piece: int, u: float, tau: float) -> None:
     """The tool, with the velocity that it has, meets the boundary at u: thesis (3.5).
 
     It slides on if it does not bounce and is pressed on; otherwise it flies.
@@ -137,9 +137,9 @@ def land(run: Run, piece: int, u: float, tau: float) -> None:
     into = state[VX] * ty - state[VY] * tx
     place(run, piece, u, w)
     if load[BILATERAL] != 0.0:
-        jx, jy = strike(run, w * tx, w * ty)
+        jx, jy = apply_impulse(run, w * tx, w * ty)
         if abs(into) > ALIGNED * abs(w):
-            note(run, IMPACT, tau, jx, jy)
+            log_event(run, IMPACT, tau, jx, jy)
         return
     answer, _ = hold(row, u, w, tau, load)
     if into > ALIGNED * abs(w) or (into >= -ALIGNED * abs(w) and answer < 0.0):
@@ -148,11 +148,11 @@ def land(run: Run, piece: int, u: float, tau: float) -> None:
     bounce = -load[RESTITUTION] * into
     if into >= -ALIGNED * abs(w) or (answer > 0.0 and mass * bounce * bounce < 2.0 * answer * CLOSE):
         bounce = 0.0
-    jx, jy = strike(run, w * tx + bounce * ty, w * ty - bounce * tx)
+    jx, jy = apply_impulse(run, w * tx + bounce * ty, w * ty - bounce * tx)
     if bounce > 0.0 or answer < 0.0:
         state[MODE] = FLIGHT
     if into < -ALIGNED * abs(w):
-        note(run, IMPACT, tau, jx, jy)
+        log_event(run, IMPACT, tau, jx, jy)
 
 
 @compiled
@@ -199,9 +199,9 @@ def corner(run: Run, joint: int, tau: float, kind: int) -> None:
                 vx, vy = vx - bounce * ty, vy + bounce * tx
         if vx * vx + vy * vy <= 1e6 * tiny * tiny:
             vx, vy = 0.0, 0.0
-    jx, jy = strike(run, vx, vy)
+    jx, jy = apply_impulse(run, vx, vy)
     if jx != 0.0 or jy != 0.0:
-        note(run, kind, tau, jx, jy)
+        log_event(run, kind, tau, jx, jy)
     forth, back = vx * bx + vy * by, -(vx * ax + vy * ay)
     on_post = forth > 0.0 and abs(vx * by - vy * bx) <= tiny
     on_pre = back > 0.0 and abs(vx * ay - vy * ax) <= tiny
@@ -239,7 +239,7 @@ def settle(run: Run, joint: int, tau: float, wait: float, exits: int) -> None:
     state, load = run.state, run.load
     before, pre, post, (x, y, ax, ay, bx, by) = _faces(run, joint)
     was_rest = state[MODE] == REST
-    strike(run, 0.0, 0.0)
+    apply_impulse(run, 0.0, 0.0)
     state[X], state[Y], state[W] = x, y, 0.0
     fx, fy = push(load, tau, x, y, 0.0, 0.0)
     forth, back = fx * bx + fy * by, -(fx * ax + fy * ay)
@@ -249,14 +249,14 @@ def settle(run: Run, joint: int, tau: float, wait: float, exits: int) -> None:
     if not goes_forth and not goes_back:
         state[MODE], state[JOINT] = REST, joint
         if not was_rest:
-            note(run, STOP, tau + wait, 0.0, 0.0)
+            log_event(run, STOP, tau + wait, 0.0, 0.0)
     elif goes_forth and (lifts_post <= 0.0 or (held and forth >= back)):
         place(run, joint, post[U0], 0.0)
     elif goes_back and (lifts_pre <= 0.0 or held):
         place(run, before, pre[U1], 0.0)
     else:
         state[MODE] = FLIGHT
-        note(run, LEAVE, tau, 0.0, 0.0)
+        log_event(run, LEAVE, tau, 0.0, 0.0)
 
 
 @compiled
@@ -296,7 +296,7 @@ def _locate(what: int, piece: Array, u: float, w: float, tau: float, h: float, e
 @compiled
 def _leave(run: Run, tau: float) -> None:
     run.state[MODE] = FLIGHT
-    note(run, LEAVE, tau, 0.0, 0.0)
+    log_event(run, LEAVE, tau, 0.0, 0.0)
 
 
 @compiled
@@ -384,7 +384,7 @@ def _fly(run: Run, tau: float, rest: float) -> float:
     run.sums[2] += load[MASS] * (state[VX] - vx)
     run.sums[3] += load[MASS] * (state[VY] - vy)
     if hit:
-        land(run, piece, u, tau + h)
+        impact(run, piece, u, tau + h)
     return h
 
 
@@ -430,14 +430,14 @@ def _begin(run: Run) -> None:
             _, _, tx, ty, _, _ = surface(terrain.pieces[index], u)
             along = state[VX] * tx + state[VY] * ty
             if along * way > 0.0 and abs(state[VX] * ty - state[VY] * tx) <= ALIGNED * abs(along):
-                land(run, index, u, 0.0)
+                impact(run, index, u, 0.0)
         return
-    land(run, index, u, 0.0)
+    impact(run, index, u, 0.0)
 
 
 @compiled
 def follow(
-    start: Array, terrain: Terrain, stretches: Stretches, gains: Array, rows: int, limit: int
+    start: Array, terrain: BoundaryCells, stretches: Stretches, gains: Array, rows: int, limit: int
 ) -> tuple[Array, Array, int]:
     """Carry the tool from `start` (9,), SLIDE where it begins on the boundary at U, through all stretches.
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hapticeval.geometry.catalogue import cassinian, circle, from_vertices, line
-from hapticeval.ideal import ideal
+from hapticeval.rigid_contact import ideal
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment
 
@@ -15,7 +15,7 @@ VALLEY_FORCE = -np.array([1.0, 1.0]) / math.sqrt(2.0)
 
 def run(model, position, velocity, force, *, duration, dt=1e-3, **scene):
     experiment = Experiment(duration, position, velocity, [0.0], [force])
-    return ideal(Scene(model=model, mass=0.1, **scene)).answer(experiment, dt)
+    return ideal(Scene(model=model, mass=0.1, **scene)).simulate(experiment, dt)
 
 
 def events(recording, *kinds):
