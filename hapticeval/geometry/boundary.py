@@ -162,8 +162,8 @@ def apart(a: Array, b: Array) -> float:
 
 
 class InSpace:
-    """What a closed boundary in space has of itself: all of `Boundary` but its `name`, its `bounds` and its `closest_point`.
     """What a closed boundary in space has of itself: all of `Boundary` but `name`, `bounds` and `closest_point`.
+
     Normal cones, slides and walks are those of a smooth surface. One with edges has its own `normal_cone`.
     """
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.kernels import U0, U1, piece_of
+from hapticeval.recordings.recording import Recording
 from hapticeval.rigid_contact.advance import (
     FLIGHT,
     KINDS,
@@ -27,7 +28,6 @@ from hapticeval.rigid_contact.advance import (
 )
 from hapticeval.rigid_contact.collision import BoundaryCells, terrain
 from hapticeval.rigid_contact.motion import BILATERAL, DAMPER, LOADS, MASS, RESTITUTION, SPRING
-from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus, sample_times
 from hapticeval.types import Array, IntArray

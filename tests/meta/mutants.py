@@ -11,9 +11,9 @@ from functools import cache
 
 import numpy as np
 
+from hapticeval.recordings.recording import Recording
 from hapticeval.rigid_contact import ideal
 from hapticeval.rigid_contact.contact import IdealContact
-from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.suite.case import Case

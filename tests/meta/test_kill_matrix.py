@@ -14,9 +14,9 @@ from lawbreakers import LAWBREAKERS
 from mutants import BESIDES, MUTANTS
 from outsiders import HONEST
 
-from hapticeval.rigid_contact import ideal
 from hapticeval.phenomena.registry import OWN
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
+from hapticeval.rigid_contact import ideal
 from hapticeval.runner.judging import judge
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite

@@ -7,8 +7,8 @@ import pytest
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, from_vertices, line, star
-from hapticeval.rigid_contact import ideal
 from hapticeval.renderer import TrajectoryRenderer
+from hapticeval.rigid_contact import ideal
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment, Path
 
