@@ -23,7 +23,7 @@ class Nearest:
 
     def step(self, hip, velocity, dt):
         """Answer one hand position with a contact point and a force."""
-        foot = self.boundary.frame([hip])
+        foot = self.boundary.closest_point([hip])
         ihip = foot.foot[0] if foot.distance[0] < 0.0 else hip
         return hapticeval.Response(ihip, self.stiffness * (ihip - hip))
 
@@ -38,17 +38,17 @@ class Sliding(Nearest):
     def step(self, hip, velocity, dt):
         """Slide from the last contact point in the tangential direction, landing on the surface after each step."""
         if self.ihip is None:
-            here = self.boundary.frame([hip])
+            here = self.boundary.closest_point([hip])
             if here.distance[0] >= 0.0:
                 return hapticeval.Response(hip, 0.0 * hip)
             self.ihip = here.foot[0]
         for _ in range(20):
-            normal = self.boundary.frame([self.ihip]).normal[0]
+            normal = self.boundary.closest_point([self.ihip]).normal[0]
             along = hip - self.ihip - ((hip - self.ihip) @ normal) * normal
             size = np.linalg.norm(along)
             if size < 1e-7:
                 break
-            self.ihip = self.boundary.frame([self.ihip + along * min(1.0, 2e-4 / size)]).foot[0]
+            self.ihip = self.boundary.closest_point([self.ihip + along * min(1.0, 2e-4 / size)]).foot[0]
         ihip = self.ihip
         if (hip - ihip) @ normal > 0.0:
             self.ihip, ihip = None, hip

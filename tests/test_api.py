@@ -21,7 +21,7 @@ class Nearest:
         pass
 
     def step(self, hip, velocity, dt):
-        at = self.boundary.frame([hip])
+        at = self.boundary.closest_point([hip])
         ihip = at.foot[0] if at.distance[0] < 0 else hip
         return Response(ihip, self.stiffness * (ihip - hip))
 

@@ -205,7 +205,7 @@ def _answered(renderer: TrajectoryRenderer, time: Array, hip: Array, dt: float |
     answer = simulate_checked(renderer, Path(time - time[0], hip), dt)
     if len(answer) != time.size:
         raise RendererError(
-            f"the renderer's answer() gave {len(answer)} samples for {time.size}",
+            f"the renderer's simulate() gave {len(answer)} samples for {time.size}",
             why="a replay needs an answer at every recorded sample",
         )
     meta = {**answer.meta, "source": "replay", **abilities_of(renderer).meta, "dt": dt}

@@ -119,24 +119,24 @@ def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
 
 def simulate_checked(renderer: TrajectoryRenderer, stimulus: Stimulus, dt: float) -> Recording:
     """Return `renderer.simulate(...)`. Raises `RendererError` unless that is a recording of what was asked for."""
-    with renderer_errors("answer()"):
+    with renderer_errors("simulate()"):
         recording = renderer.simulate(stimulus, dt)
     if not isinstance(recording, Recording):
         raise RendererError(
-            f"the renderer's answer() gave a {type(recording).__name__}", todo="return a hapticeval.Recording"
+            f"the renderer's simulate() gave a {type(recording).__name__}", todo="return a hapticeval.Recording"
         )
     recording.require(*REQUIRED)
     time = stimulus.sampled(dt)[0] if isinstance(stimulus, Path) else sample_times(stimulus.duration, dt)
     if recording.time.shape != time.shape or np.max(np.abs(recording.time - time)) > CLOCK * dt:
         raise RendererError(
-            f"the renderer's answer() has {len(recording)} samples from {recording.time[0]:.6g} to "
+            f"the renderer's simulate() has {len(recording)} samples from {recording.time[0]:.6g} to "
             f"{recording.time[-1]:.6g} s",
             why=f"it was asked for {time.size} samples every {dt:.6g} s, from 0 to {time[-1]:.6g} s",
             todo="record a sample at each of hapticeval's sample times, the last one included",
         )
     if recording.hip.shape[1] != stimulus.dimension:
         raise RendererError(
-            f"the renderer's answer() has a HIP in {recording.hip.shape[1]}D, and the stimulus is in "
+            f"the renderer's simulate() has a HIP in {recording.hip.shape[1]}D, and the stimulus is in "
             f"{stimulus.dimension}D",
             todo="record the HIP in the space of the stimulus",
         )

@@ -147,7 +147,7 @@ def test_its_own_normal_is_in_the_cone_and_the_opposite_one_is_not(boundary):
 
 
 @each
-@pytest.mark.parametrize("ask", ["frame", "signed_distance"])
+@pytest.mark.parametrize("ask", ["closest_point", "signed_distance"])
 def test_bad_points_are_refused_by_row(boundary, ask):
     points = np.zeros((2, boundary.dimension))
     points[1, 0] = np.nan

@@ -148,7 +148,7 @@ def test_so_is_one_of_a_factory_and_of_a_stimulus_answered_whole():
     class Whole:
         answer = raises
 
-    with pytest.raises(RendererError, match=rf"answer\(\) {UNREADABLE}"):
+    with pytest.raises(RendererError, match=rf"simulate\(\) {UNREADABLE}"):
         play(Whole(), PATH, 0.01)
 
 
