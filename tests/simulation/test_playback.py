@@ -146,7 +146,7 @@ def test_so_is_one_of_a_factory_and_of_a_stimulus_answered_whole():
     assert "in raises" in caught.value.why
 
     class Whole:
-        answer = raises
+        simulate = raises
 
     with pytest.raises(RendererError, match=rf"simulate\(\) {UNREADABLE}"):
         play(Whole(), PATH, 0.01)
@@ -353,5 +353,5 @@ def test_a_whole_answer_has_the_clock_and_the_space_that_were_asked_for():
     path = Path([0.0, 1.0], [[0.0, 0.0], [1.0, 0.0]])
     assert len(play(Whole([0.0, 0.5, 1.0], 2), path, 0.5)) == 3
     for time, size in (([0.0, 0.5], 2), ([0.0, 0.4, 0.8], 2), ([0.0, 0.5, 1.0], 3)):
-        with pytest.raises(RendererError, match=r"answer\(\) has"):
+        with pytest.raises(RendererError, match=r"simulate\(\) has"):
             play(Whole(time, size), path, 0.5)
