@@ -203,8 +203,8 @@ class Results:
             columns=self.document.renderers,
         )
 
-    def recording(self, case: str, renderer: str | None = None) -> Recording:
-        """Return the recording of a run: `case` or `suite/case`, and the renderer where there are several.
+    def recording(self, case: str | None = None, renderer: str | None = None) -> Recording:
+        """Return the recording of a run: `case` or `suite/case`, and the renderer; what is needed to tell runs apart.
 
         Raises `UnknownNameError` for one that did not run, and `InputError` where it recorded nothing.
         """
@@ -218,7 +218,7 @@ class Results:
 
         return read_recording(self.folder / run.recording)
 
-    def plot(self, case: str, renderer: str | None = None) -> Figure:
+    def plot(self, case: str | None = None, renderer: str | None = None) -> Figure:
         """Return the report's figure of a run: the paths on the model, the force and the steps against time.
 
         Numbered marks are the times that its verdicts name. Raises as `recording` does.
@@ -267,16 +267,18 @@ class Results:
         tables = [each.to_html(na_rep="", index=each is table) for each in (table, shown) if not each.empty]
         return "\n".join([f"<p>{escape(repr(self)[1:-1])}</p>", *tables])
 
-    def _run(self, case: str, renderer: str | None) -> RunEntry:
-        runs = [run for run in self.document.runs if case in (run.case, f"{run.suite}/{run.case}")]
+    def _run(self, case: str | None, renderer: str | None) -> RunEntry:
+        runs = [run for run in self.document.runs if case in (None, run.case, f"{run.suite}/{run.case}")]
         if not runs:
-            raise UnknownNameError("case", case, {run.case for run in self.document.runs})
+            raise UnknownNameError("case", str(case), {run.case for run in self.document.runs})
         found = [run for run in runs if renderer in (None, run.renderer)]
         if not found:
-            raise UnknownNameError(f"renderer on {case}", str(renderer), {run.renderer for run in runs})
+            raise UnknownNameError(
+                f"renderer on {case}" if case else "renderer", str(renderer), {run.renderer for run in runs}
+            )
         if len(found) > 1:
             raise InputError(
-                f"{len(found)} runs are of the case '{case}'",
+                f"{len(found)} runs are of the case '{case}'" if case else f"there are {len(found)} runs",
                 why=f"they are {', '.join(f'{run.renderer} on {run.suite}' for run in found)}",
                 todo="name suite/case, and the renderer",
             )

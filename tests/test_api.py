@@ -69,6 +69,10 @@ def test_a_class_is_judged_in_memory_and_leaves_no_file(suite, tmp_path):
     assert recording.meta["case"] == "flat"
     assert len(recording) == 201
     assert results.plot("flat").get_suptitle() == "Nearest on mine/flat"
+    with pytest.raises(InputError, match="there are 2 runs"):
+        results.plot()
+    alone = hapticeval.run(Nearest, suites=suite, select="back")
+    assert alone.recording().meta["case"] == "back"
     page = results._repr_html_()
     assert page.count("<table") == 2
     assert "Results of Nearest: 3 pass" in page
