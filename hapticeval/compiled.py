@@ -124,6 +124,11 @@ def inner(function: Callable[P, R]) -> Callable[P, R]:
     return _compiled(function, _nrt=False, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
+def inlined(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function into the kernels that call it, so that no references are counted on the way there."""
+    return _compiled(function, forceinline=True)
+
+
 def _compiled(function: Callable[P, R], **options: Any) -> Callable[P, R]:
     kernel: Any = numba.njit(cache=True, error_model="numpy", **options)(function)
     if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT is set

@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from hapticeval.compiled import LAW, LawData, compiled, first_class, for_kernels
+from hapticeval.compiled import LAW, LawData, borrowing, first_class, for_kernels, inlined
 from hapticeval.errors import DomainError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.model import Model
@@ -102,7 +102,7 @@ def velocities_along(hips: Array, dt: float) -> Array:
     return backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
 
 
-@compiled
+@borrowing
 def _run(
     law: Callable[..., Any], data: LawData, push: Array, hips: Array, velocities: Array, dt: float, ihips: Array,
     forces: Array,
@@ -139,7 +139,7 @@ def gains(regulation: Regulation, scene: Scene) -> Array:
     return np.array([regulation.number, bilateral, scene.stiffness, scene.damping, scene.mass, spring, damper])
 
 
-@compiled
+@inlined
 def release(state: Array, hip: Array, ihip: Array, force: Array) -> int:
     """Answer in free space: the IHIP is the HIP and the force zero."""
     state[HELD] = 0.0
@@ -148,7 +148,7 @@ def release(state: Array, hip: Array, ihip: Array, force: Array) -> int:
     return 0
 
 
-@compiled
+@inlined
 def regulate(
     params: Array, state: Array, hip: Array, velocity: Array, fall: float, dt: float, ihip: Array, force: Array
 ) -> int:

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import NOTHING, LawData, compiled, for_kernels
+from hapticeval.compiled import NOTHING, LawData, compiled, for_kernels, inlined
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import STRAIGHT, joint_turn, project
 from hapticeval.geometry.kernels import (
@@ -97,7 +97,7 @@ LONGEST_MARCH = 100_000
 """Steps on curved pieces after which a march stops where it is; marches at a fold take some hundreds."""
 
 
-@compiled
+@inlined
 def at(pieces: Array, k: int, u: float) -> tuple[float, float, float, float, float, float]:
     """`evaluate` on piece k; straight pieces, by far the most, without the cost of a view of the row."""
     if pieces[k, KIND] == LINE:
@@ -194,7 +194,7 @@ def _other_wall(pieces: Array, joints: Array, piece: int, u: float, x: float, y:
     return k if (x - px) * dy - (y - py) * dx < 0.0 else -1
 
 
-@compiled
+@inlined
 def frame(pieces: Array, joints: Array, piece: int, u: float, x: float, y: float) -> tuple[float, float, float, float]:
     """The surface point at (piece, u), and the outward unit normal that holds the HIP (x, y) there.
 
@@ -250,13 +250,13 @@ STRAY = OWN
 """Where in the `params` of a law the `stray` of its boundary is."""
 
 
-@compiled
+@inlined
 def outline_in(data: LawData) -> Outline:
     """Return the boundary that a law works on."""
     return Outline(data.segments, data.joints, data.lookup, data.vertices, data.tree, data.params[STRAY])
 
 
-@compiled
+@inlined
 def closed(b: Outline) -> bool:
     """Return whether it is closed; else it is the unbounded line."""
     return bool(b.pieces[0, KIND] != UNBOUNDED)
