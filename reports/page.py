@@ -20,9 +20,6 @@ from hapticeval.reports.table import SYMBOLS, MatrixRow, SummaryRow, by_suite, m
 from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, SuiteEntry, VerdictEntry
 from hapticeval.study.bench.document import BenchResults
 
-CLOSED_FORMS = "closed forms"
-"""The section of the page on checks that declare this `section`."""
-
 BRIEF = 120
 """Characters of a model's parameters above which only its kind is named: an imported outline has thousands."""
 
@@ -135,7 +132,7 @@ def render_html(
         summary=_summary(results),
         suites=_suites(results, cases),
         cases=cases,
-        closed_forms=_closed_forms(results, {name for name, check in known.items() if check.section == CLOSED_FORMS}),
+        closed_forms=_closed_forms(results, {name for name, check in known.items() if check.needs_closed_form}),
         forms=FORMS,
         anchor=lambda verdict: anchors[id(verdict)],
         number=lambda run: numbers[run.key],

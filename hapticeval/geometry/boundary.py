@@ -178,7 +178,7 @@ class InSpace:
         raise NotImplementedError
 
     def closest_point(self, points: ArrayLike) -> ClosestPoint:
-        """See `Boundary.frame`."""
+        """See `Boundary.closest_point`."""
         raise NotImplementedError
 
     @property

@@ -156,7 +156,7 @@ class Curve:
         return answered(curve_kernels.distances, self._located_by, points, 2)
 
     def closest_point(self, points: ArrayLike) -> ClosestPoint:
-        """See `Boundary.frame`: one compiled call."""
+        """See `Boundary.closest_point`: one compiled call."""
         return answered(curve_kernels.frames, self._located_by, points, 2)
 
     def contains(self, points: ArrayLike) -> BoolArray:

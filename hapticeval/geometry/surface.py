@@ -49,7 +49,7 @@ class Surface(InSpace):
         return (*(-each for each in extents), *extents)
 
     def closest_point(self, points: ArrayLike) -> ClosestPoint:
-        """See `Boundary.frame`: one compiled call."""
+        """See `Boundary.closest_point`: one compiled call."""
         return answered(kernels.frames, (self.row,), points, 3)
 
     def signed_distance(self, points: ArrayLike) -> Array:

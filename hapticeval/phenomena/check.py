@@ -136,8 +136,6 @@ class Check:
     needs_loop: bool = False
     holds: bool = False
     level: Level = Level.MUST
-    section: str = ""
-    """The section of a report that shows the evidence of these verdicts in a table of its own, if one does."""
 
     @property
     def needs_closed_form(self) -> bool:

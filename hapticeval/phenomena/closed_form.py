@@ -95,5 +95,4 @@ CHECK = Check(
         "travelled for rounding. A tolerance above a thousandth of the way is inconclusive."
     ),
     judge=judge,
-    section="closed forms",
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from honest import Spring
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
@@ -11,7 +12,6 @@ from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 from hapticeval.discovery import resolve
 from hapticeval.geometry.catalogue import circle, line
 from hapticeval.phenomena.check import Runs
-from hapticeval.renderer import Response
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
@@ -161,21 +161,10 @@ def test_a_force_missing_at_zero_error_fails_even_where_the_error_stays_small():
     assert finding.evidence["force_missing_at_zero_error"] == pytest.approx(1.0)
 
 
-class Unilateral:
+class Unilateral(Spring):
     """Claims to hold from both sides, and pushes outwards only."""
 
     supports = ("bilateral",)
-
-    def __init__(self, scene):
-        self.boundary, self.stiffness = scene.model.boundary, scene.stiffness
-
-    def reset(self, hip):
-        pass
-
-    def step(self, hip, velocity, dt):
-        at = self.boundary.closest_point(hip[None])
-        ihip = at.foot[0] if at.distance[0] < 0 else hip
-        return Response(ihip, self.stiffness * (ihip - hip))
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from honest import Spring as Nearest
 from msgspec import structs
 
 import hapticeval
-from hapticeval import RefusalError, Response, Scene
+from hapticeval import RefusalError, Scene
 from hapticeval.cli import main
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.effects.force_sensor import ForceSensor
@@ -36,21 +37,6 @@ ASKING = {
     "force-sensor": SENSED,
 }
 """Requirement: a scene that asks for it."""
-
-
-class Nearest:
-    """A unilateral spring to the nearest point, in the plane and in space, that declares nothing."""
-
-    def __init__(self, scene):
-        self.boundary, self.stiffness = scene.model.boundary, scene.stiffness
-
-    def reset(self, hip):
-        pass
-
-    def step(self, hip, velocity, dt):
-        at = self.boundary.closest_point(hip[None])
-        ihip = at.foot[0] if at.distance[0] < 0 else hip
-        return Response(ihip, self.stiffness * (ihip - hip))
 
 
 class Feels(Nearest):
