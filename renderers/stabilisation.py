@@ -162,10 +162,8 @@ class SurfaceStabilisation(Stabilisation):
         }
         answers = charts(self.law.data, y, yd, push)
         for number, answer in enumerate(answers, start=1):
-            found[f"eta{number}"] = (
-                Signal("rad, rad/s", f"coordinates and rates of chart {number} (7.10)"),
-                answer.eta,
-            )
+            meaning = Signal("rad, rad/s", f"coordinates and rates of chart {number} (7.10)")
+            found[f"eta{number}"] = (meaning, answer.eta)
             if "joint_position" in given:
                 found[f"torque{number}"] = (
                     Signal("N m", f"joint torque by chart {number}", "joint"),

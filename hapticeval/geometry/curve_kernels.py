@@ -299,7 +299,8 @@ def foot(
 ) -> tuple[int, float, float, float, tuple[float, float, float, float, float, float]]:
     """The nearest point of a curve: (piece, u, distance, side, what `evaluate` gives there).
 
-    The side is -1.0 inside, 1.0 outside or on the curve. Where the nearest point is a corner, the corner alone decides: only points outside are nearest to a convex one, only points inside to a concave one.
+    The side is -1.0 inside, 1.0 outside or on the curve. Where the nearest point is a corner, the corner alone
+    decides: only points outside are nearest to a convex one, only points inside to a concave one.
     """
     count = pieces.shape[0]
     if samples.shape[0] > 0:
