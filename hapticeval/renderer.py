@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, runtime_
 
 from hapticeval.effects.force_sensor import ForceSensor
 from hapticeval.errors import InputError, RefusalError, RendererError, UnknownNameError, renderer_errors
-from hapticeval.geometry.boundary import Boundary
+from hapticeval.geometry.boundary import Boundary, is_boundary
 from hapticeval.knob import Knob, refuse_unknown
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import PLANE, SPACE, Scene, requirements
@@ -193,7 +193,7 @@ def _read(renderer: object) -> Abilities:
             todo="see docs/write-a-renderer.md",
         )
     surface, law, promise = (getattr(renderer, name, None) for name in ("surface", "law", "declares"))
-    if surface is not None and not isinstance(surface, Boundary):
+    if surface is not None and not is_boundary(surface):
         raise RendererError(
             f"the renderer's surface is a {type(surface).__name__}",
             todo="give the Boundary of hapticeval.geometry that it renders, or leave surface out",

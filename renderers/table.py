@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from hapticeval.compiled import compiled
-from hapticeval.errors import InputError
+from hapticeval.errors import InputError, RefusalError
 from hapticeval.types import Array, BoolArray, ByteArray
 
 FREE, HELD, EDGE, MARKED = 0, 1, 2, 4
@@ -142,14 +142,20 @@ class Grid:
 def grid_over(lower: Sequence[float], upper: Sequence[float], cell: float = CELL) -> Grid:
     """The grid that covers a box (m) and a margin of one cell.
 
-    Raises `InputError` for a cell that is not positive and finite, or larger than the box.
+    Raises `InputError` for a cell that is not positive and finite, and `RefusalError` for one larger than the box.
     """
     extents = [high - low for low, high in zip(lower, upper, strict=True)]
-    if not (math.isfinite(cell) and 0.0 < cell <= max(extents)):
+    if not (math.isfinite(cell) and cell > 0.0):
         raise InputError(
             f"a look-up table with cells of {cell!r} m",
-            why=f"the side of a cell must be positive and at most the model's size, {max(extents):.6g} m",
+            why="the side of a cell must be positive",
             todo=f"choose a cell such as the thesis's {CELL:g} m",
+        )
+    if cell > max(extents):
+        raise RefusalError(
+            f"a look-up table with cells of {cell:g} m",
+            why=f"they are larger than the model, {max(extents):.6g} m",
+            todo="choose a smaller cell",
         )
     counts = tuple(math.ceil(round(extent / cell, 9)) + 2 for extent in extents)
     return Grid(tuple(float(low) - cell for low in lower), float(cell), counts)
@@ -237,10 +243,10 @@ class Table:
 def empty(grid: Grid, *, everywhere: bool = False) -> Table:
     """A table that is free space throughout, to be filled.
 
-    Raises `InputError` for a grid that needs more than 2 GiB.
+    Raises `RefusalError` for a grid that needs more than 2 GiB.
     """
     if grid.node_bytes + grid.cell_bytes > IN_MEMORY:
-        raise InputError(
+        raise RefusalError(
             f"a look-up table of {grid.node_bytes + grid.cell_bytes:.3g} bytes",
             why=f"cells of {grid.cell:g} m make {grid.cell_bytes:.3g} of them; at most 2 GiB are held in memory",
             todo="choose a larger cell",

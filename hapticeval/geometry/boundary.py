@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from inspect import getattr_static
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -134,6 +135,14 @@ class Boundary(Protocol):
 
         `step` (m) is how exactly that is placed.
         """
+
+
+def is_boundary(value: object) -> bool:
+    """Whether a value offers all of `Boundary`; as `isinstance`, which would ask for its corners to find them there."""
+    return all(getattr_static(value, name, None) is not None for name in _MEMBERS)
+
+
+_MEMBERS = [name for name in vars(Boundary) if not name.startswith("_")]
 
 
 def march(boundary: Boundary, start: Array, end: Array, grain: float) -> Array | None:

@@ -29,9 +29,11 @@ from hapticeval.geometry.kernels import (
     C,
     D,
     E,
+    closed_polyline,
     evaluate,
     evaluate_many,
 )
+from hapticeval.geometry.motion import Motion
 from hapticeval.geometry.normal_cone import NormalCone
 from hapticeval.geometry.validate import answered
 from hapticeval.types import Array, BoolArray
@@ -144,8 +146,12 @@ class Curve:
         """The joints that turn by more than 1e-9 rad, in order of u."""
         if not self.closed or self._smooth:
             return ()
-        turns = [float(curve_kernels.joint_turn(self._rows, k)) for k in range(self.pieces.shape[0])]
-        return tuple(self._corner(k, turn) for k, turn in enumerate(turns) if abs(turn) > curve_kernels.STRAIGHT)
+        joints = curve_kernels.joints(self._rows)
+        turning = np.abs(joints[:, 6]) > curve_kernels.STRAIGHT
+        joints, us = joints[turning], self.pieces[turning, U0]
+        normals = np.stack([joints[:, [3, 5]], -joints[:, [2, 4]]], axis=2)
+        rows = zip(us.tolist(), (us - self.pieces[0, U0]).tolist(), joints, normals, strict=True)
+        return tuple(Corner(u, s, row[:2], row[2:4], row[4:6], *pair, float(row[6])) for u, s, row, pair in rows)
 
     def nearest(self, points: ArrayLike) -> Array:
         """Return the parameters (n,) of the globally nearest curve points, to rounding, for points (n, 2)."""
@@ -210,6 +216,31 @@ class Curve:
             return float(x - WINDOW), float(y - WINDOW), float(x + WINDOW), float(y + WINDOW)
         points = self._rows[:, A : B + 1] if self.straight else np.vstack([*map(self._extremes, self._rows)])
         return (*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
+
+    def moved(self, motion: Motion) -> Curve | None:
+        """Return the curve moved; None for a smooth piece that is more than scaled: it is bound to origin and axes."""
+        if self.straight:
+            return Curve(self.name, closed_polyline(motion(self.pieces[:, A : B + 1])), self.closed)
+        rows = np.array(self.pieces)
+        if np.isin(rows[:, KIND], (CASSINIAN, ELLIPSE)).any() and not motion.scales_only:
+            return None
+        angle = math.atan2(motion.matrix[1, 0], motion.matrix[0, 0])
+        for row in rows:
+            if row[KIND] == CASSINIAN:
+                row[A] *= motion.scale
+                continue
+            if row[KIND] == ELLIPSE:
+                row[[A, B]] *= motion.scale
+                continue
+            row[[A, B]] = motion(row[[A, B]])
+            if row[KIND] == ARC:
+                row[C] *= motion.scale
+                row[D] += angle
+            else:
+                row[[C, D]] = motion.matrix @ row[[C, D]]
+            if row[KIND] != UNBOUNDED:
+                row[[U0, U1]] *= motion.scale
+        return Curve(self.name, rows, self.closed)
 
     def outline(self, n: int) -> Array:
         """Return points (n, 2) to draw, about equally spaced, corners kept; a closed curve ends where it starts."""
@@ -281,14 +312,6 @@ class Curve:
     def _projected(self, points: ArrayLike) -> Array:
         """Rows (u, distance, side)."""
         return answered(curve_kernels.project_many, self._located_by, points, 2)
-
-    def _corner(self, k: int, turn: float) -> Corner:
-        before, after = self._rows[k - 1], self._rows[k]
-        pre = np.array(evaluate(before, before[U1])[2:4])
-        x, y, dx, dy, _, _ = evaluate(after, after[U0])
-        normal_pre, normal_post = np.array([pre[1], -pre[0]]), np.array([dy, -dx])
-        u, s = float(after[U0]), float(after[U0] - self.pieces[0, U0])
-        return Corner(u, s, np.array([x, y]), pre, np.array([dx, dy]), normal_pre, normal_post, turn)
 
     def _extremes(self, piece: Array) -> Array:
         """Points among which a piece's largest and smallest x and y are."""

@@ -294,6 +294,19 @@ def joint_turn(pieces: Array, k: int) -> float:
 
 
 @compiled
+def joints(pieces: Array) -> Array:
+    """Return where each piece starts: position, tangents (not of unit length) before and after, turn; rows (n, 7)."""
+    count = pieces.shape[0]
+    out = np.empty((count, 7))
+    for k in range(count):
+        before = pieces[k - 1] if k > 0 else pieces[count - 1]
+        _, _, out[k, 2], out[k, 3], _, _ = evaluate(before, before[U1])
+        out[k, 0], out[k, 1], out[k, 4], out[k, 5], _, _ = evaluate(pieces[k], pieces[k, U0])
+        out[k, 6] = joint_turn(pieces, k)
+    return out
+
+
+@compiled
 def foot(
     pieces: Array, samples: Array, x: float, y: float
 ) -> tuple[int, float, float, float, tuple[float, float, float, float, float, float]]:

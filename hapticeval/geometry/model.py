@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from hapticeval.geometry.boundary import Boundary
     from hapticeval.geometry.curve import Curve
     from hapticeval.geometry.level_set import LevelSet
+    from hapticeval.geometry.motion import Motion
     from hapticeval.geometry.polygon import Polygon
     from hapticeval.geometry.surface import Surface
 
@@ -65,6 +66,12 @@ class Model:
                 why=f"this works on surfaces in space with compiled kernels only: {', '.join(KINDS)}",
             )
         return self.boundary
+
+    def moved(self, motion: Motion) -> Model | None:
+        """Return the model moved; None where its boundary does not offer `moved`, or cannot be moved so."""
+        move = getattr(self.boundary, "moved", None)
+        boundary = None if move is None else move(motion)
+        return None if boundary is None else Model(self.name, self.parameters, boundary)
 
     @property
     def size(self) -> float:

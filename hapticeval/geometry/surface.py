@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from hapticeval.compiled import Closest
 from hapticeval.geometry import surface_kernels as kernels
 from hapticeval.geometry.boundary import ClosestPoint, InSpace, spiral
+from hapticeval.geometry.motion import Motion
 from hapticeval.geometry.validate import answered
 from hapticeval.types import Array
 
@@ -46,6 +47,12 @@ class Surface(InSpace):
         from hapticeval.geometry.closest_kernels import of_surface
 
         return of_surface(self.row)
+
+    def moved(self, motion: Motion) -> Surface | None:
+        """Return the surface scaled; None where it is turned or shifted too: it is bound to origin and axes."""
+        if not motion.scales_only:
+            return None
+        return Surface(self.name, self.kind, tuple(motion.scale * each for each in self.reals))
 
     @property
     def bounds(self) -> tuple[float, ...]:

@@ -9,6 +9,7 @@ from functools import cache
 from typing import Any, Protocol
 
 from hapticeval.errors import InputError
+from hapticeval.geometry.motion import Motion
 from hapticeval.phenomena.sampling import LED
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
 from hapticeval.recordings.recording import Recording
@@ -30,9 +31,11 @@ class Runs:
 
     `refine(k)` runs the same stimulus at k times the sampling rate; `reverse()` leads the hand backwards along
     the same points; `at_speed(f)` starts the experiment f times as fast; `again()` runs it once more through the same
-    renderer, which is reset in between; `look` is `base` with a way to refine a part of it. Each is None where it
-    cannot be had: a recorded hardware run has no siblings. `law` names the closed form (`hapticeval.closed_forms`)
-    that the case gives for this renderer, if it does. Raises `InputError` for a recording with rows that are not valid.
+    renderer, which is reset in between; `look` is `base` with a way to refine a part of it; `moved(motion, nudge)` is
+    the path, off by `nudge` (m), in the scene moved, as it looks when it is moved back, or None where the model cannot
+    be moved so or the renderer refuses it there. Each is None where it cannot be had: a recorded hardware run has no
+    siblings. `law` names the closed form (`hapticeval.closed_forms`) that the case gives for this renderer, if it does.
+    Raises `InputError` for a recording with rows that are not valid.
     """
 
     base: Recording
@@ -42,6 +45,7 @@ class Runs:
     law: str | None = None
     again: Callable[[], Recording] | None = None
     look: Closer | None = None
+    moved: Callable[[Motion, tuple[float, ...]], Recording | None] | None = None
 
     def __post_init__(self) -> None:
         if self.base.valid is not None:
@@ -67,6 +71,7 @@ class Sibling(StrEnum):
     LAW = "law"
     AGAIN = "again"
     LOOK = "look"
+    MOVED = "moved"
 
 
 class Situation(StrEnum):

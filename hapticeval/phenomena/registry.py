@@ -22,6 +22,7 @@ from hapticeval.phenomena import (
     corners,
     force_magnitude,
     impulsive_collision,
+    numerical_stability,
     passivity,
     surface_dynamics,
 )
@@ -46,6 +47,7 @@ OWN: Mapping[str, Check] = {
         constraint_stability.CHECK,
         *surface_dynamics.CHECKS,
         closed_form.CHECK,
+        numerical_stability.CHECK,
     )
 }
 """The checks of this package."""

@@ -5,9 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cache
+from typing import Any, cast
+
+import numpy as np
 
 from hapticeval.errors import HapticevalError, RefusalError, described, renderer_errors
+from hapticeval.geometry.motion import Motion
 from hapticeval.phenomena.check import Runs, without_channel
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
@@ -44,6 +48,8 @@ class _RunFactory:
 
     def __init__(self, factory: RendererFactory, scene: Scene, case: Case, name: str) -> None:
         self.scene = scene
+        self.factory = factory
+        self._moved = cache(self._made_moved)
         self.simulated = 0.0
         self.renderer = make_renderer(factory, scene)
         self.stimulus = case.build_stimulus(scene, self.renderer)
@@ -69,8 +75,38 @@ class _RunFactory:
             siblings |= {"at_speed": lambda factor: self.record(stimulus.at_speed(factor), dt), "law": self.law}
         else:
             back = Path(*stimulus.sampled(dt)).reversed()
-            siblings |= {"reverse": lambda: self.record(back, dt), "look": self.closeup(base)}
+            siblings |= {"reverse": lambda: self.record(back, dt), "look": self.closeup(base), "moved": self.moved}
         return Runs(base, **siblings).remembered()
+
+    def moved(self, motion: Motion, nudge: tuple[float, ...]) -> Recording | None:
+        """Record the path in the moved scene, with the hand off by `nudge`; see `Runs.moved`."""
+        scene, renderer = self._moved(motion)
+        if renderer is None:
+            return None
+        dt = self.scene.sampling_time
+        time, hips = cast("Path", self.stimulus).sampled(dt)
+        try:
+            found = play(renderer, Path(time, motion(hips + np.array(nudge))), dt, scene=scene)
+        except RefusalError:
+            return None
+        self.simulated += len(found) * dt
+        back = {"hip": motion.back(found.hip), "ihip": motion.back(found.ihip)}
+        force = motion.turned_back(found.force) / motion.scale
+        lengths = {name: found.meta[name] / motion.scale for name in ("resolution", "standoff")}
+        return Recording(found.time, {**back, "force": force}, meta={**found.meta, **lengths})
+
+    def _made_moved(self, motion: Motion) -> tuple[Scene, Renderer | TrajectoryRenderer | None]:
+        """Return the scene moved, and the renderer in it; None where there is none."""
+        if motion.rests:
+            return self.scene, self.renderer
+        model = self.scene.model.moved(motion)
+        if model is None:
+            return self.scene, None
+        scene = replace(self.scene, model=model)
+        try:
+            return scene, make_renderer(self.factory, scene)
+        except RefusalError:
+            return scene, None
 
     def closeup(self, base: Recording) -> Closeup | None:
         """A look at any place of a path; None for a renderer that answers a stimulus whole.

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path as FilePath
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct, field
 
-from hapticeval.documents import convert
 from hapticeval.errors import InputError, at
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve, as_curve
@@ -203,14 +202,6 @@ class FromFile(Trajectory, frozen=True, kw_only=True, tag="file"):
     def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
         """Return the path; see `Trajectory.path`."""
         return read_path(below(folder, self.file))
-
-
-AnyTrajectory = Scaled | Arc | PastCorner | Points | Loop | FromFile
-
-
-def build_path(spec: Mapping[str, Any], surface: Boundary, folder: FilePath) -> Path:
-    """Return the path of a `trajectory` table as a suite has it; see `Trajectory.path`."""
-    return convert(spec, AnyTrajectory, "trajectory").path(surface, folder)
 
 
 def as_array(rows: Sequence[Sequence[float]], what: str) -> Array:

@@ -16,8 +16,8 @@ from hapticeval.geometry.model import Model
 from hapticeval.renderer import abilities_of
 from hapticeval.scene import Scene
 from hapticeval.stimulus.experiments import ExperimentTable
-from hapticeval.stimulus.paths import AnyTrajectory
 from hapticeval.stimulus.stimulus import Experiment, Stimulus
+from hapticeval.stimulus.trajectories import AnyTrajectory
 from hapticeval.suite.scene import build_scene, check_workspace
 
 Published = dict[str, dict[str, Literal["pass", "fail"]]]

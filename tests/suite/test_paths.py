@@ -13,8 +13,9 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, line, star
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
-from hapticeval.stimulus.paths import build_path, read_path
+from hapticeval.stimulus.paths import read_path
 from hapticeval.stimulus.stimulus import Experiment, Path
+from hapticeval.stimulus.trajectories import build_path
 
 HERE = FilePath()
 SCALED = {"kind": "scaled", "from_angle": 0, "to_angle": 9, "duration": 1}

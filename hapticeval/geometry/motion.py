@@ -1,0 +1,71 @@
+"""Similarities, x -> scale R x + shift: a rigid contact does not depend on where its scene lies, or on its size."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hapticeval.errors import InputError
+from hapticeval.types import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A similarity: a turn `matrix` R (N, N), a `scale`, then a `shift` (N,), m.
+
+    Raises `InputError` for a matrix that is no turn, and a scale that is not positive and finite.
+    """
+
+    matrix: Array
+    scale: float
+    shift: Array
+
+    def __post_init__(self) -> None:
+        matrix, shift = np.array(self.matrix, dtype=np.float64), np.array(self.shift, dtype=np.float64)
+        if matrix.shape != (shift.size, shift.size) or not np.allclose(matrix @ matrix.T, np.eye(shift.size)):
+            raise InputError(f"a motion with the matrix {matrix.tolist()} and the shift {shift.tolist()}")
+        if not (math.isfinite(self.scale) and self.scale > 0.0) or np.linalg.det(matrix) < 0.0:
+            raise InputError(f"a motion of scale {self.scale!r} that mirrors, or makes nothing of a model")
+        object.__setattr__(self, "matrix", matrix)
+        object.__setattr__(self, "shift", shift)
+
+    def __call__(self, points: Array) -> Array:
+        """Return points (n, N), m, moved."""
+        return np.asarray(self.scale * (points @ self.matrix.T) + self.shift)
+
+    def back(self, points: Array) -> Array:
+        """Return moved points (n, N), m, where they were."""
+        return np.asarray(((points - self.shift) / self.scale) @ self.matrix)
+
+    def turned_back(self, vectors: Array) -> Array:
+        """Return vectors (n, N) of the moved scene in the axes of the scene before."""
+        return np.asarray(vectors @ self.matrix)
+
+    @property
+    def scales_only(self) -> bool:
+        """Whether it neither turns nor shifts."""
+        return bool(np.array_equal(self.matrix, np.eye(self.shift.size)) and not self.shift.any())
+
+    @property
+    def rests(self) -> bool:
+        """Whether it moves nothing."""
+        return self.scales_only and self.scale == 1.0
+
+
+def scaling(factor: float, dimension: int) -> Motion:
+    """Return the motion that scales by `factor` about the origin."""
+    return Motion(np.eye(dimension), factor, np.zeros(dimension))
+
+
+def rigid(angle: float, shift: ArrayLike) -> Motion:
+    """Return a turn by `angle` (rad), in space about the axis (1, 2, 3), and then a shift (N,), m."""
+    shift = np.asarray(shift, dtype=np.float64)
+    c, s = math.cos(angle), math.sin(angle)
+    if shift.size == 2:
+        return Motion(np.array([[c, -s], [s, c]]), 1.0, shift)
+    axis = np.array([1.0, 2.0, 3.0]) / math.sqrt(14.0)
+    cross = np.cross(np.eye(3), -axis)
+    return Motion(c * np.eye(3) + s * cross + (1.0 - c) * np.outer(axis, axis), 1.0, shift)

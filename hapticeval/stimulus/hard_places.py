@@ -1,0 +1,152 @@
+"""HIPs at which geometry is hard: on vertices and edges, an ulp beside the surface, where two feet are as near."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path as FilePath
+from typing import Annotated, Literal
+
+import numpy as np
+from msgspec import Meta
+
+from hapticeval.geometry.boundary import Boundary
+from hapticeval.stimulus.paths import Positive, Trajectory
+from hapticeval.stimulus.stimulus import Path
+from hapticeval.types import Array
+
+Kind = Literal["vertices", "surface", "centre", "medial", "focal", "far", "tiny-steps", "teleports"]
+
+COUNT = 12
+"""Places of a kind, spread over the boundary."""
+
+
+class HardPlaces(Trajectory, frozen=True, kw_only=True, tag="hard-places"):
+    """HIPs in ticks of `tick` (s): at the places named in `of`, `rest` ticks each, and in free space between most.
+
+    - `vertices`: on the corners of a plane model (on boundary points of a smooth one), and one rounding inside;
+    - `surface`: on boundary points, and one rounding in and out;
+    - `centre`: the middle of the bounds;
+    - `medial`: where two boundary points are as near;
+    - `focal`: centres of curvature;
+    - `far`: ten model sizes away and back inside;
+    - `tiny-steps`: 1e-15 m each, from a point inside;
+    - `teleports`: to and fro across the model.
+    """
+
+    of: Annotated[list[Kind], Meta(min_length=1)]
+    tick: Positive = 1e-3
+    rest: Annotated[int, Meta(ge=1)] = 2
+
+    def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
+        """Return the path: it has a time a tick, at which playback takes the places as they are."""
+        points = np.vstack([np.repeat(_visit(surface, kind), self.rest, axis=0) for kind in self.of])
+        return Path(self.tick * np.arange(len(points)), points)
+
+
+LEFT_OUT = ("far", "tiny-steps", "teleports")
+"""Kinds whose places are gone to one after the other; to the others the hand comes from free space, and leaves."""
+
+
+def _visit(surface: Boundary, kind: Kind) -> Array:
+    """Return where the hand goes (n, N), m: to each place along the normal of its foot, and round the model between.
+
+    So a tool that was caught at one place is free again at the next, where rounding decided how it fared.
+    """
+    places = PLACES[kind](surface)
+    lows, highs = np.array(surface.bounds).reshape(2, -1)
+    centre, far = 0.5 * (lows + highs), 2.0 * float(np.max(highs - lows))
+    frame = surface.closest_point(places)
+    outs = frame.foot + 0.25 * far * frame.normal
+    if kind in LEFT_OUT:
+        return np.vstack([outs[:1], places, outs[-1:]])
+    turns = _unit(outs - centre)
+    way: list[Array] = []
+    for k, place in enumerate(places):
+        turn = turns[k]
+        for share in np.linspace(0.25, 1.0, 4):  # steps of at most 45 degrees, which keep clear of the model
+            before = turns[k - 1] if k else turn
+            middle = before + turn if before @ turn > -0.9 else np.roll(before, 1) * np.resize([1.0, -1.0], lows.size)
+            first, last, part = (before, middle, 2.0 * share) if share <= 0.5 else (middle, turn, 2.0 * share - 1.0)
+            way.append(centre + far * _unit((1.0 - part) * _unit(first) + part * _unit(last)))
+        way += [outs[k], place, outs[k], centre + far * turn]
+    return np.array(way)
+
+
+def _unit(vectors: Array) -> Array:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+def _feet(surface: Boundary) -> tuple[Array, Array, Array]:
+    """Return boundary points (n, N), outward normals there, and the largest curvature (n,), 1/m."""
+    points = surface.points(COUNT + 1)[:COUNT]
+    frame = surface.closest_point(points)
+    return frame.foot, frame.normal, np.linalg.eigvalsh(frame.shape)[:, -1]
+
+
+def _vertices(surface: Boundary) -> Array:
+    corners = np.array([corner.position for corner in surface.corners[:: max(1, len(surface.corners) // COUNT)]])
+    found = corners if corners.size else _feet(surface)[0]
+    middle = np.array(surface.bounds).reshape(2, -1).mean(axis=0)
+    return np.vstack([found, np.nextafter(found, middle)])
+
+
+def _surface(surface: Boundary) -> Array:
+    feet, normals, _ = _feet(surface)
+    return np.vstack([np.nextafter(feet, feet - normals), feet, np.nextafter(feet, feet + normals)])
+
+
+def _centre(surface: Boundary) -> Array:
+    return np.array(surface.bounds).reshape(2, -1).mean(axis=0, keepdims=True)
+
+
+def _medial(surface: Boundary) -> Array:
+    """The inner ends of the normals along which the foot is the nearest point, by bisection."""
+    feet, normals, _ = _feet(surface)
+    size = float(np.ptp(np.array(surface.bounds).reshape(2, -1), axis=0).max())
+    low, high = np.zeros(len(feet)), np.full(len(feet), size)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        near = np.linalg.norm(surface.closest_point(feet - middle[:, np.newaxis] * normals).foot - feet, axis=1)
+        nearest = near <= 1e-7 * size
+        low, high = np.where(nearest, middle, low), np.where(nearest, high, middle)
+    return np.asarray(feet - low[:, np.newaxis] * normals)
+
+
+def _focal(surface: Boundary) -> Array:
+    feet, normals, curvature = _feet(surface)
+    bent = curvature > 0.0
+    if not bent.any():
+        return _medial(surface)
+    return np.asarray(feet[bent] - normals[bent] / curvature[bent][:, np.newaxis])
+
+
+def _far(surface: Boundary) -> Array:
+    lows, highs = np.array(surface.bounds).reshape(2, -1)
+    return np.vstack([_inside(surface)[:1], highs + 10.0 * (highs - lows), _inside(surface)[:1]])
+
+
+def _tiny_steps(surface: Boundary) -> Array:
+    return np.asarray(_inside(surface)[:1] + 1e-15 * np.arange(COUNT)[:, np.newaxis])
+
+
+def _teleports(surface: Boundary) -> Array:
+    inside = _inside(surface)
+    return np.asarray(inside[np.argsort(np.arange(len(inside)) * 5 % len(inside))])
+
+
+def _inside(surface: Boundary) -> Array:
+    """Half way to the medial axis."""
+    return np.asarray(0.5 * (_feet(surface)[0] + _medial(surface)))
+
+
+PLACES: Mapping[str, Callable[[Boundary], Array]] = {
+    "vertices": _vertices,
+    "surface": _surface,
+    "centre": _centre,
+    "medial": _medial,
+    "focal": _focal,
+    "far": _far,
+    "tiny-steps": _tiny_steps,
+    "teleports": _teleports,
+}
+"""What gives the places (n, N), m, of each kind."""
