@@ -93,6 +93,64 @@ where there is no sensor.
 """
 
 
+class Closest(NamedTuple):
+    """The closest point of a boundary as compiled code: `function`, of signature `CLOSEST`, over its own `data`."""
+
+    function: Callable[..., float]
+    data: LawData
+
+
+FOOT, NORMAL, SHAPE = 0, 1, 2
+"""Rows of a frame that `CLOSEST` writes: see there."""
+
+CLOSEST = types.float64(LAW_DATA, VECTOR, MATRIX)
+"""(data, point, out frame): the signed distance (m) of a point (N,), and as many rows of N as the frame has.
+
+Row `FOOT` is the closest point, `NORMAL` the outward unit normal there, the N rows from `SHAPE` on the shape operator
+(1/m), and the first number of the row after it, in the plane, the arc length (m) from the curve's start.
+"""
+
+
+class Numbers(NamedTuple):
+    """What a change of an answer works on: fields of the effect's `Part`."""
+
+    params: Array
+    samples: Array
+    state: Array
+
+
+_NUMBERS = types.NamedTuple((VECTOR, MATRIX, MATRIX), Numbers)  # type: ignore[no-untyped-call]
+_CLOSEST = types.NamedTuple((types.FunctionType(CLOSEST), LAW_DATA), Closest)  # type: ignore[no-untyped-call]
+CHANGE = types.int64(_NUMBERS, _CLOSEST, VECTOR, VECTOR, types.float64, VECTOR, VECTOR)
+"""(numbers, closest, hip, velocity, dt, ihip, force): an effect's change of an answer, in place, after each tick.
+
+Returns 0, or the number of the refusal that the effect's `refusals` words.
+"""
+
+
+class Change(NamedTuple):
+    """An effect's change of an answer: `function`, of signature `CHANGE`, and what it works on."""
+
+    function: Callable[..., int]
+    numbers: Numbers
+
+
+class Composed(NamedTuple):
+    """What a compiled step works on that is a renderer's `law` with `changes` of its answers, in order."""
+
+    law: Callable[..., int]
+    data: LawData
+    changes: tuple[Change, ...]
+    closest: Closest
+
+
+def law_value(function: Callable[..., Any], data: Any) -> FirstClass:
+    """Return a compiled step as a value: of signature `LAW`, with the type of its own data in place of `LawData`."""
+    if isinstance(data, LawData):
+        return first_class(function, LAW)
+    return first_class(function, types.int64(numba.typeof(data), *LAW.args[1:]))  # type: ignore[no-untyped-call]
+
+
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a numeric function with numba on its first call and keep the code on disk.
 

@@ -109,7 +109,8 @@ class CompiledStep(NamedTuple):
     """A renderer's step as compiled code, so that a whole closed loop runs without Python.
 
     `function` is a kernel of signature `hapticeval.compiled.LAW`, and `data` the renderer's own, with the state that
-    its last `reset` or `step` left: a loop resets the renderer and goes on from there. `refusals` words what the
+    its last `reset` or `step` left: a loop resets the renderer and goes on from there. Where a scene's effects are put
+    on the renderer's answers `data` is another tuple, see `hapticeval.simulation.answers`. `refusals` words what the
     kernel's numbers other than 0 mean. It must answer as `step` does, to the last bit.
     """
 
@@ -153,7 +154,7 @@ class Abilities:
 
     @property
     def meta(self) -> dict[str, Any]:
-        """What the metadata of a recording tells of the renderer."""
+        """What the metadata of a recording holds of the renderer."""
         lengths = {"resolution": self.resolution, "standoff": self.standoff}
         said = self.declares
         if said is None:

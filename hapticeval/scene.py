@@ -10,7 +10,7 @@ from hapticeval.devices.device import Device
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import EFFECTS, in_order
-from hapticeval.effects.effect import Effect
+from hapticeval.effects.effect import Effect, Stage
 from hapticeval.errors import InputError
 from hapticeval.geometry.model import Model
 
@@ -82,7 +82,9 @@ class Scene:
         """Return what this scene asks of a renderer: name -> meaning, to complete "the scene asks for NAME: ..."."""
         asked = [PLANE if self.model.dimension == 2 else SPACE]
         asked += [BILATERAL] if self.bilateral else []
-        asked += [each.requirement for each in self.effects if each.requirement is not None]
+        asked += [
+            each.requirement for each in self.effects if each.requirement is not None and each.stage is not Stage.ANSWER
+        ]
         return {name: requirements()[name] for name in asked}
 
     @property

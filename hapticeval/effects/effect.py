@@ -3,8 +3,9 @@
 An effect is a frozen dataclass. Its fields are its numbers; `number` declares each with a unit and what it may be. The
 class attributes and methods of `Effect` are all that the rest of the package knows of it, and each has a default.
 
-An effect that takes part in a tick of the closed loop has a `stage` and a `part`: a plain function over arrays, which
-is compiled when a scene first calls for it, and what it works on. An effect of the surface wraps the renderer instead.
+An effect that takes part in a tick has a `stage` and a `part`: a plain function over arrays, which is compiled when a
+scene first calls for it, and what it works on. Those of the device take part in the closed loop. Those of the surface
+change each answer of a renderer that does not show them by itself, along a path and in closed loop alike.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from hapticeval.types import Array
 
 if TYPE_CHECKING:
     from hapticeval.devices.device import Device
+    from hapticeval.geometry.model import Model
 
 PER_JOINT = {"force": ("N m", "N"), "position": ("rad", "m")}
 """Units that depend on the device: (of a joint that turns, of the point mass, whose joints are its position)."""
@@ -42,6 +44,8 @@ class Stage(StrEnum):
     """
     JOINTS = "joints"
     """Give Coulomb friction to the joints: `params` (N,), without a function."""
+    ANSWER = "answer"
+    """Change the renderer's answer, see `Effect.change`."""
 
 
 class Part(NamedTuple):
@@ -82,13 +86,19 @@ class Effect:
     kind: ClassVar[str] = ""
     """Its name in suites, results and recordings."""
     requirement: ClassVar[str | None] = None
-    """The name under which a renderer declares that it supports the effect; None if a renderer need not know of it."""
+    """The name under which a renderer declares that it supports the effect; None if a renderer need not know of it.
+
+    A renderer that does not declare an effect of the stage `ANSWER` gets it put on its answers; one that lacks another
+    is refused.
+    """
     meaning: ClassVar[str] = ""
     """Completes "the scene asks for REQUIREMENT: ..."."""
     keys: ClassVar[Mapping[str, str]] = {}
     """Short forms: a key of the scene's table, with a dot for one of a table in it, to the field; "" for all fields."""
     stage: ClassVar[Stage | None] = None
     """Where in a tick it takes part; None for what only renderers and checks know of."""
+    refusals: ClassVar[Mapping[int, str]] = {}
+    """What the numbers mean that its change of an answer returns beside 0."""
     words: ClassVar[str] = ""
     """The effect in a few words, with its numbers by name in braces: see `describe`."""
     channels: ClassVar[tuple[str, ...]] = ()
@@ -135,9 +145,15 @@ class Effect:
         """Assemble what it adds to a closed loop of so many ticks of `dt` s, on a device of `size` = N joints."""
         raise NotImplementedError(f"{type(self).__name__} has the stage {self.stage} and no part")
 
-    def around(self, renderer: Any, scene: Any) -> Any:  # noqa: ARG002 - an effect's
-        """Return the renderer of `scene` with the effect around it; itself where the effect is none of the surface."""
-        return renderer
+    def change(self, scene: Calling) -> Part:
+        """Assemble what it does to each answer of a renderer of `scene`, at the stage `ANSWER`.
+
+        `function(numbers, closest, hip, velocity, dt, ihip, force)` is given the fields `params`, `samples` and `state`
+        of the part as `numbers`, the scene's boundary as `closest`, see `hapticeval.compiled.CLOSEST`, and the answer
+        to `hip` (N,), m, which it changes in place: `ihip` (N,), m, and `force` (N,), N. It returns 0, or the number of
+        one of `refusals`. `state` is what it is made with when a run begins.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has the stage {self.stage} and no change")
 
     def active(self, damping: float) -> str | None:  # noqa: ARG002 - an effect's
         """Return why the loop gives energy away with any renderer of `damping` N s/m; None where it need not."""
@@ -164,11 +180,35 @@ class Effect:
 
 
 class Calling(Protocol):
-    """What calls for effects: a scene."""
+    """What calls for effects: a scene, see `hapticeval.scene.Scene`."""
 
     @property
     def effects(self) -> tuple[Effect, ...]:
         """The effects that it calls for."""
+
+    @property
+    def model(self) -> Model:
+        """The rigid model."""
+
+    @property
+    def stiffness(self) -> float:
+        """K_p, N/m."""
+
+    @property
+    def mass(self) -> float:
+        """The mass (kg) of the virtual tool."""
+
+    @property
+    def restitution(self) -> float:
+        """c_r of (3.5)."""
+
+    @property
+    def sampling_time(self) -> float:
+        """The sampling time (s) of the haptic thread."""
+
+    @property
+    def robot(self) -> Device:
+        """The device of an experiment."""
 
 
 def unit_of(unit: str, *, turning: bool = True) -> str:

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import for_kernels
+from hapticeval.compiled import Closest, for_kernels
 from hapticeval.errors import InputError
 from hapticeval.geometry import curve_kernels, polygon_kernels
 from hapticeval.geometry.boundary import AHEAD, Boundary, ClosestPoint, Corner, march
@@ -247,6 +247,13 @@ class Curve:
     def _located_by(self) -> tuple[Array, Array, Array, Array]:
         """What `curve_kernels.located` looks a point up in."""
         return self._rows, self.samples, for_kernels(self.pieces[:, A : B + 1]), self.tree
+
+    @cached_property
+    def compiled_closest(self) -> Closest:
+        """The closest point as compiled code, for what is composed into a step: see `closest_of`."""
+        from hapticeval.geometry.closest_kernels import of_curve
+
+        return of_curve(*self._located_by)
 
     @cached_property
     def _normals(self) -> NormalCone:

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hapticeval.compiled import Closest
 from hapticeval.geometry import surface_kernels as kernels
 from hapticeval.geometry.boundary import ClosestPoint, InSpace, spiral
 from hapticeval.geometry.validate import answered
@@ -38,6 +39,13 @@ class Surface(InSpace):
         row[0] = KINDS[self.kind]
         row[1 : 1 + len(self.reals)] = self.reals
         return row
+
+    @cached_property
+    def compiled_closest(self) -> Closest:
+        """The closest point as compiled code, for what is composed into a step: see `closest_of`."""
+        from hapticeval.geometry.closest_kernels import of_surface
+
+        return of_surface(self.row)
 
     @property
     def bounds(self) -> tuple[float, ...]:

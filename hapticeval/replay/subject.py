@@ -7,7 +7,7 @@ from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from hapticeval.effects.catalogue import short_forms
+from hapticeval.effects.catalogue import read_effects, short_forms
 from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.files import file_stem
 from hapticeval.phenomena.registry import CHECKS
@@ -113,8 +113,13 @@ def _checks(recording: Recording, scene: Mapping[str, Any]) -> tuple[str, ...]:
     said = recording.meta.get("checks")
     if isinstance(said, list | tuple) and said and all(each in CHECKS for each in said):
         return tuple(said)
-    held = scene.get("bilateral", False)
-    return tuple(name for name, check in CHECKS.items() if held or not check.holds)
+    held, (_, effects) = scene.get("bilateral", False), read_effects(scene)
+    kinds = {each.kind for each in effects}
+    return tuple(
+        name
+        for name, check in CHECKS.items()
+        if (held or not check.holds) and (not check.effects or not kinds.isdisjoint(check.effects))
+    )
 
 
 def _entry(text: str) -> tuple[str, Any]:

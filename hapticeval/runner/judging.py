@@ -15,6 +15,7 @@ from hapticeval.recordings.recording import MissingChannelError, Recording
 from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer, abilities_of, check_support, choices_of
 from hapticeval.runner.results import Replay
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import with_effects
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import Closeup, compare_batch, play
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
@@ -96,9 +97,7 @@ def make_renderer(factory: RendererFactory, scene: Scene) -> Renderer | Trajecto
     supports = abilities_of(renderer).supports
     if declared is None:
         check_support(scene, supports or frozenset())
-    for each in scene.effects:
-        renderer = each.around(renderer, scene)
-    return renderer
+    return with_effects(renderer, scene)
 
 
 @dataclass(frozen=True)

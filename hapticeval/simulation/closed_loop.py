@@ -80,7 +80,7 @@ def _plain(experiment: Experiment, scene: Scene) -> bool:
     return (
         scene.inner_loop is not InnerLoop.LINEARISED
         and experiment.hand is None
-        and all(each.stage is None for each in scene.effects)
+        and all(each.stage in (None, Stage.ANSWER) for each in scene.effects)
     )
 
 
@@ -119,7 +119,7 @@ def _drive_device(
     renderer: Renderer, law: CompiledStep | None, experiment: Experiment, scene: Scene, dt: float
 ) -> Recording:
     """Any device and any effect, by compiled kernels; the renderer by its own, where it has any."""
-    from hapticeval.compiled import LAW, first_class
+    from hapticeval.compiled import law_value
     from hapticeval.simulation import kernels
 
     time = sample_times(experiment.duration, dt)
@@ -130,7 +130,7 @@ def _drive_device(
     if law is None:
         end = _ask_tick_by_tick(renderer, loop, scene.robot, dt)
     else:
-        tick, status = kernels.run(first_class(law.function, LAW), law.data, loop)
+        tick, status = kernels.run(law_value(law.function, law.data), law.data, loop)
         if status == kernels.OUTSIDE:
             end = _ended(tick, _outside(scene.robot, loop.state[kernels.JOINTS]))
         elif status == kernels.RAN_AWAY:
@@ -198,9 +198,9 @@ def _recorded(renderer: Renderer, time: Array, channels: Mapping[str, Array], dt
     if not abilities_of(renderer).diagnostics:
         return recording
     with renderer_errors("signals()"):
-        told = dict(renderer.diagnostics(recording))  # type: ignore[attr-defined]
-    more = {name: values for name, (_, values) in told.items()}
-    signals = {name: signal for name, (signal, _) in told.items()}
+        found = dict(renderer.diagnostics(recording))  # type: ignore[attr-defined]
+    more = {name: values for name, (_, values) in found.items()}
+    signals = {name: signal for name, (signal, _) in found.items()}
     return Recording(recording.time, {**recording.channels, **more}, meta=meta, signals=signals)
 
 
@@ -225,7 +225,9 @@ def _loop(experiment: Experiment, scene: Scene, time: Array, dt: float) -> Loop:
 
     device, hand = scene.robot, experiment.hand
     count, size = time.size, device.dimension
-    parts = [(each.stage, each.part(count, size, dt)) for each in scene.effects if each.stage is not None]
+    parts = [
+        (each.stage, each.part(count, size, dt)) for each in scene.effects if each.stage not in (None, Stage.ANSWER)
+    ]
     sensors, feeling, motors = (
         kernels.hook_of(part for stage, part in parts if stage is wanted)
         for wanted in (Stage.SENSE, Stage.FEEL, Stage.COMMAND)

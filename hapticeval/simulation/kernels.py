@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from hapticeval.compiled import EFFECT, FirstClass, LawData, borrowing, compiled_once, first_class, inner
+from hapticeval.compiled import EFFECT, FirstClass, borrowing, compiled_once, first_class, inner
 from hapticeval.devices.inner_loop_kernels import Inner, torque
 from hapticeval.devices.motion_kernels import DRIFT, JACOBIAN, Grip, Motion, advance, fall_free
 from hapticeval.types import Array
@@ -240,7 +240,7 @@ def act(loop: Loop, tick: int) -> int:
 
 
 @borrowing
-def run(law: Callable[..., Any], data: LawData, loop: Loop) -> tuple[int, int]:
+def run(law: Callable[..., Any], data: Any, loop: Loop) -> tuple[int, int]:
     """Run all ticks with a compiled law; return the tick that the run ended at, and how."""
     out, dt = loop.out, loop.motion.load.dt
     for tick in range(out.shape[1]):

@@ -41,7 +41,7 @@ ONE_OF_EACH = (
 
 @dataclass(frozen=True)
 class Weak(Effect):
-    """Motors that give a share of what they are asked for, and a surface around which the renderer is wrapped."""
+    """Motors that give a share of what they are asked for."""
 
     share: float = number("")
 
@@ -54,10 +54,6 @@ class Weak(Effect):
 
     def part(self, ticks, size, dt):
         return Part(weaken, np.array([self.share]))
-
-    def around(self, renderer, scene):
-        renderer.wrapped_for = scene
-        return renderer
 
 
 def weaken(params, samples, state, tick, dt, torque, before):
@@ -105,7 +101,6 @@ def test_one_more_effect_takes_a_class_and_a_line(tmp_path, monkeypatch, written
     assert requirements()["weak"] == "the motors are weak"
 
     renderer = make_renderer(Pushing, scene)
-    assert renderer.wrapped_for is scene
     run = simulate_closed_loop(renderer, case.build_stimulus(scene, renderer), scene, 1e-3)
     asked = [scene.robot.jacobian(q).T @ f for q, f in zip(run.channels["joint_position"], run.force, strict=True)]
     np.testing.assert_allclose(run.channels["joint_torque"], 0.25 * np.array(asked), rtol=1e-14)

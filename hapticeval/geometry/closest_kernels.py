@@ -1,0 +1,88 @@
+"""The closest point of a boundary as one compiled function, of signature `hapticeval.compiled.CLOSEST`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, LawData, compiled, law_data
+from hapticeval.geometry.boundary import Boundary
+from hapticeval.geometry.curve_kernels import located, speed_integral
+from hapticeval.geometry.kernels import KIND, U0, U1, UNBOUNDED, evaluate, piece_of
+from hapticeval.geometry.surface_kernels import bend, place, times
+from hapticeval.types import Array
+
+
+def closest_of(boundary: Boundary) -> Closest | None:
+    """Return the closest point of a boundary as compiled code; None for one that has none, such as one in Python.
+
+    A boundary offers it as `compiled_closest`, with a function made by `hapticeval.compiled`.
+    """
+    return getattr(boundary, "compiled_closest", None)
+
+
+def closest_in_python(boundary: Boundary) -> Callable[[object, Array, Array], float]:
+    """Return what a boundary answers from Python in the form of `CLOSEST`; the data is not used. No arc length."""
+
+    def closest(_data: object, point: Array, frame: Array) -> float:
+        found = boundary.closest_point(point[np.newaxis])
+        rows = np.vstack([found.foot, found.normal, *found.shape, np.full_like(found.foot, np.nan)])
+        frame[:] = rows[: frame.shape[0]]
+        return float(found.distance[0])
+
+    return closest
+
+
+def of_curve(pieces: Array, samples: Array, vertices: Array, tree: Array) -> Closest:
+    """Return that of a plane curve, given what `curve_kernels.located` looks a point up in."""
+    return Closest(in_plane, law_data(segments=pieces, lookup=samples, vertices=vertices, tree=tree))
+
+
+def of_surface(row: Array) -> Closest:
+    """Return that of a surface, given its row of `surface_kernels`."""
+    return Closest(in_space, law_data(segments=row[np.newaxis]))
+
+
+@compiled
+def in_plane(data: LawData, point: Array, frame: Array) -> float:
+    """See `CLOSEST`: on a curve, or on a polygon by its tree."""
+    pieces = data.segments
+    u, distance, side = located(pieces, data.lookup, data.vertices, data.tree, point[0], point[1])
+    if pieces[0, KIND] != UNBOUNDED and not u < pieces[pieces.shape[0] - 1, U1]:
+        u = pieces[0, U0]
+    k = piece_of(pieces, u)
+    x, y, dx, dy, ddx, ddy = evaluate(pieces[k], u)
+    speed = math.hypot(dx, dy)
+    tx, ty = dx / speed, dy / speed
+    frame[FOOT, 0], frame[FOOT, 1], frame[NORMAL, 0], frame[NORMAL, 1] = x, y, ty, -tx
+    if frame.shape[0] > SHAPE:
+        curvature = (dx * ddy - dy * ddx) / math.pow(speed, 3.0)
+        frame[SHAPE, 0], frame[SHAPE, 1] = curvature * tx * tx, curvature * tx * ty
+        frame[SHAPE + 1, 0], frame[SHAPE + 1, 1] = curvature * ty * tx, curvature * ty * ty
+    if frame.shape[0] > SHAPE + 2:
+        along = u if pieces[0, KIND] == UNBOUNDED else u - pieces[0, U0]
+        if data.lookup.shape[0] > 0:
+            i = max(int(np.searchsorted(data.lookup[:, 0], u, side="right")) - 1, 0)
+            along = data.lookup[i, 1] + speed_integral(pieces[0], data.lookup[i, 0], u)
+        frame[SHAPE + 2, 0], frame[SHAPE + 2, 1] = along, 0.0
+    return distance * side
+
+
+@compiled
+def in_space(data: LawData, point: Array, frame: Array) -> float:
+    """See `CLOSEST`: on a surface in space; there is no arc length."""
+    row = data.segments[0]
+    foot, normal, distance = place(row, (point[0], point[1], point[2]))
+    for i in range(3):
+        frame[FOOT, i], frame[NORMAL, i] = foot[i], normal[i]
+    if frame.shape[0] > SHAPE:
+        w = bend(row, foot, normal)
+        for i in range(3):
+            unit = (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0)
+            frame[SHAPE + i, 0], frame[SHAPE + i, 1], frame[SHAPE + i, 2] = times(w, unit)
+    if frame.shape[0] > SHAPE + 3:
+        for i in range(3):
+            frame[SHAPE + 3, i] = np.nan
+    return distance

@@ -1,0 +1,46 @@
+"""A renderer's compiled step, and then what the scene's effects change of its answer."""
+
+from __future__ import annotations
+
+from hapticeval.compiled import Change, Closest, Composed, borrowing
+from hapticeval.types import Array
+
+APART = 1000
+"""Refusals of the k-th effect, from 1, are numbered from APART k on."""
+
+
+@borrowing
+def change_row(
+    changes: tuple[Change, ...], closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
+) -> int:
+    """Let the effects change one answer in place; return 0, or the number of a refusal."""
+    for k in range(len(changes)):
+        each = changes[k]
+        refusal = each.function(each.numbers, closest, hip, velocity, dt, ihip, force)
+        if refusal != 0:
+            return APART * (k + 1) + refusal
+    return 0
+
+
+@borrowing
+def change_rows(
+    changes: tuple[Change, ...], closest: Closest, hips: Array, velocities: Array, dt: float, ihips: Array,
+    forces: Array,
+) -> tuple[int, int]:  # fmt: skip
+    """Change answers (n, N) row by row; return the row at which an effect refuses, and its number, or 0."""
+    for row in range(hips.shape[0]):
+        refusal = change_row(changes, closest, hips[row], velocities[row], dt, ihips[row], forces[row])
+        if refusal != 0:
+            return row, refusal
+    return hips.shape[0], 0
+
+
+@borrowing
+def answer(
+    data: Composed, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array
+) -> int:  # fmt: skip
+    """One tick of a renderer with effects: of signature `LAW`, but for its data."""
+    refusal = data.law(data.data, hip, velocity, push, dt, ihip, force)
+    if refusal != 0:
+        return refusal
+    return change_row(data.changes, data.closest, hip, velocity, dt, ihip, force)

@@ -1,0 +1,160 @@
+"""Effects of the surface, put on the answers of any renderer that does not show them by itself.
+
+A scene without such effects keeps the renderer that its factory made. With them each answer goes through the changes
+of the effects, in the order of the catalogue: the same compiled code from Python, along a path and in closed loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy, deepcopy
+from typing import TYPE_CHECKING, Any, Self, cast
+
+import numpy as np
+
+from hapticeval.effects.effect import Effect, Part, Stage
+from hapticeval.errors import DomainError, RefusalError
+from hapticeval.geometry.boundary import Boundary
+from hapticeval.recordings.recording import backward_difference
+from hapticeval.renderer import Batch, CompiledStep, Declaration, Renderer, Response, TrajectoryRenderer, abilities_of
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from hapticeval.compiled import Change, Closest
+
+
+def with_effects(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> Renderer | TrajectoryRenderer:
+    """Return a renderer that shows the surface effects of its scene: itself where there are none that it lacks.
+
+    Raises `RefusalError` for a renderer that answers a stimulus whole: there is no answer to a tick to change.
+    """
+    shown = abilities_of(renderer).supports or frozenset()
+    lacking = [each for each in scene.effects if each.stage is Stage.ANSWER and each.requirement not in shown]
+    if not lacking:
+        return renderer
+    if not isinstance(renderer, Renderer):
+        kinds = ", ".join(each.kind for each in lacking)
+        raise RefusalError(
+            f"the scene calls for {kinds}",
+            why="the renderer answers a stimulus whole and does not declare to support that",
+            todo="choose a renderer that answers tick by tick; one of your own that shows it declares it in supports",
+        )
+    return Affected(renderer, lacking, scene)
+
+
+class Affected:
+    """A renderer with `effects` on its answers. What it offers beside is the renderer's, but for `declares.spring`."""
+
+    def __init__(self, renderer: Renderer, effects: Sequence[Effect], scene: Scene) -> None:
+        from hapticeval.geometry.closest_kernels import closest_of
+        from hapticeval.simulation.answer_kernels import APART
+
+        can = abilities_of(renderer)
+        self.base = renderer
+        self.effects = tuple(effects)
+        self.surface, self.resolution, self.standoff, self.supports = (
+            can.surface, can.resolution, can.standoff, can.supports,
+        )  # fmt: skip
+        if can.observe_force:
+            self.observe_force = renderer.observe_force  # type: ignore[attr-defined]
+        if can.diagnostics:
+            self.diagnostics = renderer.diagnostics  # type: ignore[attr-defined]
+        if can.declares is not None:
+            scatters = can.declares.ihip_scatter, can.declares.force_scatter
+            self.declares = Declaration(ihip_scatter=scatters[0], force_scatter=scatters[1])
+        self.refusals = {
+            APART * k + number: words for k, each in enumerate(effects, 1) for number, words in each.refusals.items()
+        }
+        parts = [each.change(scene) for each in effects]
+        boundary = scene.model.boundary
+        self._compiled = closest_of(boundary) is not None
+        self._begin = [part.state.copy() for part in parts]
+        self._closest, self._changes = _assembled(parts, boundary)
+        self.law = self._composed(can.law)
+
+    def reset(self, hip: Array) -> None:
+        """Start a run with the hand at `hip` (N,), m: the effects begin as they were made."""
+        for change, state in zip(self._changes, self._begin, strict=True):
+            change.numbers.state[:] = state
+        self.base.reset(hip)
+
+    def step(self, hip: Array, velocity: Array, dt: float) -> Response:
+        """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where an effect refuses."""
+        ihip, force = (np.array(each, dtype=np.float64) for each in self.base.step(hip, velocity, dt))
+        hip, velocity = (np.array(each, dtype=np.float64)[np.newaxis] for each in (hip, velocity))
+        self._change(hip, velocity, dt, ihip[np.newaxis], force[np.newaxis])
+        return Response(ihip, force)
+
+    def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
+        """A whole path: `reset` at the first row of `hips` (n, N), and a `step` a row. Raises as `step` does.
+
+        Returns IHIPs and forces, (n, N).
+        """
+        hips = np.array(hips, dtype=np.float64)
+        velocities = backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
+        self.reset(hips[0])
+        if abilities_of(self.base).run:
+            answers = cast("Batch", self.base).run(hips.copy(), dt)
+        else:
+            steps = [self.base.step(hip, velocity, dt) for hip, velocity in zip(hips, velocities, strict=True)]
+            answers = np.array([ihip for ihip, _ in steps]), np.array([force for _, force in steps])
+        ihips, forces = (np.array(each, dtype=np.float64, order="C") for each in answers)
+        self._change(hips, velocities, dt, ihips, forces)
+        return ihips, forces
+
+    def _change(self, hips: Array, velocities: Array, dt: float, ihips: Array, forces: Array) -> None:
+        """Change answers (n, N) to `hips` (n, N) in place."""
+        from hapticeval.simulation import answer_kernels as kernels
+
+        given = self._changes, self._closest
+        if self._compiled:
+            row, refusal = kernels.change_rows(*given, hips, velocities, dt, ihips, forces)
+        else:  # the boundary is in Python, and so is all that asks it
+            one = getattr(kernels.change_row, "py_func", kernels.change_row)
+            ticks = enumerate(zip(hips, velocities, ihips, forces, strict=True))
+            numbers = ((row, one(*given, *tick[:2], dt, *tick[2:])) for row, tick in ticks)
+            row, refusal = next((found for found in numbers if found[1]), (0, 0))
+        if refusal:
+            place = ", ".join(f"{x:.6g}" for x in hips[row])
+            raise DomainError(f"{self.refusals[refusal]}: ({place}) m")
+
+    def _composed(self, law: CompiledStep | None) -> CompiledStep | None:
+        if law is None or not self._compiled:
+            return None
+        from hapticeval.compiled import Composed, law_value
+        from hapticeval.simulation.answer_kernels import answer
+
+        base = law_value(law.function, law.data)
+        data: Any = Composed(base, law.data, self._changes, self._closest)
+        return CompiledStep(answer, data, {**law.refusals, **self.refusals})
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        """Copy what a tick changes, and share the rest, which nothing does."""
+        twin = copy(self)
+        twin.base = deepcopy(self.base, memo)
+        twin._changes = tuple(
+            each._replace(numbers=each.numbers._replace(state=each.numbers.state.copy())) for each in self._changes
+        )
+        for name in ("observe_force", "diagnostics"):
+            if hasattr(self, name):
+                setattr(twin, name, getattr(twin.base, name))
+        twin.law = twin._composed(abilities_of(twin.base).law)
+        return twin
+
+
+def _assembled(parts: Sequence[Part], boundary: Boundary) -> tuple[Closest, tuple[Change, ...]]:
+    """Return the closest point and the changes as kernels take them; in Python where the boundary is in Python."""
+    from hapticeval.compiled import CHANGE, CLOSEST, Change, Closest, Numbers, compiled_once, first_class, law_data
+    from hapticeval.geometry.closest_kernels import closest_in_python, closest_of
+
+    found = closest_of(boundary)
+    changes = []
+    for part in parts:
+        assert part.function is not None
+        numbers = Numbers(part.params, np.atleast_2d(part.samples), np.array(np.atleast_2d(part.state), order="C"))
+        function: Any = part.function if found is None else first_class(compiled_once(part.function), CHANGE)
+        changes.append(Change(function, numbers))
+    if found is None:
+        return Closest(closest_in_python(boundary), law_data()), tuple(changes)
+    return Closest(first_class(found.function, CLOSEST), found.data), tuple(changes)

@@ -1,0 +1,180 @@
+"""Effects of the surface on the answers of any renderer: compiled, in Python, along a path and in closed loop alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from hapticeval.devices.parallelogram import Parallelogram2
+from hapticeval.discovery import resolve
+from hapticeval.effects.catalogue import EFFECTS
+from hapticeval.effects.effect import Effect, Part, Stage, number
+from hapticeval.errors import DomainError, RefusalError
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.renderer import abilities_of
+from hapticeval.runner.judging import make_renderer
+from hapticeval.scene import Scene
+from hapticeval.simulation.closed_loop import simulate_closed_loop
+from hapticeval.stimulus.stimulus import Experiment
+
+MODELS = ("circle", "star", "cassinian", "sphere")
+
+
+@dataclass(frozen=True)
+class Suction(Effect):
+    """Pull the hand inwards with `force`, and less so from tick to tick; refuse beyond `deepest`."""
+
+    force: float = number("N")
+    deepest: float = number("m", default=1.0)
+
+    kind: ClassVar[str] = "suction"
+    requirement: ClassVar[str] = "suction"
+    meaning: ClassVar[str] = "the surface sucks"
+    stage: ClassVar[Stage] = Stage.ANSWER
+    refusals: ClassVar[dict[int, str]] = {1: "no suction so deep inside"}
+
+    def change(self, scene):
+        return Part(suck, np.array([self.force, self.deepest]), state=np.ones((3, scene.model.dimension)))
+
+
+def suck(numbers, closest, hip, velocity, dt, ihip, force):
+    distance = closest.function(closest.data, hip, numbers.state[:2])
+    if distance < -numbers.params[1]:
+        return 1
+    if distance < 0.0:
+        for i in range(hip.shape[0]):
+            force[i] -= numbers.params[0] * numbers.state[2, 0] * numbers.state[1, i]
+        numbers.state[2, 0] *= 0.99
+    return 0
+
+
+class Python:
+    """What a renderer answers, without what is compiled of it, or all at once."""
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+
+    def reset(self, hip):
+        self.renderer.reset(hip)
+
+    def step(self, hip, velocity, dt):
+        return self.renderer.step(hip, velocity, dt)
+
+
+def scene_of(kind, *effects, **more):
+    return Scene(model=make_model(kind), effects=effects, **more)
+
+
+def way(dimension):
+    """Into the model from the right, and on along it."""
+    t = np.linspace(0.0, 1.0, 60)
+    hips = np.zeros((60, dimension))
+    hips[:, 0], hips[:, 1] = 0.13 - 0.06 * np.minimum(2.0 * t, 1.0), 0.02 * np.maximum(t - 0.5, 0.0)
+    return hips
+
+
+def steps(renderer, hips, dt=1e-3):
+    renderer.reset(hips[0])
+    velocities = np.diff(hips, axis=0, prepend=hips[:1]) / dt
+    pairs = [renderer.step(hip, velocity, dt) for hip, velocity in zip(hips, velocities, strict=True)]
+    return tuple(np.array([pair[k] for pair in pairs]) for k in (0, 1))
+
+
+@pytest.mark.parametrize("name", ["minimum-distance", "constraint"])
+@pytest.mark.parametrize("kind", MODELS)
+def test_an_answer_is_the_base_s_and_the_change_s(kind, name):
+    """`run`, `step` and what is not compiled give the same bits; a second run begins anew."""
+    if (kind, name) == ("sphere", "constraint"):
+        pytest.skip("the constraint is in the plane")
+    scene = scene_of(kind, Suction(0.2))
+    hips = way(scene.model.dimension)
+    plain = resolve(name)(scene)
+    wrapped = make_renderer(resolve(name), scene)
+    ihips, forces = plain.run(hips, 1e-3)
+    found = wrapped.run(hips, 1e-3)
+    frame = scene.model.boundary.closest_point(hips)
+    inside = frame.distance < 0.0
+    assert 20 < inside.sum() < 60
+    faded = 0.2 * 0.99 ** np.maximum(np.cumsum(inside) - 1, 0) * inside
+    np.testing.assert_allclose(found[1], forces - faded[:, np.newaxis] * frame.normal, rtol=1e-13, atol=1e-15)
+    assert np.array_equal(found[0], ihips)
+    interpreted = make_renderer(lambda scene: Python(resolve(name)(scene)), scene)
+    for again in (wrapped.run(hips, 1e-3), steps(wrapped, hips), steps(interpreted, hips)):
+        assert np.array_equal(again, found)
+
+
+def test_a_closed_loop_composes_the_laws():
+    """Compiled and asked tick by tick: the same bits."""
+    scene = scene_of("circle", Suction(0.2), device=Parallelogram2())
+    trial = Experiment(0.05, np.array([0.0, 0.0998]), np.zeros(2), np.array([0.0, 0.05]), np.array([[0.0, -1.0]] * 2))
+    law = make_renderer(resolve("minimum-distance"), scene)
+    assert abilities_of(law).law is not None
+    python = make_renderer(lambda scene: Python(resolve("minimum-distance")(scene)), scene)
+    assert abilities_of(python).law is None
+    runs = [simulate_closed_loop(each, trial, scene, 1e-3) for each in (law, python)]
+    for name, values in runs[0].channels.items():
+        assert np.array_equal(values, runs[1].channels[name]), name
+    assert np.abs(runs[0].force).max() > 0.0
+
+
+def test_a_boundary_in_python_gives_the_same_to_rounding():
+    class Python2:
+        """A circle that offers nothing compiled."""
+
+        def __init__(self, boundary):
+            self._boundary = boundary
+
+        def __getattr__(self, name):
+            if name == "compiled_closest":
+                raise AttributeError(name)
+            return getattr(self._boundary, name)
+
+    scene = scene_of("circle", Suction(0.2))
+    hips = way(2)
+    answers = Python(resolve("minimum-distance")(scene))
+    bare = replace(scene.model, boundary=Python2(scene.model.boundary))
+    renderer = make_renderer(lambda _: answers, replace(scene, model=bare))
+    np.testing.assert_allclose(
+        renderer.run(hips, 1e-3), make_renderer(resolve("minimum-distance"), scene).run(hips, 1e-3), rtol=1e-14
+    )
+
+
+def test_who_shows_an_effect_keeps_it_and_who_cannot_get_it_is_refused():
+    class Shows(Python):
+        supports = frozenset({"suction"})
+
+    scene = scene_of("circle", Suction(0.2))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(EFFECTS, Suction.kind, Suction)
+        assert isinstance(make_renderer(lambda s: Shows(resolve("constraint")(s)), scene), Shows)
+    with pytest.raises(RefusalError, match="calls for suction"):
+        make_renderer(resolve("ideal"), scene)
+    plain = replace(scene, effects=())
+    assert type(make_renderer(resolve("constraint"), plain)) is type(resolve("constraint")(plain))
+
+
+def test_an_effect_refuses_by_name():
+    scene = scene_of("circle", Suction(0.2, deepest=0.02))
+    renderer = make_renderer(resolve("minimum-distance"), scene)
+    with pytest.raises(DomainError, match=r"no suction so deep inside: \(0\.07"):
+        renderer.run(way(2), 1e-3)
+
+
+@pytest.mark.parametrize("kind", ["circle", "star", "cassinian", "line", "ellipse", "sphere", "torus", "ellipsoid"])
+def test_the_compiled_closest_point_is_the_boundary_s(kind):
+    from hapticeval.geometry.closest_kernels import closest_in_python, closest_of
+
+    boundary = make_model(kind).boundary
+    size = boundary.dimension
+    function, data = closest_of(boundary)
+    slow = closest_in_python(boundary)
+    for point in np.random.default_rng(1).uniform(-0.12, 0.12, (40, size)):
+        frame, other = np.zeros((2, 3 + size, size))
+        assert function(data, point, frame) == pytest.approx(slow(None, point, other), rel=1e-14)
+        np.testing.assert_allclose(frame[: 2 + size], other[: 2 + size], rtol=1e-12, atol=1e-15)
+        if size == 2:
+            curve = make_model(kind).curve
+            assert frame[2 + size, 0] == pytest.approx(float(curve.arc_length(curve.nearest(point[np.newaxis]))[0]))
