@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import LAW, LawData, borrowing, compiled, first_class, for_kernels, law_data
+from hapticeval.compiled import LAW, LawData, borrowing, compiled, first_class, for_kernels, inner, law_data
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.renderer import CompiledStep, Declaration, Response
 from hapticeval.renderers.law import (
@@ -158,8 +158,22 @@ class ProjectedRenderer:
         hip = as_rows(hip)
         ihip, normal, contact = self.projection.project(hip)
         answers = np.array([ihip]), np.array([normal]), np.array([contact])
-        forces = self._forces(hip[np.newaxis], as_rows(velocity), dt, answers)
-        return Response(answers[0][0], forces[0])
+        rows = hip[np.newaxis], as_rows(velocity)[np.newaxis], np.array([dt])
+        return Response(answers[0][0], self._led(*rows, answers)[0])
+
+    def lead(self, hips: Array, velocities: Array, dt: Array) -> tuple[Array, Array]:
+        """A `step` a row, from where the last one ended: HIPs and velocities (n, N), and `dt` (n,).
+
+        Returns IHIPs and forces, (n, N).
+        """
+        rows = as_rows(hips), as_rows(velocities), as_rows(dt)
+        answers = self.projection.trace(rows[0])
+        return answers[0], self._led(*rows, answers)
+
+    def _led(self, hips: Array, velocities: Array, dt: Array, answers: tuple[Array, Array, BoolArray]) -> Array:
+        forces = np.empty_like(hips)
+        _lead(self._params, self._state, hips, velocities, dt, _plain(answers), forces)
+        return forces
 
     def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
         """A whole path: `reset` at the first row of `hips` (n, N), and a `step` a row, with a recording's velocities.
@@ -169,15 +183,14 @@ class ProjectedRenderer:
         hips = as_rows(hips)
         self.reset(hips[0])
         answers = self.projection.trace(hips)
-        return answers[0], self._forces(hips, np.zeros(hips.shape[1]), dt, answers)
-
-    def _forces(self, hips: Array, velocity: Array, dt: float, answers: tuple[Array, Array, BoolArray]) -> Array:
-        """Return the forces (n, N), N, of projected rows; `velocity` (N,), m/s, is that at the first."""
         forces = np.empty_like(hips)
-        ihips, normals, contact = answers
-        answers = for_kernels(ihips), for_kernels(normals), for_kernels(contact)
-        _regulate_many(self._params, self._state, hips, velocity, dt, answers, forces)
-        return forces
+        _run(self._params, self._state, hips, np.zeros(hips.shape[1]), dt, _plain(answers), forces)
+        return answers[0], forces
+
+
+def _plain(answers: tuple[Array, Array, BoolArray]) -> tuple[Array, Array, BoolArray]:
+    ihips, normals, contact = answers
+    return for_kernels(ihips), for_kernels(normals), for_kernels(contact)
 
 
 @compiled
@@ -195,27 +208,37 @@ def _trace(law: Callable[..., Any], data: LawData, hips: Array) -> tuple[Array, 
     return ihips, normals, contact
 
 
-@borrowing
-def _regulate_many(
-    params: Array,
-    state: Array,
-    hips: Array,
-    velocity: Array,
-    dt: float,
-    answers: tuple[Array, Array, BoolArray],
-    forces: Array,
-) -> None:
-    """Write the forces (n, N) of projected rows: `answers` are IHIPs (n, N), normals (n, N) and contact (n,).
-
-    `velocity` (N,), m/s, is that at the first row.
-    """
+@inner
+def _regulate_row(
+    params: Array, state: Array, row: int, hip: Array, velocity: Array, dt: float,
+    answers: tuple[Array, Array, BoolArray], force: Array,
+) -> None:  # fmt: skip
+    """Write the force of one projected row: `answers` are IHIPs (n, N), normals (n, N) and contact (n,)."""
     ihips, normals, contact = answers
-    count, size = hips.shape
-    for row in range(count):
+    if contact[row]:
+        for i in range(hip.shape[0]):
+            state[ERROR + hip.shape[0] + i] = normals[row, i]
+        regulate(params, state, hip, velocity, 0.0, dt, ihips[row], force)
+    else:
+        release(state, hip, ihips[row], force)
+
+
+@borrowing
+def _run(
+    params: Array, state: Array, hips: Array, velocity: Array, dt: float, answers: tuple[Array, Array, BoolArray],
+    forces: Array,
+) -> None:  # fmt: skip
+    """Write the forces (n, N) of projected rows of a path, with `velocity` (N,), m/s, at the first."""
+    for row in range(hips.shape[0]):
         move_on(hips, row, dt, velocity)
-        if contact[row]:
-            for i in range(size):
-                state[ERROR + size + i] = normals[row, i]
-            regulate(params, state, hips[row], velocity, 0.0, dt, ihips[row], forces[row])
-        else:
-            release(state, hips[row], ihips[row], forces[row])
+        _regulate_row(params, state, row, hips[row], velocity, dt, answers, forces[row])
+
+
+@borrowing
+def _lead(
+    params: Array, state: Array, hips: Array, velocities: Array, dt: Array, answers: tuple[Array, Array, BoolArray],
+    forces: Array,
+) -> None:  # fmt: skip
+    """Write the forces (n, N) of projected rows, each with its own velocity and `dt` (n,)."""
+    for row in range(hips.shape[0]):
+        _regulate_row(params, state, row, hips[row], velocities[row], dt[row], answers, forces[row])
