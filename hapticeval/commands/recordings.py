@@ -230,7 +230,7 @@ def convert(
     from hapticeval.recordings.importing.convert import export, refuse_existing
     from hapticeval.recordings.integrity.report import converted
     from hapticeval.recordings.memory import limited
-    from hapticeval.recordings.salvage import incomplete
+    from hapticeval.recordings.provenance import incomplete
 
     refuse_existing(output)
     with limited(memory_limit):

@@ -26,10 +26,9 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.channels import Signal, declared
-from hapticeval.recordings.hdf5 import metadata_json, write_recording
+from hapticeval.recordings.hdf5 import LOST, Loss, Salvaged, metadata_json, write_recording
 from hapticeval.recordings.memory import first_bytes
 from hapticeval.recordings.recording import Clock, Event, Recording
-from hapticeval.recordings.salvage import LOST, Loss, Salvaged
 
 UNCLOSED = "the process of the loop ended without closing"
 """The end that a journal states where its recorder was killed."""

@@ -21,10 +21,9 @@ from scipy.io import savemat
 from hapticeval.cli import main
 from hapticeval.errors import InputError
 from hapticeval.recordings.formats import read_table
-from hapticeval.recordings.hdf5 import read_recording, write_recording
+from hapticeval.recordings.hdf5 import read_recording, salvage, write_recording
 from hapticeval.recordings.importing.convert import load
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.salvage import salvage
 
 MAPPING = """
 format = "{format}"

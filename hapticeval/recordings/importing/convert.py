@@ -19,13 +19,13 @@ from hapticeval.recordings.hdf5 import (
     DamagedError,
     metadata_json,
     read_recording,
+    salvage,
     write_recording,
 )
 from hapticeval.recordings.importing.mapping import FileMapping, Source, TimeBase, read_mapping
 from hapticeval.recordings.journal import MAGIC, MARK, recover
 from hapticeval.recordings.memory import first_bytes
 from hapticeval.recordings.recording import Clock, Recording, columns_of
-from hapticeval.recordings.salvage import salvage
 from hapticeval.types import Array, BoolArray, IntArray
 
 

@@ -17,10 +17,9 @@ from hapticeval.recordings.integrity.contacts import Impact, Impacts
 from hapticeval.recordings.integrity.force_sign import Sign, force_signs
 from hapticeval.recordings.integrity.issue import Issue, Severity, plural
 from hapticeval.recordings.integrity.timing import Timing, examine_timing
-from hapticeval.recordings.provenance import LINE, before_the_wall
+from hapticeval.recordings.provenance import LINE, before_the_wall, describe_losses, describe_warnings
 from hapticeval.recordings.quantization import numeric_step
 from hapticeval.recordings.recording import Recording, columns_of, runs_of
-from hapticeval.recordings.salvage import describe_losses, describe_warnings
 from hapticeval.recordings.stretches import stretches
 from hapticeval.types import BoolArray
 
