@@ -1,7 +1,5 @@
 """What the tests of recordings share: runs with everything that a real one brings, their journals, and damage."""
 
-from __future__ import annotations
-
 import json
 from contextlib import contextmanager
 

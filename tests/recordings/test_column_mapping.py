@@ -1,7 +1,5 @@
 """Mappings: units, signs and clocks are stated, never guessed; and a file goes out and comes back."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 

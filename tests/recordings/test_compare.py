@@ -1,7 +1,5 @@
 """Runs by place instead of time: aligned exactly where that may be, and compared by the spread of their repeats."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

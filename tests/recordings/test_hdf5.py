@@ -1,7 +1,5 @@
 """Our own files: all of a run comes back bit for bit, no damage is read as a run, and what is whole is salvaged."""
 
-from __future__ import annotations
-
 import json
 
 import h5py

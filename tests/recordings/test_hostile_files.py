@@ -1,7 +1,5 @@
 """Files that would run code, read other files, or take all memory: refused before any of that."""
 
-from __future__ import annotations
-
 import io
 import re
 import resource

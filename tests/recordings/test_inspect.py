@@ -1,7 +1,5 @@
 """`hapticeval inspect` and `convert`: exit codes, pictures, and words; and contacts in one dimension."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Journals that were cut, killed or damaged: what is whole comes back bit for bit, and nothing else does."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from recording_files import STEP, flipped, journal_parts

@@ -1,7 +1,5 @@
 """Files of every kind at the command line: journals, damaged recordings, and what is never written over."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from recording_files import flipped, journal_of

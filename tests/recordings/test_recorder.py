@@ -1,7 +1,5 @@
 """The live recorder against what ends recordings: a slow writer, a dead one, a killed loop, a full disk."""
 
-from __future__ import annotations
-
 import os
 import resource
 import signal

@@ -1,7 +1,5 @@
 """The recording: what it refuses, what follows from its channels, and that it cannot be changed."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np
