@@ -1,4 +1,4 @@
-"""How finely the numbers of a recording are told, and what that makes of the columns that runs are compared in.
+"""How finely the numbers of a recording are resolved, and what that makes of the columns that runs are compared in.
 
 A number is known to the largest of these:
 
@@ -28,7 +28,7 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array
 
 FINEST = 1e-7
-"""A quantum below this share of the range cannot be told from the rounding of the file."""
+"""A quantum below this share of the range cannot be distinguished from the rounding of the file."""
 
 WHOLE = 0.02
 """How far from whole numbers the values may lie, in quanta."""
@@ -82,7 +82,7 @@ def _common(steps: Array, floor: float) -> float:
 
 
 def quantization_step(values: Array) -> float:
-    """The step between neighbouring numbers that a column (n,) can tell, at its largest; 0 for double precision."""
+    """The step between neighbouring numbers that a column (n,) can hold, at its largest; 0 for double precision."""
     return max(numeric_step(values) or 0.0, single(values), _decimal(values))
 
 
@@ -128,7 +128,7 @@ class Resolution(NamedTuple):
         """Return the resolution of `column`, one of `compare.align.COLUMNS`, at each place, (m,).
 
         `size` (m,) is the force there, N, and `curvature` that of the surface, 1/m. Infinite where there is no force,
-        whose direction nothing tells.
+        which has no direction.
         """
         root = math.sqrt(self.dimension)
         turn = STEPS * float(np.spacing(2.0 * math.pi))

@@ -164,7 +164,7 @@ def summary(report: Integrity, soundness: Soundness, *, title: str) -> str:
         f"clock: {timing.rate:.6g} Hz, median step {1e3 * timing.step:.6g} ms, between gaps off by {jitter} us "
         "(50, 95, 99, 100 % of the steps)"
         if timing.step > 0.0
-        else "clock: no two rows follow each other, which tell no rate",
+        else "clock: no two rows follow each other, so it has no known rate",
     ]
     if timing.missing:
         lines.append(f"       in gaps about {plural(timing.missing, 'row')} missing, {timing.missing_seconds:.4g} s")
@@ -181,7 +181,7 @@ def summary(report: Integrity, soundness: Soundness, *, title: str) -> str:
 def _faults(report: Integrity) -> list[str]:
     if not report.faults:
         open_ = sum(not check.made for check in report.checks)
-        return ["nothing found" + f"; what {open_} of the inverse checks would tell is open: see below" * (open_ > 0)]
+        return ["nothing found" + f"; what {open_} of the inverse checks would find is open: see below" * (open_ > 0)]
     lines = []
     counts: dict[tuple[str, str], int] = {}
     advised: set[tuple[str, str, str]] = set()
@@ -208,7 +208,7 @@ def _checks(report: Integrity) -> list[str]:
            "contradicted" if check.faults else "holds") for check in made),
     ]) if made else []  # fmt: skip
     lines += [f"not checked: {check.name}: {check.why}" for check in report.checks if not check.made]
-    return lines or ["inverse checks: none, as no device, model or stiffness is given or told by the recording"]
+    return lines or ["inverse checks: none, as no device, model or stiffness is given or stated by the recording"]
 
 
 def _intervals(report: Integrity, soundness: Soundness) -> list[str]:
@@ -255,7 +255,7 @@ def contacts(impacts: Impacts) -> str:
         lines[0] += f"; at {times} a force rose though the tool was not moving into the wall"
     if not impacts.contacts:
         return lines[0]
-    rows = [[tell(each) for tell in CONTACT_COLUMNS.values()] for each in impacts.contacts]
+    rows = [[shown(each) for shown in CONTACT_COLUMNS.values()] for each in impacts.contacts]
     lines += aligned([list(CONTACT_COLUMNS), *rows])
     lines.append("peak, impulse and stiffness are above what the sensor read just before each touch")
     for measure, unit in (("impulse", " N s"), ("stiffness", " N/m"), ("restitution", "")):
