@@ -5,9 +5,9 @@ import pytest
 from recording_files import STEP, flipped, journal_parts
 
 from hapticeval.errors import InputError
+from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.hdf5 import read_recording, write_recording
 from hapticeval.recordings.journal import MAGIC, Kind, Layout, block_head, finish, opening, recover
-from hapticeval.recordings.recording import Signal
 
 LAYOUT = Layout(
     {"hip": 2, "joint_position": 3, "grip": 0},

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from hapticeval.errors import HapticevalError, InputError
+from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.journal import recover
 from hapticeval.recordings.recorder import LossWarning, Recorder
-from hapticeval.recordings.recording import Signal
 
 CHANNELS = {"hip": 2, "force": 2}
 GRIP = {"grip": Signal("N", "grip force", "device")}

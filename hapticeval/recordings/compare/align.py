@@ -12,9 +12,10 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
+from hapticeval.recordings.channels import CHANNELS
 from hapticeval.recordings.compare.permutation import LEVEL, needed
 from hapticeval.recordings.quantization import Resolution, resolution
-from hapticeval.recordings.recording import CHANNELS, Recording
+from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import LAG, Stretch, joined, stretches
 from hapticeval.types import Array, BoolArray, IntArray
 

@@ -40,8 +40,6 @@ from hapticeval.errors import HapticevalError, InputError, UnknownNameError, des
 from hapticeval.recordings.importing.units import parse_unit
 from hapticeval.recordings.memory import FOLDER, HEAD, first_bytes, reserve
 
-__all__ = ["Format", "Table", "formats", "importer", "read_table"]
-
 GROUP = "hapticeval.formats"
 """Entry points of this group are functions of other packages, marked with `importer`."""
 
@@ -363,24 +361,18 @@ def _check(table: Any, who: str) -> None:
         )
     rows = {name: table.rows(name) for name in table.columns}
     sizes = Counter(rows.values())
-    for name, size in reversed(rows.items()):
-        if not isinstance(name, str):
-            raise InputError(f"{who} named a column {name!r}", why="a name is a text")
-        if sizes[size] == 1 < len(rows):
-            raise InputError(
-                f"{who} gave a column '{name}' of {size} rows that no other column fits",
-                why=f"the others have {', '.join(str(each) for each in sorted(sizes) if each != size)} rows",
-                todo="give a number in each row, nan where there is none; of signals on several clocks each its clock",
-            )
-    if rows and not any(sizes):
-        raise InputError(f"{who} gave no row", why="a recording has at least one")
-    for name in (*table.units, *table.notes):
-        if name not in rows:
-            raise InputError(
-                f"{who} gave a unit or a note of the column '{name}', which is not there",
-                why=f"its columns are: {', '.join(rows)}",
-                todo="check the name",
-            )
+    odd = [name for name, size in reversed(rows.items()) if sizes[size] == 1 < len(rows)]
+    strange = [name for name in (*table.units, *table.notes) if name not in rows]
+    unnamed = [name for name in rows if not isinstance(name, str)]
+    if unnamed or (rows and not any(sizes)):
+        raise InputError(f"{who} named a column {unnamed[0]!r}" if unnamed else f"{who} gave no row")
+    if odd or strange:
+        what = f"{who} gave a unit or a note of the column '{strange[0]}', which is not there" if strange else ""
+        raise InputError(
+            what or f"{who} gave a column '{odd[0]}' of {rows[odd[0]]} rows that no other column fits",
+            why=f"its columns have these rows: {rows}",
+            todo="give a number in each row, nan where there is none; of signals on several clocks each its clock",
+        )
     for name, unit in table.units.items():
         with blaming(f"{who}, unit of the column '{name}'"):
             parse_unit(str(unit))
