@@ -86,6 +86,11 @@ def quantization_step(values: Array) -> float:
     return max(numeric_step(values) or 0.0, single(values), _decimal(values))
 
 
+def coarsest(values: Array) -> float:
+    """Return the coarsest step of the columns of `values` (n, N)."""
+    return max(map(quantization_step, values.T), default=0.0)
+
+
 def single(values: Array) -> float:
     """The spacing of single precision at the largest number, where every number is one; otherwise 0."""
     sample, largest = _sample(values)
@@ -165,7 +170,7 @@ def _own(values: Array) -> float:
         return 0.0
     # whole numbers and short decimals are exact in either precision, and no sign of one
     computed = max((single(column) for column in values.T if numeric_step(column) is None), default=0.0)
-    return max(STEPS * max(computed, float(np.spacing(size))), *(quantization_step(column) for column in values.T))
+    return max(STEPS * max(computed, float(np.spacing(size))), coarsest(values))
 
 
 def _encoder(recording: Recording, hip: Array, keep: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> float:

@@ -77,7 +77,7 @@ class State(IntEnum):
     ERROR = 11
 
 
-OVERRUN, HEAD, TAIL = int(State.OVERRUN), int(State.HEAD), int(State.TAIL)
+OVERRUN, HEAD, TAIL = map(int, (State.OVERRUN, State.HEAD, State.TAIL))
 STATE_BYTES = 256
 ROWS_AT = STATE_BYTES + EVENTS * EVENT.itemsize
 

@@ -62,7 +62,7 @@ from hapticeval.errors import InputError
 from hapticeval.recordings.integrity.contacts import impacts, wall_channel
 from hapticeval.recordings.integrity.issue import SIGN, Issue, found
 from hapticeval.recordings.provenance import declared_floor, is_bilateral
-from hapticeval.recordings.quantization import quantization_step, resolution
+from hapticeval.recordings.quantization import coarsest, resolution
 from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.recordings.stretches import LAG, stretches
 from hapticeval.types import Array, IntArray
@@ -122,7 +122,7 @@ def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> t
     """
     if len(time) < 2:
         return ()
-    steps = max(map(quantization_step, place.T)), max(map(quantization_step, force.T))
+    steps = coarsest(place), coarsest(force)
     rests, share = _resting(place, time, steps[0])
     free = [end - 1 for first, end in runs_of(~np.any(force != 0.0, axis=1)) if end - first >= FREE_ROWS]
     free = free[:: max(1, -(-len(free) // MOST))]

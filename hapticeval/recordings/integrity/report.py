@@ -20,7 +20,7 @@ from hapticeval.recordings.integrity.timing import Timing, examine_timing
 from hapticeval.recordings.provenance import LINE, before_the_wall, describe_losses, describe_warnings
 from hapticeval.recordings.quantization import numeric_step
 from hapticeval.recordings.recording import Recording, columns_of, runs_of
-from hapticeval.recordings.stretches import stretches
+from hapticeval.recordings.stretches import Stretch, stretches
 from hapticeval.types import BoolArray
 
 LEFT_OUT = ("stuck", "spike", "jump")
@@ -46,26 +46,19 @@ class ColumnFacts(NamedTuple):
     quantum: float | None
 
 
-class Interval(NamedTuple):
-    """Rows [first, end) and their times, s."""
-
-    first: int
-    end: int
-    time: tuple[float, float]
-
-
 @dataclass(frozen=True)
 class Soundness:
-    """What checks may use, and what was left out and why."""
+    """What checks may use of a recording, and what was left out and why."""
 
-    sound: tuple[Interval, ...]
-    left_out: tuple[tuple[Interval, str], ...]
+    recording: Recording
+    sound: tuple[Stretch, ...]
+    left_out: tuple[tuple[Stretch, str], ...]
 
     def rows(self, count: int) -> BoolArray:
         """Return a mask, True where a row is sound, (count,)."""
         mask = np.zeros(count, dtype=bool)
-        for interval in self.sound:
-            mask[interval.first : interval.end] = True
+        for stretch in self.sound:
+            mask[stretch.rows] = True
         return mask
 
 
@@ -138,17 +131,11 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
         if fault.kind in LEFT_OUT and fault.first is not None and keep[fault.first : fault.end].any():
             keep[fault.first : fault.end] = False
             left.append(((fault.first, fault.end or 0), f"{fault.kind} in {fault.channel}"))
-    sound = [(stretch.first, stretch.end) for stretch in stretches(recording, keep)]
-    for first, end in sound:
-        keep[first:end] = False
+    sound = stretches(recording, keep)
+    for each in sound:
+        keep[each.rows] = False
     left += [(span, "a row by itself") for span in runs_of(keep)]
-
-    def interval(first: int, end: int) -> Interval:
-        return Interval(first, end, (float(recording.time[first]), float(recording.time[end - 1])))
-
-    return Soundness(
-        tuple(interval(*span) for span in sound), tuple((interval(*span), why) for span, why in sorted(left))
-    )
+    return Soundness(recording, sound, tuple((Stretch(*span), why) for span, why in sorted(left)))
 
 
 MOST = 5
@@ -213,17 +200,17 @@ def _checks(report: Integrity) -> list[str]:
 
 def _intervals(report: Integrity, soundness: Soundness) -> list[str]:
     spans = soundness.sound
-    shown = ", ".join(f"{span.time[0]:.6g} to {span.time[1]:.6g} s{_lacking(report, span)}" for span in spans[:MOST])
+    shown = ", ".join(f"{span.times(soundness.recording)}{_lacking(report, span)}" for span in spans[:MOST])
     more = f" and {len(spans) - MOST} more, shown in the picture" if len(spans) > MOST else ""
     reasons: dict[str, list[int]] = {}
     for span, why in soundness.left_out:
-        reasons.setdefault(why, []).append(span.end - span.first)
+        reasons.setdefault(why, []).append(len(span))
     return [f"sound: {shown}{more}" if spans else "sound: nothing"] + [
         f"left out: {plural(sum(rows), 'row')} in {plural(len(rows), 'place')}: {why}" for why, rows in reasons.items()
     ]
 
 
-def _lacking(report: Integrity, span: Interval) -> str:
+def _lacking(report: Integrity, span: Stretch) -> str:
     """Describe how many rows a sound stretch lacks in gaps that checks go across."""
     gaps = (fault for fault in report.faults if fault.kind == "gap" and fault.first is not None)
     counts = [int(gap.measures["missing"]) for gap in gaps if span.first <= (gap.first or 0) < span.end - 1]
