@@ -217,7 +217,7 @@ def convert(
 ) -> None:
     """Convert a foreign file or a journal to a recording, or a recording to .mat, .csv or .npz.
 
-    Nothing is written over. What the file lacks is told, and stays in the recording.
+    Nothing is written over. What the file lacks is shown, and stays in the recording.
 
     \b
     Examples:
@@ -226,8 +226,9 @@ def convert(
       hapticeval convert run7.h5 -o run7.csv
       hapticeval convert cut.h5 --salvage -o whole.h5
     """
+    from hapticeval.files import refuse_existing
     from hapticeval.hardware.logs import load
-    from hapticeval.recordings.importing.convert import export, refuse_existing
+    from hapticeval.recordings.importing.convert import export
     from hapticeval.recordings.integrity.report import converted
     from hapticeval.recordings.memory import limited
     from hapticeval.recordings.provenance import incomplete

@@ -24,7 +24,7 @@ import inspect
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from importlib import import_module
@@ -93,15 +93,17 @@ class Table:
     units: Mapping[str, str] = field(default_factory=dict)
     notes: Mapping[str, str] = field(default_factory=dict)
     attributes: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
+    warnings: Sequence[str] = ()
+    remarks: Sequence[str] = ()
     format: str = ""
-    cells: tuple[str, ...] = ()
+    cells: Sequence[str] = ()
     topics: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         reserve(8 * sum(np.size(values) for values in self.columns.values()), "the columns of the file")
-        object.__setattr__(self, "columns", {name: _column(name, values) for name, values in self.columns.items()})
+        self.__dict__["columns"] = {name: _column(name, values) for name, values in self.columns.items()}
+        for name in ("warnings", "remarks", "cells"):
+            self.__dict__[name] = tuple(self.__dict__[name])
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Return a column, (n,). Raises `UnknownNameError`, which suggests the closest, for one that is not there."""
@@ -226,11 +228,8 @@ def importer(
     def register(read: Read) -> Read:
         known = KNOWN.get(name)
         if known is not None and called(known.read) != called(read):
-            raise InputError(
-                f"the format '{name}' is there already",
-                why=f"{known.read.__module__} registered it",
-                todo="choose another name",
-            )
+            why = f"{known.read.__module__} registered it"
+            raise InputError(f"the format '{name}' is there already", why=why, todo="choose another name")
         KNOWN[name] = Format(name, about, read, tuple(suffix.lower() for suffix in suffixes), recognises)
         return read
 
