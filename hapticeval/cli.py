@@ -48,10 +48,10 @@ INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code; what a user got wrong is told without a traceback.
+    """Run the command line and return its exit code; what a user got wrong is shown without a traceback.
 
     Without `arguments` it takes those of the process, which ends after it. Ctrl-C where no command does something about
-    it, as before one has begun, is told in a word, and is 1.
+    it, as before one has begun, is shown in a word, and the code is 1.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -99,7 +99,7 @@ def _common(
 for _command, _epilog, _short in (
     (judging.run, EXIT_CODES, "Run suites on renderers, judge, and report."),
     (judging.list_, judging.LISTED, "List the renderers, suites, cases, checks, devices or models."),
-    (judging.explain, judging.LISTED, "Tell what a check asks, measures and allows, and why."),
+    (judging.explain, judging.LISTED, "Explain what a check asks, measures and allows, and why."),
     (judging.report, judging.REPORTED, "Write the reports of an earlier run anew, from its results."),
     (record.record, record.EXIT_CODES, "Run a renderer on a robot and record it."),
     (recordings.inspect, recordings.INSPECTED, "Examine a recording: clock, channels, units, physics."),
@@ -109,7 +109,7 @@ for _command, _epilog, _short in (
     (bench.bench, bench.EXIT_CODES, "Measure what accuracy costs in time."),
     (draw.field, draw.DRAWN, "Draw where a projection leads, and where it jumps."),
     (draw.flow, draw.DRAWN, "Draw how a model's outline shrinks to a point."),
-    (draw.device, draw.DRAWN, "Tell what the hand feels of a device, and its reach."),
+    (draw.device, draw.DRAWN, "Show what the hand feels of a device, and its reach."),
     (draw.limits, draw.LIMITS, "Find the largest stiffness that stays stable."),
     (draw.integrators, draw.DRAWN, "Draw how exactly a robot's motion is integrated."),
 ):

@@ -154,7 +154,7 @@ class Abilities:
 
     @property
     def meta(self) -> dict[str, Any]:
-        """What the metadata of a recording tells of the renderer."""
+        """What the metadata of a recording holds of the renderer."""
         lengths = {"resolution": self.resolution, "standoff": self.standoff}
         said = self.declares
         if said is None:

@@ -29,7 +29,7 @@ from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
 SPEEDS = (0.5, 0.75)
-"""The experiment is run at these shares of its speed too, so that error can be told by v^2."""
+"""The experiment is run at these shares of its speed too, so that the error's growth with v^2 can be seen."""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:

@@ -198,9 +198,9 @@ def _recorded(renderer: Renderer, time: Array, channels: Mapping[str, Array], dt
     if not abilities_of(renderer).diagnostics:
         return recording
     with renderer_errors("signals()"):
-        told = dict(renderer.diagnostics(recording))  # type: ignore[attr-defined]
-    more = {name: values for name, (_, values) in told.items()}
-    signals = {name: signal for name, (signal, _) in told.items()}
+        found = dict(renderer.diagnostics(recording))  # type: ignore[attr-defined]
+    more = {name: values for name, (_, values) in found.items()}
+    signals = {name: signal for name, (signal, _) in found.items()}
     return Recording(recording.time, {**recording.channels, **more}, meta=meta, signals=signals)
 
 

@@ -69,7 +69,7 @@ def run_path(
     the answer.
 
     With one `dt` (s) for all rows a batch renderer is asked at once, and takes the velocity from the HIPs itself; with
-    a step a row, `dt` (n,), every renderer is asked row by row and given `velocity` (n, N). One that feels is told the
+    a step a row, `dt` (n,), every renderer is asked row by row and given `velocity` (n, N). One that feels is given the
     measured `pushes` (n, N), N, row by row, where there are any. Errors count ticks from `first` on.
     """
     can = abilities_of(renderer)
