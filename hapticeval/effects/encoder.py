@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from hapticeval.effects.effect import Effect, Part, Stage, number
+from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
 from hapticeval.errors import InputError
 from hapticeval.quantity import quantity
 from hapticeval.types import Array
-
-if TYPE_CHECKING:
-    from hapticeval.devices.device import Device
 
 
 @dataclass(frozen=True)
@@ -40,9 +37,9 @@ class Encoder(Effect):
         if self.counts is not None:
             object.__setattr__(self, "step", 2.0 * math.pi / self.counts)
 
-    def check(self, device: Device) -> None:
+    def check(self, scene: Calling) -> None:
         """Refuse counts per turn for a device that does not turn."""
-        if self.counts is not None and not device.turning:
+        if self.counts is not None and not scene.robot.turning:
             raise InputError(
                 f"encoder_counts = {self.counts!r} for a point mass",
                 why="counts are of a turn, and its joints are its position in metres",
