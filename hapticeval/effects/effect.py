@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -112,6 +113,14 @@ class Effect:
                     why=f"it must be {'finite and ' if allowed['finite'] else ''}{bound}",
                     todo="leave it out for none",
                 )
+
+    @classmethod
+    def read(cls, numbers: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:  # noqa: ARG003 - an effect's
+        """Return its numbers of a suite's table, with what files hold that the table names, which count from `folder`.
+
+        Raises `InputError` for a file that cannot be read.
+        """
+        return numbers
 
     @classmethod
     def named(cls, name: str) -> str:
