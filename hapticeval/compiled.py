@@ -165,11 +165,8 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 
 @cache
 def compiled_once(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a plain function of a module that is imported without numba; the same for every caller.
-
-    A kernel that is compiled already is returned as it is.
-    """
-    return function if hasattr(function, "overloads") else compiled(function)
+    """Compile a plain function of a module that is imported without numba; the same for every caller."""
+    return compiled(function)
 
 
 def borrowing(function: Callable[P, R]) -> Callable[P, R]:

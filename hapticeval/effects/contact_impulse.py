@@ -32,7 +32,7 @@ class ContactImpulse(Effect):
     refusals: ClassVar[Mapping[int, str]] = {1: "a contact begins where the device does not reach: it has no inertia"}
     linear: ClassVar[bool] = False
 
-    def check(self, scene: Calling) -> None:
+    def fits(self, scene: Calling) -> None:
         """Refuse a contact that never begins, and a device whose inertia is not known to compiled code."""
         refuse_bilateral(self, scene)
         if not isinstance(scene.robot, PointMass | Parallelogram):

@@ -78,7 +78,7 @@ class ContactTransient(Effect):
             )
         super().__post_init__()
 
-    def check(self, scene: Calling) -> None:
+    def fits(self, scene: Calling) -> None:
         """Refuse a frequency that the ticks cannot show, and a contact that never begins."""
         refuse_bilateral(self, scene)
         assert self.frequency is not None

@@ -53,9 +53,8 @@ class Part(NamedTuple):
     """What an effect adds to the closed loop, assembled for one run.
 
     `function(params, samples, state, tick, dt, first, second)` returns a float and writes in place; it is plain Python
-    over arrays that numba can compile, and calls nothing of the package, or a kernel made by
-    `hapticeval.compiled.compiled`, which may call others. `params` (k,) are its numbers, `samples` (ticks, N) what it
-    is given at each tick, and `state` (2D) what it keeps, zero at the start.
+    over arrays that numba can compile, and calls nothing of the package but compiled functions. `params` (k,) are its
+    numbers, `samples` (ticks, N) what it is given at each tick, and `state` (2D) what it keeps, zero at the start.
     """
 
     function: Callable[..., float] | None
@@ -141,8 +140,11 @@ class Effect:
         """Seconds that it adds between a sample and the motors' answer."""
         return 0.0
 
-    def check(self, scene: Calling) -> None:
-        """Raise `InputError` where the effect makes no sense in a scene: on its device, or at its sampling time."""
+    def check(self, device: Device) -> None:
+        """Raise `InputError` where the effect makes no sense on the scene's device."""
+
+    def fits(self, scene: Calling) -> None:
+        """Raise `InputError` where the effect makes no sense in the scene."""
 
     def part(self, ticks: int, size: int, dt: float) -> Part:
         """Assemble what it adds to a closed loop of so many ticks of `dt` s, on a device of `size` = N joints."""
@@ -204,6 +206,10 @@ class Calling(Protocol):
     @property
     def restitution(self) -> float:
         """c_r of (3.5)."""
+
+    @property
+    def bilateral(self) -> bool:
+        """Whether the surface holds the tool from both sides."""
 
     @property
     def sampling_time(self) -> float:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
+from hapticeval.effects.effect import Effect, Part, Stage, number
 from hapticeval.errors import InputError
 from hapticeval.quantity import quantity
 from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from hapticeval.devices.device import Device
 
 
 @dataclass(frozen=True)
@@ -37,9 +40,9 @@ class Encoder(Effect):
         if self.counts is not None:
             object.__setattr__(self, "step", 2.0 * math.pi / self.counts)
 
-    def check(self, scene: Calling) -> None:
+    def check(self, device: Device) -> None:
         """Refuse counts per turn for a device that does not turn."""
-        if self.counts is not None and not scene.robot.turning:
+        if self.counts is not None and not device.turning:
             raise InputError(
                 f"encoder_counts = {self.counts!r} for a point mass",
                 why="counts are of a turn, and its joints are its position in metres",

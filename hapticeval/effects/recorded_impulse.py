@@ -69,7 +69,7 @@ class RecordedImpulse(Effect):
         rest = {name: value for name, value in numbers.items() if name != "file"}
         return {"pulse": pulse.tolist(), "step": step, **rest}
 
-    def check(self, scene: Calling) -> None:
+    def fits(self, scene: Calling) -> None:
         """Refuse a contact that never begins."""
         refuse_bilateral(self, scene)
 

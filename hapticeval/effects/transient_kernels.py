@@ -1,4 +1,4 @@
-"""What is added to the force when a contact begins, as compiled code: changes of answers, of signature `CHANGE`.
+"""What is added to the force when a contact begins: changes of answers, of signature `hapticeval.compiled.CHANGE`.
 
 All keep the same state (STATE, N), and end with the contact: in free space there is no force. What a cap holds back
 goes into the ticks that follow.
@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from hapticeval.compiled import NORMAL, Closest, Numbers, borrowing, compiled
+from hapticeval.compiled import NORMAL, Closest, Numbers, borrowing
 from hapticeval.devices.inertia_kernels import linkage_mass
 from hapticeval.types import Array
 
@@ -68,7 +68,6 @@ def give(numbers: Numbers, asked: float, dt: float, force: Array) -> None:
         force[i] += given * state[DIRECTION, i]
 
 
-@compiled
 def strike(
     numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:
@@ -97,7 +96,6 @@ def rung(decay: float, omega: float, time: float) -> float:
     return -math.exp(-decay * time) * turning / (decay * decay + omega * omega)
 
 
-@compiled
 def ring(numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:
     """Give the tick's mean of L v e^(-Bt) sin(wt): params are the cap, L, B and w."""
     state, params = numbers.state, numbers.params
@@ -123,7 +121,6 @@ def given_until(pulse: Array, step: float, time: float) -> float:
     return float((pulse[1, whole] + (time / step - whole) * pulse[0, whole]) * step)
 
 
-@compiled
 def replay(
     numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
 ) -> int:

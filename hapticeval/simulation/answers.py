@@ -153,9 +153,7 @@ def _assembled(parts: Sequence[Part], boundary: Boundary) -> tuple[Closest, tupl
     for part in parts:
         assert part.function is not None
         numbers = Numbers(part.params, np.atleast_2d(part.samples), np.array(np.atleast_2d(part.state), order="C"))
-        function: Any = getattr(part.function, "py_func", part.function)
-        if found is not None:
-            function = first_class(compiled_once(part.function), CHANGE)
+        function: Any = part.function if found is None else first_class(compiled_once(part.function), CHANGE)
         changes.append(Change(function, numbers))
     if found is None:
         return Closest(closest_in_python(boundary), law_data()), tuple(changes)
