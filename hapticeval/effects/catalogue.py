@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from importlib import import_module
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from hapticeval.effects.effect import Effect
@@ -43,8 +44,18 @@ VISCOSITY, FORCE_SENSOR = "viscosity", "force-sensor"
 """Kinds that other rooms ask for by name."""
 
 EFFECTS: dict[str, Entry] = {
+    "shading": Entry(".shading:Shading", "the force follows normals interpolated between vertices (4.15)"),
     VISCOSITY: Entry(
         ".viscosity:Viscosity", "the surface brakes the tool that slides along it (7.18)", {"viscosity": "coefficient"}
+    ),
+    "contact-impulse": Entry(
+        ".contact_impulse:ContactImpulse", "a contact begins with a pulse that stops the device (4.21)"
+    ),
+    "contact-transient": Entry(
+        ".contact_transient:ContactTransient", "a contact begins with a decaying vibration (4.3.4)"
+    ),
+    "recorded-impulse": Entry(
+        ".recorded_impulse:RecordedImpulse", "a contact begins with a pulse that was measured (4.3.4)"
     ),
     "encoder": Entry(
         ".encoder:Encoder", short={"imperfections.encoder_step": "step", "imperfections.encoder_counts": "counts"}
@@ -65,12 +76,12 @@ LISTED = "effects"
 """The entry of a scene's table that lists effects, each a table of `kind` and its numbers."""
 
 
-def read_effects(table: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[Effect, ...]]:
+def read_effects(table: Mapping[str, Any], folder: Path = Path()) -> tuple[dict[str, Any], tuple[Effect, ...]]:
     """Return what else a scene's table holds, and its effects: those listed under `effects`, and their short forms.
 
-    `viscosity = 0.3` is short for `effects = [{ kind = "viscosity", coefficient = 0.3 }]`, see `Entry.short`. Raises
-    `UnknownNameError` for an unknown kind, number or short form, and `InputError` for numbers that an effect lacks or
-    cannot have.
+    Files that an effect names count from `folder`. `viscosity = 0.3` is short for `effects = [{ kind = "viscosity",
+    coefficient = 0.3 }]`, see `Entry.short`. Raises `UnknownNameError` for an unknown kind, number or short form, and
+    `InputError` for numbers that an effect lacks or cannot have.
     """
     listed = [dict(each) for each in table.get(LISTED, ())]
     groups = {key.partition(".")[0] for entry in EFFECTS.values() for key in entry.short if "." in key}
@@ -87,7 +98,7 @@ def read_effects(table: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[Effect
             names = [each.rpartition(".")[2] for each in known if each.startswith(f"{group}.")]
             raise UnknownNameError(f"entry of {group}", key.removeprefix(f"{group}."), names)
     rest = {key: value for key, value in short.items() if key not in known and "." not in key and key != LISTED}
-    return rest, tuple(make_effect(each) for each in [*listed, *gathered.values()])
+    return rest, tuple(make_effect(each, folder) for each in [*listed, *gathered.values()])
 
 
 def short_forms() -> dict[str, bool]:
@@ -95,13 +106,13 @@ def short_forms() -> dict[str, bool]:
     return {key.partition(".")[0]: "." not in key for entry in EFFECTS.values() for key in entry.short}
 
 
-def make_effect(document: Mapping[str, Any]) -> Effect:
+def make_effect(document: Mapping[str, Any], folder: Path = Path()) -> Effect:
     """Make an effect of a table of `kind` and its numbers. Raises `InputError` as `read_effects` does."""
     kind = document.get("kind")
     if kind not in EFFECTS:
         raise UnknownNameError("effect", str(kind), EFFECTS)
-    numbers = {name: value for name, value in document.items() if name != "kind"}
     made = EFFECTS[kind].of
+    numbers = made.read({name: value for name, value in document.items() if name != "kind"}, folder)
     names = [each.name for each in fields(made)]
     for name in numbers:
         if name not in names:

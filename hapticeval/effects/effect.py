@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -52,8 +53,8 @@ class Part(NamedTuple):
     """What an effect adds to the closed loop, assembled for one run.
 
     `function(params, samples, state, tick, dt, first, second)` returns a float and writes in place; it is plain Python
-    over arrays that numba can compile, and calls nothing of the package. `params` (k,) are its numbers, `samples`
-    (ticks, N) what it is given at each tick, and `state` (2D) what it keeps, zero at the start.
+    over arrays that numba can compile, and calls nothing of the package but compiled functions. `params` (k,) are its
+    numbers, `samples` (ticks, N) what it is given at each tick, and `state` (2D) what it keeps, zero at the start.
     """
 
     function: Callable[..., float] | None
@@ -113,6 +114,14 @@ class Effect:
                 )
 
     @classmethod
+    def read(cls, numbers: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:  # noqa: ARG003 - an effect's
+        """Return its numbers of a suite's table, with what files hold that the table names, which count from `folder`.
+
+        Raises `InputError` for a file that cannot be read.
+        """
+        return numbers
+
+    @classmethod
     def named(cls, name: str) -> str:
         """Return what messages call a field: its short form in suites where it has one, else kind and field."""
         from hapticeval.effects.catalogue import EFFECTS
@@ -133,6 +142,9 @@ class Effect:
 
     def check(self, device: Device) -> None:
         """Raise `InputError` where the effect makes no sense on the scene's device."""
+
+    def fits(self, scene: Calling) -> None:
+        """Raise `InputError` where the effect makes no sense in the scene."""
 
     def part(self, ticks: int, size: int, dt: float) -> Part:
         """Assemble what it adds to a closed loop of so many ticks of `dt` s, on a device of `size` = N joints."""
@@ -194,6 +206,10 @@ class Calling(Protocol):
     @property
     def restitution(self) -> float:
         """c_r of (3.5)."""
+
+    @property
+    def bilateral(self) -> bool:
+        """Whether the surface holds the tool from both sides."""
 
     @property
     def sampling_time(self) -> float:
