@@ -215,6 +215,22 @@ def specialised(kernel: Callable[P, R], *arguments: Any) -> Callable[P, R]:
     return kernel.overloads[signature].entry_point  # type: ignore[no-any-return]
 
 
+def machine_code(kernel: Callable[..., Any], *arguments: Any) -> bytes:
+    """Return the instructions of a kernel for such arguments, values or their types, as bytes.
+
+    They hold what it calls by name, and not what it is given as `first_class`. Numba gives up the object that it loads
+    or makes; its cache keeps it.
+    """
+    from llvmlite.binding import ObjectFileRef
+
+    own: Any = kernel
+    signature = tuple(each if isinstance(each, types.Type) else numba.typeof(each) for each in arguments)  # type: ignore[no-untyped-call]
+    own.compile(signature)
+    kept = own._cache._cache_file.load(own._cache._index_key(signature, own.targetctx.codegen()))
+    (_, _, (code, _)), *_ = kept
+    return b"".join(each.data() for each in ObjectFileRef.from_data(code).sections() if each.is_text())
+
+
 @contextmanager
 def _alone(path: Path) -> Iterator[None]:
     """While it lasts, other processes wait here. The system ends it with the process, whatever ends that.

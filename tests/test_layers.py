@@ -58,6 +58,7 @@ RESULTS = {
     "runner.results",
     "runner.table",
     "study.bench.document",
+    "study.effects.document",
     "study.projection_field.field",
 }
 """Modules of running units that only hold what a run leaves: they import no more than reports do."""
