@@ -31,11 +31,12 @@ class Runs:
 
     `refine(k)` runs the same stimulus at k times the sampling rate; `reverse()` leads the hand backwards along
     the same points; `at_speed(f)` starts the experiment f times as fast; `again()` runs it once more through the same
-    renderer, which is reset in between; `look` is `base` with a way to refine a part of it; `moved(motion, nudge)` is
-    the path, off by `nudge` (m), in the scene moved, as it looks when it is moved back, or None where the model cannot
-    be moved so or the renderer refuses it there. Each is None where it cannot be had: a recorded hardware run has no
-    siblings. `law` names the closed form (`hapticeval.closed_forms`) that the case gives for this renderer, if it does.
-    Raises `InputError` for a recording with rows that are not valid.
+    renderer, which is reset in between; `look` is `base` with a way to refine a part of it; `without(kind)` leads the
+    hand along the same path through the renderer made for the scene without the effect of that kind; `moved(motion,
+    nudge)` is the path, off by `nudge` (m), in the scene moved, as it looks when it is moved back, or None where the
+    model cannot be moved so or the renderer refuses it there. Each is None where it cannot be had: a recorded hardware
+    run has no siblings. `law` names the closed form (`hapticeval.closed_forms`) that the case gives for this renderer,
+    if it does. Raises `InputError` for a recording with rows that are not valid.
     """
 
     base: Recording
@@ -46,6 +47,7 @@ class Runs:
     again: Callable[[], Recording] | None = None
     look: Closer | None = None
     moved: Callable[[Motion, tuple[float, ...]], Recording | None] | None = None
+    without: Callable[[str], Recording] | None = None
 
     def __post_init__(self) -> None:
         if self.base.valid is not None:
@@ -72,6 +74,7 @@ class Sibling(StrEnum):
     AGAIN = "again"
     LOOK = "look"
     MOVED = "moved"
+    WITHOUT = "without"
 
 
 class Situation(StrEnum):

@@ -27,6 +27,7 @@ from hapticeval.phenomena import (
     surface_dynamics,
 )
 from hapticeval.phenomena.check import Check
+from hapticeval.phenomena.effects import shading, transient
 
 GROUP = "hapticeval.checks"
 
@@ -48,6 +49,8 @@ OWN: Mapping[str, Check] = {
         *surface_dynamics.CHECKS,
         closed_form.CHECK,
         numerical_stability.CHECK,
+        *shading.CHECKS,
+        *transient.CHECKS,
     )
 }
 """The checks of this package."""

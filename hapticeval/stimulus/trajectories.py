@@ -9,10 +9,11 @@ from typing import Any
 from hapticeval.documents import convert
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.stimulus.hard_places import HardPlaces
+from hapticeval.stimulus.moves import Moves
 from hapticeval.stimulus.paths import Arc, FromFile, Loop, PastCorner, Points, Scaled
 from hapticeval.stimulus.stimulus import Path
 
-AnyTrajectory = Scaled | Arc | PastCorner | Points | Loop | FromFile | HardPlaces
+AnyTrajectory = Scaled | Arc | PastCorner | Points | Loop | FromFile | HardPlaces | Moves
 
 
 def build_path(spec: Mapping[str, Any], surface: Boundary, folder: FilePath) -> Path:

@@ -34,6 +34,20 @@ class Spring:
         return Response(ihip, self.stiffness * (ihip - hip))
 
 
+class SevenDigits(Spring):
+    """The same with positions in single precision: right, but to seven digits only."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        return super().step(hip.astype(np.float32).astype(np.float64), velocity, dt)
+
+
+class Snapping(Spring):
+    """The same on a grid of 1 um about the origin."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        return super().step(np.rint(hip * 1e6) / 1e6, velocity, dt)
+
+
 class Changed:
     """A renderer that asks another one and changes its answer; what that one declares, it declares too."""
 

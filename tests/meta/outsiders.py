@@ -67,6 +67,12 @@ CASES = {
             ("contact-kept",),
             trajectory={"kind": "points", "points": [[0.0, 0.021], [0.001, -0.019]], "duration": 0.02},
         ),
+        case(
+            "moved",
+            {"kind": "star"},
+            ("numerical-stability",),
+            trajectory={"kind": "hard-places", "of": ["vertices", "medial", "teleports"]},
+        ),
     )
 }
 """What the outsiders are led along: each begins in free space, and is the shortest that shows the faults."""
@@ -126,6 +132,10 @@ BROKEN: Mapping[str, Outsider] = {
         {"continuous-contact": "finer runs lose the jump with the contact", **ASIDE},
     ),
     "rate-pop": Outsider(jumping.factory("rate-pop"), {"continuous-contact": "a jump at one sampling rate", **ASIDE}),
+    "seven-digits": Outsider(
+        honest.SevenDigits, {"numerical-stability": "seven digits, and none declared"}, ("moved",)
+    ),
+    "snaps": Outsider(honest.Snapping, {"numerical-stability": "a grid of 1 um that nobody declared"}, ("moved",)),
     "runs-apart": Outsider(jumping.OffStep, breaks="run() and step() differ"),
 }
 """Every broken renderer that is written from the protocol: what stops it, and why."""
@@ -134,7 +144,7 @@ IN_A_LOOP = ("late-3", "standoff")
 """The changes that alter the motion of a loop."""
 
 HONEST: Mapping[str, Outsider] = {
-    "spring": Outsider(Spring, cases=("slide", "press")),
+    "spring": Outsider(Spring, cases=("slide", "press", "moved")),
     "held": Outsider(resolve("constraint"), cases=("plate",)),
     **{
         name: Outsider(honest.factory(name, Spring), cases=("slide", "press") if name in IN_A_LOOP else ("slide",))

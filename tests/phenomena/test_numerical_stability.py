@@ -1,0 +1,152 @@
+"""Digits that hold: hard places to lead the hand to, and feet of the nearest projection against 50 digits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+
+from hapticeval.discovery import resolve
+from hapticeval.documents import convert
+from hapticeval.errors import InputError
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.renderer import Response
+from hapticeval.runner.judging import judge
+from hapticeval.scene import Scene
+from hapticeval.stimulus.hard_places import PLACES
+from hapticeval.stimulus.trajectories import build_path
+from hapticeval.suite.case import Case
+from hapticeval.suite.reading import load_suite
+
+CHECK = "numerical-stability"
+SHAPES = ("star", "cassinian", "dumbbell", "ellipse", "sphere", "torus")
+
+
+def digits_of(make, model, of=("surface", "medial"), **scene):
+    case = {"name": "c", "title": "c", "model": model, "checks": [CHECK], "scene": scene}
+    trajectory = {"kind": "hard-places", "of": list(of)}
+    (verdict,) = judge(make, "r", "s", convert({**case, "trajectory": trajectory}, Case, "c")).verdicts
+    return verdict.outcome, verdict.finding
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+@pytest.mark.parametrize("place", PLACES)
+def test_hard_places_are_met_as_they_are(kind, place):
+    boundary = make_model(kind).boundary
+    path = build_path({"kind": "hard-places", "of": [place]}, boundary, Path())
+    hips = path.sampled(1e-3)[1]
+    assert np.array_equal(hips, path.points)
+    wanted = PLACES[place](boundary)
+    assert all(np.any(np.all(hips == each, axis=1)) for each in wanted)
+    assert not boundary.signed_distance(hips[:1]) < 0.0
+
+
+def test_places_are_where_they_are_said_to_be():
+    star, circle = make_model("star").boundary, make_model("circle").boundary
+    corners = np.array([corner.position for corner in star.corners])
+    assert np.array_equal(PLACES["vertices"](star)[: len(corners)], corners)
+    np.testing.assert_allclose(PLACES["focal"](circle), 0.0, atol=1e-15)
+    np.testing.assert_allclose(np.linalg.norm(PLACES["medial"](circle), axis=1), 0.0, atol=1e-6)
+    assert np.abs(star.signed_distance(PLACES["surface"](star))).max() < 1e-16
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_the_nearest_projection_keeps_its_digits(kind):
+    outcome, finding = digits_of(resolve("minimum-distance"), {"kind": kind})
+    assert outcome is Outcome.PASS
+    assert finding.evidence["digits"] > 13.0
+
+
+@pytest.mark.parametrize(("step", "digits"), [(1e-3, 2), (1e-6, 5)])
+def test_what_is_lost_is_counted(step, digits):
+    """A grid of so many metres on a model of 0.19 m."""
+
+    class Snapping:
+        def __init__(self, scene):
+            self.boundary = scene.model.boundary
+
+        def reset(self, hip):
+            pass
+
+        def step(self, hip, velocity, dt):
+            at = self.boundary.closest_point(np.rint(hip / step)[np.newaxis] * step)
+            ihip = at.foot[0] if at.distance[0] < 0.0 else hip
+            return Response(ihip, 1000.0 * (ihip - hip))
+
+    outcome, finding = digits_of(Snapping, {"kind": "star"}, of=("teleports",))
+    assert outcome is Outcome.FAIL
+    assert f"{digits} digits are left" in finding.message
+    assert finding.evidence["motion"] in ("turned and shifted", "seven times as large")
+
+
+def test_a_recording_is_not_asked():
+    from hapticeval.phenomena.check import Runs
+    from hapticeval.phenomena.registry import CHECKS
+    from hapticeval.simulation.playback import play
+
+    scene = Scene(model=make_model("star"))
+    renderer = resolve("minimum-distance")(scene)
+    path = build_path({"kind": "hard-places", "of": ["medial"]}, scene.model.boundary, Path())
+    assert CHECKS[CHECK](Runs(play(renderer, path, 1e-3)), scene).outcome is Outcome.NOT_APPLICABLE
+
+
+def exact_distance(vertices, point):
+    """The distance of a point from a polygon, to 50 digits."""
+    best = mpmath.inf
+    corners = [mpmath.matrix([mpmath.mpf(x), mpmath.mpf(y)]) for x, y in vertices.tolist()]
+    hand = mpmath.matrix([mpmath.mpf(x) for x in point.tolist()])
+    for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
+        edge = b - a
+        square = edge[0] ** 2 + edge[1] ** 2
+        share = ((hand - a)[0] * edge[0] + (hand - a)[1] * edge[1]) / square
+        off = hand - (a + min(max(share, mpmath.mpf(0)), mpmath.mpf(1)) * edge)
+        best = min(best, mpmath.sqrt(off[0] ** 2 + off[1] ** 2))
+    return best
+
+
+POLYGONS = [
+    case.name
+    for case in load_suite("hard-cases").cases
+    if case.model["kind"] in ("polygon", "star") and case.model.get("points", 5) == 5
+]
+
+
+@pytest.mark.parametrize("name", POLYGONS)
+def test_no_foot_is_farther_than_the_nearest_by_more_than_rounding(name):
+    """A foot is start + (u - u0) direction, with u counted round the outline, and roundings of 2^-53 in a coordinate.
+
+    They are two of the outline's length P for u and u0, three of the edge's L for the direction and the product, and
+    one of the largest coordinate M for the sum.
+    """
+    (case,) = (each for each in load_suite("hard-cases").cases if each.name == name)
+    scene = case.build_scene()
+    renderer = resolve("minimum-distance")(scene)
+    hips = case.build_stimulus(scene, renderer).sampled(scene.sampling_time)[1]
+    ihips, _ = renderer.run(hips, scene.sampling_time)
+    pressed = np.flatnonzero(np.any(ihips != hips, axis=1))
+    polygon = scene.model.polygon()
+    vertices, longest = polygon.vertices, float(np.linalg.norm(polygon.edges, axis=1).max())
+    largest = float(np.abs(vertices).max())
+    rounding = np.sqrt(2.0) * 2.0**-53 * (2.0 * polygon.length + 3.0 * longest + largest)
+    with mpmath.workdps(50):
+        for row in pressed[:: max(1, pressed.size // 40)]:
+            off = [mpmath.mpf(float(a)) - mpmath.mpf(float(b)) for a, b in zip(hips[row], ihips[row], strict=True)]
+            more = mpmath.sqrt(off[0] ** 2 + off[1] ** 2) - exact_distance(vertices, hips[row])
+            assert abs(more) <= rounding
+
+
+@pytest.mark.parametrize(
+    "vertices",
+    [
+        [[-0.1, -1e-15], [0.1, -1e-15], [0.1, 1e-15], [-0.1, 1e-15]],
+        [[0.0, 0.0], [1e-320, 0.0], [0.0, 1e-320]],
+        [[1e15, 0.0], [1e15 + 0.1, 0.0], [1e15, 0.1]],
+    ],
+    ids=["a sliver below rounding", "denormal", "an offset beyond the digits"],
+)
+def test_models_that_rounding_leaves_nothing_of_are_refused(vertices):
+    with pytest.raises(InputError):
+        make_model("polygon", vertices=vertices)
