@@ -10,14 +10,29 @@ from hapticeval.effects.delay import Delay
 from hapticeval.effects.effect import Effect
 from hapticeval.effects.encoder import Encoder
 from hapticeval.effects.force_sensor import ForceSensor
+from hapticeval.effects.friction import Friction
 from hapticeval.effects.joint_friction import JointFriction
+from hapticeval.effects.lugre import LuGre
 from hapticeval.effects.saturation import Saturation
 from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.effects.viscosity import Viscosity
+from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.errors import InputError, UnknownNameError
 
 EFFECTS: dict[str, type[Effect]] = {
-    each.kind: each for each in (Viscosity, Encoder, VelocityFilter, ForceSensor, Saturation, Delay, JointFriction)
+    each.kind: each
+    for each in (
+        Viscosity,
+        Encoder,
+        VelocityFilter,
+        ForceSensor,
+        Saturation,
+        Delay,
+        JointFriction,
+        Friction,
+        ViscousFriction,
+        LuGre,
+    )
 }
 """Kind -> class, in the order in which effects take part in a tick. A new effect is named here."""
 
@@ -72,12 +87,23 @@ def make_effect(document: Mapping[str, Any]) -> Effect:
 
 
 def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """Return effects in the catalogue's order, without those that are off. Raises `InputError` for two of a kind."""
+    """Return effects in the catalogue's order, without those that are off.
+
+    Raises `InputError` for two of a kind, and for two of which one excludes the other.
+    """
     found: dict[str, Effect] = {}
     for each in effects:
         if each.kind in found:
             raise InputError(f"the scene lists two effects '{each.kind}'", todo="leave one out")
         found[each.kind] = each
     order = list(EFFECTS)
-    kept = (each for each in found.values() if not each.off)
+    kept = [each for each in found.values() if not each.off]
+    for each in kept:
+        for other in kept:
+            if other.kind in each.excludes:
+                raise InputError(
+                    f"the scene calls for '{each.kind}' and '{other.kind}'",
+                    why="each is a whole model of the same thing, and both would count it twice",
+                    todo="leave one out",
+                )
     return tuple(sorted(kept, key=lambda each: order.index(each.kind) if each.kind in order else len(order)))

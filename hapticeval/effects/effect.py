@@ -97,6 +97,8 @@ class Effect:
     """Short forms: a key of the scene's table, with a dot for one of a table in it, to the field; "" for all fields."""
     stage: ClassVar[Stage | None] = None
     """Where in a tick it takes part; None for what only renderers and checks know of."""
+    excludes: ClassVar[frozenset[str]] = frozenset()
+    """Kinds that a scene cannot call for beside it."""
     refusals: ClassVar[Mapping[int, str]] = {}
     """What the numbers mean that its change of an answer returns beside 0."""
     words: ClassVar[str] = ""
@@ -201,6 +203,10 @@ class Calling(Protocol):
     @property
     def restitution(self) -> float:
         """c_r of (3.5)."""
+
+    @property
+    def bilateral(self) -> bool:
+        """Whether the surface holds the tool from both sides."""
 
     @property
     def sampling_time(self) -> float:

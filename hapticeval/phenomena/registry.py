@@ -26,6 +26,13 @@ from hapticeval.phenomena import (
     surface_dynamics,
 )
 from hapticeval.phenomena.check import Check
+from hapticeval.phenomena.effects import (
+    friction_cone,
+    friction_energy,
+    friction_sliding,
+    friction_sticking,
+    friction_work,
+)
 
 GROUP = "hapticeval.checks"
 
@@ -46,6 +53,11 @@ OWN: Mapping[str, Check] = {
         constraint_stability.CHECK,
         *surface_dynamics.CHECKS,
         closed_form.CHECK,
+        friction_cone.CHECK,
+        friction_sticking.CHECK,
+        friction_sliding.CHECK,
+        friction_energy.CHECK,
+        friction_work.CHECK,
     )
 }
 """The checks of this package."""
