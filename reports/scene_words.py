@@ -16,6 +16,9 @@ LOOPS = {
     "compensated": "inner loop with dynamic compensation (2.11)",
     "linearised": "inner loop by feedback linearisation (6.7)",
 }
+SURFACE = (None, Stage.ANSWER)
+"""Stages of the surface's effects."""
+
 FIGURES = re.compile(r"Figures? \d+\.\d+(?:(?:,| and| to) \d+\.\d+)*")
 
 
@@ -50,7 +53,7 @@ def _effects(scene: SceneEntry, *, of_surface: bool) -> list[str]:
     """Describe each effect that the scene calls for, of the surface or of the robot."""
     turning = scene.device is not None and scene.device.kind != PointMass.name
     found = (make_effect(each) for each in scene.effects)
-    return [each.describe(turning=turning) for each in found if (each.stage in (None, Stage.ANSWER)) == of_surface]
+    return [each.describe(turning=turning) for each in found if (each.stage in SURFACE) == of_surface]
 
 
 def ended_words(run: RunEntry) -> str:

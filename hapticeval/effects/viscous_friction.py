@@ -21,8 +21,6 @@ class ViscousFriction(Effect):
     coefficient: float = number("N s/m", at=True)
 
     kind: ClassVar[str] = "viscous-friction"
-    requirement: ClassVar[str] = "viscous-friction"
-    meaning: ClassVar[str] = "the surface brakes a hand in contact in proportion to its speed along it"
     stage: ClassVar[Stage] = Stage.ANSWER
     words: ClassVar[str] = "viscous friction {coefficient}"
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.effects.friction import Friction
-from hapticeval.effects.viscous_friction import ViscousFriction
+from hapticeval.effects.catalogue import FRICTION, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.effects.friction_load import load_of, unjudged
+from hapticeval.phenomena.effects.friction_load import load_of, unjudged, viscous
 from hapticeval.phenomena.sampling import evidence_at, touching
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import SINGLE
@@ -30,8 +29,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("the hand never comes from free space: what is stored is not known")
     moved = np.diff(base.hip, axis=0)
     length = np.linalg.norm(moved, axis=1)
-    viscous = scene.effect(ViscousFriction)
-    damping = scene.damping + (0.0 if viscous is None else viscous.coefficient)
+    damping = scene.damping + viscous(scene)
     # Across the surface a law may be steeper than the scene's spring: of any that grows with the depth a force that is
     # held gives no more than its change times the way.
     across = np.max([np.abs(np.sum(moved * each, axis=1)) for each in (load.normals[:-1], load.normals[1:])], axis=0)
@@ -81,5 +79,5 @@ CHECK = Check(
         "The row that is furthest beyond counts."
     ),
     judge=judge,
-    effects=(Friction.kind, ViscousFriction.kind),
+    effects=(FRICTION, VISCOUS_FRICTION),
 )

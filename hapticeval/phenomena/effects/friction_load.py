@@ -3,23 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.effects.effect import Stage
-from hapticeval.effects.friction import Friction
-from hapticeval.effects.lugre import LuGre
-from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.phenomena.sampling import NO_IHIP, above_force_floor, lacks_ihip
 from hapticeval.phenomena.verdict import Finding, Outcome, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
-FRICTIONS = (Friction, ViscousFriction, LuGre)
+FRICTIONS = (FRICTION, VISCOUS_FRICTION, LUGRE)
 """The effects that brake a tool along the surface."""
 
 DOUBLE = float(np.finfo(np.float64).eps)
+
+
+def called_for(scene: Scene, kind: str) -> Any:
+    """Return the scene's effect of that kind, whose class is imported where there is one; None where there is none."""
+    return next((each for each in scene.effects if each.kind == kind), None)
+
+
+def viscous(scene: Scene) -> float:
+    """Return the coefficient (N s/m) of the scene's viscous friction; zero where it calls for none."""
+    found = called_for(scene, VISCOUS_FRICTION)
+    return 0.0 if found is None else float(found.coefficient)
 
 
 @dataclass(frozen=True)
@@ -58,8 +68,7 @@ def load_of(base: Recording, scene: Scene) -> Load:
         normal = np.sum(push * normals, axis=1)
         size = np.linalg.norm(force - across[:, np.newaxis] * normals, axis=1)
     moving = velocity[rows] - np.sum(velocity[rows] * normals, axis=1)[:, np.newaxis] * normals
-    viscous = scene.effect(ViscousFriction)
-    damping = scene.damping + (0.0 if viscous is None else viscous.coefficient)
+    damping = scene.damping + viscous(scene)
     reach = scene.stiffness * float(np.max(np.abs(base.hip))) + np.linalg.norm(force, axis=1)
     parts = (
         normal,
@@ -84,7 +93,7 @@ def precision(base: Recording) -> float:
 
 def unjudged(base: Recording, scene: Scene) -> Finding | None:
     """Return why a check of friction has no question, or no answer, here; None where it can be judged."""
-    others = [each.kind for each in scene.effects if each.stage is Stage.ANSWER and not isinstance(each, FRICTIONS)]
+    others = [each.kind for each in scene.effects if each.stage is Stage.ANSWER and each.kind not in FRICTIONS]
     if others:
         message = f"the scene calls for {' and '.join(others)} too, whose force along the surface is no friction"
         return Finding(Outcome.NOT_APPLICABLE, message)
