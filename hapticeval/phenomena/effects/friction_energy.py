@@ -6,10 +6,10 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.effects.friction_load import load_of, unjudged, viscous
+from hapticeval.phenomena.effects.friction_load import judged_late, load_of, unjudged, viscous
 from hapticeval.phenomena.sampling import evidence_at, touching
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
-from hapticeval.recordings.recording import SINGLE
+from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 
 STEEPER = 1.001
@@ -19,9 +19,10 @@ STEEPER = 1.001
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the work that the hand gets since free space with what holding the force may give."""
     base = runs.base
-    reason = unjudged(base, scene)
-    if reason is not None:
-        return reason
+    return unjudged(base, scene) or judged_late(base, lambda recording: _judge(recording, scene))
+
+
+def _judge(base: Recording, scene: Scene) -> Finding:
     load = load_of(base, scene)
     free = ~touching(base, scene)
     begins = np.flatnonzero(free[:-1] & ~free[1:])
@@ -76,7 +77,8 @@ CHECK = Check(
         "S = 0: so the sum is at most K sum of |dx|^2 / 2, at any sampling rate and with no fitting. To that come "
         "single precision of force times way; the scene's dampers, held, (K_d + b) / dt sum of |dx[i]| |dx[i-1]|; and"
         " across the surface |dF_n| |dx_n| in ticks where the law is steeper there than K, by a thousandth or more. "
-        "The row that is furthest beyond counts."
+        "The row that is furthest beyond counts. A force that is up to three ticks late is held against the HIP of "
+        "then."
     ),
     judge=judge,
     effects=(FRICTION, VISCOUS_FRICTION),
