@@ -32,6 +32,8 @@ from hapticeval.phenomena.effects import (
     friction_sliding,
     friction_sticking,
     friction_work,
+    shading,
+    transient,
 )
 
 GROUP = "hapticeval.checks"
@@ -53,11 +55,13 @@ OWN: Mapping[str, Check] = {
         constraint_stability.CHECK,
         *surface_dynamics.CHECKS,
         closed_form.CHECK,
+        *shading.CHECKS,
         friction_cone.CHECK,
         friction_sticking.CHECK,
         friction_sliding.CHECK,
         friction_energy.CHECK,
         friction_work.CHECK,
+        *transient.CHECKS,
     )
 }
 """The checks of this package."""

@@ -11,9 +11,9 @@ import mutants
 import outsiders
 import pytest
 import rubbing
+import struck_and_shaded
 from lawbreakers import LAWBREAKERS
 from mutants import BESIDES, MUTANTS
-from outsiders import HONEST
 
 from hapticeval.phenomena.registry import OWN
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
@@ -28,9 +28,12 @@ FAULTLESS = "faultless"
 """The law that the lawbreakers break."""
 
 DYNAMIC = (FAULTLESS, *LAWBREAKERS)
-RUBBING = (rubbing.FAULTLESS, *rubbing.LAWBREAKERS)
-BROKEN = {name: check for name, (check, _) in (MUTANTS | LAWBREAKERS | rubbing.LAWBREAKERS).items()}
-OUTSIDERS = outsiders.BROKEN | HONEST
+BROKEN = {name: check for name, (check, _) in (MUTANTS | LAWBREAKERS).items()}
+GROUPS = (outsiders, rubbing, struck_and_shaded)
+FAULTY = {name: each for group in GROUPS for name, each in group.BROKEN.items()}
+HONEST = {name: each for group in GROUPS for name, each in group.HONEST.items()}
+OUTSIDERS = FAULTY | HONEST
+CASES = {name: each for group in GROUPS for name, each in group.CASES.items()}
 
 
 @cache
@@ -48,9 +51,7 @@ def findings(name: str) -> dict[tuple[str, str], Finding]:
     """Judge a renderer of this folder once, in all cases that are meant for it: finding by case and check."""
     if name in OUTSIDERS:
         make, suite = OUTSIDERS[name].make, "outsiders"
-        judged_in = [outsiders.CASES[case] for case in OUTSIDERS[name].cases]
-    elif name in RUBBING:
-        make, suite, judged_in = rubbing.factory(name), "effects-friction", rubbing.cases(name)
+        judged_in = [CASES[case] for case in OUTSIDERS[name].cases]
     else:
         suite = "dynamics-circle" if name in DYNAMIC else "thesis"
         make = lawbreakers.factory(name) if name in DYNAMIC else ideal if name == "ideal" else mutants.factory(name)
@@ -74,19 +75,14 @@ def of_check(name: str, outcome: Outcome) -> set[str]:
     return {check for (_, check), found in outcomes(name).items() if found is outcome}
 
 
-@pytest.mark.parametrize("name", ["ideal", FAULTLESS, rubbing.FAULTLESS])
+@pytest.mark.parametrize("name", ["ideal", FAULTLESS])
 def test_what_is_right_passes_every_check_that_applies(name):
     assert set(outcomes(name).values()) <= {Outcome.PASS, Outcome.NOT_APPLICABLE}, outcomes(name)
 
 
 def test_what_is_right_passes_each_check_somewhere():
-    right = ("ideal", FAULTLESS, rubbing.FAULTLESS, *HONEST)
+    right = ("ideal", FAULTLESS, *HONEST)
     assert set().union(*(of_check(name, Outcome.PASS) for name in right)) == set(OWN)
-
-
-def faultless(name: str) -> str:
-    """The renderer that a broken one breaks."""
-    return FAULTLESS if name in LAWBREAKERS else rubbing.FAULTLESS if name in RUBBING else "ideal"
 
 
 @pytest.mark.parametrize("name", BROKEN)
@@ -94,7 +90,7 @@ def test_what_is_broken_fails_its_check_and_no_other(name):
     fails = {BROKEN[name], *BESIDES.get(name, {})}
     own = fails if name not in LAWBREAKERS else fails | {"closed-form"}
     assert of_check(name, Outcome.FAIL) == fails
-    right = outcomes(faultless(name))
+    right = outcomes(FAULTLESS if name in LAWBREAKERS else "ideal")
     others = {place: outcome for place, outcome in outcomes(name).items() if place[1] not in own}
     assert others == {place: right[place] for place in others}, "and leaves no other check undecided"
 
@@ -105,9 +101,9 @@ def test_what_is_honest_is_not_blamed(name):
     assert of_check(name, Outcome.PASS)
 
 
-@pytest.mark.parametrize("name", outsiders.BROKEN)
+@pytest.mark.parametrize("name", FAULTY)
 def test_what_an_outsider_breaks_is_found(name):
-    broken = outsiders.BROKEN[name]
+    broken = FAULTY[name]
     if broken.breaks:
         assert all(broken.breaks in finding.message for finding in findings(name).values())
         assert set(outcomes(name).values()) == {Outcome.ERROR}
@@ -118,7 +114,7 @@ def test_what_an_outsider_breaks_is_found(name):
 
 
 def test_no_check_is_without_a_renderer_that_it_stops():
-    assert set(BROKEN.values()) | {check for each in outsiders.BROKEN.values() for check in each.fails} == set(OWN)
+    assert set(BROKEN.values()) | {check for each in FAULTY.values() for check in each.fails} == set(OWN)
 
 
 HEAD = """# Kill matrix
@@ -127,10 +123,12 @@ A cross marks a check that fails in at least one case. Written by `test_kill_mat
 
 - The ideal rigid contact, and its answer spoiled (`mutants.py`): in the cases of the thesis suite.
 - A faultless set stabilisation, and broken laws (`lawbreakers.py`): in those of `dynamics-circle` with a point mass.
-- Friction round the nearest point, and with one fault each (`rubbing.py`): in cases of `effects-friction`.
 - A spring to the nearest point, in the ways in which honest renderers differ, and the broken ones that answer step by
   step (`outsiders.py`): on a short way round a circle, pressed on a line, and through a thin plate. An `e` marks one
   whose `run()` is not its `step()`: it breaks the contract, and is not judged.
+- Friction round the nearest point, and with one fault each (`rubbing.py`): in cases of `effects-friction`.
+- The same spring with force shading, or with what begins with a contact, and broken ones that claim to show that
+  (`struck_and_shaded.py`): round a loop under a facet of an octagon, over its edges, and in taps on a line.
 
 Why one fails a check besides the one that has to stop it is given beside it.
 
@@ -140,7 +138,7 @@ MARKS = {Outcome.ERROR: "e", Outcome.FAIL: "x"}
 
 def matrix() -> str:
     lines = ["| renderer | " + " | ".join(OWN) + " |", "|---|" + "---|" * len(OWN)]
-    for name in ("ideal", *MUTANTS, *DYNAMIC, *RUBBING, *HONEST, *outsiders.BROKEN):
+    for name in ("ideal", *MUTANTS, *DYNAMIC, *HONEST, *FAULTY):
         marked = {check: mark for outcome, mark in MARKS.items() for check in of_check(name, outcome)}
         lines.append(f"| {name} | " + " | ".join(marked.get(check, "") for check in OWN) + " |")
     return HEAD + "\n".join(lines) + "\n"
