@@ -105,7 +105,7 @@ def slide(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: 
     for i in range(size):
         error += (ihip[i] - hip[i]) ** 2
         strength += force[i] ** 2
-    if error == 0.0 and strength == 0.0:
+    if strength == 0.0:
         mode[:] = 0.0
         return 0
     closest.function(closest.data, ihip, target)
@@ -117,7 +117,7 @@ def slide(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: 
         across += force[i] * target[1, i]
         apart += (target[0, i] - tool[0, i]) ** 2
     press *= (1.0 if outwards > 0.0 else -1.0) / np.sqrt(error) if error > 0.0 else 0.0
-    by_normal = abs(across) > abs(press)
+    by_normal = error == 0.0 or abs(across) > abs(press)
     press = across if by_normal else press
     whole = abs(press) >= (1.0 - STRAIGHT) * np.sqrt(strength)
     for i in range(size):

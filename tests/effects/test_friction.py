@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import honest
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -201,6 +202,32 @@ def test_no_friction_is_left_of_a_renderer_that_pulls():
     assert found[2].ihip[0] == 0.0
     assert found[3].force[1] < 0.0
     assert (found[3].ihip[0], found[3].force[0]) == (0.6e-3, 0.0)
+
+
+@pytest.mark.parametrize("effect", [Friction(0.5, 0.3), ViscousFriction(5.0)])
+def test_a_tool_that_trails_in_free_space_is_free(effect):
+    """An answer of two ticks ago: its IHIP is not the HIP, and there is no contact while it has no force."""
+    scene = scene_of("line", effect)
+    late = honest.factory("late-2", honest.Spring)
+    hips = np.column_stack([np.linspace(0.0, 0.02, 60), np.linspace(5e-3, -1e-3, 60)])
+    plain, rubbed = (play(make_renderer(late, each), Path(1e-3 * np.arange(60.0), hips), 1e-3)
+                     for each in (scene_of("line"), scene))  # fmt: skip
+    free = ~np.any(plain.force, axis=1)
+    assert 40 < free.sum() < 60
+    assert np.array_equal(rubbed.ihip[free], plain.ihip[free])
+    assert not rubbed.force[free].any()
+    assert np.any(rubbed.force[~free, 0])
+
+
+def test_who_gives_no_ihip_gets_the_tool_s_place():
+    """A renderer that answers the HIP as its IHIP: the press is its force across the surface."""
+    scene = scene_of("circle", Friction(0.5, 0.3))
+    angle = np.linspace(0.0, 0.4, 200)
+    hips = np.column_stack([np.cos(angle), np.sin(angle)]) * np.r_[0.101, np.full(199, 0.098)][:, np.newaxis]
+    runs = [play(make_renderer(make, scene), Path(1e-3 * np.arange(200.0), hips), 1e-3)
+            for make in (honest.Spring, honest.factory("force-only", honest.Spring))]  # fmt: skip
+    np.testing.assert_allclose(runs[0].force, runs[1].force, atol=1e-12)
+    np.testing.assert_allclose(runs[0].ihip, runs[1].ihip, atol=1e-15)
 
 
 def test_in_a_corner_both_sides_hold():
