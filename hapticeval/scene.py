@@ -67,6 +67,7 @@ class Scene:
         object.__setattr__(self, "effects", in_order(self.effects))
         for each in self.effects:
             each.check(self.robot)
+            each.fits(self)
 
     def effect(self, kind: type[E]) -> E | None:
         """Return the scene's effect of that class; None where it does not call for it."""

@@ -52,8 +52,8 @@ class Part(NamedTuple):
     """What an effect adds to the closed loop, assembled for one run.
 
     `function(params, samples, state, tick, dt, first, second)` returns a float and writes in place; it is plain Python
-    over arrays that numba can compile, and calls nothing of the package. `params` (k,) are its numbers, `samples`
-    (ticks, N) what it is given at each tick, and `state` (2D) what it keeps, zero at the start.
+    over arrays that numba can compile, and calls nothing of the package but compiled functions. `params` (k,) are its
+    numbers, `samples` (ticks, N) what it is given at each tick, and `state` (2D) what it keeps, zero at the start.
     """
 
     function: Callable[..., float] | None
@@ -141,6 +141,15 @@ class Effect:
     def check(self, device: Device) -> None:
         """Raise `InputError` where the effect makes no sense on the scene's device."""
 
+    def fits(self, scene: Calling) -> None:
+        """Raise `InputError` where the effect makes no sense in the scene."""
+
+    def check_path(self, scene: Calling, hips: Array) -> None:
+        """Raise `InputError` where a hand that is led along HIPs (n, N), m, a tick each, asks for what cannot be."""
+
+    def check_base(self, scene: Calling, ask: Ask) -> None:
+        """Raise `RefusalError` where it cannot be put on a renderer's answers, of which `ask` gives any."""
+
     def part(self, ticks: int, size: int, dt: float) -> Part:
         """Assemble what it adds to a closed loop of so many ticks of `dt` s, on a device of `size` = N joints."""
         raise NotImplementedError(f"{type(self).__name__} has the stage {self.stage} and no part")
@@ -179,6 +188,10 @@ class Effect:
         )
 
 
+Ask = Callable[[Array, Array], tuple[Array, Array]]
+"""Ask a renderer: (from, to) -> IHIP and force, (N,) each, for a hand that comes from one point and rests at one."""
+
+
 class Calling(Protocol):
     """What calls for effects: a scene, see `hapticeval.scene.Scene`."""
 
@@ -193,6 +206,10 @@ class Calling(Protocol):
     @property
     def stiffness(self) -> float:
         """K_p, N/m."""
+
+    @property
+    def bilateral(self) -> bool:
+        """Whether the surface holds the tool from both sides."""
 
     @property
     def mass(self) -> float:
