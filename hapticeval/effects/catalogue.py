@@ -6,18 +6,33 @@ from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import Any
 
+from hapticeval.effects.bump_map import BumpMap
 from hapticeval.effects.delay import Delay
 from hapticeval.effects.effect import Effect
 from hapticeval.effects.encoder import Encoder
 from hapticeval.effects.force_sensor import ForceSensor
+from hapticeval.effects.height_map import HeightMap
 from hapticeval.effects.joint_friction import JointFriction
 from hapticeval.effects.saturation import Saturation
+from hapticeval.effects.stochastic_texture import StochasticTexture
 from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import InputError, UnknownNameError
 
 EFFECTS: dict[str, type[Effect]] = {
-    each.kind: each for each in (Viscosity, Encoder, VelocityFilter, ForceSensor, Saturation, Delay, JointFriction)
+    each.kind: each
+    for each in (
+        Viscosity,
+        Encoder,
+        VelocityFilter,
+        ForceSensor,
+        Saturation,
+        Delay,
+        JointFriction,
+        HeightMap,
+        BumpMap,
+        StochasticTexture,
+    )
 }
 """Kind -> class, in the order in which effects take part in a tick. A new effect is named here."""
 
