@@ -1,4 +1,4 @@
-"""What is written to disk: whole or not at all, under safe names, as values that JSON can hold."""
+"""Files: written whole or not at all, under safe names, as values that JSON can hold; and which a suite may name."""
 
 from __future__ import annotations
 
@@ -186,3 +186,15 @@ def read_json(path: Path, kind: type[T], *, version: int, command: str) -> T:
 
 def _no_constant(name: str) -> NoReturn:
     raise ValueError(f"it holds {name}, which is no JSON number")
+
+
+def below(folder: Path, name: str) -> Path:
+    """The file that a suite names. Raises `InputError` unless it lies below the suite's folder, links followed."""
+    file = folder / name
+    if not file.resolve().is_relative_to(folder.resolve()):
+        raise InputError(
+            f"the file '{name}' is not below the suite's folder {folder}",
+            why="a suite may come from anyone, and reads no other files of this machine",
+            todo="copy the file beside the suite",
+        )
+    return file

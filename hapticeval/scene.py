@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from hapticeval.devices.device import Device
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.effects.catalogue import EFFECTS, in_order
+from hapticeval.effects.catalogue import EFFECTS, VISCOSITY, in_order
 from hapticeval.effects.effect import Effect, Stage
 from hapticeval.errors import InputError
 from hapticeval.geometry.model import Model
@@ -73,6 +73,16 @@ class Scene:
         """Return the scene's effect of that class; None where it does not call for it."""
         return next((each for each in self.effects if isinstance(each, kind)), None)
 
+    def calls_for(self, kind: str) -> bool:
+        """Whether the scene calls for an effect of that kind."""
+        return any(each.kind == kind for each in self.effects)
+
+    @property
+    def viscosity(self) -> float:
+        """Return b_d of (7.18) of the surface, kg/s; zero where the scene calls for none."""
+        found: Any = next((each for each in self.effects if each.kind == VISCOSITY), None)
+        return 0.0 if found is None else float(found.coefficient)
+
     def with_effects(self, *effects: Effect) -> Scene:
         """Return the scene with these effects, in place of its own of the same kinds."""
         kinds = {each.kind for each in effects}
@@ -83,10 +93,9 @@ class Scene:
         """Return what this scene asks of a renderer: name -> meaning, to complete "the scene asks for NAME: ..."."""
         asked = [PLANE if self.model.dimension == 2 else SPACE]
         asked += [BILATERAL] if self.bilateral else []
-        asked += [
-            each.requirement for each in self.effects if each.requirement is not None and each.stage is not Stage.ANSWER
-        ]
-        return {name: requirements()[name] for name in asked}
+        asked += [each.kind for each in self.effects if each.stage is not Stage.ANSWER]
+        known = requirements()
+        return {name: known[name] for name in asked if name in known}
 
     @property
     def robot(self) -> Device:
@@ -103,5 +112,5 @@ def requirements() -> dict[str, str]:
         PLANE: "the model is a plane curve",
         SPACE: "the model is a surface in space",
         BILATERAL: "the surface holds the tool from both sides",
-        **{each.requirement: each.meaning for each in EFFECTS.values() if each.requirement is not None},
+        **{kind: entry.meaning for kind, entry in EFFECTS.items() if entry.meaning},
     }

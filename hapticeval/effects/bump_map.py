@@ -20,8 +20,6 @@ class BumpMap(Relief):
     """
 
     kind: ClassVar[str] = "bump-map"
-    requirement: ClassVar[str] = "bump-map"
-    meaning: ClassVar[str] = "the normal is turned by a relief (4.16)"
 
     def change(self, scene: Calling) -> Part:
         """See `Effect.change`."""

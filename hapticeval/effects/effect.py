@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -45,7 +46,7 @@ class Stage(StrEnum):
     JOINTS = "joints"
     """Give Coulomb friction to the joints: `params` (N,), without a function."""
     ANSWER = "answer"
-    """Change the renderer's answer, see `Effect.change`."""
+    """Change the answer of a renderer that does not declare to support the effect, see `Effect.change`."""
 
 
 class Part(NamedTuple):
@@ -85,16 +86,6 @@ class Effect:
 
     kind: ClassVar[str] = ""
     """Its name in suites, results and recordings."""
-    requirement: ClassVar[str | None] = None
-    """The name under which a renderer declares that it supports the effect; None if a renderer need not know of it.
-
-    A renderer that does not declare an effect of the stage `ANSWER` gets it put on its answers; one that lacks another
-    is refused.
-    """
-    meaning: ClassVar[str] = ""
-    """Completes "the scene asks for REQUIREMENT: ..."."""
-    keys: ClassVar[Mapping[str, str]] = {}
-    """Short forms: a key of the scene's table, with a dot for one of a table in it, to the field; "" for all fields."""
     stage: ClassVar[Stage | None] = None
     """Where in a tick it takes part; None for what only renderers and checks know of."""
     refusals: ClassVar[Mapping[int, str]] = {}
@@ -123,9 +114,20 @@ class Effect:
                 )
 
     @classmethod
+    def read(cls, numbers: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:  # noqa: ARG003 - an effect's
+        """Return its numbers of a suite's table, with what files hold that the table names, which count from `folder`.
+
+        Raises `InputError` for a file that cannot be read.
+        """
+        return numbers
+
+    @classmethod
     def named(cls, name: str) -> str:
         """Return what messages call a field: its short form in suites where it has one, else kind and field."""
-        short = [key.rpartition(".")[2] for key, field in cls.keys.items() if field == name]
+        from hapticeval.effects.catalogue import EFFECTS
+
+        known = EFFECTS[cls.kind].short if cls.kind in EFFECTS else {}
+        short = [key.rpartition(".")[2] for key, field in known.items() if field == name]
         return short[0] if short else f"the {cls.kind}'s {name}"
 
     @property
@@ -208,16 +210,16 @@ class Calling(Protocol):
         """K_p, N/m."""
 
     @property
-    def bilateral(self) -> bool:
-        """Whether the surface holds the tool from both sides."""
-
-    @property
     def mass(self) -> float:
         """The mass (kg) of the virtual tool."""
 
     @property
     def restitution(self) -> float:
         """c_r of (3.5)."""
+
+    @property
+    def bilateral(self) -> bool:
+        """Whether the surface holds the tool from both sides."""
 
     @property
     def sampling_time(self) -> float:

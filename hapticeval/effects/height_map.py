@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 
 from hapticeval.effects.effect import Ask, Calling, Effect, Part, Stage, number
 from hapticeval.errors import InputError, RefusalError
+from hapticeval.files import below
 from hapticeval.quantity import quantity
 from hapticeval.types import Array
 
@@ -33,9 +35,10 @@ class Relief(Effect):
     """Base of height and bump maps: heights h (m) above the surface that repeat every `wavelength` (m).
 
     They are a sine of `amplitude` (m), or a `profile` of heights (m) that are evenly spaced over one wavelength, joined
-    by a periodic cubic spline. On a plane curve h is a function of the arc length; round a closed one the wavelength is
-    rounded so that a whole number closes up. In space h is a function of the foot's coordinate along `direction`, the
-    x axis where none is given: plane waves that the surface cuts through, so that they close up on any surface.
+    by a periodic cubic spline; in a suite also those of the column h of a `file` below its folder. On a plane curve h
+    is a function of the arc length; round a closed one the wavelength is rounded so that a whole number closes up. In
+    space h is a function of the foot's coordinate along `direction`, the x axis where none is given: plane waves that
+    the surface cuts through, so that they close up on any surface.
     """
 
     wavelength: float = number("m")
@@ -63,6 +66,16 @@ class Relief(Effect):
                 why=f"a periodic cubic goes through at least {FEWEST}",
                 todo="give more of them, evenly spaced over a wavelength",
             )
+
+    @classmethod
+    def read(cls, numbers: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
+        """Return the numbers of a table, with the profile of the `file` that it names: a table's column h, m."""
+        if "file" not in numbers:
+            return numbers
+        from hapticeval.recordings.formats import read_table
+
+        heights = read_table(below(folder, str(numbers["file"])))["h"]
+        return {name: value for name, value in numbers.items() if name != "file"} | {"profile": heights}
 
     @property
     def off(self) -> bool:
@@ -164,8 +177,6 @@ class HeightMap(Relief):
     """
 
     kind: ClassVar[str] = "height-map"
-    requirement: ClassVar[str] = "height-map"
-    meaning: ClassVar[str] = "the surface has a relief, felt as the potential K (d + h)^2 / 2"
     refusals: ClassVar[dict[int, str]] = {
         1: "a height map needs an IHIP that is the nearest point of the surface, and the renderer's is not",
         2: "a height map ends at the medial axis, where the surface has no nearest point",

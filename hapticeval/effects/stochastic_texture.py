@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from hapticeval.documents import convert
 from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
-from hapticeval.effects.texture import Texture, as_document, named
+from hapticeval.effects.texture import Texture, as_document, named, read_texture
 from hapticeval.errors import InputError
+from hapticeval.files import below
 from hapticeval.quantity import quantity
 
 DIRECTIONS = ("along", "across", "normal")
@@ -26,12 +28,12 @@ SEEDS = 2**32
 class StochasticTexture(Effect):
     """Shake the hand by vibrations of a texture, m/s^2, times a `mass` (kg), while the renderer presses on it.
 
-    `texture` is the name of one of ours, or a whole one as a table: see `texture.Texture`. Its filters are those of the
-    hand's speed along the surface and the normal force, both low-passed at 20 Hz, by line spectral frequencies that are
-    interpolated at each sample, and are driven by noise that the `seed` determines: after each reset the same.
-    `direction` is "along" the way of the hand; "across" it in the surface, as the published toolkit has it, which does
-    no work on the stroke and needs space; or along the "normal", where it never pulls. A sample is held until the next
-    where the loop is faster than the texture.
+    `texture` is the name of one of ours, or a whole one as a table, see `texture.Texture`; a suite may name a `file` of
+    one below its folder instead. Its filters are those of the hand's speed along the surface and the normal force, both
+    low-passed at 20 Hz, by line spectral frequencies that are interpolated at each sample, and are driven by noise that
+    the `seed` determines: after each reset the same. `direction` is "along" the way of the hand; "across" it in the
+    surface, as the published toolkit has it, which does no work on the stroke and needs space; or along the "normal",
+    where it never pulls. A sample is held until the next where the loop is faster than the texture.
 
     A published model gives accelerations as measured on a tool: `mass` is what makes forces of them. The toolkit's own
     programs take 0.05 kg, the hand's handle with some of the hand, or 0.5 kg.
@@ -43,8 +45,6 @@ class StochasticTexture(Effect):
     seed: int = 1
 
     kind: ClassVar[str] = "stochastic-texture"
-    requirement: ClassVar[str] = "stochastic-texture"
-    meaning: ClassVar[str] = "the surface shakes the tool that slides along it, by speed and force"
     stage: ClassVar[Stage] = Stage.ANSWER
 
     def __post_init__(self) -> None:
@@ -58,6 +58,16 @@ class StochasticTexture(Effect):
         if isinstance(self.seed, bool) or not isinstance(self.seed, int) or not 0 <= self.seed < SEEDS:
             raise InputError(f"a {self.kind} with seed = {self.seed!r}", why=f"it is a whole number below {SEEDS}")
         _ = self.model
+
+    @classmethod
+    def read(cls, numbers: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
+        """Return the numbers of a table, with the texture of the `file` (TOML) that it names."""
+        if "file" not in numbers:
+            return numbers
+        if "texture" in numbers:
+            raise InputError(f"a {cls.kind} with a file and a texture", todo="give one or the other")
+        texture = read_texture(below(folder, str(numbers["file"])))
+        return {name: value for name, value in numbers.items() if name != "file"} | {"texture": texture}
 
     @property
     def model(self) -> Texture:

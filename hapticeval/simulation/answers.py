@@ -30,7 +30,7 @@ def with_effects(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> Rende
     Raises `RefusalError` for a renderer that answers a stimulus whole: there is no answer to a tick to change.
     """
     shown = abilities_of(renderer).supports or frozenset()
-    lacking = [each for each in scene.effects if each.stage is Stage.ANSWER and each.requirement not in shown]
+    lacking = [each for each in scene.effects if each.stage is Stage.ANSWER and each.kind not in shown]
     if not lacking:
         return renderer
     if not isinstance(renderer, Renderer):

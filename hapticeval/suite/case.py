@@ -63,7 +63,7 @@ class Case(CaseEntries, frozen=True, kw_only=True):
 
     def build_scene(self) -> Scene:
         """Return the scene, its model built once in each process."""
-        return build_scene(_model(json.dumps(self.model, sort_keys=True)), self.scene)
+        return build_scene(_model(json.dumps(self.model, sort_keys=True)), self.scene, self.folder)
 
     def build_stimulus(self, scene: Scene, renderer: object) -> Stimulus:
         """Return the path or the experiment; the renderer's own surface counts where `depth_of` says so.

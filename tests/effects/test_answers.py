@@ -10,7 +10,7 @@ import pytest
 
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
-from hapticeval.effects.catalogue import EFFECTS
+from hapticeval.effects.catalogue import EFFECTS, Entry
 from hapticeval.effects.effect import Effect, Part, Stage, number
 from hapticeval.errors import DomainError, RefusalError
 from hapticeval.geometry.catalogue import make_model
@@ -31,8 +31,6 @@ class Suction(Effect):
     deepest: float = number("m", default=1.0)
 
     kind: ClassVar[str] = "suction"
-    requirement: ClassVar[str] = "suction"
-    meaning: ClassVar[str] = "the surface sucks"
     stage: ClassVar[Stage] = Stage.ANSWER
     refusals: ClassVar[dict[int, str]] = {1: "no suction so deep inside"}
 
@@ -148,7 +146,7 @@ def test_who_shows_an_effect_keeps_it_and_who_cannot_get_it_is_refused():
 
     scene = scene_of("circle", Suction(0.2))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(EFFECTS, Suction.kind, Suction)
+        patch.setitem(EFFECTS, Suction.kind, Entry(f"{__name__}:Suction", "the surface sucks"))
         assert isinstance(make_renderer(lambda s: Shows(resolve("constraint")(s)), scene), Shows)
     with pytest.raises(RefusalError, match="calls for suction"):
         make_renderer(resolve("ideal"), scene)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from itertools import pairwise
 
@@ -262,6 +263,13 @@ def test_a_path_within_the_limit_passes_and_harmonics_count():
 def test_bad_numbers_are_refused(kind, document, words):
     with pytest.raises(InputError, match=words):
         make_effect({"kind": kind, **document})
+
+
+def test_a_profile_may_stand_in_a_file(tmp_path):
+    (tmp_path / "profile.csv").write_text("h\n" + "\n".join(map(repr, map(float, PROFILE))) + "\n")
+    read = make_effect({"kind": "height-map", "wavelength": WAVE, "file": "profile.csv"}, tmp_path)
+    assert read == HeightMap(wavelength=WAVE, profile=PROFILE)
+    assert make_effect(json.loads(json.dumps(read.document()))) == read
 
 
 def test_a_relief_fits_its_model():

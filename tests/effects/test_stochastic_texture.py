@@ -217,6 +217,12 @@ def test_shipped_textures_are_read_back_to_the_bit(tmp_path):
         whole = StochasticTexture(mass=0.1, texture=json.loads(json.dumps(as_document(texture))))
         assert whole.model == texture
         assert make_effect(json.loads(json.dumps(whole.document()))) == whole
+    table = {"kind": "stochastic-texture", "mass": 0.1, "file": "copy.toml"}
+    assert make_effect(table, tmp_path) == whole
+    with pytest.raises(InputError, match="a file and a texture"):
+        make_effect(table | {"texture": "ribbed"}, tmp_path)
+    with pytest.raises(InputError, match="not below the suite's folder"):
+        make_effect(table | {"file": "../copy.toml"}, tmp_path)
     assert StochasticTexture(**RIBBED).document() == {"kind": "stochastic-texture", "mass": 0.5, "texture": "ribbed"}
 
 
