@@ -26,7 +26,7 @@ from hapticeval.phenomena import (
     surface_dynamics,
 )
 from hapticeval.phenomena.check import Check
-from hapticeval.phenomena.effects import shading, transient
+from hapticeval.phenomena.effects import shading, texture, texture_work, transient
 
 GROUP = "hapticeval.checks"
 
@@ -49,6 +49,8 @@ OWN: Mapping[str, Check] = {
         closed_form.CHECK,
         *shading.CHECKS,
         *transient.CHECKS,
+        *texture.CHECKS,
+        texture_work.CHECK,
     )
 }
 """The checks of this package."""
