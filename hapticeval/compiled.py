@@ -160,7 +160,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     Without that each would do all the work, and two that add to a cache at once may leave an entry of its index that
     leads to other code.
     """
-    return _compiled(function)
+    return _compiled(function, _nrt=True)
 
 
 @cache
@@ -177,14 +177,14 @@ def borrowing(function: Callable[P, R]) -> Callable[P, R]:
     return _compiled(function, _nrt=False)
 
 
+def inlined(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function that borrows its arrays, by itself and into the kernels that call it by its name."""
+    return _compiled(function, _nrt=False, forceinline=True)
+
+
 def inner(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function that borrows its arrays, into the kernels that call it: it has no way in from Python."""
     return _compiled(function, _nrt=False, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-
-
-def inlined(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function into the kernels that call it, so that no references are counted on the way there."""
-    return _compiled(function, forceinline=True)
 
 
 def _compiled(function: Callable[P, R], **options: Any) -> Callable[P, R]:

@@ -134,8 +134,8 @@ def draw(order: Order) -> Drawing:
 
 def _draw(order: Order) -> Drawing:
     from hapticeval.geometry.catalogue import make_model
+    from hapticeval.recordings.channels import REQUIRED
     from hapticeval.recordings.hdf5 import read_recording
-    from hapticeval.recordings.recording import REQUIRED
 
     run = order.runs[0]
     place, prefix = f"{run.suite}/{run.case}", order.prefix

@@ -23,6 +23,7 @@ LAYERS = (
     {"effects"},
     {"scene"},
     {"stimulus"},
+    {"strategies"},
     {"closed_forms", "renderer"},
     {"simulation"},
     {"phenomena"},
