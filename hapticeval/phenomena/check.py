@@ -30,8 +30,9 @@ class Runs:
 
     `refine(k)` runs the same stimulus at k times the sampling rate; `reverse()` leads the hand backwards along
     the same points; `at_speed(f)` starts the experiment f times as fast; `again()` runs it once more through the same
-    renderer, which is reset in between; `look` is `base` with a way to refine a part of it. Each is None where it
-    cannot be had: a recorded hardware run has no siblings. `law` names the closed form (`hapticeval.closed_forms`)
+    renderer, which is reset in between; `look` is `base` with a way to refine a part of it; `without(kind)` leads the
+    hand along the same path through the renderer made for the scene without the effect of that kind. Each is None where
+    it cannot be had: a recorded hardware run has no siblings. `law` names the closed form (`hapticeval.closed_forms`)
     that the case gives for this renderer, if it does. Raises `InputError` for a recording with rows that are not valid.
     """
 
@@ -42,6 +43,7 @@ class Runs:
     law: str | None = None
     again: Callable[[], Recording] | None = None
     look: Closer | None = None
+    without: Callable[[str], Recording] | None = None
 
     def __post_init__(self) -> None:
         if self.base.valid is not None:
@@ -67,6 +69,7 @@ class Sibling(StrEnum):
     LAW = "law"
     AGAIN = "again"
     LOOK = "look"
+    WITHOUT = "without"
 
 
 class Situation(StrEnum):

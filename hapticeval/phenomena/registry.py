@@ -26,6 +26,7 @@ from hapticeval.phenomena import (
     surface_dynamics,
 )
 from hapticeval.phenomena.check import Check
+from hapticeval.phenomena.effects import shading, transient
 
 GROUP = "hapticeval.checks"
 
@@ -46,6 +47,8 @@ OWN: Mapping[str, Check] = {
         constraint_stability.CHECK,
         *surface_dynamics.CHECKS,
         closed_form.CHECK,
+        *shading.CHECKS,
+        *transient.CHECKS,
     )
 }
 """The checks of this package."""
