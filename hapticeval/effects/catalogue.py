@@ -45,6 +45,13 @@ VISCOSITY, FORCE_SENSOR = "viscosity", "force-sensor"
 
 EFFECTS: dict[str, Entry] = {
     "shading": Entry(".shading:Shading", "the force follows normals interpolated between vertices (4.15)"),
+    "height-map": Entry(
+        ".height_map:HeightMap", "the surface has a relief, felt as the potential K (d + h)^2 / 2 (4.3.2)"
+    ),
+    "bump-map": Entry(".bump_map:BumpMap", "the normal is turned by a relief (4.16)"),
+    "stochastic-texture": Entry(
+        ".stochastic_texture:StochasticTexture", "the surface shakes the tool that slides along it (4.3.2)"
+    ),
     VISCOSITY: Entry(
         ".viscosity:Viscosity", "the surface brakes the tool that slides along it (7.18)", {"viscosity": "coefficient"}
     ),

@@ -43,6 +43,10 @@ def with_effects(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> Rende
     return Affected(renderer, lacking, scene)
 
 
+RESTS = 10
+"""Ticks that a hand rests when a bare answer is asked for: more than any granted lag."""
+
+
 class Affected:
     """A renderer with `effects` on its answers. What it offers beside is the renderer's, but for `declares.spring`."""
 
@@ -67,6 +71,8 @@ class Affected:
         self.refusals = {
             APART * k + number: words for k, each in enumerate(effects, 1) for number, words in each.refusals.items()
         }
+        for each in effects:
+            each.check_base(scene, self._ask)
         parts = [each.change(scene) for each in effects]
         boundary = scene.model.boundary
         self._compiled = closest_of(boundary) is not None
@@ -107,6 +113,14 @@ class Affected:
         ihips, forces = (np.array(each, dtype=np.float64, order="C") for each in answers)
         self._change(hips, velocities, dt, ihips, forces)
         return ihips, forces
+
+    def _ask(self, start: Array, hip: Array) -> tuple[Array, Array]:
+        """Return the bare answer to a hand that comes from `start` (N,), m, and rests at `hip`: IHIP and force."""
+        self.base.reset(start.copy())
+        rest, dt = np.zeros_like(hip), 1e-3
+        for point in (start, *[hip] * RESTS):
+            ihip, force = self.base.step(point.copy(), rest, dt)
+        return np.array(ihip, dtype=np.float64), np.array(force, dtype=np.float64)
 
     def _change(self, hips: Array, velocities: Array, dt: float, ihips: Array, forces: Array) -> None:
         """Change answers (n, N) to `hips` (n, N) in place."""
