@@ -26,7 +26,17 @@ from hapticeval.phenomena import (
     surface_dynamics,
 )
 from hapticeval.phenomena.check import Check
-from hapticeval.phenomena.effects import shading, texture, texture_work, transient
+from hapticeval.phenomena.effects import (
+    friction_cone,
+    friction_energy,
+    friction_sliding,
+    friction_sticking,
+    friction_work,
+    shading,
+    texture,
+    texture_work,
+    transient,
+)
 
 GROUP = "hapticeval.checks"
 
@@ -51,6 +61,11 @@ OWN: Mapping[str, Check] = {
         *transient.CHECKS,
         *texture.CHECKS,
         texture_work.CHECK,
+        friction_cone.CHECK,
+        friction_sticking.CHECK,
+        friction_sliding.CHECK,
+        friction_energy.CHECK,
+        friction_work.CHECK,
     )
 }
 """The checks of this package."""

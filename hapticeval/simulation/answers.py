@@ -51,8 +51,9 @@ class Affected:
     """A renderer with `effects` on its answers. What it offers beside is the renderer's, but for `declares.spring`."""
 
     def __init__(self, renderer: Renderer, effects: Sequence[Effect], scene: Scene) -> None:
+        from hapticeval.compiled import specialised
         from hapticeval.geometry.closest_kernels import closest_of
-        from hapticeval.simulation.answer_kernels import APART
+        from hapticeval.simulation.answer_kernels import APART, change_rows
 
         can = abilities_of(renderer)
         self.base = renderer
@@ -77,6 +78,10 @@ class Affected:
         self._compiled = closest_of(boundary) is not None
         self._begin = [part.state.copy() for part in parts]
         self._closest, self._changes = _assembled(parts, boundary)
+        if self._compiled:
+            # To look the types of nested arrays up takes a hundred times as long as a tick.
+            row = np.empty((1, scene.model.dimension))
+            self._change_rows = specialised(change_rows, self._changes, self._closest, row, row, 0.0, row, row)
         self.law = self._composed(can.law)
 
     def reset(self, hip: Array) -> None:
@@ -97,7 +102,7 @@ class Affected:
 
         Returns IHIPs and forces, (n, N).
         """
-        hips = np.array(hips, dtype=np.float64)
+        hips = np.array(hips, dtype=np.float64, order="C")
         velocities = backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
         self.reset(hips[0])
         if abilities_of(self.base).run:
@@ -123,7 +128,7 @@ class Affected:
 
         given = self._changes, self._closest
         if self._compiled:
-            row, refusal = kernels.change_rows(*given, hips, velocities, dt, ihips, forces)
+            row, refusal = self._change_rows(*given, hips, velocities, dt, ihips, forces)
         else:  # the boundary is in Python, and so is all that asks it
             one = getattr(kernels.change_row, "py_func", kernels.change_row)
             ticks = enumerate(zip(hips, velocities, ihips, forces, strict=True))

@@ -16,8 +16,10 @@ from hapticeval.geometry.model import Model
 from hapticeval.renderer import abilities_of
 from hapticeval.scene import Scene
 from hapticeval.stimulus.experiments import ExperimentTable
+from hapticeval.stimulus.moves import Moves
 from hapticeval.stimulus.paths import AnyTrajectory
 from hapticeval.stimulus.stimulus import Experiment, Stimulus
+from hapticeval.suite.generated import Generated
 from hapticeval.suite.scene import build_scene, check_workspace
 
 Published = dict[str, dict[str, Literal["pass", "fail"]]]
@@ -40,7 +42,7 @@ class CaseEntries(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     citation: str = ""
     depth_of: Literal["model", "representation"] = "model"
     scene: dict[str, Any] = {}
-    trajectory: AnyTrajectory | None = None
+    trajectory: AnyTrajectory | Moves | Generated | None = None
     experiment: ExperimentTable | None = None
     judged: bool = True
     published: Published = {}

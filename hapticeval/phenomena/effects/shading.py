@@ -26,8 +26,7 @@ SHADING = "shading"
 """The kind of effect that these checks are of."""
 
 OTHER_WEIGHTS = 2.0
-"""Normals of vertices may be weighted otherwise: along a facet they then turn by all that its two edges turn, in place of
-half of that."""
+"""Vertex normals of other weights turn along a facet by all that its two edges turn, ours by half of that."""
 
 
 class Shaded(NamedTuple):

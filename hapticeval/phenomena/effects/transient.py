@@ -35,21 +35,27 @@ DOUBLE = 2.0**-52
 
 
 class Struck(NamedTuple):
-    """One contact: its ticks [begin, end), the normal (N,), and the force (n,), N, added along it in these ticks.
+    """One contact: its ticks [begin, end), and the force (n,), N, added along the normal in these ticks.
 
-    `speed` (m/s) is that of the approach, `expected` (N s) the impulse that the effect gives it in `needs` seconds, and
-    `rounding` (n,), N, what number formats leave open of the added force.
+    `across` (N s) is the impulse that is added along the surface. `speed` (m/s) is that of the approach, `expected`
+    (N s) the impulse that the effect gives it in `needs` seconds, and `rounding` (n,), N, what number formats leave
+    open of the added force.
     """
 
     begin: int
     end: int
-    normal: Array
     added: Array
     across: float
     speed: float
     expected: float
     needs: float
     rounding: Array
+
+    @property
+    def late(self) -> int | None:
+        """Ticks until a force is added; None where none is."""
+        starts = np.flatnonzero(np.abs(self.added) > self.rounding)
+        return int(starts[0]) if starts.size else None
 
 
 def impulse_of(effect: Any, scene: Scene, place: Array, normal: Array, speed: float) -> tuple[float, float]:
@@ -70,28 +76,44 @@ def impulse_of(effect: Any, scene: Scene, place: Array, normal: Array, speed: fl
 
 
 def contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) -> list[Struck]:
-    """Return the contacts that begin in a recording, by one of the scene without the effect."""
-    dt = base.dt
+    """Return the contacts that begin with an approach, by a recording of the scene without the effect.
+
+    A hand that is on the surface to rounding may be in contact or not: there one that adds a force begins the contact.
+    """
+    dt, boundary = base.dt, scene.model.boundary
     touches = touching(plain, scene)
     edges = np.flatnonzero(np.diff(touches.astype(np.int8))) + 1
-    begins = [int(edge) for edge in edges if touches[edge]]
     velocity = base.velocity if "velocity" in base.channels else backward_difference(base.hip, base.time)
+    added = base.force - plain.force
     single = bool(np.all(base.force.astype(np.float32) == base.force))
+    largest = np.maximum(*(np.linalg.norm(each.force, axis=1) for each in (base, plain)))
+    rounding = 4.0 * (SINGLE if single else DOUBLE) * largest
     found = []
-    for begin in begins:
-        later = edges[edges > begin]
-        end = int(later[0]) if later.size else len(base)
-        place = plain.ihip[begin]
-        normal = scene.model.boundary.closest_point(place[np.newaxis]).normal[0]
-        speed = max(-float(normal @ velocity[begin]), 0.0)
-        added = base.force[begin:end] - plain.force[begin:end]
-        largest = np.maximum(*(np.linalg.norm(each.force[begin:end], axis=1) for each in (base, plain)))
-        rounding = 4.0 * (SINGLE if single else DOUBLE) * largest
-        along = added @ normal
-        across = float(np.linalg.norm((added - along[:, np.newaxis] * normal).sum(axis=0))) * dt
-        given, needs = impulse_of(effect, scene, base.hip[begin], normal, speed)
-        found.append(Struck(begin, end, normal, along, across, speed, given, needs + LATE * dt, rounding))
+    for touch in edges[touches[edges]].tolist():
+        end = int(min(edges[edges > touch], default=len(base)))
+        grazes = boundary.signed_distance(base.hip[touch - 1 : touch])[0] <= on_surface(scene)
+        begin = touch - 1 if grazes and np.linalg.norm(added[touch - 1]) > rounding[touch - 1] else touch
+        rows = slice(begin, end)
+        normal = boundary.closest_point(plain.ihip[touch : touch + 1]).normal[0]
+        along = added[rows] @ normal
+        across = float(np.linalg.norm((added[rows] - along[:, np.newaxis] * normal).sum(axis=0))) * dt
+        given = float(np.sum(along)) * dt
+        # One that answers a tick late may know speed and place of that tick.
+        may = range(begin, min(begin + LATE + 1, end))
+        speeds = [max(-float(velocity[tick] @ normal), 0.0) for tick in may]
+        totals = [
+            (*impulse_of(effect, scene, base.hip[tick], normal, speed), speed)
+            for tick, speed in zip(may, speeds, strict=True)
+        ]
+        expected, needs, speed = min(totals, key=lambda each: abs(each[0] - given))
+        if speeds[0] > 0.0:
+            found.append(Struck(begin, end, along, across, speed, expected, needs + LATE * dt, rounding[rows]))
     return found
+
+
+def on_surface(scene: Scene) -> float:
+    """Return the distance (m) from the surface within which double precision does not tell on which side a hand is."""
+    return 64.0 * DOUBLE * scene.model.size
 
 
 def _effects(scene: Scene, kinds: tuple[str, ...]) -> list[Any]:
@@ -119,48 +141,40 @@ NONE = "no contact begins: the hand does not come from free space, or never touc
 def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Finding:
     """Measure the ticks from the one in which a contact begins to the first force that is added."""
     base = runs.base
-    found = [each for each in contacts(base, plain, scene, effect) if each.speed > 0.0]
+    found = contacts(base, plain, scene, effect)
     if not found:
         return undecided(NONE)
     free = ~touching(plain, scene)
-    stray = np.linalg.norm(base.force - plain.force, axis=1) > np.where(free, force_floor(scene), np.inf)
-    if stray.any():
-        tick = int(np.argmax(stray))
-        message = (
-            f"the {effect.kind} acts in free space: {np.linalg.norm(base.force[tick]):.3g} N at t = "
-            f"{base.time[tick]:.4g} s (tick {tick})"
-        )
-        before = [each.begin - tick for each in found if each.begin > tick]
-        off = float(min(before, default=tick - max(each.end for each in found)))
-        return compared(
-            Metric(ONSET.metric, LATE + off, "ticks"), LATE, evidence_at(base, tick), passes="", fails=message
-        )
-    late = []
     for each in found:
-        starts = np.flatnonzero(np.abs(each.added) > each.rounding)
-        late.append(int(starts[0]) if starts.size else each.end - each.begin)
+        free[each.begin] = False
+    stray = np.where(free, np.linalg.norm(base.force - plain.force, axis=1), 0.0)
+    if stray.max() > force_floor(scene):
+        tick = int(np.argmax(stray > force_floor(scene)))
+        off = min(max(each.begin - tick, tick - each.end + 1) for each in found)
+        message = (
+            f"the {effect.kind} acts in free space: {stray[tick]:.3g} N at t = {base.time[tick]:.4g} s (tick {tick})"
+        )
+        metric = Metric("ticks from a contact to a force without one", float(off), "ticks")
+        return compared(metric, 0.0, evidence_at(base, tick), passes="", fails=message)
     if all(each.end - each.begin <= LATE for each in found):
         return undecided("no contact lasts longer than what it starts may be late")
+    late = [each.end - each.begin if each.late is None else each.late for each in found]
     worst = int(np.argmax(late))
     begin = found[worst].begin
+    contact = f"the contact that begins at t = {base.time[begin]:.4g} s (tick {begin}) starts"
     return compared(
         Metric(ONSET.metric, float(late[worst]), "ticks"),
         float(LATE),
         {**evidence_at(base, begin), "contacts": len(found)},
         passes=f"each of {len(found)} contacts starts its {effect.kind} {late[worst]} ticks after it begins or sooner",
-        fails=(
-            f"the contact that begins at t = {base.time[begin]:.4g} s (tick {begin}) starts its {effect.kind} "
-            f"{late[worst]} ticks late"
-        )
-        if np.any(np.abs(found[worst].added) > found[worst].rounding)
-        else f"the contact that begins at t = {base.time[begin]:.4g} s (tick {begin}) starts no {effect.kind}",
+        fails=f"{contact} no {effect.kind}" if found[worst].late is None else f"{contact} it {late[worst]} ticks late",
     )
 
 
 def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Finding:
     """Compare the impulse that is added in each contact with the effect's."""
     base, dt = runs.base, runs.base.dt
-    every = [each for each in contacts(base, plain, scene, effect) if each.speed > 0.0]
+    every = contacts(base, plain, scene, effect)
     if not every:
         return undecided(NONE)
     found = [each for each in every if (each.end - each.begin) * dt >= each.needs * (1.0 - CLOSE)]
@@ -197,8 +211,8 @@ def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Fi
         float(allowed[worst]),
         evidence,
         passes=(
-            f"a contact at {each.speed:.4g} m/s is given {1e3 * given[worst]:.5g} mN s, as it should be, and {peak:.4g} N "
-            "at the most"
+            f"a contact at {each.speed:.4g} m/s is given {1e3 * given[worst]:.5g} mN s, as it should be, and "
+            f"{peak:.4g} N at the most"
         ),
         fails=(
             f"the contact that begins at t = {base.time[each.begin]:.4g} s at {each.speed:.4g} m/s is given "
@@ -211,7 +225,7 @@ def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Fi
 def judge_vibration(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Finding:
     """Fit a decaying sinusoid to the force that the longest contact adds, and compare its frequency and decay."""
     base = runs.base
-    found = [each for each in contacts(base, plain, scene, effect) if each.speed > 0.0]
+    found = contacts(base, plain, scene, effect)
     if not found:
         return undecided(NONE)
     if not math.isinf(effect.cap):
@@ -219,10 +233,9 @@ def judge_vibration(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> 
         if peak >= effect.cap * (1.0 - CLOSE):
             return undecided(f"the cap of {effect.cap:.4g} N holds the vibration back: it is no decaying sinusoid")
     longest = max(found, key=lambda each: each.end - each.begin)
-    starts = np.flatnonzero(np.abs(longest.added) > longest.rounding)
-    if not starts.size:
+    if longest.late is None:
         return undecided("no force is added that could ring")
-    wave = longest.added[int(starts[0]) :][: math.ceil(TAIL / effect.decay / base.dt)]
+    wave = longest.added[longest.late :][: math.ceil(TAIL / effect.decay / base.dt)]
     fitted = fit(wave, base.dt, effect.decay, effect.frequency)
     if fitted is None:
         return undecided("the contact is too short for a decaying sinusoid to be fitted to it")
