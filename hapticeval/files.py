@@ -42,8 +42,7 @@ def creating(path: Path) -> Iterator[Path]:
 
     Raises `InputError` where there is one, also where another process made it in the meantime.
     """
-    if path.exists():
-        raise _exists(path)
+    refuse_existing(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.tmp")
     try:
@@ -51,19 +50,25 @@ def creating(path: Path) -> Iterator[Path]:
         try:
             os.link(temporary, path)
         except FileExistsError:
-            raise _exists(path) from None
+            raise existing(path) from None
         except OSError:  # a file system without links: the look and the renaming are two steps there
             if path.exists():
-                raise _exists(path) from None
+                raise existing(path) from None
             temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
 
 
-def _exists(path: Path) -> InputError:
-    return InputError(
-        f"{path} is there already", why="nothing is written over an existing file", todo="give another name"
-    )
+def refuse_existing(path: Path) -> None:
+    """Raise `InputError` where something stands at `path`."""
+    if path.exists() or path.is_symlink():
+        raise existing(path)
+
+
+def existing(path: Path) -> InputError:
+    """Return the error of a file that must not be there yet."""
+    why = "nothing is written over an existing file"
+    return InputError(f"{path} is there already", why=why, todo="give another name")
 
 
 def file_stem(name: str) -> str:

@@ -130,6 +130,8 @@ class Abilities:
     all optional, and false or empty where it has none:
 
     - `run`: whether it has `run(hips, dt) -> (ihips, forces)`, see `Batch`;
+    - `lead`: whether it has `lead(hips, velocities, dt) -> (ihips, forces)`: a `step` a row from where the last one
+      ended, with a velocity and a dt a row, to the last bit. Where it has a `law`, that is used;
     - `observe_force`: whether it has `observe_force(push)`, and so wants the hand's measured force (N,), N, before each
       step of a scene with a force sensor (8.6);
     - `diagnostics`: whether it has `diagnostics(recording)`, which returns for a run in closed loop
@@ -143,6 +145,7 @@ class Abilities:
 
     steps: bool
     run: bool = False
+    lead: bool = False
     observe_force: bool = False
     diagnostics: bool = False
     law: CompiledStep | None = None
@@ -154,7 +157,7 @@ class Abilities:
 
     @property
     def meta(self) -> dict[str, Any]:
-        """What the metadata of a recording tells of the renderer."""
+        """What the metadata of a recording holds of the renderer."""
         lengths = {"resolution": self.resolution, "standoff": self.standoff}
         said = self.declares
         if said is None:
@@ -209,6 +212,7 @@ def _read(renderer: object) -> Abilities:
     return Abilities(
         steps=steps,
         run=_has(renderer, "run"),
+        lead=_has(renderer, "lead"),
         observe_force=_has(renderer, "observe_force"),
         diagnostics=_has(renderer, "diagnostics"),
         law=law,

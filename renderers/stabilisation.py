@@ -156,18 +156,19 @@ class SurfaceStabilisation(Stabilisation):
         given = recording.channels
         y, yd = given.get("measured_hip", recording.hip), given.get("measured_velocity", recording.velocity)
         push = given.get("measured_force")
-        told: dict[str, tuple[Signal, Array]] = {
+        found: dict[str, tuple[Signal, Array]] = {
             "chart": (Signal("1", "the chart that the switching law (7.56) uses"), active(y).astype(float))
         }
         answers = charts(self.law.data, y, yd, push)
         for number, answer in enumerate(answers, start=1):
-            told[f"eta{number}"] = (Signal("rad, rad/s", f"coordinates and rates of chart {number} (7.10)"), answer.eta)
+            meaning = Signal("rad, rad/s", f"coordinates and rates of chart {number} (7.10)")
+            found[f"eta{number}"] = (meaning, answer.eta)
             if "joint_position" in given:
-                told[f"torque{number}"] = (
+                found[f"torque{number}"] = (
                     Signal("N m", f"joint torque by chart {number}", "joint"),
                     self._torques(answer.force, recording, push),
                 )
-        return told
+        return found
 
     def _torques(self, forces: Array, recording: Recording, push: Array | None) -> Array:
         """What the inner loop makes of forces (n, 3)."""

@@ -45,6 +45,20 @@ VISCOSITY, FORCE_SENSOR = "viscosity", "force-sensor"
 
 EFFECTS: dict[str, Entry] = {
     "shading": Entry(".shading:Shading", "the force follows normals interpolated between vertices (4.15)"),
+    "height-map": Entry(
+        ".height_map:HeightMap", "the surface has a relief, felt as the potential K (d + h)^2 / 2 (4.3.2)"
+    ),
+    "bump-map": Entry(".bump_map:BumpMap", "the normal is turned by a relief (4.16)"),
+    "friction": Entry(
+        ".friction:Friction", "the surface holds a tool that sticks, and brakes one that slides (4.18), (4.20)"
+    ),
+    "viscous-friction": Entry(
+        ".viscous_friction:ViscousFriction", "the surface brakes a hand in contact in proportion to its speed along it"
+    ),
+    "lugre": Entry(".lugre:LuGre", "the surface holds and brakes the tool by bristles that bend (LuGre)"),
+    "stochastic-texture": Entry(
+        ".stochastic_texture:StochasticTexture", "the surface shakes the tool that slides along it (4.3.2)"
+    ),
     VISCOSITY: Entry(
         ".viscosity:Viscosity", "the surface brakes the tool that slides along it (7.18)", {"viscosity": "coefficient"}
     ),
@@ -124,12 +138,23 @@ def make_effect(document: Mapping[str, Any], folder: Path = Path()) -> Effect:
 
 
 def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """Return effects in the catalogue's order, without those that are off. Raises `InputError` for two of a kind."""
+    """Return effects in the catalogue's order, without those that are off.
+
+    Raises `InputError` for two of a kind, and for two of which one excludes the other.
+    """
     found: dict[str, Effect] = {}
     for each in effects:
         if each.kind in found:
             raise InputError(f"the scene lists two effects '{each.kind}'", todo="leave one out")
         found[each.kind] = each
     order = list(EFFECTS)
-    kept = (each for each in found.values() if not each.off)
+    kept = [each for each in found.values() if not each.off]
+    for each in kept:
+        for other in kept:
+            if other.kind in each.excludes:
+                raise InputError(
+                    f"the scene calls for '{each.kind}' and '{other.kind}'",
+                    why="each is a whole model of the same thing, and both would count it twice",
+                    todo="leave one out",
+                )
     return tuple(sorted(kept, key=lambda each: order.index(each.kind) if each.kind in order else len(order)))

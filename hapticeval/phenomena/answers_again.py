@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
 from hapticeval.phenomena.sampling import (
@@ -31,6 +30,8 @@ NOTABLE = 1e-6
 def judge_memoryless(runs: Runs, scene: Scene) -> Finding:
     """Compare the IHIPs of HIPs that were reached forwards and backwards along the same points (Table 6.3)."""
     assert runs.reverse is not None
+    from scipy.spatial import cKDTree
+
     base, back = runs.base, runs.reverse()
     if lacks_ihip(base, scene):
         return undecided(NO_IHIP)

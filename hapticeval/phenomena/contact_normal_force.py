@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.sampling import (
@@ -124,6 +123,8 @@ def _reach(recording: Recording, scene: Scene) -> Array:
     three ticks: that is three of its own steps around the row, however the projection stretches those of the hand.
     Positions in single precision and the declared standoff come to it.
     """
+    from scipy.ndimage import maximum_filter1d
+
     steps = np.linalg.norm(np.diff(recording.ihip, axis=0, prepend=recording.ihip[:1]), axis=1)
     around = maximum_filter1d(steps, 2 * LAG_TICKS + 1, mode="nearest")
     return np.asarray(LAG_TICKS * around + standoff(recording, scene) + rounding(scene))

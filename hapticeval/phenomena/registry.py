@@ -26,7 +26,15 @@ from hapticeval.phenomena import (
     surface_dynamics,
 )
 from hapticeval.phenomena.check import Check
-from hapticeval.phenomena.effects import shading, transient
+from hapticeval.phenomena.effects import (
+    friction_cone,
+    friction_energy,
+    friction_sliding,
+    friction_sticking,
+    friction_work,
+    shading,
+    transient,
+)
 
 GROUP = "hapticeval.checks"
 
@@ -49,6 +57,11 @@ OWN: Mapping[str, Check] = {
         closed_form.CHECK,
         *shading.CHECKS,
         *transient.CHECKS,
+        friction_cone.CHECK,
+        friction_sticking.CHECK,
+        friction_sliding.CHECK,
+        friction_energy.CHECK,
+        friction_work.CHECK,
     )
 }
 """The checks of this package."""

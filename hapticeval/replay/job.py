@@ -14,8 +14,9 @@ from hapticeval.phenomena.check import LACKS, Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
 from hapticeval.quantity import aligned
+from hapticeval.recordings.channels import REQUIRED
 from hapticeval.recordings.compare.difference import Apart, Difference, difference
-from hapticeval.recordings.recording import REQUIRED, Recording
+from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import describe_stretches
 from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.rerender import HandPath, Part, backwards, hand_path, joined, rerendered

@@ -123,7 +123,7 @@ def _drive_device(
     from hapticeval.simulation import kernels
 
     time = sample_times(experiment.duration, dt)
-    loop = _loop(experiment, scene, time, dt)
+    loop = loop_of(experiment, scene, dt)
     out = loop.out
     reset_checked(renderer, out[kernels.MEASURED_HIP, 0])
     end = None
@@ -198,9 +198,9 @@ def _recorded(renderer: Renderer, time: Array, channels: Mapping[str, Array], dt
     if not abilities_of(renderer).diagnostics:
         return recording
     with renderer_errors("signals()"):
-        told = dict(renderer.diagnostics(recording))  # type: ignore[attr-defined]
-    more = {name: values for name, (_, values) in told.items()}
-    signals = {name: signal for name, (signal, _) in told.items()}
+        found = dict(renderer.diagnostics(recording))  # type: ignore[attr-defined]
+    more = {name: values for name, (_, values) in found.items()}
+    signals = {name: signal for name, (signal, _) in found.items()}
     return Recording(recording.time, {**recording.channels, **more}, meta=meta, signals=signals)
 
 
@@ -214,7 +214,7 @@ def _ran_away(tick: int, hip: Array, joints: Array) -> RunawayError:
     )
 
 
-def _loop(experiment: Experiment, scene: Scene, time: Array, dt: float) -> Loop:
+def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
     """Assemble what the scene calls for into a loop, with the device where the experiment starts.
 
     Raises `DomainError` where it cannot be.
@@ -224,6 +224,7 @@ def _loop(experiment: Experiment, scene: Scene, time: Array, dt: float) -> Loop:
     from hapticeval.simulation import kernels
 
     device, hand = scene.robot, experiment.hand
+    time = sample_times(experiment.duration, dt)
     count, size = time.size, device.dimension
     parts = [
         (each.stage, each.part(count, size, dt)) for each in scene.effects if each.stage not in (None, Stage.ANSWER)

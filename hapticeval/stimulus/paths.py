@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path as FilePath
 from typing import Annotated, Any
 
@@ -55,11 +56,17 @@ class OnCurve(Trajectory, frozen=True, kw_only=True):
                 "surface in space",
                 todo="use kind = 'points' or 'file'",
             )
-        return _at_constant_speed(self.points_on(curve), self.duration)
+        return _path_on(curve, self)
 
     def points_on(self, curve: Curve) -> Array:
         """Return the points (n, 2), m, that the path goes through."""
         raise NotImplementedError
+
+
+@lru_cache(maxsize=32)
+def _path_on(curve: Curve, trajectory: OnCurve) -> Path:
+    """Build the path: the same for each renderer of a case that is led along the model itself."""
+    return _at_constant_speed(trajectory.points_on(curve), trajectory.duration)
 
 
 class Scaled(OnCurve, frozen=True, kw_only=True, tag="scaled"):

@@ -1,7 +1,5 @@
 """Inner loops against what they are for: (2.8), (2.12), (6.15), (8.8)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

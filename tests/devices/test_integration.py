@@ -1,7 +1,5 @@
 """How a device moves between samples: orders, accuracy, and friction against closed forms and scipy."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,8 +1,6 @@
 """The parallelogram robot against a symbolic derivation, its kernels, its inverse, and what leads out of its domain."""
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from hapticeval.compiled import DYNAMICS, KINEMATICS, MARGIN, first_class
 from hapticeval.devices.criteria import cartesian_damping
-from hapticeval.devices.device import Device, checked_joints
+from hapticeval.devices.device import checked_joints
 from hapticeval.devices.parallelogram import (
     BaseInertia,
     Dynamics,
@@ -22,12 +20,11 @@ from hapticeval.devices.parallelogram import (
     ParallelogramParameters,
 )
 from hapticeval.errors import DomainError, InputError
-from hapticeval.types import Array
 
 L1, L4, B, D = 0.300, 0.346, (0.461, 0.105, 0.0336), (0.799, 0.204, 0.01825)
 
 FREE = ParallelogramParameters(b1=0.0, b2=0.0, b3=0.0)
-DEVICES: tuple[Device, ...] = (
+DEVICES = (
     Parallelogram2(),
     Parallelogram3(),
     Parallelogram3(dynamics=Dynamics.PRINTED),
@@ -36,7 +33,7 @@ DEVICES: tuple[Device, ...] = (
 IDS = ("2dof", "3dof", "3dof-printed", "3dof-cos")
 
 
-def symbolic(device: Device) -> Callable[[Array, Array], dict[str, Array]]:
+def symbolic(device):
     """Position, J, J̇ q̇, M and bias at (q, q̇), by (2.28) and kinetic energy alone.
 
     Lagrange's equations are applied to T = ½ q̇ᵀ M q̇; the printed model has no velocity terms by definition.
@@ -74,7 +71,7 @@ def symbolic(device: Device) -> Callable[[Array, Array], dict[str, Array]]:
     }
 
 
-def poses(device: Device, count: int, *, least: float, seed: int = 0) -> Array:
+def poses(device, count, *, least, seed=0):
     """Random joints in the functional configuration space at least `least` rad inside."""
     rng = np.random.default_rng(seed)
     low, high = ((-2.4, -2.0, -1.0), (2.4, 2.4, 2.3)) if device.dimension == 3 else ((-2.0, -1.0), (2.4, 2.3))
@@ -84,7 +81,7 @@ def poses(device: Device, count: int, *, least: float, seed: int = 0) -> Array:
     return np.array(kept)
 
 
-def drift_of(device: Device, joints: Array, rates: Array) -> Array:
+def drift_of(device, joints, rates):
     """J̇ q̇, from the kernel."""
     n = device.dimension
     drift = np.empty(n)
@@ -93,7 +90,7 @@ def drift_of(device: Device, joints: Array, rates: Array) -> Array:
 
 
 @pytest.mark.parametrize("device", DEVICES, ids=IDS)
-def test_everything_agrees_with_a_symbolic_derivation(device: Device) -> None:
+def test_everything_agrees_with_a_symbolic_derivation(device):
     """To 1e-12, and B̂ at rest."""
     derived = symbolic(device)
     rng = np.random.default_rng(1)
@@ -114,7 +111,7 @@ def test_everything_agrees_with_a_symbolic_derivation(device: Device) -> None:
 
 
 @pytest.mark.parametrize("device", [Parallelogram3(FREE), Parallelogram3(FREE, base_inertia=BaseInertia.COS)])
-def test_the_velocity_terms_do_no_work(device: Parallelogram3) -> None:
+def test_the_velocity_terms_do_no_work(device):
     """d/dt ½ q̇ᵀ M q̇ = q̇ᵀ (½ Ṁ q̇ - bias) is zero without friction and torque."""
     rng = np.random.default_rng(7)
     step = 1e-5
@@ -126,7 +123,7 @@ def test_the_velocity_terms_do_no_work(device: Parallelogram3) -> None:
 
 
 @pytest.mark.parametrize("device", DEVICES, ids=IDS)
-def test_kernels_and_methods_agree_to_the_last_bit(device: Device) -> None:
+def test_kernels_and_methods_agree_to_the_last_bit(device):
     """Also as values for other compiled code, and with J q̇ formed apart."""
     n = device.dimension
     kernels = device.kernels
@@ -148,7 +145,7 @@ def test_kernels_and_methods_agree_to_the_last_bit(device: Device) -> None:
         assert_allclose(velocity, device.jacobian(joints) @ rates, rtol=0.0, atol=1e-14)
 
 
-def test_parameters_are_given_as_a_copy() -> None:
+def test_parameters_are_given_as_a_copy():
     device = Parallelogram2()
     before = device.position((0.1, 0.2))
     device.parameters[:] = 7.0
@@ -159,14 +156,14 @@ angle = st.floats(-2.4, 2.4)
 
 
 @given(shoulder=angle, elbow=angle)
-def test_inverse_kinematics_in_the_plane(shoulder: float, elbow: float) -> None:
+def test_inverse_kinematics_in_the_plane(shoulder, elbow):
     device = Parallelogram2()
     assume(device.margin((shoulder, elbow)) > 1e-12)
     assert_allclose(device.joints(device.position((shoulder, elbow))), (shoulder, elbow), rtol=0.0, atol=2e-14)
 
 
 @given(base=angle, shoulder=angle, elbow=angle)
-def test_inverse_kinematics_in_space(base: float, shoulder: float, elbow: float) -> None:
+def test_inverse_kinematics_in_space(base, shoulder, elbow):
     """x₁ is as well determined as the hand is far from the base's axis; the hand's place always is.
 
     The hand's place is rounded to about 1e-16 m, which at r from the axis turns x₁ by 1e-16 m / r.
@@ -183,7 +180,7 @@ def test_inverse_kinematics_in_space(base: float, shoulder: float, elbow: float)
 
 
 @given(st.tuples(st.floats(-0.75, 0.35), st.floats(-0.7, 0.5)))
-def test_a_place_has_joints_or_an_error_with_the_reason(place: tuple[float, float]) -> None:
+def test_a_place_has_joints_or_an_error_with_the_reason(place):
     device = Parallelogram2()
     try:
         joints = device.joints(place)
@@ -197,7 +194,7 @@ def test_a_place_has_joints_or_an_error_with_the_reason(place: tuple[float, floa
 
 
 @pytest.mark.parametrize("device", DEVICES[:2], ids=IDS[:2])
-def test_the_margin_is_the_nearest_limit_and_no_shorter_move_leaves(device: Device) -> None:
+def test_the_margin_is_the_nearest_limit_and_no_shorter_move_leaves(device):
     rng = np.random.default_rng(5)
     assert isinstance(device, Parallelogram2 | Parallelogram3)
     for joints in poses(device, 100, least=0.0, seed=6):
@@ -208,7 +205,7 @@ def test_the_margin_is_the_nearest_limit_and_no_shorter_move_leaves(device: Devi
         assert all(device.margin(joints + move) > 0.0 for move in moves)
 
 
-def test_the_margin_is_zero_on_every_edge() -> None:
+def test_the_margin_is_zero_on_every_edge():
     flat, deep = Parallelogram2(), Parallelogram3()
     for edge in ((2.4, 2.0), (-0.5, -1.0), (2.0, 2.3), (0.5, -0.5), (-0.25, 0.75)):
         assert flat.margin(edge) == 0.0
@@ -219,7 +216,7 @@ def test_the_margin_is_zero_on_every_edge() -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_a_state_that_is_not_finite_is_outside(bad: float) -> None:
+def test_a_state_that_is_not_finite_is_outside(bad):
     assert Parallelogram2().margin((bad, 0.0)) == -math.inf
     assert Parallelogram2().margin((0.0, bad)) == -math.inf
     for place in range(3):
@@ -242,7 +239,7 @@ def test_a_state_that_is_not_finite_is_outside(bad: float) -> None:
         ((0, 1.2, 1.1), "past the base's axis, l1 sin x2 = l4 cos x3 (a singularity"),
     ],
 )
-def test_joints_out_of_the_domain_are_refused_with_limit_and_amount(joints: tuple[float, ...], message: str) -> None:
+def test_joints_out_of_the_domain_are_refused_with_limit_and_amount(joints, message):
     with pytest.raises(DomainError) as caught:
         checked_joints(Parallelogram3(), joints)
     assert message in caught.value.why
@@ -258,9 +255,7 @@ def test_joints_out_of_the_domain_are_refused_with_limit_and_amount(joints: tupl
         (Parallelogram3(), (-0.6, 0.0, 0.0), "x1 = 3.14159 rad (180 degrees) is 0.741593 rad (42.49 degrees) beyond"),
     ],
 )
-def test_places_out_of_reach_are_refused(
-    device: Parallelogram2 | Parallelogram3, position: tuple[float, ...], message: str
-) -> None:
+def test_places_out_of_reach_are_refused(device, position, message):
     with pytest.raises(DomainError) as caught:
         device.joints(position)
     assert message in caught.value.why
@@ -268,20 +263,20 @@ def test_places_out_of_reach_are_refused(
 
 
 @pytest.mark.parametrize("method", ["position", "jacobian", "inertia", "margin", "limits", "joints"])
-def test_the_wrong_number_of_coordinates_is_refused(method: str) -> None:
+def test_the_wrong_number_of_coordinates_is_refused(method):
     """Compiled code would read beyond the end."""
     for device, values in ((Parallelogram3(), (0.0, 0.0)), (Parallelogram2(), 0.0), (Parallelogram2(), ("a", "b"))):
         with pytest.raises(InputError):
             getattr(device, method)(values)
 
 
-def test_the_wrong_number_of_rates_is_refused() -> None:
+def test_the_wrong_number_of_rates_is_refused():
     with pytest.raises(InputError, match="rates of the shape"):
         Parallelogram3().bias((0, 0, 0), (1, 2))
 
 
 @pytest.mark.parametrize("changes", [{"l1": 0.25, "l4": 0.25}, {"l1": 0.5, "l4": 0.1}, {"l1": 1e-3, "l4": 2.0}])
-def test_other_link_lengths_work_alike(changes: dict[str, Any]) -> None:
+def test_other_link_lengths_work_alike(changes):
     device = Parallelogram3(ParallelogramParameters(**changes))
     scale = max(changes.values())
     for joints in poses(device, 30, least=0.05):

@@ -12,13 +12,12 @@ from hapticeval.devices.parallelogram import (
     Parallelogram3,
     ParallelogramParameters,
 )
-from hapticeval.types import Array
 
 FREE = ParallelogramParameters(b1=0.0, b2=0.0, b3=0.0)
 START = np.array([0.0, 0.2, -0.1, 2.0, 1.0, 1.5])
 
 
-def test_home() -> None:
+def test_home():
     flat, deep = Parallelogram2(), Parallelogram3()
     assert_allclose(flat.position((0, 0)), (0, 0), atol=1e-16)
     assert_allclose(flat.jacobian((0, 0)), np.diag((-0.3, 0.346)), atol=1e-16)
@@ -28,7 +27,7 @@ def test_home() -> None:
     assert_allclose(np.linalg.det(deep.jacobian((0, 0, 0))), 0.0359148, rtol=1e-14)
 
 
-def test_poses() -> None:
+def test_poses():
     flat, deep = Parallelogram2(), Parallelogram3()
     assert_allclose(flat.position((0.3, 0.2)), (-0.095553026065, 0.055340535193), atol=5e-13)
     assert_allclose(np.linalg.det(flat.jacobian((0.3, 0.2))), -0.103281432356, atol=5e-13)
@@ -36,27 +35,26 @@ def test_poses() -> None:
     assert_allclose(np.linalg.det(deep.jacobian((0.5, 0.3, 0.2))), 0.025866522197, atol=5e-13)
 
 
-def test_the_determinant_in_the_plane_stays_within_its_published_range() -> None:
+def test_the_determinant_in_the_plane_stays_within_its_published_range():
     """|det J₂| = ℓ₁ ℓ₄ cos(x₁ - x₂), least at the stop and greatest where the linkage is a rectangle."""
     flat = Parallelogram2()
     assert_allclose(abs(np.linalg.det(flat.jacobian((1.0, 0.0)))), 0.0560833793, atol=5e-11)
     assert_allclose(abs(np.linalg.det(flat.jacobian((0.7, 0.7)))), 0.1038, rtol=1e-13)
 
 
-def moved(device: Parallelogram3, *, duration: float = 0.5) -> Array:
+def moved(device, *, duration=0.5):
     """The state after free motion, to about 1e-13."""
 
-    def rate(_: float, state: Array) -> Array:
+    def rate(_, state):
         joints, rates = state[:3], state[3:]
         return np.concatenate([rates, -device.bias(joints, rates) / np.diag(device.inertia(joints))])
 
     solution = solve_ivp(rate, (0.0, duration), START, method="DOP853", rtol=3e-14, atol=1e-15)
     assert solution.success
-    end: Array = solution.y[:, -1]
-    return end
+    return solution.y[:, -1]
 
 
-def energy(device: Parallelogram3, state: Array) -> float:
+def energy(device, state):
     return float(0.5 * state[3:] @ device.inertia(state[:3]) @ state[3:])
 
 
@@ -77,9 +75,7 @@ def energy(device: Parallelogram3, state: Array) -> float:
         ),
     ],
 )
-def test_lagrangian_dynamics_move_as_published_and_conserve_energy(
-    base_inertia: str, joints: tuple[float, ...], rates: tuple[float, ...], expected: float
-) -> None:
+def test_lagrangian_dynamics_move_as_published_and_conserve_energy(base_inertia, joints, rates, expected):
     device = Parallelogram3(FREE, Dynamics.LAGRANGIAN, BaseInertia(base_inertia))
     end = moved(device)
     assert_allclose(end, (*joints, *rates), atol=1.5e-12)
@@ -87,7 +83,7 @@ def test_lagrangian_dynamics_move_as_published_and_conserve_energy(
     assert_allclose(energy(device, end), energy(device, START), rtol=1e-13)
 
 
-def test_printed_dynamics_create_energy() -> None:
+def test_printed_dynamics_create_energy():
     """(2.26) lets all joints coast while d₀ grows: 9.6 % more energy after half a second."""
     device = Parallelogram3(FREE, Dynamics.PRINTED)
     end = moved(device)
@@ -97,7 +93,7 @@ def test_printed_dynamics_create_energy() -> None:
     assert energy(device, end) / energy(device, START) - 1.0 == pytest.approx(0.096, abs=5e-4)
 
 
-def test_printed_and_lagrangian_dynamics_are_one_with_the_base_locked() -> None:
+def test_printed_and_lagrangian_dynamics_are_one_with_the_base_locked():
     rng = np.random.default_rng(4)
     for joints, rates in rng.uniform(-0.5, 0.5, (50, 2, 2)):
         lagrangian, printed = (Parallelogram2(dynamics=each) for each in Dynamics)

@@ -134,11 +134,10 @@ def test_a_scene_leaves_out_what_is_off_and_replaces_by_kind():
 
 def test_a_scene_without_effects_assembles_and_compiles_none():
     """Nor is anything of `effects` compiled: the fields that they would fill are None."""
-    from hapticeval.simulation.closed_loop import _loop
-    from hapticeval.stimulus.stimulus import sample_times
+    from hapticeval.simulation.closed_loop import loop_of
 
     trial = Experiment(0.02, np.array([0.0, 0.01]), np.zeros(2), np.zeros(1), np.zeros((1, 2)))
-    loop = _loop(trial, Scene(model=line(), device=Parallelogram2()), sample_times(0.02, 1e-3), 1e-3)
+    loop = loop_of(trial, Scene(model=line(), device=Parallelogram2()), 1e-3)
     assert (loop.sensors, loop.feeling, loop.motors, loop.motion.load.friction) == (None, None, None, None)
 
 

@@ -3,8 +3,6 @@
 Files of every format are damaged, spliced and grown. One that breaks a reader is kept in `.hypothesis/kept`.
 """
 
-from __future__ import annotations
-
 import io
 import shutil
 from contextlib import redirect_stderr, redirect_stdout, suppress

@@ -1,7 +1,5 @@
 """Our own files: all of a run comes back bit for bit, no damage is read as a run, and what is whole is salvaged."""
 
-from __future__ import annotations
-
 import json
 
 import h5py
@@ -14,9 +12,9 @@ from recording_files import assert_same, flipped, real
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.recordings import hdf5
-from hapticeval.recordings.hdf5 import read_recording, write_recording
-from hapticeval.recordings.recording import CHANNELS, Recording
-from hapticeval.recordings.salvage import salvage
+from hapticeval.recordings.channels import CHANNELS
+from hapticeval.recordings.hdf5 import read_recording, salvage, write_recording
+from hapticeval.recordings.recording import Recording
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)
 PLAIN = st.recursive(

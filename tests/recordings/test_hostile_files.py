@@ -1,7 +1,5 @@
 """Files that would run code, read other files, or take all memory: refused before any of that."""
 
-from __future__ import annotations
-
 import io
 import re
 import resource
@@ -21,10 +19,9 @@ from scipy.io import savemat
 from hapticeval.cli import main
 from hapticeval.errors import InputError
 from hapticeval.recordings.formats import read_table
-from hapticeval.recordings.hdf5 import read_recording, write_recording
+from hapticeval.recordings.hdf5 import read_recording, salvage, write_recording
 from hapticeval.recordings.importing.convert import load
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.salvage import salvage
 
 MAPPING = """
 format = "{format}"

@@ -1,7 +1,5 @@
 """Importers of other people that break, or give what is no table: each error names which, what and where."""
 
-from __future__ import annotations
-
 import sys
 from importlib import import_module
 

@@ -1,7 +1,5 @@
 """Real recordings: a teleoperation rig, its units, signs and contacts; and a pen stroke, a path with gaps."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """The sign of a force by physics: what passive environments give, and what is told of one that is turned."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Runs in one dimension against a wall: placed before it, replayed, judged; also those of a real rig."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -248,7 +248,7 @@ def _header(path: Path, lines: list[str], dialect: _Dialect) -> tuple[list[str],
     if twice:
         raise InputError(
             f"{path} has two columns named '{twice[0]}'",
-            why="a mapping could not tell them apart",
+            why="a mapping could not name one of them",
             todo="rename one of them",
         )
     return names, units, first

@@ -257,7 +257,7 @@ RULES: tuple[tuple[str, str], ...] = (
 """Words in names and labels, and the channel that they may mean; the first that fits."""
 
 DIRECTED = {"force", "operator_force", "measured_force", "joint_torque"}
-"""Channels whose sign depends on who pushes whom, which no name tells."""
+"""Channels whose sign depends on who pushes whom, which no name states."""
 
 
 def propose(table: Table, *, file: str = "FILE") -> str:
