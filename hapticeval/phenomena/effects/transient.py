@@ -166,7 +166,7 @@ def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Find
         Metric(ONSET.metric, float(late[worst]), "ticks"),
         float(LATE),
         {**evidence_at(base, begin), "contacts": len(found)},
-        passes=f"each of {len(found)} contacts starts its {effect.kind} {late[worst]} ticks after it begins or sooner",
+        passes=f"{len(found)} contacts start a {effect.kind} each, {late[worst]} ticks after they begin at the latest",
         fails=f"{contact} no {effect.kind}" if found[worst].late is None else f"{contact} it {late[worst]} ticks late",
     )
 
