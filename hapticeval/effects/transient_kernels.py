@@ -35,11 +35,15 @@ SAME = 1e-9
 def meet(state: Array, closest: Closest, hip: Array, velocity: Array, ihip: Array, force: Array) -> float:
     """Return UNKNOWN where there is no contact, FREE in the tick in which one begins, and else TOUCHES.
 
-    Direction, time and speed are written when it begins, the speed zero where the hand does not approach.
+    Contact is a force, or a tool apart from a hand that is inside: one that lags behind it in free space is not. When
+    it begins direction, time and speed are written, the speed zero where the hand does not approach.
     """
-    touches = False
+    touches, apart = False, False
     for i in range(hip.shape[0]):
-        touches = touches or force[i] != 0.0 or ihip[i] != hip[i]
+        touches = touches or force[i] != 0.0
+        apart = apart or ihip[i] != hip[i]
+    if apart and not touches:
+        touches = closest.function(closest.data, hip, state[:DIRECTION]) < 0.0
     before = state[CONTACT, 0]
     state[CONTACT, 0] = TOUCHES if touches else FREE
     if not touches:

@@ -11,9 +11,9 @@ import mutants
 import outsiders
 import pytest
 import rubbing
+import struck_and_shaded
 from lawbreakers import LAWBREAKERS
 from mutants import BESIDES, MUTANTS
-from outsiders import HONEST
 
 from hapticeval.phenomena.registry import OWN
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
@@ -30,7 +30,11 @@ FAULTLESS = "faultless"
 DYNAMIC = (FAULTLESS, *LAWBREAKERS)
 RUBBING = (rubbing.FAULTLESS, *rubbing.LAWBREAKERS)
 BROKEN = {name: check for name, (check, _) in (MUTANTS | LAWBREAKERS | rubbing.LAWBREAKERS).items()}
-OUTSIDERS = outsiders.BROKEN | HONEST
+GROUPS = (outsiders, struck_and_shaded)
+FAULTY = {name: each for group in GROUPS for name, each in group.BROKEN.items()}
+HONEST = {name: each for group in GROUPS for name, each in group.HONEST.items()}
+OUTSIDERS = FAULTY | HONEST
+CASES = {name: each for group in GROUPS for name, each in group.CASES.items()}
 
 
 @cache
@@ -48,7 +52,7 @@ def findings(name: str) -> dict[tuple[str, str], Finding]:
     """Judge a renderer of this folder once, in all cases that are meant for it: finding by case and check."""
     if name in OUTSIDERS:
         make, suite = OUTSIDERS[name].make, "outsiders"
-        judged_in = [outsiders.CASES[case] for case in OUTSIDERS[name].cases]
+        judged_in = [CASES[case] for case in OUTSIDERS[name].cases]
     elif name in RUBBING:
         make, suite, judged_in = rubbing.factory(name), "effects-friction", rubbing.cases(name)
     else:
@@ -105,9 +109,9 @@ def test_what_is_honest_is_not_blamed(name):
     assert of_check(name, Outcome.PASS)
 
 
-@pytest.mark.parametrize("name", outsiders.BROKEN)
+@pytest.mark.parametrize("name", FAULTY)
 def test_what_an_outsider_breaks_is_found(name):
-    broken = outsiders.BROKEN[name]
+    broken = FAULTY[name]
     if broken.breaks:
         assert all(broken.breaks in finding.message for finding in findings(name).values())
         assert set(outcomes(name).values()) == {Outcome.ERROR}
@@ -118,7 +122,7 @@ def test_what_an_outsider_breaks_is_found(name):
 
 
 def test_no_check_is_without_a_renderer_that_it_stops():
-    assert set(BROKEN.values()) | {check for each in outsiders.BROKEN.values() for check in each.fails} == set(OWN)
+    assert set(BROKEN.values()) | {check for each in FAULTY.values() for check in each.fails} == set(OWN)
 
 
 HEAD = """# Kill matrix
@@ -131,6 +135,8 @@ A cross marks a check that fails in at least one case. Written by `test_kill_mat
 - A spring to the nearest point, in the ways in which honest renderers differ, and the broken ones that answer step by
   step (`outsiders.py`): on a short way round a circle, pressed on a line, and through a thin plate. An `e` marks one
   whose `run()` is not its `step()`: it breaks the contract, and is not judged.
+- The same spring with force shading, or with what begins with a contact, and broken ones that claim to show that
+  (`struck_and_shaded.py`): round a loop under a facet of an octagon, over its edges, and in taps on a line.
 
 Why one fails a check besides the one that has to stop it is given beside it.
 
@@ -140,7 +146,7 @@ MARKS = {Outcome.ERROR: "e", Outcome.FAIL: "x"}
 
 def matrix() -> str:
     lines = ["| renderer | " + " | ".join(OWN) + " |", "|---|" + "---|" * len(OWN)]
-    for name in ("ideal", *MUTANTS, *DYNAMIC, *RUBBING, *HONEST, *outsiders.BROKEN):
+    for name in ("ideal", *MUTANTS, *DYNAMIC, *RUBBING, *HONEST, *FAULTY):
         marked = {check: mark for outcome, mark in MARKS.items() for check in of_check(name, outcome)}
         lines.append(f"| {name} | " + " | ".join(marked.get(check, "") for check in OWN) + " |")
     return HEAD + "\n".join(lines) + "\n"

@@ -74,7 +74,7 @@ def angles(first: Array, second: Array) -> Array:
 
 def _unit(vectors: Array) -> Array:
     size = np.linalg.norm(vectors, axis=1)[:, np.newaxis]
-    return np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0.0)
+    return np.asarray(np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0.0))
 
 
 def judge_direction(runs: Runs, scene: Scene) -> Finding:

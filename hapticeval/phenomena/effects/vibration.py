@@ -53,30 +53,29 @@ def fit(values: Array, dt: float, decay: float, frequency: float) -> Vibration |
         wave = a * cosine + b * sine
         return wave, np.column_stack([cosine, sine, -time * wave, time * (b * cosine - a * sine)])
 
+    def off(found: Array) -> Array:
+        return both(found)[0] - scaled
+
+    def slopes(found: Array) -> Array:
+        return both(found)[1]
+
     best = None
     for start in (prony(scaled, dt), (decay, 2.0 * math.pi * frequency)):
         if start is None:
             continue
-        columns = both(np.array([0.0, 0.0, *start]))[1][:, :2]
+        columns = slopes(np.array([0.0, 0.0, *start]))[:, :2]
         amplitudes = np.linalg.lstsq(columns, scaled, rcond=None)[0]
-        found = least_squares(
-            lambda each: both(each)[0] - scaled,
-            np.array([*amplitudes, *start]),
-            jac=lambda each: both(each)[1],
-            x_scale="jac",
-            xtol=1e-15,
-            ftol=1e-15,
-            gtol=1e-15,
-        )
+        begin = np.array([*amplitudes, *start])
+        found = least_squares(off, begin, jac=slopes, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
         if best is None or found.cost < best.cost:
             best = found
     assert best is not None
     residual = math.sqrt(2.0 * best.cost / (values.size - 4))
-    slopes = both(best.x)[1]
-    size = np.linalg.norm(slopes, axis=0)
+    steep = slopes(best.x)
+    size = np.linalg.norm(steep, axis=0)
     if not np.all(size > 0.0):
         return None
-    spread = max(residual, NOISE) * np.sqrt(np.diag(np.linalg.pinv((slopes / size).T @ (slopes / size)))) / size
+    spread = max(residual, NOISE) * np.sqrt(np.diag(np.linalg.pinv((steep / size).T @ (steep / size)))) / size
     turn = 2.0 * math.pi
     return Vibration(
         float(best.x[2]),
