@@ -84,7 +84,7 @@ def in_space(
     return regulate(params, state, hip, velocity, fall, dt, ihip, force)
 
 
-@compiled
+@borrowing
 def on_mesh(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
