@@ -78,8 +78,11 @@ def law_data(
     tree: ArrayLike = NOTHING,
     state: int = 0,
 ) -> LawData:
-    """Copy what a law works on into arrays of their own, of the type that `LAW` asks for; `state` is its size."""
-    tables = (np.array(each, dtype=np.float64, order="C") for each in (segments, joints, lookup, vertices, tree))
+    """Return what a law works on, of the type that `LAW` asks for; `state` is its size.
+
+    Tables that have that type are shared: a mesh has many megabytes of them.
+    """
+    tables = (for_kernels(np.asarray(each, dtype=np.float64)) for each in (segments, joints, lookup, vertices, tree))
     return LawData._make([np.array(params, dtype=np.float64), *tables, np.zeros(state)])
 
 

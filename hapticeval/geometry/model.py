@@ -73,7 +73,7 @@ class Model:
         from hapticeval.geometry.surface import KINDS, Surface
 
         if not isinstance(self.boundary, Surface):
-            kind = "a plane curve" if self.dimension == 2 else "a boundary of its own kind"
+            kind = "a plane curve" if self.dimension == 2 else "a mesh, or a boundary of its own kind"
             raise RefusalError(
                 f"model '{self.name}' is {kind}",
                 why=f"this works on surfaces in space with compiled kernels only: {', '.join(KINDS)}",

@@ -67,16 +67,12 @@ def cube(size=0.1):
     return Model("cube", {"size": size}, Cube(checked_size(size) / 2.0))
 
 
-MADE = {kind: make for kind, make in catalogue.MODELS.items() if kind not in ("polygon", "wkt", "geojson")}
-BOUNDARIES = {
-    **{
-        kind: catalogue.make_model(kind).boundary
-        for kind in catalogue.MODELS
-        if kind not in ("polygon", "wkt", "geojson")
-    },
+MADE = {kind: make for kind, make in catalogue.MODELS.items() if kind not in catalogue.OWN}
+BOUNDARIES: dict[str, Boundary] = {
+    **{kind: catalogue.make_model(kind).boundary for kind in catalogue.MODELS if kind not in catalogue.OWN},
     "polygon": from_vertices([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.05, 0.02], [0.0, 0.1]]).boundary,
     "40-gon": cassinian().polygon(40),
-    "cube": Cube(0.05),
+    "a cube by its faces": Cube(0.05),
 }
 each = pytest.mark.parametrize("boundary", BOUNDARIES.values(), ids=BOUNDARIES)
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticeval.effects.friction import Friction
-from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.effects.friction_load import load_of, unjudged
 from hapticeval.phenomena.sampling import evidence_at, touching
@@ -30,7 +28,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("the hand never comes from free space: what is stored is not known")
     moved = np.diff(base.hip, axis=0)
     length = np.linalg.norm(moved, axis=1)
-    viscous = scene.effect(ViscousFriction)
+    viscous = scene.effect("viscous-friction")
     damping = scene.damping + (0.0 if viscous is None else viscous.coefficient)
     # Across the surface a law may be steeper than the scene's spring: of any that grows with the depth a force that is
     # held gives no more than its change times the way.
@@ -81,5 +79,5 @@ CHECK = Check(
         "The row that is furthest beyond counts."
     ),
     judge=judge,
-    effects=(Friction.kind, ViscousFriction.kind),
+    effects=("friction", "viscous-friction"),
 )

@@ -7,16 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticeval.effects.effect import Stage
-from hapticeval.effects.friction import Friction
-from hapticeval.effects.lugre import LuGre
-from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.phenomena.sampling import NO_IHIP, above_force_floor, lacks_ihip
 from hapticeval.phenomena.verdict import Finding, Outcome, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
-FRICTIONS = (Friction, ViscousFriction, LuGre)
+FRICTIONS = ("friction", "viscous-friction", "lugre")
 """The effects that brake a tool along the surface."""
 
 DOUBLE = float(np.finfo(np.float64).eps)
@@ -58,7 +55,7 @@ def load_of(base: Recording, scene: Scene) -> Load:
         normal = np.sum(push * normals, axis=1)
         size = np.linalg.norm(force - across[:, np.newaxis] * normals, axis=1)
     moving = velocity[rows] - np.sum(velocity[rows] * normals, axis=1)[:, np.newaxis] * normals
-    viscous = scene.effect(ViscousFriction)
+    viscous = scene.effect("viscous-friction")
     damping = scene.damping + (0.0 if viscous is None else viscous.coefficient)
     reach = scene.stiffness * float(np.max(np.abs(base.hip))) + np.linalg.norm(force, axis=1)
     parts = (
@@ -84,7 +81,7 @@ def precision(base: Recording) -> float:
 
 def unjudged(base: Recording, scene: Scene) -> Finding | None:
     """Return why a check of friction has no question, or no answer, here; None where it can be judged."""
-    others = [each.kind for each in scene.effects if each.stage is Stage.ANSWER and not isinstance(each, FRICTIONS)]
+    others = [each.kind for each in scene.effects if each.stage is Stage.ANSWER and each.kind not in FRICTIONS]
     if others:
         message = f"the scene calls for {' and '.join(others)} too, whose force along the surface is no friction"
         return Finding(Outcome.NOT_APPLICABLE, message)

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from hapticeval.effects.friction import Friction
-from hapticeval.effects.lugre import LuGre
-from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.effects.friction_load import Load, load_of, unjudged
+from hapticeval.phenomena.effects.friction_load import FRICTIONS, Load, load_of, unjudged
 from hapticeval.phenomena.passivity import laps
 from hapticeval.phenomena.sampling import evidence_at
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from hapticeval.effects.lugre import LuGre
 
 CLOSE = 1e-3
 """Share of the work by which a lap may be off: a tenth of a per cent."""
@@ -81,8 +83,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 def _taken(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Array, Array]:
     """Return the work (n - 1,), J, that the laws take over each step of the hand `moved` (n - 1, N), and its doubt."""
     taken, unknown = np.zeros((2, len(moved)))
-    friction, viscous, bristles = (scene.effect(each) for each in (Friction, ViscousFriction, LuGre))
-    if isinstance(friction, Friction):
+    friction, viscous, bristles = (scene.effect(each) for each in FRICTIONS)
+    if friction is not None:
         slip = np.diff(base.ihip, axis=0)
         after = load.normals[1:]
         across = np.sum(slip * after, axis=1)
@@ -93,9 +95,9 @@ def _taken(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Arr
         taken += normal * (friction.mu_k * along - across)
         taken -= np.sum((scene.stiffness * (base.ihip - base.hip) - base.force)[1:] * slip, axis=1)
         taken += 0.5 * scene.stiffness * np.sum(slip * (slip - moved), axis=1)
-    if isinstance(viscous, ViscousFriction):
+    if viscous is not None:
         taken += 0.5 * viscous.coefficient * np.sum((load.velocity[1:] + load.velocity[:-1]) * moved, axis=1)
-    if isinstance(bristles, LuGre):
+    if bristles is not None:
         held, straight = (_bristles(bristles, load, base.dt, parts) for parts in (1, FINER))
         work = [0.5 * np.sum((each[1:] + each[:-1]) * moved, axis=1) for each in (held, straight)]
         taken += work[1]
@@ -105,9 +107,9 @@ def _taken(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Arr
 
 def _stored(base: Recording, load: Load, scene: Scene) -> Array:
     """Return what a tool that lags behind the hand stores at each tick, (n,), J."""
-    if scene.effect(Friction) is None:
+    if scene.effect("friction") is None:
         return np.zeros(len(base))
-    viscous = scene.effect(ViscousFriction)
+    viscous = scene.effect("viscous-friction")
     pull = load.tangential + (0.0 if viscous is None else viscous.coefficient) * load.velocity
     return np.asarray((load.normal**2 + np.sum(pull**2, axis=1)) / (2.0 * scene.stiffness))
 
@@ -168,5 +170,5 @@ CHECK = Check(
         "furthest off counts."
     ),
     judge=judge,
-    effects=(Friction.kind, ViscousFriction.kind, LuGre.kind),
+    effects=FRICTIONS,
 )
