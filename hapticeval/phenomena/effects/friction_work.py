@@ -111,7 +111,7 @@ def _taken(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Arr
 
 def _stored(base: Recording, load: Load, scene: Scene) -> Array:
     """Return what a tool that lags behind the hand stores at each tick, (n,), J."""
-    if not scene.calls_for(FRICTION):
+    if scene.effect(FRICTION) is None:
         return np.zeros(len(base))
     pull = load.tangential + viscous(scene) * load.velocity
     return np.asarray((load.normal**2 + np.sum(pull**2, axis=1)) / (2.0 * scene.stiffness))
