@@ -33,6 +33,8 @@ from hapticeval.phenomena.effects import (
     friction_sticking,
     friction_work,
     shading,
+    texture,
+    texture_work,
     transient,
 )
 
@@ -56,6 +58,8 @@ OWN: Mapping[str, Check] = {
         *surface_dynamics.CHECKS,
         closed_form.CHECK,
         *shading.CHECKS,
+        *texture.CHECKS,
+        texture_work.CHECK,
         friction_cone.CHECK,
         friction_sticking.CHECK,
         friction_sliding.CHECK,

@@ -12,6 +12,7 @@ import outsiders
 import pytest
 import rubbing
 import struck_and_shaded
+import textured
 from lawbreakers import LAWBREAKERS
 from mutants import BESIDES, MUTANTS
 
@@ -29,7 +30,7 @@ FAULTLESS = "faultless"
 
 DYNAMIC = (FAULTLESS, *LAWBREAKERS)
 BROKEN = {name: check for name, (check, _) in (MUTANTS | LAWBREAKERS).items()}
-GROUPS = (outsiders, rubbing, struck_and_shaded)
+GROUPS = (outsiders, rubbing, struck_and_shaded, textured)
 FAULTY = {name: each for group in GROUPS for name, each in group.BROKEN.items()}
 HONEST = {name: each for group in GROUPS for name, each in group.HONEST.items()}
 OUTSIDERS = FAULTY | HONEST
@@ -129,6 +130,8 @@ A cross marks a check that fails in at least one case. Written by `test_kill_mat
 - Friction round the nearest point, and with one fault each (`rubbing.py`): in cases of `effects-friction`.
 - The same spring with force shading, or with what begins with a contact, and broken ones that claim to show that
   (`struck_and_shaded.py`): round a loop under a facet of an octagon, over its edges, and in taps on a line.
+- The same spring with a height map or a stochastic texture, and broken ones that claim to show that (`textured.py`):
+  in cases of `effects-texture`.
 
 Why one fails a check besides the one that has to stop it is given beside it.
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.effects.friction_load import called_for, load_of, unjudged
+from hapticeval.phenomena.effects.friction_load import load_of, unjudged
 from hapticeval.phenomena.sampling import TELLS, evidence_at
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.scene import Scene
@@ -17,7 +17,7 @@ CLOSE = 1e-12
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare |F_t| with mu_s F_n at every tick."""
-    base, friction = runs.base, called_for(scene, FRICTION)
+    base, friction = runs.base, scene.effect(FRICTION)
     reason = unjudged(base, scene)
     if reason is not None:
         return reason

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -22,14 +21,9 @@ FRICTIONS = (FRICTION, VISCOUS_FRICTION, LUGRE)
 DOUBLE = float(np.finfo(np.float64).eps)
 
 
-def called_for(scene: Scene, kind: str) -> Any:
-    """Return the scene's effect of that kind, whose class is imported where there is one; None where there is none."""
-    return next((each for each in scene.effects if each.kind == kind), None)
-
-
 def viscous(scene: Scene) -> float:
     """Return the coefficient (N s/m) of the scene's viscous friction; zero where it calls for none."""
-    found = called_for(scene, VISCOUS_FRICTION)
+    found = scene.effect(VISCOUS_FRICTION)
     return 0.0 if found is None else float(found.coefficient)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.effects.friction_load import called_for, load_of, precision, unjudged
+from hapticeval.phenomena.effects.friction_load import load_of, precision, unjudged
 from hapticeval.phenomena.sampling import TELLS, evidence_at
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.scene import Scene
@@ -18,7 +18,7 @@ ENOUGH = 10
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare F_t at every tick in which the IHIP moves with mu_k F_n against that motion."""
-    base, friction = runs.base, called_for(scene, FRICTION)
+    base, friction = runs.base, scene.effect(FRICTION)
     reason = unjudged(base, scene)
     if reason is not None:
         return reason

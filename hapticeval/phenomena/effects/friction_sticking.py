@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.effects.friction_load import called_for, load_of, unjudged
+from hapticeval.phenomena.effects.friction_load import load_of, unjudged
 from hapticeval.phenomena.sampling import TELLS, evidence_at, listed
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.scene import Scene
@@ -23,7 +23,7 @@ LONG = 1.0
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Measure how far the IHIP moves while the force along the surface is small."""
-    base, friction = runs.base, called_for(scene, FRICTION)
+    base, friction = runs.base, scene.effect(FRICTION)
     reason = unjudged(base, scene)
     if reason is not None:
         return reason

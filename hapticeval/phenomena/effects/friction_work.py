@@ -8,7 +8,7 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.effects.friction_load import Load, called_for, judged_late, load_of, unjudged, viscous
+from hapticeval.phenomena.effects.friction_load import Load, judged_late, load_of, unjudged, viscous
 from hapticeval.phenomena.passivity import laps
 from hapticeval.phenomena.sampling import evidence_at
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
@@ -88,7 +88,7 @@ def _judge(base: Recording, scene: Scene) -> Finding:
 def _taken(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Array, Array]:
     """Return the work (n - 1,), J, that the laws take over each step of the hand `moved` (n - 1, N), and its doubt."""
     taken, unknown = np.zeros((2, len(moved)))
-    friction, bristles = called_for(scene, FRICTION), called_for(scene, LUGRE)
+    friction, bristles = scene.effect(FRICTION), scene.effect(LUGRE)
     if friction is not None:
         slip = np.diff(base.ihip, axis=0)
         after = load.normals[1:]
@@ -111,7 +111,7 @@ def _taken(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Arr
 
 def _stored(base: Recording, load: Load, scene: Scene) -> Array:
     """Return what a tool that lags behind the hand stores at each tick, (n,), J."""
-    if not scene.calls_for(FRICTION):
+    if scene.effect(FRICTION) is None:
         return np.zeros(len(base))
     pull = load.tangential + viscous(scene) * load.velocity
     return np.asarray((load.normal**2 + np.sum(pull**2, axis=1)) / (2.0 * scene.stiffness))
