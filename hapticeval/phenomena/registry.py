@@ -58,7 +58,6 @@ OWN: Mapping[str, Check] = {
         *surface_dynamics.CHECKS,
         closed_form.CHECK,
         *shading.CHECKS,
-        *transient.CHECKS,
         *texture.CHECKS,
         texture_work.CHECK,
         friction_cone.CHECK,
@@ -66,6 +65,7 @@ OWN: Mapping[str, Check] = {
         friction_sliding.CHECK,
         friction_energy.CHECK,
         friction_work.CHECK,
+        *transient.CHECKS,
     )
 }
 """The checks of this package."""
