@@ -94,6 +94,10 @@ class Scene:
         kinds = {each.kind for each in effects}
         return replace(self, effects=(*(each for each in self.effects if each.kind not in kinds), *effects))
 
+    def without(self, kind: str) -> Scene:
+        """Return the scene without its effect of that kind."""
+        return replace(self, effects=tuple(each for each in self.effects if each.kind != kind))
+
     @property
     def requirements(self) -> dict[str, str]:
         """Return what this scene asks of a renderer: name -> meaning, to complete "the scene asks for NAME: ..."."""

@@ -32,8 +32,15 @@ def nearest(scene: Scene, representation: str, *, vertices: float = VERTICES, gr
     if model.dimension == 3 and representation == "curve":
         if isinstance(model.boundary, Mesh):
             faces, corners, tree = model.boundary.tables
-            tables = {"segments": faces, "vertices": corners, "tree": tree}
-            return CompiledProjection(on_mesh, model.boundary, bilateral=scene.bilateral, memory=1, **tables)
+            return CompiledProjection(
+                on_mesh,
+                model.boundary,
+                bilateral=scene.bilateral,
+                memory=1,
+                segments=faces,
+                vertices=corners,
+                tree=tree,
+            )
         row = model.surface.row[np.newaxis]
         return CompiledProjection(in_space, model.surface, bilateral=scene.bilateral, segments=row)
     if representation == "level-set" and model.curve.closed:

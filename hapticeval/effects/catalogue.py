@@ -41,6 +41,7 @@ class Entry(NamedTuple):
 
 
 VISCOSITY, FORCE_SENSOR = "viscosity", "force-sensor"
+FRICTION, VISCOUS_FRICTION, LUGRE = "friction", "viscous-friction", "lugre"
 """Kinds that other rooms ask for by name."""
 
 EFFECTS: dict[str, Entry] = {
@@ -62,6 +63,11 @@ EFFECTS: dict[str, Entry] = {
     VISCOSITY: Entry(
         ".viscosity:Viscosity", "the surface brakes the tool that slides along it (7.18)", {"viscosity": "coefficient"}
     ),
+    FRICTION: Entry(".friction:Friction", "the surface holds a tool that sticks, and brakes one that slides (4.3.3)"),
+    VISCOUS_FRICTION: Entry(
+        ".viscous_friction:ViscousFriction", "the surface brakes a hand in contact in proportion to its speed along it"
+    ),
+    LUGRE: Entry(".lugre:LuGre", "the surface holds and brakes the tool by bristles that bend (LuGre)"),
     "contact-impulse": Entry(
         ".contact_impulse:ContactImpulse", "a contact begins with a pulse that stops the device (4.21)"
     ),
@@ -138,23 +144,12 @@ def make_effect(document: Mapping[str, Any], folder: Path = Path()) -> Effect:
 
 
 def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """Return effects in the catalogue's order, without those that are off.
-
-    Raises `InputError` for two of a kind, and for two of which one excludes the other.
-    """
+    """Return effects in the catalogue's order, without those that are off. Raises `InputError` for two of a kind."""
     found: dict[str, Effect] = {}
     for each in effects:
         if each.kind in found:
             raise InputError(f"the scene lists two effects '{each.kind}'", todo="leave one out")
         found[each.kind] = each
     order = list(EFFECTS)
-    kept = [each for each in found.values() if not each.off]
-    for each in kept:
-        for other in kept:
-            if other.kind in each.excludes:
-                raise InputError(
-                    f"the scene calls for '{each.kind}' and '{other.kind}'",
-                    why="each is a whole model of the same thing, and both would count it twice",
-                    todo="leave one out",
-                )
+    kept = (each for each in found.values() if not each.off)
     return tuple(sorted(kept, key=lambda each: order.index(each.kind) if each.kind in order else len(order)))

@@ -88,8 +88,6 @@ class Effect:
     """Its name in suites, results and recordings."""
     stage: ClassVar[Stage | None] = None
     """Where in a tick it takes part; None for what only renderers and checks know of."""
-    excludes: ClassVar[frozenset[str]] = frozenset()
-    """Kinds that a scene cannot call for beside it."""
     refusals: ClassVar[Mapping[int, str]] = {}
     """What the numbers mean that its change of an answer returns beside 0."""
     words: ClassVar[str] = ""

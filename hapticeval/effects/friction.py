@@ -61,7 +61,6 @@ class Friction(Effect):
     stick: float = number("", default=0.6)
 
     kind: ClassVar[str] = "friction"
-    excludes: ClassVar[frozenset[str]] = frozenset({"lugre"})
     stage: ClassVar[Stage] = Stage.ANSWER
     linear: ClassVar[bool] = False
     words: ClassVar[str] = "friction with mu_s {mu_s} and mu_k {mu_k}"

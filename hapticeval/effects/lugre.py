@@ -34,6 +34,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from hapticeval.effects.catalogue import FRICTION, VISCOUS_FRICTION
 from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
 from hapticeval.errors import InputError
 from hapticeval.types import Array
@@ -59,7 +60,6 @@ class LuGre(Effect):
     fade: float | None = number("m/s", default=None)
 
     kind: ClassVar[str] = "lugre"
-    excludes: ClassVar[frozenset[str]] = frozenset({"friction", "viscous-friction"})
     stage: ClassVar[Stage] = Stage.ANSWER
     linear: ClassVar[bool] = False
     words: ClassVar[str] = (
@@ -75,6 +75,16 @@ class LuGre(Effect):
                 why="g(v) falls from mu_s F_n to mu_k F_n with the speed (Stribeck)",
                 todo="give mu_k <= mu_s",
             )
+
+    def fits(self, scene: Calling) -> None:
+        """Raise `InputError` in a scene that calls for another friction."""
+        for each in scene.effects:
+            if each.kind in (FRICTION, VISCOUS_FRICTION):
+                raise InputError(
+                    f"the scene calls for '{self.kind}' and '{each.kind}'",
+                    why="LuGre is a whole model of friction, dry and viscous, and both would count it twice",
+                    todo="leave one out",
+                )
 
     def limit(self, speed: Array) -> Array:
         """Return g(v) / F_n at speeds (n,), m/s."""

@@ -33,6 +33,8 @@ from hapticeval.phenomena.effects import (
     friction_sticking,
     friction_work,
     shading,
+    texture,
+    texture_work,
     transient,
 )
 
@@ -56,12 +58,14 @@ OWN: Mapping[str, Check] = {
         *surface_dynamics.CHECKS,
         closed_form.CHECK,
         *shading.CHECKS,
-        *transient.CHECKS,
+        *texture.CHECKS,
+        texture_work.CHECK,
         friction_cone.CHECK,
         friction_sticking.CHECK,
         friction_sliding.CHECK,
         friction_energy.CHECK,
         friction_work.CHECK,
+        *transient.CHECKS,
     )
 }
 """The checks of this package."""

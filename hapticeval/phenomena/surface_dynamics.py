@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.effects.catalogue import FORCE_SENSOR
+from hapticeval.effects.catalogue import FORCE_SENSOR, FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
 from hapticeval.phenomena.refinement import richardson_two_level
 from hapticeval.phenomena.sampling import TELLS, evidence_at, mm
@@ -227,6 +227,7 @@ DECOUPLING = Check(
     siblings=FINER,
     not_for={Situation.LED: SPEED_GIVEN},
     holds=True,
+    not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
     metric="change of the foot's speed while the tool moves across",
     unit="",
     bound=(
@@ -254,6 +255,7 @@ TANGENTIAL_DYNAMICS = Check(
     siblings=FINER,
     not_for={Situation.LED: SPEED_GIVEN},
     holds=True,
+    not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
     metric="speed along the surface that the assigned dynamics do not explain, of the top speed",
     unit="",
     bound=(

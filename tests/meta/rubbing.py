@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from msgspec import structs
+from outsiders import Outsider
 
 from hapticeval.discovery import resolve
 from hapticeval.effects.friction import Friction
@@ -14,7 +15,6 @@ from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import with_effects
-from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
 
 
@@ -65,7 +65,7 @@ class Grips(Rubbing):
 
 
 class Creeps(Rubbing):
-    """A tool that has stuck for 1.5 s creeps by 2 um/s, in the force too."""
+    """A tool that has stuck for 1.5 s creeps from then on, by 2 um a second, in the force too."""
 
     def spoiled(self, hip: np.ndarray, ihip: np.ndarray, force: np.ndarray) -> Response:
         along = 2e-6 * max(self.stuck - 1.5, 0.0) * np.eye(hip.size)[0]
@@ -98,32 +98,25 @@ class Thins(Rubbing):
         return scene if viscous is None else in_place_of(scene, ViscousFriction, coefficient=0.99 * viscous.coefficient)
 
 
-FAULTLESS = "rubbing"
-
-LAWBREAKERS: dict[str, tuple[str, type[Rubbing]]] = {
-    "grips": ("friction-cone", Grips),
-    "creeps": ("friction-sticking", Creeps),
-    "chatters": ("friction-sliding", Chatters),
-    "gives": ("friction-energy", Gives),
-    "thins": ("friction-work", Thins),
-}
-"""Lawbreaker: the one check that it must fail, and what makes it."""
-
-CASES = ("plane-to-and-fro", "plane-press", "circle-to-and-fro", "corner-inner", "viscous-plane")
+SHOWN = ("plane-to-and-fro", "plane-press", "circle-to-and-fro", "corner-inner", "viscous-plane")
 HELD = "plane-held"
 """Eleven seconds, in which only the one that creeps does."""
 
+CASES = {
+    each.name: structs.replace(each, checks=tuple(check for check in each.checks if check.startswith("friction-")))
+    for each in load_suite("effects-friction").cases
+    if each.name in (*SHOWN, HELD)
+}
+"""The cases of the suite that show the faults, with the checks of friction alone: the others refine, in Python."""
 
-def cases(name: str) -> tuple[Case, ...]:
-    """The cases of the suite that show the faults, with the checks of friction alone: the others refine, in Python."""
-    chosen = (*CASES, HELD) if name in (FAULTLESS, "creeps") else CASES
-    found = [each for each in load_suite("effects-friction").cases if each.name in chosen]
-    return tuple(
-        structs.replace(each, checks=tuple(check for check in each.checks if check.startswith("friction-")))
-        for each in found
-    )
+BROKEN: Mapping[str, Outsider] = {
+    "grips": Outsider(Grips, {"friction-cone": "a tenth more than the cone holds"}, SHOWN),
+    "creeps": Outsider(Creeps, {"friction-sticking": "2 um a second"}, (*SHOWN, HELD)),
+    "chatters": Outsider(Chatters, {"friction-sliding": "a fifth more and less in turns"}, SHOWN),
+    "gives": Outsider(Gives, {"friction-energy": "a third more on the way out"}, SHOWN),
+    "thins": Outsider(Thins, {"friction-work": "a hundredth less of viscous friction"}, SHOWN),
+}
+"""What each fault fails, and why."""
 
-
-def factory(name: str) -> Callable[[Scene], Rubbing]:
-    """Return the factory of one lawbreaker, or of the renderer without a fault."""
-    return LAWBREAKERS[name][1] if name in LAWBREAKERS else Rubbing
+HONEST: Mapping[str, Outsider] = {"rubbing": Outsider(Rubbing, cases=(*SHOWN, HELD))}
+"""The effect itself."""

@@ -12,6 +12,7 @@ import outsiders
 import pytest
 import rubbing
 import struck_and_shaded
+import textured
 from lawbreakers import LAWBREAKERS
 from mutants import BESIDES, MUTANTS
 
@@ -28,9 +29,8 @@ FAULTLESS = "faultless"
 """The law that the lawbreakers break."""
 
 DYNAMIC = (FAULTLESS, *LAWBREAKERS)
-RUBBING = (rubbing.FAULTLESS, *rubbing.LAWBREAKERS)
-BROKEN = {name: check for name, (check, _) in (MUTANTS | LAWBREAKERS | rubbing.LAWBREAKERS).items()}
-GROUPS = (outsiders, struck_and_shaded)
+BROKEN = {name: check for name, (check, _) in (MUTANTS | LAWBREAKERS).items()}
+GROUPS = (outsiders, rubbing, struck_and_shaded, textured)
 FAULTY = {name: each for group in GROUPS for name, each in group.BROKEN.items()}
 HONEST = {name: each for group in GROUPS for name, each in group.HONEST.items()}
 OUTSIDERS = FAULTY | HONEST
@@ -53,8 +53,6 @@ def findings(name: str) -> dict[tuple[str, str], Finding]:
     if name in OUTSIDERS:
         make, suite = OUTSIDERS[name].make, "outsiders"
         judged_in = [CASES[case] for case in OUTSIDERS[name].cases]
-    elif name in RUBBING:
-        make, suite, judged_in = rubbing.factory(name), "effects-friction", rubbing.cases(name)
     else:
         suite = "dynamics-circle" if name in DYNAMIC else "thesis"
         make = lawbreakers.factory(name) if name in DYNAMIC else ideal if name == "ideal" else mutants.factory(name)
@@ -78,19 +76,14 @@ def of_check(name: str, outcome: Outcome) -> set[str]:
     return {check for (_, check), found in outcomes(name).items() if found is outcome}
 
 
-@pytest.mark.parametrize("name", ["ideal", FAULTLESS, rubbing.FAULTLESS])
+@pytest.mark.parametrize("name", ["ideal", FAULTLESS])
 def test_what_is_right_passes_every_check_that_applies(name):
     assert set(outcomes(name).values()) <= {Outcome.PASS, Outcome.NOT_APPLICABLE}, outcomes(name)
 
 
 def test_what_is_right_passes_each_check_somewhere():
-    right = ("ideal", FAULTLESS, rubbing.FAULTLESS, *HONEST)
+    right = ("ideal", FAULTLESS, *HONEST)
     assert set().union(*(of_check(name, Outcome.PASS) for name in right)) == set(OWN)
-
-
-def faultless(name: str) -> str:
-    """The renderer that a broken one breaks."""
-    return FAULTLESS if name in LAWBREAKERS else rubbing.FAULTLESS if name in RUBBING else "ideal"
 
 
 @pytest.mark.parametrize("name", BROKEN)
@@ -98,7 +91,7 @@ def test_what_is_broken_fails_its_check_and_no_other(name):
     fails = {BROKEN[name], *BESIDES.get(name, {})}
     own = fails if name not in LAWBREAKERS else fails | {"closed-form"}
     assert of_check(name, Outcome.FAIL) == fails
-    right = outcomes(faultless(name))
+    right = outcomes(FAULTLESS if name in LAWBREAKERS else "ideal")
     others = {place: outcome for place, outcome in outcomes(name).items() if place[1] not in own}
     assert others == {place: right[place] for place in others}, "and leaves no other check undecided"
 
@@ -131,12 +124,14 @@ A cross marks a check that fails in at least one case. Written by `test_kill_mat
 
 - The ideal rigid contact, and its answer spoiled (`mutants.py`): in the cases of the thesis suite.
 - A faultless set stabilisation, and broken laws (`lawbreakers.py`): in those of `dynamics-circle` with a point mass.
-- Friction round the nearest point, and with one fault each (`rubbing.py`): in cases of `effects-friction`.
 - A spring to the nearest point, in the ways in which honest renderers differ, and the broken ones that answer step by
   step (`outsiders.py`): on a short way round a circle, pressed on a line, and through a thin plate. An `e` marks one
   whose `run()` is not its `step()`: it breaks the contract, and is not judged.
+- Friction round the nearest point, and with one fault each (`rubbing.py`): in cases of `effects-friction`.
 - The same spring with force shading, or with what begins with a contact, and broken ones that claim to show that
   (`struck_and_shaded.py`): round a loop under a facet of an octagon, over its edges, and in taps on a line.
+- The same spring with a height map or a stochastic texture, and broken ones that claim to show that (`textured.py`):
+  in cases of `effects-texture`.
 
 Why one fails a check besides the one that has to stop it is given beside it.
 
@@ -146,7 +141,7 @@ MARKS = {Outcome.ERROR: "e", Outcome.FAIL: "x"}
 
 def matrix() -> str:
     lines = ["| renderer | " + " | ".join(OWN) + " |", "|---|" + "---|" * len(OWN)]
-    for name in ("ideal", *MUTANTS, *DYNAMIC, *RUBBING, *HONEST, *FAULTY):
+    for name in ("ideal", *MUTANTS, *DYNAMIC, *HONEST, *FAULTY):
         marked = {check: mark for outcome, mark in MARKS.items() for check in of_check(name, outcome)}
         lines.append(f"| {name} | " + " | ".join(marked.get(check, "") for check in OWN) + " |")
     return HEAD + "\n".join(lines) + "\n"

@@ -16,12 +16,6 @@ from hapticeval.recordings.recording import Clock, Recording
 DT = 5e-4
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def smooth(rows=400):
     turn = np.arange(rows) * 0.01
     hip = 0.1 * np.column_stack([np.cos(turn), np.sin(turn)])

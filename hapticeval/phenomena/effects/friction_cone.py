@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.effects.friction_load import load_of, unjudged
 from hapticeval.phenomena.sampling import TELLS, evidence_at
@@ -16,8 +17,7 @@ CLOSE = 1e-12
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare |F_t| with mu_s F_n at every tick."""
-    base, friction = runs.base, scene.effect("friction")
-    assert friction is not None
+    base, friction = runs.base, scene.effect(FRICTION)
     reason = unjudged(base, scene)
     if reason is not None:
         return reason
@@ -60,5 +60,5 @@ CHECK = Check(
         "a tenth of the cone throughout shows nothing."
     ),
     judge=judge,
-    effects=("friction",),
+    effects=(FRICTION,),
 )

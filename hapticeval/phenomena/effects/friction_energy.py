@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticeval.effects.catalogue import FRICTION, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.effects.friction_load import load_of, unjudged
+from hapticeval.phenomena.effects.friction_load import judged_late, load_of, unjudged, viscous
 from hapticeval.phenomena.sampling import evidence_at, touching
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
-from hapticeval.recordings.recording import SINGLE
+from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 
 STEEPER = 1.001
@@ -18,9 +19,10 @@ STEEPER = 1.001
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the work that the hand gets since free space with what holding the force may give."""
     base = runs.base
-    reason = unjudged(base, scene)
-    if reason is not None:
-        return reason
+    return unjudged(base, scene) or judged_late(base, lambda recording: _judge(recording, scene))
+
+
+def _judge(base: Recording, scene: Scene) -> Finding:
     load = load_of(base, scene)
     free = ~touching(base, scene)
     begins = np.flatnonzero(free[:-1] & ~free[1:])
@@ -28,8 +30,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("the hand never comes from free space: what is stored is not known")
     moved = np.diff(base.hip, axis=0)
     length = np.linalg.norm(moved, axis=1)
-    viscous = scene.effect("viscous-friction")
-    damping = scene.damping + (0.0 if viscous is None else viscous.coefficient)
+    damping = scene.damping + viscous(scene)
     # Across the surface a law may be steeper than the scene's spring: of any that grows with the depth a force that is
     # held gives no more than its change times the way.
     across = np.max([np.abs(np.sum(moved * each, axis=1)) for each in (load.normals[:-1], load.normals[1:])], axis=0)
@@ -76,8 +77,9 @@ CHECK = Check(
         "S = 0: so the sum is at most K sum of |dx|^2 / 2, at any sampling rate and with no fitting. To that come "
         "single precision of force times way; the scene's dampers, held, (K_d + b) / dt sum of |dx[i]| |dx[i-1]|; and"
         " across the surface |dF_n| |dx_n| in ticks where the law is steeper there than K, by a thousandth or more. "
-        "The row that is furthest beyond counts."
+        "The row that is furthest beyond counts. A force that is up to three ticks late is held against the HIP of "
+        "then."
     ),
     judge=judge,
-    effects=("friction", "viscous-friction"),
+    effects=(FRICTION, VISCOUS_FRICTION),
 )

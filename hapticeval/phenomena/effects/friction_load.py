@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.effects.effect import Stage
-from hapticeval.phenomena.sampling import NO_IHIP, above_force_floor, lacks_ihip
+from hapticeval.phenomena.sampling import LAG_TICKS, NO_IHIP, above_force_floor, lacks_ihip
 from hapticeval.phenomena.verdict import Finding, Outcome, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
-FRICTIONS = ("friction", "viscous-friction", "lugre")
+FRICTIONS = (FRICTION, VISCOUS_FRICTION, LUGRE)
 """The effects that brake a tool along the surface."""
 
 DOUBLE = float(np.finfo(np.float64).eps)
+
+
+def viscous(scene: Scene) -> float:
+    """Return the coefficient (N s/m) of the scene's viscous friction; zero where it calls for none."""
+    found = scene.effect(VISCOUS_FRICTION)
+    return 0.0 if found is None else float(found.coefficient)
 
 
 @dataclass(frozen=True)
@@ -55,8 +63,7 @@ def load_of(base: Recording, scene: Scene) -> Load:
         normal = np.sum(push * normals, axis=1)
         size = np.linalg.norm(force - across[:, np.newaxis] * normals, axis=1)
     moving = velocity[rows] - np.sum(velocity[rows] * normals, axis=1)[:, np.newaxis] * normals
-    viscous = scene.effect("viscous-friction")
-    damping = scene.damping + (0.0 if viscous is None else viscous.coefficient)
+    damping = scene.damping + viscous(scene)
     reach = scene.stiffness * float(np.max(np.abs(base.hip))) + np.linalg.norm(force, axis=1)
     parts = (
         normal,
@@ -77,6 +84,23 @@ def load_of(base: Recording, scene: Scene) -> Load:
 def precision(base: Recording) -> float:
     """Return the relative precision of the recorded IHIPs: that of single numbers where all of them are such."""
     return SINGLE if np.array_equal(base.ihip, base.ihip.astype(np.float32)) else DOUBLE
+
+
+def judged_late(base: Recording, judge: Callable[[Recording], Finding]) -> Finding:
+    """Judge a recording, and where it fails, against the HIP of up to three ticks before: a lag is granted.
+
+    A renderer that is late gives and takes energy for that alone: see `passivity`. Where all fail the first is found.
+    """
+    found = judge(base)
+    for lag in range(1, LAG_TICKS + 1):
+        if found.outcome is not Outcome.FAIL:
+            break
+        rows = np.maximum(np.arange(len(base)) - lag, 0)
+        led = {name: base.channels[name][rows] for name in ("hip", "velocity") if name in base.channels}
+        again = judge(Recording(base.time, {**base.channels, **led}, base.meta))
+        if again.outcome is Outcome.PASS:
+            return replace(again, message=f"{again.message}; the force is {lag} ticks late")
+    return found
 
 
 def unjudged(base: Recording, scene: Scene) -> Finding | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.effects.friction_load import load_of, precision, unjudged
 from hapticeval.phenomena.sampling import TELLS, evidence_at
@@ -17,8 +18,7 @@ ENOUGH = 10
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare F_t at every tick in which the IHIP moves with mu_k F_n against that motion."""
-    base, friction = runs.base, scene.effect("friction")
-    assert friction is not None
+    base, friction = runs.base, scene.effect(FRICTION)
     reason = unjudged(base, scene)
     if reason is not None:
         return reason
@@ -93,5 +93,5 @@ CHECK = Check(
         "tenth, and those in which the tool passes a corner, are not judged."
     ),
     judge=judge,
-    effects=("friction",),
+    effects=(FRICTION,),
 )

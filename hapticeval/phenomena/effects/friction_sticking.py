@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.effects.friction_load import load_of, unjudged
 from hapticeval.phenomena.sampling import TELLS, evidence_at, listed
@@ -22,8 +23,7 @@ LONG = 1.0
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Measure how far the IHIP moves while the force along the surface is small."""
-    base, friction = runs.base, scene.effect("friction")
-    assert friction is not None
+    base, friction = runs.base, scene.effect(FRICTION)
     reason = unjudged(base, scene)
     if reason is not None:
         return reason
@@ -76,5 +76,5 @@ CHECK = Check(
         "with a force along the surface of a tenth to 0.6 of the kinetic cone: within that a tool sticks by any rule."
     ),
     judge=judge,
-    effects=("friction",),
+    effects=(FRICTION,),
 )

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.effects.friction_load import FRICTIONS, Load, load_of, unjudged
+from hapticeval.phenomena.effects.friction_load import Load, judged_late, load_of, unjudged, viscous
 from hapticeval.phenomena.passivity import laps
 from hapticeval.phenomena.sampling import evidence_at
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
@@ -36,6 +37,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return reason
     if scene.damping > 0.0:
         return Finding(Outcome.NOT_APPLICABLE, f"a damper of {scene.damping:g} N s/m takes energy too")
+    return judged_late(base, lambda recording: _judge(recording, scene))
+
+
+def _judge(base: Recording, scene: Scene) -> Finding:
     load = load_of(base, scene)
     spans = [
         (first + lap * period, first + (lap + 1) * period)
@@ -83,7 +88,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 def _taken(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Array, Array]:
     """Return the work (n - 1,), J, that the laws take over each step of the hand `moved` (n - 1, N), and its doubt."""
     taken, unknown = np.zeros((2, len(moved)))
-    friction, viscous, bristles = (scene.effect(each) for each in FRICTIONS)
+    friction, bristles = scene.effect(FRICTION), scene.effect(LUGRE)
     if friction is not None:
         slip = np.diff(base.ihip, axis=0)
         after = load.normals[1:]
@@ -95,8 +100,7 @@ def _taken(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Arr
         taken += normal * (friction.mu_k * along - across)
         taken -= np.sum((scene.stiffness * (base.ihip - base.hip) - base.force)[1:] * slip, axis=1)
         taken += 0.5 * scene.stiffness * np.sum(slip * (slip - moved), axis=1)
-    if viscous is not None:
-        taken += 0.5 * viscous.coefficient * np.sum((load.velocity[1:] + load.velocity[:-1]) * moved, axis=1)
+    taken += 0.5 * viscous(scene) * np.sum((load.velocity[1:] + load.velocity[:-1]) * moved, axis=1)
     if bristles is not None:
         held, straight = (_bristles(bristles, load, base.dt, parts) for parts in (1, FINER))
         work = [0.5 * np.sum((each[1:] + each[:-1]) * moved, axis=1) for each in (held, straight)]
@@ -107,10 +111,9 @@ def _taken(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Arr
 
 def _stored(base: Recording, load: Load, scene: Scene) -> Array:
     """Return what a tool that lags behind the hand stores at each tick, (n,), J."""
-    if scene.effect("friction") is None:
+    if scene.effect(FRICTION) is None:
         return np.zeros(len(base))
-    viscous = scene.effect("viscous-friction")
-    pull = load.tangential + (0.0 if viscous is None else viscous.coefficient) * load.velocity
+    pull = load.tangential + viscous(scene) * load.velocity
     return np.asarray((load.normal**2 + np.sum(pull**2, axis=1)) / (2.0 * scene.stiffness))
 
 
@@ -167,8 +170,8 @@ CHECK = Check(
         " pressed to d and led A cos, that is 4 mu K d (A - mu d) a cycle for mu_s = mu_k. Viscous friction takes b "
         "v_t . dx. LuGre's law is solved for the recorded velocity and normal force, in eighths of a tick, exactly "
         "for a speed that is held; what that differs by from whole ticks is allowed. The lap after the first that is "
-        "furthest off counts."
+        "furthest off counts. A force that is up to three ticks late is held against the HIP of then."
     ),
     judge=judge,
-    effects=FRICTIONS,
+    effects=(FRICTION, VISCOUS_FRICTION, LUGRE),
 )
