@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
 from hapticeval.devices.device import Device
 from hapticeval.devices.inner_loop import InnerLoop
@@ -69,24 +69,34 @@ class Scene:
             each.check(self.robot)
             each.fits(self)
 
-    def effect(self, kind: type[E]) -> E | None:
-        """Return the scene's effect of that class; None where it does not call for it."""
-        return next((each for each in self.effects if isinstance(each, kind)), None)
+    @overload
+    def effect(self, kind: type[E]) -> E | None: ...
 
-    def calls_for(self, kind: str) -> bool:
-        """Whether the scene calls for an effect of that kind."""
-        return any(each.kind == kind for each in self.effects)
+    @overload
+    def effect(self, kind: str) -> Any: ...
+
+    def effect(self, kind: type[E] | str) -> Any:
+        """Return the scene's effect of that class or kind; None where it does not call for it.
+
+        By its kind an effect is asked for without importing it.
+        """
+        of = kind if isinstance(kind, str) else kind.kind
+        return next((each for each in self.effects if each.kind == of), None)
 
     @property
     def viscosity(self) -> float:
         """Return b_d of (7.18) of the surface, kg/s; zero where the scene calls for none."""
-        found: Any = next((each for each in self.effects if each.kind == VISCOSITY), None)
+        found = self.effect(VISCOSITY)
         return 0.0 if found is None else float(found.coefficient)
 
     def with_effects(self, *effects: Effect) -> Scene:
         """Return the scene with these effects, in place of its own of the same kinds."""
         kinds = {each.kind for each in effects}
         return replace(self, effects=(*(each for each in self.effects if each.kind not in kinds), *effects))
+
+    def without(self, kind: str) -> Scene:
+        """Return the scene without its effect of that kind."""
+        return replace(self, effects=tuple(each for each in self.effects if each.kind != kind))
 
     @property
     def requirements(self) -> dict[str, str]:

@@ -31,7 +31,8 @@ SEGMENT = 256
 BEFORE, AFTER = 0.005, 0.12
 """Seconds before and after the start of a contact that are drawn of a transient."""
 
-WIDTH, HEIGHT = 5.4, 3.0
+WIDTH, HEIGHT = 4.2, 2.6
+PLACE = (0.15, 0.18, 0.82, 0.76)
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ def _alone(run: RunEntry) -> Effect | None:
 def effect_svg(kind: str, recording: Recording, model: Model, *, prefix: str, title: str) -> str:
     """Return the panel of an effect as an SVG element for a page."""
     with figure(WIDTH, HEIGHT, page=True) as made:
-        axes = made.add_axes((0.13, 0.16, 0.84, 0.78))
+        axes = made.add_axes(PLACE)
         PANELS[kind](axes, recording, model)
         axes.grid(True)
         return page_svg(made, prefix=prefix, title=title)
@@ -184,6 +185,7 @@ def _draw_transient(axes: Axes, recording: Recording, model: Model) -> None:
     depth = np.maximum(-model.boundary.closest_point(recording.hip).distance, 0.0)
     time = 1e3 * (recording.time[shown] - start)
     axes.step(time, across[shown], where="post", color=drawn("hip"), label="force across")
+    axes.set_position((*PLACE[:2], 0.72, PLACE[3]))
     beside = axes.twinx()
     beside.plot(time, MM * depth[shown], color=drawn("ihip"), linestyle=(0, (4, 1.2)), label="depth of the hand")
     beside.set_ylabel("depth (mm)")
@@ -213,7 +215,7 @@ def cost_svg(document: EffectsDocument) -> str:
     if document.ladder is None:
         return ""
     with figure(WIDTH, HEIGHT, page=True) as made:
-        axes = made.add_axes((0.13, 0.16, 0.84, 0.78))
+        axes = made.add_axes(PLACE)
         _draw_cost(axes, document.ladder)
         return page_svg(made, prefix="ec", title="Time of an answer by the number of effects that a scene calls for")
 

@@ -146,6 +146,12 @@ class Effect:
     def fits(self, scene: Calling) -> None:
         """Raise `InputError` where the effect makes no sense in the scene."""
 
+    def check_path(self, scene: Calling, hips: Array) -> None:
+        """Raise `InputError` where a hand that is led along HIPs (n, N), m, a tick each, asks for what cannot be."""
+
+    def check_base(self, scene: Calling, ask: Ask) -> None:
+        """Raise `RefusalError` where it cannot be put on a renderer's answers, of which `ask` gives any."""
+
     def part(self, ticks: int, size: int, dt: float) -> Part:
         """Assemble what it adds to a closed loop of so many ticks of `dt` s, on a device of `size` = N joints."""
         raise NotImplementedError(f"{type(self).__name__} has the stage {self.stage} and no part")
@@ -182,6 +188,10 @@ class Effect:
                 if each.metadata
             }
         )
+
+
+Ask = Callable[[Array, Array], tuple[Array, Array]]
+"""Ask a renderer: (from, to) -> IHIP and force, (N,) each, for a hand that comes from one point and rests at one."""
 
 
 class Calling(Protocol):

@@ -113,8 +113,9 @@ def checked_triangles(triangles: object, count: int) -> IntArray:
 
 def check_closed(positions: Array, triangles: IntArray) -> IntArray:
     """Return the neighbours (t, 3) of the triangles of a closed, connected, outward manifold. Raises `InputError`."""
-    used = positions[np.unique(triangles)]
-    check_range(used)
+    used = np.zeros(positions.shape[0], dtype=bool)
+    used[triangles] = True
+    check_range(positions[used])
     across, problem, triangle, corner = build.join(positions.shape[0], triangles)
     if problem:
         refuse(problem, triangle, triangles, corner)

@@ -27,7 +27,17 @@ from hapticeval.phenomena import (
     surface_dynamics,
 )
 from hapticeval.phenomena.check import Check
-from hapticeval.phenomena.effects import shading, transient
+from hapticeval.phenomena.effects import (
+    friction_cone,
+    friction_energy,
+    friction_sliding,
+    friction_sticking,
+    friction_work,
+    shading,
+    texture,
+    texture_work,
+    transient,
+)
 
 GROUP = "hapticeval.checks"
 
@@ -50,6 +60,13 @@ OWN: Mapping[str, Check] = {
         closed_form.CHECK,
         numerical_stability.CHECK,
         *shading.CHECKS,
+        *texture.CHECKS,
+        texture_work.CHECK,
+        friction_cone.CHECK,
+        friction_sticking.CHECK,
+        friction_sliding.CHECK,
+        friction_energy.CHECK,
+        friction_work.CHECK,
         *transient.CHECKS,
     )
 }

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.effects.catalogue import FORCE_SENSOR
+from hapticeval.effects.catalogue import FORCE_SENSOR, FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
 from hapticeval.phenomena.refinement import richardson_two_level
 from hapticeval.phenomena.sampling import TELLS, evidence_at, mm
@@ -110,7 +110,7 @@ def judge_tangential_dynamics(runs: Runs, scene: Scene) -> Finding:
     motion = SurfaceMotion(base, scene)
     if motion.footless is not None or not motion.slides:
         return undecided(motion.footless or STILL)
-    sensed = isinstance(scene.robot, PointMass) or scene.calls_for(FORCE_SENSOR)
+    sensed = isinstance(scene.robot, PointMass) or scene.effect(FORCE_SENSOR) is not None
     if motion.pushed.any() and not sensed:
         return undecided(
             "the operator pushes a robot without a force sensor: its own inertia has a share in the motion"
@@ -150,7 +150,7 @@ def _pushed_along(motion: SurfaceMotion) -> Array:
         return np.zeros_like(motion.foot_velocity)
     normal = motion.frame.normal
     along = (push - np.sum(push * normal, axis=1)[:, np.newaxis] * normal) / motion.scene.mass
-    sensed = motion.scene.calls_for(FORCE_SENSOR)
+    sensed = motion.scene.effect(FORCE_SENSOR) is not None
     return along if sensed else motion.pulled_back(along)
 
 
@@ -227,6 +227,7 @@ DECOUPLING = Check(
     siblings=FINER,
     not_for={Situation.LED: SPEED_GIVEN},
     holds=True,
+    not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
     metric="change of the foot's speed while the tool moves across",
     unit="",
     bound=(
@@ -254,6 +255,7 @@ TANGENTIAL_DYNAMICS = Check(
     siblings=FINER,
     not_for={Situation.LED: SPEED_GIVEN},
     holds=True,
+    not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
     metric="speed along the surface that the assigned dynamics do not explain, of the top speed",
     unit="",
     bound=(

@@ -111,8 +111,7 @@ class _RunFactory:
     def without(self, kind: str) -> Recording:
         """Record the same path with a renderer of its own, made for the scene without the effect of that kind."""
         assert isinstance(self.stimulus, Path)
-        rest = tuple(each for each in self.scene.effects if each.kind != kind)
-        scene = replace(self.scene, effects=rest)
+        scene = self.scene.without(kind)
         recording = play(make_renderer(self.factory, scene), self.stimulus, scene.sampling_time, scene=scene)
         self.simulated += len(recording) * scene.sampling_time
         return recording

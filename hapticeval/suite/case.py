@@ -93,13 +93,18 @@ class Case(CaseEntries, frozen=True, kw_only=True):
     def check_stimulus(self) -> None:
         """Raise `InputError`, naming the case, for a stimulus that no renderer could be given.
 
-        Nor may the robot be unable to reach it (Assumption 7.1), or a closed form be about something else.
+        Nor may the robot be unable to reach it (Assumption 7.1), an effect make no sense along it, or a closed form be
+        about something else.
         """
         with at(f"case '{self.name}'"):
             scene = self.build_scene()
             stimulus = self.build_stimulus(scene, None)
             if isinstance(stimulus, Experiment):
                 check_workspace(scene, stimulus)
+            else:
+                _, hips = stimulus.sampled(scene.sampling_time)
+                for effect in scene.effects:
+                    effect.check_path(scene, hips)
             for name in self.closed_form.values():
                 CLOSED_FORMS[name].check(scene)
 

@@ -396,3 +396,36 @@ def test_an_icosphere_has_its_corners_on_the_sphere(subdivisions):
 def test_bad_parameters_are_refused(kind, parameters, message):
     with pytest.raises(InputError, match=message):
         make_model(kind, **parameters)
+
+
+@pytest.mark.slow
+class TestAMillion:
+    """The same laws on a million points and segments, round meshes of up to 81,920 triangles."""
+
+    def test_distances(self):
+        mesh = bumpy(6)
+        points = scattered(mesh, 1_000_000)
+        found = mesh.closest_point(points)
+        far2, _, _ = igl.point_mesh_squared_distance(points, mesh.vertices, mesh.triangles)
+        np.testing.assert_allclose(np.abs(found.distance), np.sqrt(far2), rtol=0.0, atol=1e-12 * size_of(mesh))
+
+    def test_sides(self):
+        """On 1,280 triangles: the exact winding number visits each of them for each point."""
+        mesh = bumpy(3)
+        points = scattered(mesh, 1_000_000)
+        distances = mesh.signed_distance(points)
+        winding = igl.winding_number(np.ascontiguousarray(mesh.vertices), mesh.triangles, points)
+        clear = np.abs(distances) > mesh.touch
+        np.testing.assert_array_equal(distances[clear] < 0.0, winding[clear] > 0.5)
+
+    def test_segments_through_vertices_and_edges(self):
+        mesh = bumpy(6)
+        random = np.random.default_rng(9)
+        corners = mesh.vertices[mesh.triangles[random.integers(0, len(mesh.triangles), 1_000_000)]]
+        shares = random.random((1_000_000, 1)) * random.integers(0, 2, (1_000_000, 1))
+        aims = corners[:, 0] + shares * (corners[:, 1] - corners[:, 0])
+        inner = 0.02 * random.uniform(-1.0, 1.0, aims.shape)
+        starts = inner + 4.0 * (aims - inner)
+        hits, shares = kernels.crossed_many(*mesh.tables, starts, inner, mesh.touch)
+        assert (hits >= 0).all()
+        assert (shares < 1.0).all()

@@ -10,7 +10,9 @@ import lawbreakers
 import mutants
 import outsiders
 import pytest
+import rubbing
 import struck_and_shaded
+import textured
 from lawbreakers import LAWBREAKERS
 from mutants import BESIDES, MUTANTS
 
@@ -28,7 +30,7 @@ FAULTLESS = "faultless"
 
 DYNAMIC = (FAULTLESS, *LAWBREAKERS)
 BROKEN = {name: check for name, (check, _) in (MUTANTS | LAWBREAKERS).items()}
-GROUPS = (outsiders, struck_and_shaded)
+GROUPS = (outsiders, rubbing, struck_and_shaded, textured)
 FAULTY = {name: each for group in GROUPS for name, each in group.BROKEN.items()}
 HONEST = {name: each for group in GROUPS for name, each in group.HONEST.items()}
 OUTSIDERS = FAULTY | HONEST
@@ -125,8 +127,11 @@ A cross marks a check that fails in at least one case. Written by `test_kill_mat
 - A spring to the nearest point, in the ways in which honest renderers differ, and the broken ones that answer step by
   step (`outsiders.py`): on a short way round a circle, pressed on a line, and through a thin plate. An `e` marks one
   whose `run()` is not its `step()`: it breaks the contract, and is not judged.
+- Friction round the nearest point, and with one fault each (`rubbing.py`): in cases of `effects-friction`.
 - The same spring with force shading, or with what begins with a contact, and broken ones that claim to show that
   (`struck_and_shaded.py`): round a loop under a facet of an octagon, over its edges, and in taps on a line.
+- The same spring with a height map or a stochastic texture, and broken ones that claim to show that (`textured.py`):
+  in cases of `effects-texture`.
 
 Why one fails a check besides the one that has to stop it is given beside it.
 

@@ -41,12 +41,7 @@ def judged(effects, points, duration, *, model="line", **more):
     def run(chosen):
         return play(make_renderer(resolve("minimum-distance"), chosen), path, 1e-3, scene=chosen)
 
-    def without(kind):
-        from dataclasses import replace
-
-        return run(replace(scene, effects=tuple(each for each in scene.effects if each.kind != kind)))
-
-    return lambda check: CHECKS[check](Runs(run(scene), without=without), scene)
+    return lambda check: CHECKS[check](Runs(run(scene), without=lambda kind: run(scene.without(kind))), scene)
 
 
 def test_the_work_of_a_loop_is_told_and_is_the_closed_form_s():

@@ -217,6 +217,18 @@ def test_rows_without_stamps_are_left_out(path):
     assert_from(salvaged.recording, real())
 
 
+@pytest.mark.parametrize("name", ["sequence", "valid"])
+def test_rows_whose_number_or_mark_is_lost_are_kept_without_it(path, name):
+    with h5py.File(path) as file:
+        place, _ = chunk(file[name], 1)
+    path.write_bytes(flipped(path.read_bytes(), place + 4))
+    salvaged = salvage(path)
+    (loss,) = salvaged.losses
+    assert (loss.what, loss.where) == (f"'{name}'", "rows 16 to 31")
+    assert (salvaged.recording.clock.sequence is None) == (name == "sequence")
+    assert np.flatnonzero(~salvaged.recording.valid).tolist() == [5, *(range(16, 32) if name == "valid" else ())]
+
+
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.5, 0.7, 0.9, 0.99])
 def test_a_file_cut_short_keeps_the_first_rows_of_every_signal(tmp_path, monkeypatch, share):
     monkeypatch.setattr(hdf5, "ROWS_A_CHUNK", 100)

@@ -52,14 +52,13 @@ def line_of(function):
 
 
 @pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def here(here, monkeypatch):
     formats()  # those of ours are known before what is known is put back
     monkeypatch.setattr(registry, "KNOWN", dict(registry.KNOWN))
     monkeypatch.setattr(sys, "path", list(sys.path))
-    (tmp_path / "stick.py").write_text(MINE)
-    (tmp_path / "run.acme").write_text("0 one\n")
-    yield tmp_path
+    (here / "stick.py").write_text(MINE)
+    (here / "run.acme").write_text("0 one\n")
+    yield here
     for module in ("stick", "broken"):
         sys.modules.pop(module, None)
 

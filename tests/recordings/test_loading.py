@@ -16,12 +16,6 @@ ROWS = 400
 META = {"renderer": "minimum-distance", "scene": {"stiffness": 1000.0, "model": {"kind": "circle", "size": 0.2}}}
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def run(rows=ROWS):
     """A hand that slides under a circle of 0.1 m: its HIPs and IHIPs, and the force of a spring between them."""
     turn = 1e-3 * np.arange(rows)

@@ -56,7 +56,7 @@ def test_no_ihip_is_further_off_the_surface_than_declared(projection, model):
         np.testing.assert_allclose(np.hypot(*normals[contact].T), 1.0, atol=1e-12)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(vertices=star_shaped(), hips=walks())
 def test_on_any_polygon_too(vertices, hips):
     model = from_vertices(vertices)

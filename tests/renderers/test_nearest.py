@@ -29,7 +29,7 @@ on_grid = minimum_distance.variant(representation="level-set")
 
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda m: m.name)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(hips=walks())
 def test_it_is_the_nearest_point_of_the_model(model, hips):
     ihips, _ = exact(Scene(model=model, bilateral=True)).run(hips, 1e-3)
@@ -37,7 +37,7 @@ def test_it_is_the_nearest_point_of_the_model(model, hips):
     np.testing.assert_allclose(np.hypot(*(hips - ihips).T), distances, atol=1e-15)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(vertices=star_shaped(), hips=walks())
 def test_it_is_the_nearest_point_of_a_polygon(vertices, hips):
     model = from_vertices(vertices)

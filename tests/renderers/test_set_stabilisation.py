@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from hand_paths import SMOOTH
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
@@ -13,7 +14,7 @@ from hapticeval.discovery import resolve
 from hapticeval.effects.encoder import Encoder
 from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import InputError, RefusalError, UnknownNameError
-from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, sphere, star
+from hapticeval.geometry.catalogue import cassinian, circle, line, sphere, star
 from hapticeval.renderers import set_stabilisation
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
@@ -21,13 +22,6 @@ from hapticeval.stimulus.stimulus import Experiment
 
 STIFFNESS, MASS = 1000.0, 0.1
 CRITICAL = 2.0 * np.sqrt(STIFFNESS * MASS)
-SMOOTH = {
-    "cassinian": cassinian(),
-    "circle": circle(),
-    "dumbbell": dumbbell(),
-    "ellipse": ellipse(),
-    "line": line(),
-}
 
 
 class TestFactory:

@@ -12,6 +12,7 @@ import numpy as np
 from hapticeval.phenomena.check import Check, Runs, Sibling
 from hapticeval.phenomena.effects.vibration import NOISE, SURE, fit
 from hapticeval.phenomena.sampling import TELLS, evidence_at, force_floor, touching
+from hapticeval.phenomena.sampling import rounding as rounding_of
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.scene import Scene
@@ -78,7 +79,7 @@ def impulse_of(effect: Any, scene: Scene, place: Array, normal: Array, speed: fl
 def contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) -> list[Struck]:
     """Return the contacts that begin with an approach, by a recording of the scene without the effect.
 
-    A hand that is on the surface to rounding may be in contact or not: there one that adds a force begins the contact.
+    A hand that is on the surface to single precision may be in contact or not: one that adds a force there begins it.
     """
     dt, boundary = base.dt, scene.model.boundary
     touches = touching(plain, scene)
@@ -91,7 +92,7 @@ def contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) -> li
     found = []
     for touch in edges[touches[edges]].tolist():
         end = int(min(edges[edges > touch], default=len(base)))
-        grazes = boundary.signed_distance(base.hip[touch - 1 : touch])[0] <= on_surface(scene)
+        grazes = boundary.signed_distance(base.hip[touch - 1 : touch])[0] <= rounding_of(scene)
         begin = touch - 1 if grazes and np.linalg.norm(added[touch - 1]) > rounding[touch - 1] else touch
         rows = slice(begin, end)
         normal = boundary.closest_point(plain.ihip[touch : touch + 1]).normal[0]
@@ -109,11 +110,6 @@ def contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) -> li
         if speeds[0] > 0.0:
             found.append(Struck(begin, end, along, across, speed, expected, needs + LATE * dt, rounding[rows]))
     return found
-
-
-def on_surface(scene: Scene) -> float:
-    """Return the distance (m) from the surface within which double precision does not tell on which side a hand is."""
-    return 64.0 * DOUBLE * scene.model.size
 
 
 def _effects(scene: Scene, kinds: tuple[str, ...]) -> list[Any]:
@@ -144,9 +140,9 @@ def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Find
     found = contacts(base, plain, scene, effect)
     if not found:
         return undecided(NONE)
-    free = ~touching(plain, scene)
-    for each in found:
-        free[each.begin] = False
+    # Without a force, and out of the surface by more than single precision.
+    free = ~touching(plain, scene) & ~plain.force.any(axis=1)
+    free &= scene.model.boundary.signed_distance(plain.hip) > rounding_of(scene)
     stray = np.where(free, np.linalg.norm(base.force - plain.force, axis=1), 0.0)
     if stray.max() > force_floor(scene):
         tick = int(np.argmax(stray > force_floor(scene)))
@@ -166,7 +162,7 @@ def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Find
         Metric(ONSET.metric, float(late[worst]), "ticks"),
         float(LATE),
         {**evidence_at(base, begin), "contacts": len(found)},
-        passes=f"each of {len(found)} contacts starts its {effect.kind} {late[worst]} ticks after it begins or sooner",
+        passes=f"{len(found)} contacts start a {effect.kind} each, {late[worst]} ticks after they begin at the latest",
         fails=f"{contact} no {effect.kind}" if found[worst].late is None else f"{contact} it {late[worst]} ticks late",
     )
 

@@ -22,21 +22,20 @@ from __future__ import annotations
 
 import inspect
 import sys
-import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from importlib.metadata import entry_points
-from pathlib import Path, PurePath
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hapticeval.errors import HapticevalError, InputError, UnknownNameError, described
+from hapticeval.errors import HapticevalError, InputError, UnknownNameError, described, origin
 from hapticeval.recordings.importing.units import parse_unit
 from hapticeval.recordings.memory import FOLDER, HEAD, first_bytes, reserve
 
@@ -329,25 +328,12 @@ def blaming(what: str, function: Any = None) -> Iterator[None]:
     try:
         yield
     except (Exception, SystemExit) as error:
-        place = _place(error, function)
+        code = getattr(inspect.unwrap(function), "__code__", None) if callable(function) else None
+        place = origin(error, code and code.co_filename)
         if isinstance(error, HapticevalError):
             why = "; ".join(filter(None, (error.why, place)))
             raise InputError(f"{what}: {error.what}", why=why, todo=error.todo) from error
         raise InputError(f"{what} raised {described(error)}", why=place, todo="mend it there") from error
-
-
-def _place(error: BaseException, function: Any) -> str:
-    """Return where an error came from: the innermost line in the file of `function`, else the innermost of all."""
-    frames = [
-        frame
-        for frame in traceback.extract_tb(error.__traceback__)
-        if frame.filename != __file__ and "importlib" not in frame.filename
-    ]
-    code = getattr(inspect.unwrap(function), "__code__", None) if callable(function) else None
-    own = [frame for frame in frames if code is not None and frame.filename == code.co_filename]
-    for last in (own or frames)[-1:]:
-        return f"in {PurePath(last.filename).name}, line {last.lineno}, in {last.name}: {last.line}"
-    return ""
 
 
 def _check(table: Any, who: str) -> None:
