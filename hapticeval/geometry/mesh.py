@@ -20,6 +20,7 @@ from hapticeval.geometry.mesh_checks import (
     checked_triangles,
     refuse,
 )
+from hapticeval.geometry.motion import Motion
 from hapticeval.geometry.polygon_kernels import ROUNDING, TOUCH
 from hapticeval.geometry.validate import answered
 from hapticeval.types import Array, IntArray
@@ -81,6 +82,10 @@ class Mesh(InSpace):
         """How far inside (m) is rounding, beside the mesh: of its size, and of where it lies."""
         low, high = np.reshape(self.bounds, (2, 3))
         return float(TOUCH * np.max(high - low) + ROUNDING * np.max(np.abs(self.bounds)))
+
+    def moved(self, motion: Motion) -> Mesh:
+        """Return the mesh moved, its vertices rounded anew."""
+        return Mesh(self.name, motion(self.vertices), self.triangles)
 
     @property
     def compiled_closest(self) -> Closest:

@@ -10,6 +10,7 @@ import numpy as np
 from msgspec import Meta
 
 from hapticeval.geometry.boundary import Boundary
+from hapticeval.geometry.mesh import Mesh
 from hapticeval.stimulus.paths import Positive, Trajectory
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array
@@ -23,7 +24,7 @@ COUNT = 12
 class HardPlaces(Trajectory, frozen=True, kw_only=True, tag="hard-places"):
     """HIPs in ticks of `tick` (s): at the places named in `of`, `rest` ticks each, and in free space between most.
 
-    - `vertices`: on the corners of a plane model (on boundary points of a smooth one), and one rounding inside;
+    - `vertices`: on the corners of a plane model or a mesh, else on boundary points, and one rounding inside;
     - `surface`: on boundary points, and one rounding in and out;
     - `centre`: the middle of the bounds;
     - `medial`: where two boundary points are as near;
@@ -84,8 +85,10 @@ def _feet(surface: Boundary) -> tuple[Array, Array, Array]:
 
 
 def _vertices(surface: Boundary) -> Array:
-    corners = np.array([corner.position for corner in surface.corners[:: max(1, len(surface.corners) // COUNT)]])
-    found = corners if corners.size else _feet(surface)[0]
+    corners = np.array([corner.position for corner in surface.corners]) if surface.dimension == 2 else None
+    if corners is None and isinstance(surface, Mesh):
+        corners = surface.vertices
+    found = _feet(surface)[0] if corners is None or not corners.size else corners[:: max(1, len(corners) // COUNT)]
     middle = np.array(surface.bounds).reshape(2, -1).mean(axis=0)
     return np.vstack([found, np.nextafter(found, middle)])
 
