@@ -9,9 +9,9 @@ import numba
 import numpy as np
 import pytest
 
-from hapticeval.geometry.catalogue import MODELS, make_model
+from hapticeval.geometry.catalogue import MODELS, OWN, make_model
 
-KINDS = [kind for kind in MODELS if kind not in ("polygon", "wkt", "geojson")]
+KINDS = [kind for kind in MODELS if kind not in OWN]
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from hapticeval import __version__
-from hapticeval.commands import bench, draw, judging, record, recordings
+from hapticeval.commands import bench, draw, effects, judging, record, recordings
 from hapticeval.commands.judging import EXIT_CODES
 from hapticeval.commands.terminal import say
 from hapticeval.errors import HapticevalError
@@ -107,6 +107,7 @@ for _command, _epilog, _short in (
     (judging.replay, judging.REPLAYED, "Lead renderers along a recorded hand path."),
     (recordings.compare, recordings.COMPARED, "Compare the force of runs that no clock can align."),
     (bench.bench, bench.EXIT_CODES, "Measure what accuracy costs in time."),
+    (effects.effects, effects.MEASURED, "Measure what the effects of scenes cost."),
     (draw.field, draw.DRAWN, "Draw where a projection leads, and where it jumps."),
     (draw.flow, draw.DRAWN, "Draw how a model's outline shrinks to a point."),
     (draw.device, draw.DRAWN, "Show what the hand feels of a device, and its reach."),

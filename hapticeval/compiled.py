@@ -78,8 +78,11 @@ def law_data(
     tree: ArrayLike = NOTHING,
     state: int = 0,
 ) -> LawData:
-    """Copy what a law works on into arrays of their own, of the type that `LAW` asks for; `state` is its size."""
-    tables = (np.array(each, dtype=np.float64, order="C") for each in (segments, joints, lookup, vertices, tree))
+    """Return what a law works on, of the type that `LAW` asks for; `state` is its size.
+
+    Tables that have that type are shared: a mesh has many megabytes of them.
+    """
+    tables = (for_kernels(np.asarray(each, dtype=np.float64)) for each in (segments, joints, lookup, vertices, tree))
     return LawData._make([np.array(params, dtype=np.float64), *tables, np.zeros(state)])
 
 
@@ -213,6 +216,22 @@ def specialised(kernel: Callable[P, R], *arguments: Any) -> Callable[P, R]:
     signature = tuple(numba.typeof(each) for each in arguments)  # type: ignore[no-untyped-call]
     kernel.compile(signature)  # type: ignore[attr-defined]
     return kernel.overloads[signature].entry_point  # type: ignore[no-any-return]
+
+
+def machine_code(kernel: Callable[..., Any], *arguments: Any) -> bytes:
+    """Return the instructions of a kernel for such arguments, values or their types, as bytes.
+
+    They hold what it calls by name, and not what it is given as `first_class`. Numba gives up the object that it loads
+    or makes; its cache keeps it.
+    """
+    from llvmlite.binding import ObjectFileRef
+
+    own: Any = kernel
+    signature = tuple(each if isinstance(each, types.Type) else numba.typeof(each) for each in arguments)  # type: ignore[no-untyped-call]
+    own.compile(signature)
+    kept = own._cache._cache_file.load(own._cache._index_key(signature, own.targetctx.codegen()))
+    (_, _, (code, _)), *_ = kept
+    return b"".join(each.data() for each in ObjectFileRef.from_data(code).sections() if each.is_text())
 
 
 @contextmanager

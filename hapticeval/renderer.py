@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
-from hapticeval.effects.force_sensor import ForceSensor
+from hapticeval.effects.catalogue import FORCE_SENSOR
 from hapticeval.errors import InputError, RefusalError, RendererError, UnknownNameError, renderer_errors
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.knob import Knob, refuse_unknown
@@ -251,7 +251,7 @@ def _supported(declaring: object) -> frozenset[str] | None:
     names = getattr(declaring, "supports", None)
     if isinstance(declaring, type) and not isinstance(names, Collection):
         return None  # a property of what the class makes
-    feels = {ForceSensor.requirement} if hasattr(declaring, "observe_force") else set()
+    feels = {FORCE_SENSOR} if hasattr(declaring, "observe_force") else set()
     if names is None:
         return frozenset(feels) or None
     if isinstance(names, str) or not (isinstance(names, Collection) and all(isinstance(name, str) for name in names)):

@@ -10,21 +10,37 @@ import numpy as np
 
 from hapticeval.compiled import LawData, borrowing
 from hapticeval.geometry.kernels import evaluate
+from hapticeval.geometry.mesh import Mesh
+from hapticeval.geometry.mesh_kernels import place as place_on_mesh
 from hapticeval.geometry.surface_kernels import bend, dot, place, times
 from hapticeval.renderers.contour import nearest_on_level_set
 from hapticeval.renderers.family import GRID, VERTICES
-from hapticeval.renderers.law import BILATERAL, ERROR, SCHEME, regulate, release
+from hapticeval.renderers.law import BILATERAL, ERROR, ROOM, SCHEME, regulate, release
 from hapticeval.renderers.outline import clear_of, frame, nearest_on, outline_in, representation_of
 from hapticeval.renderers.projective import CompiledProjection, Projection
 from hapticeval.renderers.regulation import PP_PD_C
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
+TRIANGLE = ROOM[3]
+"""In `state`, on a mesh: the closest triangle of the last tick, at which the search for the next begins."""
+
 
 def nearest(scene: Scene, representation: str, *, vertices: float = VERTICES, grid: float = GRID) -> Projection:
     """Return the projection on a representation of the scene's model; in space on the exact surface."""
     model = scene.model
     if model.dimension == 3 and representation == "curve":
+        if isinstance(model.boundary, Mesh):
+            faces, corners, tree = model.boundary.tables
+            return CompiledProjection(
+                on_mesh,
+                model.boundary,
+                bilateral=scene.bilateral,
+                memory=1,
+                segments=faces,
+                vertices=corners,
+                tree=tree,
+            )
         row = model.surface.row[np.newaxis]
         return CompiledProjection(in_space, model.surface, bilateral=scene.bilateral, segments=row)
     if representation == "level-set" and model.curve.closed:
@@ -73,3 +89,19 @@ def in_space(
         v = (velocity[0], velocity[1], velocity[2])
         fall = dot(v, times(bend(surface, foot, normal), v))
     return regulate(params, state, hip, velocity, fall, dt, ihip, force)
+
+
+@borrowing
+def on_mesh(
+    data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """One tick on a triangle mesh, whose faces are flat, of signature `LAW`."""
+    params, state = data.params, data.state
+    p, last = (hip[0], hip[1], hip[2]), int(state[TRIANGLE])
+    k, foot, normal, distance = place_on_mesh(data.segments, data.vertices, data.tree, p, last)
+    state[TRIANGLE] = k
+    if params[BILATERAL] == 0.0 and not distance < 0.0:
+        return release(state, hip, ihip, force)
+    for i in range(3):
+        ihip[i], state[ERROR + 3 + i] = foot[i], normal[i]
+    return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)

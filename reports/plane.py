@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.canvas import MM, drawn, figure, legend_above, page_svg
@@ -27,6 +28,8 @@ LENS_BELOW = 0.025
 INSET = 0.31
 """Side of a small picture, as a share of the axes."""
 SHADOW_POINTS = 4000
+SHARP = 0.1
+"""Turn (rad) of the faces at an edge of a mesh that is drawn."""
 
 Box = tuple[float, float, float, float]
 """(xmin, ymin, xmax, ymax), mm."""
@@ -123,13 +126,28 @@ def box_round(centre: Array, size: Array, aspect: float) -> Box:
 def body_of(model: Model, shown: tuple[int, int], view: Box) -> Geometry:
     """Return what to draw of a model, mm: what it fills in the plane, or its shadow on the coordinates `shown`.
 
-    All our models in space are round enough for the hull of their points.
+    That of a mesh is the union of its triangles, with its sharp edges that face the eye; other models in space are
+    round enough for the hull of their points.
     """
     import shapely
 
     if model.dimension == 2:
         return solid(model, view)
+    if isinstance(model.boundary, Mesh):
+        return _facets(model.boundary, shown)
     return shapely.MultiPoint(MM * model.boundary.points(SHADOW_POINTS)[:, list(shown)]).convex_hull
+
+
+def _facets(mesh: Mesh, shown: tuple[int, int]) -> Geometry:
+    """Return the shadow of a mesh and the edges that are seen, mm: the first coordinate to the right, the second up."""
+    import shapely
+
+    eye = np.cross(*np.eye(3)[list(shown)])
+    seen = mesh.normals @ eye > 0.0
+    corners = MM * mesh.vertices[:, list(shown)]
+    shadow = shapely.union_all(shapely.polygons(corners[mesh.triangles[seen]]))
+    edges = shapely.MultiLineString(list(MM * mesh.edges(SHARP, eye)[..., list(shown)]))
+    return shapely.GeometryCollection([*shapely.get_parts(shadow), edges])
 
 
 def solid(model: Model, view: Box) -> Geometry:
@@ -161,11 +179,18 @@ def _ring(model: Model, view: Box) -> Array:
 
 def _draw_body(axes: Axes, body: Geometry | None, view: Box, *, linewidth: float = 1.1) -> None:
     import shapely
+    from matplotlib.collections import LineCollection
 
     for part in () if body is None else shapely.get_parts(body):
         if part.geom_type == "Polygon" and not part.is_empty:
             ring = shapely.get_coordinates(part.exterior)
             axes.fill(*ring.T, facecolor=drawn("model"), edgecolor=drawn("ink"), linewidth=linewidth, zorder=1)
+            for hole in part.interiors:
+                rim = shapely.get_coordinates(hole)
+                axes.fill(*rim.T, facecolor=axes.get_facecolor(), edgecolor=drawn("ink"), linewidth=linewidth, zorder=1)
+        elif part.geom_type == "MultiLineString":
+            lines = shapely.get_coordinates(part).reshape(-1, 2, 2)
+            axes.add_collection(LineCollection(lines, colors=drawn("ink"), linewidths=0.4 * linewidth, zorder=1))
     axes.set(xlim=view[::2], ylim=view[1::2])
 
 

@@ -23,6 +23,7 @@ LAYERS = (
     {"effects"},
     {"scene"},
     {"stimulus"},
+    {"strategies"},
     {"closed_forms", "renderer"},
     {"simulation"},
     {"phenomena"},
@@ -58,6 +59,7 @@ RESULTS = {
     "runner.results",
     "runner.table",
     "study.bench.document",
+    "study.effects.document",
     "study.projection_field.field",
 }
 """Modules of running units that only hold what a run leaves: they import no more than reports do."""

@@ -62,20 +62,29 @@ FormatName = Annotated[
 def model_named(text: str) -> Model:
     """Make a model from `kind`, `kind:name=value,...`, or the name of a WKT or GeoJSON file.
 
+    The values are numbers; those of `mesh:file=part.stl,unit=mm` are text.
+
     Raises `UnknownNameError` for an unknown kind that is no file either, `InputError` for values that are no numbers,
     and as the catalogue does.
     """
-    from hapticeval.geometry.catalogue import MODELS, from_geojson, from_wkt, make_model
+    from hapticeval.geometry.catalogue import MODELS, OWN, from_geojson, from_wkt, make_model
+    from hapticeval.geometry.mesh_files import FORMATS
 
     file = Path(text)
+    kind, _, rest = text.partition(":")
+    if file.suffix.lower() in FORMATS and kind != "mesh":
+        raise InputError(
+            f"the mesh file {file} has no unit", why="the format has none", todo=f"write mesh:file={file},unit=mm"
+        )
+    if kind == "mesh":
+        return make_model(kind, **dict(part.partition("=")[::2] for part in rest.split(",")))
     if file.suffix in (".wkt", ".geojson", ".json") or file.is_file():
         try:
             content = file.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise InputError(f"cannot read the model file {file}", why=str(error)) from error
         return (from_wkt if file.suffix == ".wkt" else from_geojson)(content, name=file.stem)
-    kind, _, rest = text.partition(":")
-    drawable = {name for name in MODELS if name not in ("polygon", "wkt", "geojson")}
+    drawable = {name for name in MODELS if name not in OWN}
     if kind not in drawable:
         raise UnknownNameError("model", kind, drawable)
     parameters: dict[str, float] = {}

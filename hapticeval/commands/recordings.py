@@ -226,11 +226,12 @@ def convert(
       hapticeval convert run7.h5 -o run7.csv
       hapticeval convert cut.h5 --salvage -o whole.h5
     """
+    from hapticeval.files import refuse_existing
     from hapticeval.hardware.logs import load
-    from hapticeval.recordings.importing.convert import export, refuse_existing
+    from hapticeval.recordings.importing.convert import export
     from hapticeval.recordings.integrity.report import converted
     from hapticeval.recordings.memory import limited
-    from hapticeval.recordings.salvage import incomplete
+    from hapticeval.recordings.provenance import incomplete
 
     refuse_existing(output)
     with limited(memory_limit):

@@ -5,18 +5,23 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.errors import InputError, UnknownNameError, at
 from hapticeval.geometry import kernels as pieces
+from hapticeval.geometry import solids
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import CASSINIAN, COLUMNS, ELLIPSE, UNBOUNDED
+from hapticeval.geometry.mesh import Mesh
+from hapticeval.geometry.mesh_checks import checked_corners
 from hapticeval.geometry.model import Model
+from hapticeval.geometry.solids import Triangles
 from hapticeval.geometry.surface import Surface
 from hapticeval.geometry.validate import (
     checked_number,
@@ -184,6 +189,103 @@ def torus(major: float = 0.07, minor: float = 0.03) -> Model:
     return _model(Surface("torus", "torus", (major, minor)), major=major, minor=minor)
 
 
+def mesh(
+    vertices: ArrayLike | None = None,
+    triangles: ArrayLike | None = None,
+    file: str | None = None,
+    unit: str | None = None,
+    name: str = "mesh",
+) -> Model:
+    """A closed triangle mesh: from a `file` (STL, OBJ, PLY or OFF), or of `vertices` and `triangles`.
+
+    `unit` is that of the coordinates: m, mm, cm or in; a file needs it, and vertices are in metres without it. In a
+    suite the file counts from the suite's folder. Raises `InputError` as `read_mesh` and `Mesh` do.
+    """
+    from hapticeval.geometry.mesh_files import metres, read_mesh
+
+    if (file is None) is (vertices is None and triangles is None) or (vertices is None) is not (triangles is None):
+        raise InputError(
+            "a mesh is either a file, or vertices and triangles", todo="give file and unit, or vertices and triangles"
+        )
+    if file is None:
+        corners, rows = np.asarray(checked_corners(vertices)), triangles
+        given = {"vertices": corners.tolist(), "triangles": np.asarray(rows).tolist()}
+        if unit is not None:
+            corners, given["unit"] = metres(unit) * corners, unit
+        return Model(name, MappingProxyType({**given, "name": name}), Mesh(name, corners, rows))
+    if unit is None:
+        raise InputError(
+            f"the mesh file {file} has no unit", why="the format has none", todo="give unit: m, mm, cm or in"
+        )
+    factor = metres(unit)
+    with at(str(file)):
+        corners, rows = read_mesh(Path(file))
+        made = Mesh(name, factor * corners, rows)
+    return Model(name, MappingProxyType({"file": str(file), "unit": unit, "name": name}), made)
+
+
+def cube(size: float = 0.1) -> Model:
+    """A cube of edge `size` (m) about the origin, its edges along the axes."""
+    size = checked_size(size)
+    return _solid("cube", solids.box((size, size, size)), size=size)
+
+
+def box(x: float = 0.1, y: float = 0.08, z: float = 0.06) -> Model:
+    """A box of edges `x`, `y` and `z` (m) along the axes, about the origin: a plate if one of them is small."""
+    sides = checked_size(x, "x"), checked_size(y, "y"), checked_size(z, "z")
+    return _solid("box", solids.box(sides), x=sides[0], y=sides[1], z=sides[2])
+
+
+def wedge(angle: float = 60.0, size: float = 0.1, length: float = 0.1) -> Model:
+    """A prism along z whose edge of `angle` degrees points along x; it is `size` (m) deep and `length` (m) long."""
+    angle, size, length = checked_number("angle", angle), checked_size(size), checked_size(length, "length")
+    if not 1e-3 <= angle <= 179.0:
+        raise InputError(f"angle = {angle!r} degrees", why="that of a wedge is between 0.001 and 179")
+    return _solid("wedge", solids.wedge(math.radians(angle), size, length), angle=angle, size=size, length=length)
+
+
+def l_block(size: float = 0.1, thickness: float = 0.04, length: float = 0.1) -> Model:
+    """Two legs, as long as `size` and of one `thickness` (m), that form an L, extruded along z: with a concave edge."""
+    size, thickness, length = checked_size(size), checked_size(thickness, "thickness"), checked_size(length, "length")
+    if not thickness < size:
+        raise InputError(
+            f"an L of thickness {thickness:g} m and size {size:g} m",
+            why="without a notch it is a box",
+            todo="choose a thickness below the size",
+        )
+    return _solid("l-block", solids.l_block(size, thickness, length), size=size, thickness=thickness, length=length)
+
+
+def icosphere(subdivisions: int = 3, size: float = 0.2) -> Model:
+    """A sphere of diameter `size` (m) as 20 * 4^`subdivisions` triangles with their corners on it."""
+    subdivisions, size = _count("subdivisions", subdivisions, 0, 8), checked_size(size)
+    return _solid("icosphere", solids.icosphere(subdivisions, size / 2.0), subdivisions=subdivisions, size=size)
+
+
+def cylinder(size: float = 0.1, length: float = 0.1, sides: int = 64) -> Model:
+    """A cylinder of diameter `size` (m) along z as a prism of `sides` faces, with their edges on it."""
+    size, length, sides = checked_size(size), checked_size(length, "length"), _count("sides", sides, 3, 100_000)
+    return _solid("cylinder", solids.cylinder(size / 2.0, length, sides), size=size, length=length, sides=sides)
+
+
+def extruded(
+    model: Mapping[str, Any] = MappingProxyType({"kind": "star"}), length: float = 0.1, vertices: int = 160
+) -> Model:
+    """A closed plane model, given by its `kind` and parameters, extruded along z to `length` (m) about z = 0.
+
+    A model of straight edges is extruded as it is, another as the polygon of `vertices` corners on it.
+    """
+    length, vertices = checked_size(length, "length"), _count("vertices", vertices, 3, 100_000)
+    if not isinstance(model, Mapping) or not isinstance(model.get("kind"), str):
+        raise InputError("the model that is extruded has no kind", todo='give model = { kind = "star" }')
+    with at("the extruded model"):
+        flat = make_model(**model)
+        if flat.dimension != 2:
+            raise InputError(f"model '{flat.name}' is in space", why="plane models are extruded")
+        outline = flat.polygon(vertices).vertices
+    return _solid("extruded", solids.prism(outline, length), model=dict(model), length=length, vertices=vertices)
+
+
 def from_vertices(vertices: ArrayLike | Sequence[Sequence[float]], *, name: str = "polygon") -> Model:
     """A polygon of given corners (n, 2), m, anticlockwise. Raises `InputError` as `checked_vertices` does."""
     array = checked_vertices(vertices)
@@ -201,15 +303,21 @@ def from_geojson(document: str | Mapping[str, Any], *, name: str = "geojson") ->
 
 
 NAMED = (star, cassinian, circle, ellipse, dumbbell, line, sphere, ellipsoid, torus)
+SOLIDS = (cube, box, wedge, l_block, icosphere, cylinder, extruded)
 MODELS: Mapping[str, Callable[..., Model]] = MappingProxyType(
     {
-        **{maker.__name__: maker for maker in NAMED},
+        **{maker.__name__.replace("_", "-"): maker for maker in (*NAMED, *SOLIDS)},
         "polygon": from_vertices,
         "wkt": from_wkt,
         "geojson": from_geojson,
+        "mesh": mesh,
     }
 )
 """What makes a model of each kind. A further kind is a line here: its boundary keeps the protocol `Boundary`."""
+
+
+OWN = ("polygon", "wkt", "geojson", "mesh")
+"""Kinds that are nothing without a shape of the user's own."""
 
 
 def make_model(kind: str, **parameters: Any) -> Model:
@@ -233,6 +341,10 @@ def make_model(kind: str, **parameters: Any) -> Model:
 
 def _model(boundary: Boundary, /, **parameters: Any) -> Model:
     return Model(boundary.name, MappingProxyType(parameters), boundary)
+
+
+def _solid(title: str, triangles: Triangles, /, **parameters: Any) -> Model:
+    return _model(Mesh(title, *triangles), **parameters)
 
 
 def _polygonal(title: str, vertices: Array, /, **parameters: Any) -> Model:

@@ -11,6 +11,7 @@ from hapticeval.compiled import FOOT, NORMAL, SHAPE, Closest, LawData, compiled,
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve_kernels import located, speed_integral
 from hapticeval.geometry.kernels import KIND, U0, U1, UNBOUNDED, evaluate, piece_of
+from hapticeval.geometry.mesh_kernels import place as nearest_on_mesh
 from hapticeval.geometry.surface_kernels import bend, place, times
 from hapticeval.types import Array
 
@@ -84,5 +85,25 @@ def in_space(data: LawData, point: Array, frame: Array) -> float:
             frame[SHAPE + i, 0], frame[SHAPE + i, 1], frame[SHAPE + i, 2] = times(w, unit)
     if frame.shape[0] > SHAPE + 3:
         for i in range(3):
+            frame[SHAPE + 3, i] = np.nan
+    return distance
+
+
+def of_mesh(faces: Array, vertices: Array, tree: Array) -> Closest:
+    """Return that of a triangle mesh, given its tables of `mesh_kernels`, which are shared; it remembers a triangle."""
+    return Closest(on_mesh, law_data(segments=faces, vertices=vertices, tree=tree, state=1))
+
+
+@compiled
+def on_mesh(data: LawData, point: Array, frame: Array) -> float:
+    """See `CLOSEST`: on a triangle mesh, which bends in no face; there is no arc length."""
+    p = (point[0], point[1], point[2])
+    k, foot, normal, distance = nearest_on_mesh(data.segments, data.vertices, data.tree, p, int(data.state[0]))
+    data.state[0] = k
+    for i in range(3):
+        frame[FOOT, i], frame[NORMAL, i] = foot[i], normal[i]
+        for row in range(SHAPE, min(frame.shape[0], SHAPE + 3)):
+            frame[row, i] = 0.0
+        if frame.shape[0] > SHAPE + 3:
             frame[SHAPE + 3, i] = np.nan
     return distance

@@ -110,7 +110,7 @@ def checked_vertices(vertices: object) -> Array:
         array = array[:-1]
     if array.shape[0] < 3:
         raise InputError(f"a polygon of {array.shape[0]} vertices", why="it needs at least three", todo="add vertices")
-    _check_range(array)
+    check_range(array)
     _check_shape(array)
     return np.ascontiguousarray(array)
 
@@ -191,7 +191,8 @@ def _rows_of_two(vertices: object) -> Array:
     return array.reshape(-1, 2)
 
 
-def _check_range(array: Array) -> None:
+def check_range(array: Array) -> None:
+    """Raise `InputError` for vertices (n, N), m, of a size, or so far from the origin, that the numbers do not hold."""
     span = float(np.max(np.ptp(array / 2.0, axis=0))) * 2.0
     largest = float(np.max(np.abs(array)))
     if largest > LARGEST:

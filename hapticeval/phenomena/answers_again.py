@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
@@ -159,6 +160,7 @@ MEMORYLESS = Check(
     needs={
         Sibling.REVERSE: undecided("one recording reaches each HIP only once; a second path is needed to decide"),
     },
+    not_with=(FRICTION,),
     metric="distance between the IHIPs of one HIP",
     unit="m",
     bound=(

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
@@ -205,6 +206,7 @@ CHECK = Check(
     citation="thesis 3.2.1, (3.3), (3.4), Figures 3.3 to 3.5; (6.1)",
     channels=("hip", "force"),
     reads_also=("ihip", "operator_force", "velocity"),
+    not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
     metric="angle of the force outside the true normals; at rest, the difference in newtons",
     unit="deg",
     bound=(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticeval.effects.catalogue import FRICTION
 from hapticeval.geometry.boundary import Boundary, Corner
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.sampling import (
@@ -180,6 +181,7 @@ BROKEN_CONTACT = Check(
     channels=("hip", "force"),
     reads_also=("ihip",),
     not_for={Situation.NO_CONVEX_CORNER: "the model has no convex corner"},
+    not_with=(FRICTION,),
     metric="distance from the corner at which n_pre is lost or force remains",
     unit="m",
     bound=(
@@ -199,6 +201,7 @@ ABRUPT_SWITCH = Check(
     citation="thesis 3.2.1, Figure 3.5; Figures 6.6, 6.7, 6.9",
     channels=("hip", "ihip", "force"),
     not_for={Situation.NO_CONCAVE_CORNER: "the model has no concave corner"},
+    not_with=(FRICTION,),
     metric="HIP travel of the switch in penetration depths",
     unit="depths",
     bound=(

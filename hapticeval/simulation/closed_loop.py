@@ -123,7 +123,7 @@ def _drive_device(
     from hapticeval.simulation import kernels
 
     time = sample_times(experiment.duration, dt)
-    loop = _loop(experiment, scene, time, dt)
+    loop = loop_of(experiment, scene, dt)
     out = loop.out
     reset_checked(renderer, out[kernels.MEASURED_HIP, 0])
     end = None
@@ -214,7 +214,7 @@ def _ran_away(tick: int, hip: Array, joints: Array) -> RunawayError:
     )
 
 
-def _loop(experiment: Experiment, scene: Scene, time: Array, dt: float) -> Loop:
+def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
     """Assemble what the scene calls for into a loop, with the device where the experiment starts.
 
     Raises `DomainError` where it cannot be.
@@ -224,6 +224,7 @@ def _loop(experiment: Experiment, scene: Scene, time: Array, dt: float) -> Loop:
     from hapticeval.simulation import kernels
 
     device, hand = scene.robot, experiment.hand
+    time = sample_times(experiment.duration, dt)
     count, size = time.size, device.dimension
     parts = [
         (each.stage, each.part(count, size, dt)) for each in scene.effects if each.stage not in (None, Stage.ANSWER)

@@ -20,7 +20,8 @@ from hapticeval.errors import (
     renderer_errors,
 )
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.recordings.recording import REQUIRED, SINGLE, Recording, backward_difference
+from hapticeval.recordings.channels import REQUIRED
+from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.renderer import Batch, Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Path, Stimulus, sample_times

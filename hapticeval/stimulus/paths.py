@@ -13,6 +13,7 @@ from msgspec import Meta, Struct, field
 
 from hapticeval.documents import convert
 from hapticeval.errors import InputError, at
+from hapticeval.files import below
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve, as_curve
 from hapticeval.stimulus.stimulus import Path
@@ -226,18 +227,6 @@ def as_array(rows: Sequence[Sequence[float]], what: str) -> Array:
         return np.array(rows, dtype=np.float64)
     except ValueError as error:
         raise InputError(f"{what} differ in dimension", why="all have as many numbers as the first") from error
-
-
-def below(folder: FilePath, name: str) -> FilePath:
-    """The file that a suite names. Raises `InputError` unless it lies below the suite's folder, links followed."""
-    file = folder / name
-    if not file.resolve().is_relative_to(folder.resolve()):
-        raise InputError(
-            f"the file '{name}' is not below the suite's folder {folder}",
-            why="a suite may come from anyone, and reads no other files of this machine",
-            todo="copy the file beside the suite",
-        )
-    return file
 
 
 def read_path(file: FilePath) -> Path:

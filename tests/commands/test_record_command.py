@@ -1,7 +1,5 @@
 """`hapticeval record`: what it writes, what it refuses before anything starts, and what it keeps when a run breaks."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

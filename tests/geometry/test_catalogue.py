@@ -8,11 +8,17 @@ import pytest
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import MODELS, from_geojson, from_vertices, from_wkt, make_model
+from hapticeval.geometry.mesh import Mesh
 
 SQUARE = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
 ARGUMENTS = {
     "polygon": {"vertices": SQUARE},
     "wkt": {"text": "POLYGON ((0 0, 1 0, 1 1, 0 1, 0 0))"},
+    "mesh": {
+        "vertices": [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        "triangles": [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
+        "unit": "cm",
+    },
     "geojson": {"document": {"type": "Polygon", "coordinates": [[*SQUARE, SQUARE[0]]]}},
 }
 
@@ -27,6 +33,8 @@ def test_every_kind_is_made_by_name_and_again_from_its_own_parameters(kind):
 
 
 def _numbers(model):
+    if isinstance(model.boundary, Mesh):
+        return np.concatenate([model.boundary.vertices, model.boundary.triangles])
     return model.curve.pieces if model.dimension == 2 else model.surface.row
 
 

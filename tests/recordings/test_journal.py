@@ -1,15 +1,13 @@
 """Journals that were cut, killed or damaged: what is whole comes back bit for bit, and nothing else does."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from recording_files import STEP, flipped, journal_parts
 
 from hapticeval.errors import InputError
+from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.hdf5 import read_recording, write_recording
 from hapticeval.recordings.journal import MAGIC, Kind, Layout, block_head, finish, opening, recover
-from hapticeval.recordings.recording import Signal
 
 LAYOUT = Layout(
     {"hip": 2, "joint_position": 3, "grip": 0},

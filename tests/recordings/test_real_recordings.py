@@ -1,7 +1,5 @@
 """Real recordings: a teleoperation rig, its units, signs and contacts; and a pen stroke, a path with gaps."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from functools import lru_cache
@@ -151,8 +149,7 @@ def test_a_file_cut_short_is_refused_with_the_place(tmp_path):
     assert f"it ends at byte {len(data) // 2}, within the variable that starts at byte" in caught.value.why
 
 
-def test_from_file_to_report_by_commands(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_from_file_to_report_by_commands(tmp_path, capsys):
     shutil.copy(DATA / f"{RIGID}.mat", tmp_path / "rigid.mat")
     assert main(["inspect", "rigid.mat", "--write-mapping", "proposed.toml"]) == 0
     assert main(["convert", "rigid.mat", "--mapping", "proposed.toml", "-o", "wrong.h5"]) == 2
@@ -186,8 +183,7 @@ def test_a_pen_stroke_is_a_path_with_gaps_where_the_pen_is_up_and_its_report_has
     assert sum(each.end - each.first for each in intervals) == 819
 
 
-def test_from_stroke_to_report_by_commands(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_from_stroke_to_report_by_commands(tmp_path, capsys):
     assert main(["convert", str(STROKE), "--mapping", str(PEN), "-o", "stroke.h5"]) == 0
     assert "559 rows in a gap" in capsys.readouterr().out
     assert main(["inspect", "stroke.h5"]) == 0

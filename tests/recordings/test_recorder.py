@@ -1,7 +1,5 @@
 """The live recorder against what ends recordings: a slow writer, a dead one, a killed loop, a full disk."""
 
-from __future__ import annotations
-
 import os
 import resource
 import signal
@@ -14,9 +12,9 @@ import numpy as np
 import pytest
 
 from hapticeval.errors import HapticevalError, InputError
+from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.journal import recover
 from hapticeval.recordings.recorder import LossWarning, Recorder
-from hapticeval.recordings.recording import Signal
 
 CHANNELS = {"hip": 2, "force": 2}
 GRIP = {"grip": Signal("N", "grip force", "device")}

@@ -1,7 +1,5 @@
 """The sign of a force by physics: what passive environments give, and what is told of one that is turned."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -189,8 +187,7 @@ def test_a_push_counts_only_where_the_tool_is_seen_to_move(quantum, known):
     assert (signed(hip, force, force_floor=0.3), signed(hip, -force, force_floor=0.3)) == (known, -known)
 
 
-def test_inspect_describes_it_and_ends_with_1(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_inspect_describes_it_and_ends_with_1(capsys):
     hip, force = pushed(WAY, stiffness=30.0, damping=8.0, noise=0.01)
     made = Recording(TIME, {"hip": hip, "force": force}, {"dt": DT})
     write_recording("right.h5", made)

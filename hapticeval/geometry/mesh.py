@@ -1,0 +1,135 @@
+"""A closed triangle mesh in space: what CAD files hold, with flat faces, edges and corners."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hapticeval.compiled import Closest
+from hapticeval.geometry import mesh_build as build
+from hapticeval.geometry import mesh_kernels as kernels
+from hapticeval.geometry.boundary import ClosestPoint, InSpace
+from hapticeval.geometry.mesh_checks import (
+    check_closed,
+    check_crossings,
+    checked_corners,
+    checked_triangles,
+    refuse,
+)
+from hapticeval.geometry.polygon_kernels import ROUNDING, TOUCH
+from hapticeval.geometry.validate import answered
+from hapticeval.types import Array, IntArray
+
+STEPS = (0.7548776662466927, 0.5698402909980532)
+"""Shares of one step of the evenest sequence of points in a square (Roberts: powers of 1 / the plastic number)."""
+
+
+class Mesh(InSpace):
+    """A closed, connected, outward surface of triangles; it is a `Boundary`.
+
+    `vertices` (v, 3), m, and `triangles` (t, 3), rows of vertices, anticlockwise seen from outside. Vertices that no
+    triangle has are left out. Raises `InputError`, naming the triangle and how to mend it, for a mesh that is open,
+    inside out, in parts, not a manifold, degenerate, or that crosses itself; and for sizes outside the float range.
+
+    `tables` are what compiled code works on, see `mesh_kernels`.
+    """
+
+    def __init__(self, name: str, vertices: ArrayLike, triangles: ArrayLike) -> None:
+        self.name = name
+        positions = checked_corners(vertices)
+        rows = checked_triangles(triangles, positions.shape[0])
+        across = check_closed(positions, rows)
+        order = build.ordered(positions, rows)
+        faces, table, problem, triangle = build.tables(positions, rows, across, order)
+        if problem:
+            refuse(problem, triangle, rows)
+        tree = build.boxes(faces, table)
+        check_crossings(faces, table, tree, order)
+        self.tables = faces, table, tree
+
+    @property
+    def vertices(self) -> Array:
+        """The positions (v, 3), m."""
+        return self.tables[1][:, :3]
+
+    @property
+    def triangles(self) -> IntArray:
+        """The triangles (t, 3), rows of `vertices`, anticlockwise seen from outside."""
+        return self.tables[0][:, :3].astype(np.int64)
+
+    @property
+    def neighbours(self) -> IntArray:
+        """The triangles (t, 3) across the edges from the first corner of each to the second, to the third, and back."""
+        return self.tables[0][:, kernels.ACROSS : kernels.ACROSS + 3].astype(np.int64)
+
+    @property
+    def normals(self) -> Array:
+        """The outward unit normals (t, 3) of the triangles."""
+        return self.tables[0][:, kernels.NORMAL :]
+
+    @cached_property
+    def bounds(self) -> tuple[float, ...]:  # type: ignore[override]
+        """(xmin, ymin, zmin, xmax, ymax, zmax), m."""
+        return (*self.vertices.min(axis=0).tolist(), *self.vertices.max(axis=0).tolist())
+
+    @cached_property
+    def touch(self) -> float:
+        """How far inside (m) is rounding, beside the mesh: of its size, and of where it lies."""
+        low, high = np.reshape(self.bounds, (2, 3))
+        return float(TOUCH * np.max(high - low) + ROUNDING * np.max(np.abs(self.bounds)))
+
+    @property
+    def compiled_closest(self) -> Closest:
+        """The closest point as compiled code, for what is composed into a step: see `closest_of`."""
+        from hapticeval.geometry.closest_kernels import of_mesh
+
+        return of_mesh(*self.tables)
+
+    def closest_point(self, points: ArrayLike) -> ClosestPoint:
+        """See `Boundary.closest_point`: one compiled call. On an edge the normal is that which points to the point."""
+        return answered(kernels.frames, self.tables, points, 3)
+
+    def signed_distance(self, points: ArrayLike) -> Array:
+        """See `Boundary.signed_distance`."""
+        return answered(kernels.distances, self.tables, points, 3)
+
+    def first_crossing(self, start: Array, end: Array, *, grain: float) -> Array | None:  # noqa: ARG002 - the protocol's
+        """See `Boundary.first_crossing`: exact, so that nothing is too thin."""
+        a, b = (tuple(map(float, point)) for point in (start, end))
+        k, foot, _ = kernels.entered(*self.tables, a, b, self.touch)
+        return None if k < 0 else np.array(foot)
+
+    def normal_cone(self, points: Array, reach: Array) -> Callable[[Array], Array]:
+        """See `Boundary.normal_cone`: the cone that the normals of all triangles in reach span."""
+        starts, normals = kernels.fans(*self.tables, *(np.require(each, requirements="CW") for each in (points, reach)))
+
+        def beyond(directions: Array) -> Array:
+            return kernels.beyond_cones(starts, normals, np.require(directions, requirements="CW"))
+
+        return beyond
+
+    def points(self, n: int) -> Array:
+        """See `Boundary.points`: as many to equal areas."""
+        a, b, c = self.vertices[self.triangles.T]
+        areas = np.cumsum(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
+        rows = np.minimum(np.searchsorted(areas, (np.arange(n) + 0.5) / n * areas[-1]), areas.size - 1)
+        u, v = ((0.5 + step * np.arange(n)) % 1.0 for step in STEPS)
+        u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
+        a, b, c = a[rows], b[rows], c[rows]
+        return np.asarray(a + u[:, np.newaxis] * (b - a) + v[:, np.newaxis] * (c - a))
+
+    def edges(self, angle: float, eye: Array) -> Array:
+        """Return the edges (e, 2, 3), m, at which the faces turn by more than `angle` (rad) and one faces the eye.
+
+        `eye` (3,) is the direction from which the mesh is seen from afar.
+        """
+        triangles, normals, neighbours = self.triangles, self.normals, self.neighbours
+        first, last, beside = (np.concatenate(each.T) for each in (triangles, np.roll(triangles, -1, 1), neighbours))
+        here = np.tile(np.arange(len(triangles)), 3)
+        sharp = (here < beside) & (np.sum(normals[here] * normals[beside], axis=1) < math.cos(angle))
+        seen = sharp & (np.maximum(normals[here] @ eye, normals[beside] @ eye) > 0.0)
+        return np.stack([self.vertices[first[seen]], self.vertices[last[seen]]], axis=1)

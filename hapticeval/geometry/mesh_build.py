@@ -1,0 +1,393 @@
+"""Compiled building of a mesh's tables (see `mesh_kernels`), and what is found on the way that makes it none."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hapticeval.compiled import compiled, inner
+from hapticeval.geometry.mesh_kernels import (
+    ACROSS,
+    BOX,
+    CORNER,
+    DEPTH,
+    LEAF,
+    NORMAL,
+    PSEUDO,
+    _cross,
+    _lost,
+    _minus,
+    at,
+    normal_of,
+)
+from hapticeval.geometry.surface_kernels import Triple, dot
+from hapticeval.types import Array, IntArray
+
+SOUND, FLAT_TRIANGLE, OPEN, SHARED, FLIPPED, PINCHED, APART, FOLDED = range(8)
+"""What is wrong with a triangle: see `mesh_checks`."""
+
+THINNEST = 1e-13
+"""Least height of a triangle over its longest edge: below, its corners lie on one line to rounding."""
+OPENING = 1e-12
+"""Least angle (rad) between two triangles that share an edge: below, one is folded onto the other."""
+GAP = 1e-14
+"""Gap between two triangles, as a share of their extent, that is no rounding."""
+
+
+@inner
+def _difference(a: float, b: float) -> tuple[float, float]:
+    """Return a - b as the rounded difference and what that lost (Knuth)."""
+    high = a - b
+    back = high - a
+    return high, (a - (high - back)) - (b + back)
+
+
+@inner
+def _minor(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float], d: tuple[float, float]) -> float:
+    """Return a b - c d of numbers in two parts, to rounding even where the products nearly cancel."""
+    first, second = a[0] * b[0], c[0] * d[0]
+    lost = _lost(a[0], b[0], first) - _lost(c[0], d[0], second)
+    return (first - second) + (lost + (a[0] * b[1] + a[1] * b[0] - c[0] * d[1] - c[1] * d[0]))
+
+
+@inner
+def area_normal(a: Triple, b: Triple, c: Triple) -> Triple:
+    """Return (b - a) x (c - a) to rounding, for slivers too."""
+    x, y, z = _difference(b[0], a[0]), _difference(b[1], a[1]), _difference(b[2], a[2])
+    u, v, w = _difference(c[0], a[0]), _difference(c[1], a[1]), _difference(c[2], a[2])
+    return _minor(y, w, z, v), _minor(z, u, x, w), _minor(x, v, y, u)
+
+
+@compiled
+def join(count: int, triangles: IntArray) -> tuple[IntArray, int, int, int]:
+    """Return the neighbours (t, 3) of triangles over `count` vertices, and the first problem: what, triangle, corner.
+
+    Neighbour i lies across the edge from corner i to the next, and runs along it the other way.
+    """
+    t = triangles.shape[0]
+    starts = np.zeros(count + 1, np.int64)
+    for k in range(t):
+        for i in range(3):
+            starts[triangles[k, i] + 1] += 1
+    for row in range(count):
+        starts[row + 1] += starts[row]
+    filled, fan = starts[:-1].copy(), np.empty(3 * t, np.int32)
+    for k in range(t):
+        for i in range(3):
+            row = triangles[k, i]
+            fan[filled[row]] = 3 * k + i
+            filled[row] += 1
+    across = np.full((t, 3), -1)
+    for k in range(t):
+        for i in range(3):
+            a, b = triangles[k, i], triangles[k, (i + 1) % 3]
+            same, other = 0, 0
+            for place in range(starts[a], starts[a + 1]):
+                if triangles[fan[place] // 3, (fan[place] + 1) % 3] == b:
+                    same += 1
+            for place in range(starts[b], starts[b + 1]):
+                if triangles[fan[place] // 3, (fan[place] + 1) % 3] == a:
+                    other += 1
+                    across[k, i] = fan[place] // 3
+            if same + other > 2:
+                return across, SHARED, k, i
+            if same == 2:
+                return across, FLIPPED, k, i
+            if other == 0:
+                return across, OPEN, k, i
+    for row in range(count):
+        if starts[row + 1] == starts[row]:
+            continue
+        first = fan[starts[row]]
+        k, i, met = first // 3, first % 3, 0
+        while met <= starts[row + 1] - starts[row]:
+            k = across[k, i]
+            met += 1
+            i = 0 if triangles[k, 0] == row else 1 if triangles[k, 1] == row else 2
+            if k == first // 3:
+                break
+        if met < starts[row + 1] - starts[row]:
+            return across, PINCHED, first // 3, first % 3
+    return across, SOUND, -1, -1
+
+
+@compiled
+def component(across: IntArray) -> int:
+    """Return a triangle that no way over edges joins to triangle 0, or -1."""
+    t = across.shape[0]
+    seen, queue = np.zeros(t, np.bool_), np.empty(t, np.int32)
+    seen[0], queue[0] = True, 0
+    count, done = 1, 0
+    while done < count:
+        for i in range(3):
+            beside = across[queue[done], i]
+            if not seen[beside]:
+                seen[beside], queue[count] = True, beside
+                count += 1
+        done += 1
+    for k in range(t):
+        if not seen[k]:
+            return k
+    return -1
+
+
+@compiled
+def volume(vertices: Array, triangles: IntArray) -> float:
+    """Return the volume (m^3) that triangles enclose whose corners run anticlockwise seen from outside."""
+    total = 0.0
+    origin = at(vertices, triangles[0, 0])
+    for k in range(triangles.shape[0]):
+        a = _minus(at(vertices, triangles[k, 0]), origin)
+        b = _minus(at(vertices, triangles[k, 1]), origin)
+        total += dot(a, _cross(b, _minus(at(vertices, triangles[k, 2]), origin)))
+    return total / 6.0
+
+
+@inner
+def _swap(keys: Array, order: IntArray, i: int, j: int) -> None:
+    for axis in range(3):
+        keys[i, axis], keys[j, axis] = keys[j, axis], keys[i, axis]
+    order[i], order[j] = order[j], order[i]
+
+
+@inner
+def _halve(keys: Array, order: IntArray, low: int, high: int, middle: int, axis: int) -> None:
+    """Put the rows from low up to high in such an order that none before `middle` has a larger key (Hoare)."""
+    high -= 1
+    while low < high:
+        pivot = keys[(low + high) // 2, axis]
+        i, j = low, high
+        while i <= j:
+            while keys[i, axis] < pivot:
+                i += 1
+            while keys[j, axis] > pivot:
+                j -= 1
+            if i <= j:
+                _swap(keys, order, i, j)
+                i += 1
+                j -= 1
+        if middle <= j:
+            high = j
+        elif middle >= i:
+            low = i
+        else:
+            return
+
+
+@compiled
+def ordered(vertices: Array, triangles: IntArray) -> IntArray:
+    """Return the triangles (t,) in the order of a tree's leaves: halves along the longest side of their middles."""
+    n = triangles.shape[0]
+    m = leaves(n)
+    middles, order = np.empty((n, 3)), np.arange(n)
+    for k in range(n):
+        for axis in range(3):
+            first, second = vertices[triangles[k, 0], axis], vertices[triangles[k, 1], axis]
+            third = vertices[triangles[k, 2], axis]
+            middles[k, axis] = 0.5 * (min(first, second, third) + max(first, second, third))
+    level = 1
+    while level < m:
+        for j in range(level):
+            low, high = j * n // level, (j + 1) * n // level
+            longest, axis = -1.0, 0
+            for each in range(3):
+                least, most = middles[low, each], middles[low, each]
+                for k in range(low, high):
+                    least, most = min(least, middles[k, each]), max(most, middles[k, each])
+                if most - least > longest:
+                    longest, axis = most - least, each
+            _halve(middles, order, low, high, (2 * j + 1) * n // (2 * level), axis)
+        level *= 2
+    return order
+
+
+@compiled
+def leaves(n: int) -> int:
+    """Return the number of leaves of a tree over n triangles."""
+    m = 1
+    while m * 2 * LEAF <= n:
+        m *= 2
+    return m
+
+
+@compiled
+def tables(positions: Array, triangles: IntArray, across: IntArray, order: IntArray) -> tuple[Array, Array, int, int]:
+    """Return `faces` and `vertices` in a given order, and the first problem: what, and the triangle as it is given."""
+    n = triangles.shape[0]
+    faces, vertices = np.empty((n, 9)), np.zeros((positions.shape[0], 6))
+    rank, row_of = np.empty(n, np.int32), np.full(positions.shape[0], -1, np.int32)
+    for k in range(n):
+        rank[order[k]] = k
+    used = 0
+    for k in range(n):
+        given = order[k]
+        for i in range(3):
+            vertex = triangles[given, i]
+            if row_of[vertex] < 0:
+                row_of[vertex] = used
+                for axis in range(3):
+                    vertices[used, axis] = positions[vertex, axis]
+                used += 1
+            faces[k, CORNER + i], faces[k, ACROSS + i] = row_of[vertex], rank[across[given, i]]
+        a, b, c = at(vertices, faces[k, 0]), at(vertices, faces[k, 1]), at(vertices, faces[k, 2])
+        normal = area_normal(a, b, c)
+        area = math.sqrt(dot(normal, normal))
+        edges = (_minus(b, a), _minus(c, b), _minus(a, c))
+        lengths2 = (dot(edges[0], edges[0]), dot(edges[1], edges[1]), dot(edges[2], edges[2]))
+        if not area > THINNEST * max(lengths2):
+            return faces, vertices, FLAT_TRIANGLE, given
+        for axis in range(3):
+            faces[k, NORMAL + axis] = normal[axis] / area
+        for i in range(3):
+            angle = math.atan2(area, -dot(edges[i], edges[(i + 2) % 3]))
+            row = int(faces[k, CORNER + i])
+            for axis in range(3):
+                vertices[row, PSEUDO + axis] += angle * faces[k, NORMAL + axis]
+    for k in range(n):
+        for i in range(3):
+            this, that = normal_of(faces, k), normal_of(faces, int(faces[k, ACROSS + i]))
+            mean = (this[0] + that[0], this[1] + that[1], this[2] + that[2])
+            if dot(mean, mean) <= OPENING * OPENING:
+                return faces, vertices, FOLDED, order[k]
+    for row in range(used):
+        size = 0.0
+        for axis in range(3):
+            size = math.hypot(size, vertices[row, PSEUDO + axis])
+        for axis in range(3):
+            vertices[row, PSEUDO + axis] /= max(size, 1e-300)
+    return faces, vertices[:used], SOUND, -1
+
+
+@compiled
+def boxes(faces: Array, vertices: Array) -> Array:
+    """Return the tree over triangles in the order of its leaves."""
+    n = faces.shape[0]
+    m = leaves(n)
+    tree = np.zeros((2 * m, 6))
+    for i in range(2 * m - 1, 0, -1):
+        for axis in range(3):
+            if i < m:
+                tree[i, axis] = min(tree[2 * i, axis], tree[2 * i + 1, axis])
+                tree[i, 3 + axis] = max(tree[2 * i, 3 + axis], tree[2 * i + 1, 3 + axis])
+                continue
+            least, most = math.inf, -math.inf
+            for k in range((i - m) * n // m, (i - m + 1) * n // m):
+                for corner in range(3):
+                    here = vertices[int(faces[k, CORNER + corner]), axis]
+                    least, most = min(least, here), max(most, here)
+            tree[i, axis], tree[i, 3 + axis] = least, most
+    slack = 0.0
+    for axis in range(3):
+        slack = max(slack, abs(tree[1, axis]), abs(tree[1, 3 + axis]), tree[1, 3 + axis] - tree[1, axis])
+    for i in range(1, 2 * m):
+        for axis in range(3):
+            tree[i, axis] -= BOX * slack
+            tree[i, 3 + axis] += BOX * slack
+    return tree
+
+
+@inner
+def _separates(axis: Triple, first: Array, second: Array, from_one: int) -> bool:
+    """Whether two triangles (3, 3) lie on different sides of a plane of normal `axis`, by more than rounding.
+
+    Of triangles that share a corner, which is the origin and the first row of both, one may touch the plane with more.
+    """
+    size = abs(axis[0]) + abs(axis[1]) + abs(axis[2])
+    extent = 0.0
+    low, high, below, above = math.inf, -math.inf, math.inf, -math.inf
+    for row in range(from_one, 3):
+        one = axis[0] * first[row, 0] + axis[1] * first[row, 1] + axis[2] * first[row, 2]
+        two = axis[0] * second[row, 0] + axis[1] * second[row, 1] + axis[2] * second[row, 2]
+        low, high, below, above = min(low, one), max(high, one), min(below, two), max(above, two)
+        for i in range(3):
+            extent = max(extent, abs(first[row, i]), abs(second[row, i]))
+    gap = GAP * size * extent
+    if from_one == 0:
+        return bool(below - high > gap or low - above > gap)
+    small = 0.1 * gap
+    return bool(
+        (high <= small and below > gap)
+        or (high < -gap and below >= -small)
+        or (above <= small and low > gap)
+        or (above < -gap and low >= -small)
+    )
+
+
+@inner
+def _clear(faces: Array, vertices: Array, j: int, k: int, first: Array, second: Array) -> bool:
+    """Whether triangles j and k have nothing in common but the corner or the edge that they share, beyond rounding."""
+    shared, one, two = 0, 0, 0
+    for i in range(3):
+        for h in range(3):
+            if faces[j, CORNER + i] == faces[k, CORNER + h]:
+                shared, one, two = shared + 1, i, h
+    if shared > 1:
+        return True
+    origin = at(vertices, faces[j, CORNER + one])
+    for i in range(3):
+        a = _minus(at(vertices, faces[j, CORNER + (one + i) % 3]), origin)
+        b = _minus(at(vertices, faces[k, CORNER + (two + i) % 3]), origin)
+        for axis in range(3):
+            first[i, axis], second[i, axis] = a[axis], b[axis]
+    n, p = normal_of(faces, j), normal_of(faces, k)
+    if _separates(n, first, second, shared) or _separates(p, first, second, shared):
+        return True
+    for i in range(3):
+        e = (
+            first[(i + 1) % 3, 0] - first[i, 0],
+            first[(i + 1) % 3, 1] - first[i, 1],
+            first[(i + 1) % 3, 2] - first[i, 2],
+        )
+        if _separates(_cross(n, e), first, second, shared):
+            return True
+        for h in range(3):
+            o = (h + 1) % 3
+            f = (second[o, 0] - second[h, 0], second[o, 1] - second[h, 1], second[o, 2] - second[h, 2])
+            if i == 0 and _separates(_cross(p, f), first, second, shared):
+                return True
+            if _separates(_cross(e, f), first, second, shared):
+                return True
+    return False
+
+
+@compiled
+def suspects(faces: Array, vertices: Array, tree: Array, begin: int, most: int) -> tuple[IntArray, int]:
+    """Return pairs (up to `most`, 2) of triangles that may cross or touch, and where to go on.
+
+    The first of each is triangle `begin` or a later one. Pairs that are not returned are separated by a
+    plane, by more than rounding.
+    """
+    n, m = faces.shape[0], tree.shape[0] // 2
+    pairs, count = np.empty((most, 2), np.int64), 0
+    stack, first, second = np.empty(DEPTH, np.int64), np.empty((3, 3)), np.empty((3, 3))
+    for j in range(begin, n):
+        a, b, c = at(vertices, faces[j, 0]), at(vertices, faces[j, 1]), at(vertices, faces[j, 2])
+        xl, yl, zl = min(a[0], b[0], c[0]), min(a[1], b[1], c[1]), min(a[2], b[2], c[2])
+        xh, yh, zh = max(a[0], b[0], c[0]), max(a[1], b[1], c[1]), max(a[2], b[2], c[2])
+        stack[0] = 1
+        top, before = 1, count
+        while top > 0:
+            top -= 1
+            i = stack[top]
+            if xl > tree[i, 3] or yl > tree[i, 4] or zl > tree[i, 5]:
+                continue
+            if xh < tree[i, 0] or yh < tree[i, 1] or zh < tree[i, 2]:
+                continue
+            last = i
+            while last < m:
+                last = 2 * last + 1
+            if (last - m + 1) * n // m <= j + 1:
+                continue
+            if i < m:
+                stack[top], stack[top + 1] = 2 * i + 1, 2 * i
+                top += 2
+                continue
+            for k in range(max((i - m) * n // m, j + 1), (i - m + 1) * n // m):
+                if _clear(faces, vertices, j, k, first, second):
+                    continue
+                if count == most:
+                    return (pairs[:before], j) if before > 0 else (pairs, j + 1)
+                pairs[count, 0], pairs[count, 1] = j, k
+                count += 1
+    return pairs[:count], n

@@ -1,0 +1,230 @@
+"""What makes triangles a mesh that bounds a model, and one clear error for each way in which they do not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from typing import NoReturn
+
+import numpy as np
+
+from hapticeval.errors import InputError
+from hapticeval.geometry import mesh_build as build
+from hapticeval.geometry.validate import check_range, refuse_not_finite
+from hapticeval.types import Array, IntArray
+
+MOST = 5_000_000
+"""Triangles of the largest mesh that is taken: beyond it the tables take more than a gigabyte."""
+SUSPECTS = 4096
+"""Pairs of triangles that are looked at together for whether they cross."""
+LARGEST_INTEGER = 2**31 - 1
+
+EDGES = ("first", "second", "third")
+REPAIR = "in MeshLab: Filters > Cleaning and Repairing; in Python: trimesh.repair"
+
+PROBLEMS = {
+    build.FLAT_TRIANGLE: (
+        "is degenerate: its corners lie on one straight line",
+        "it has no area, and so no normal",
+        "collapse its shortest edge, or remove it and close the gap",
+    ),
+    build.OPEN: (
+        "has no neighbour across its {edge} edge, {from_} to {to}: the mesh is open",
+        "only a closed surface has an inside",
+        "close the hole, or merge corners there that should be one point ({repair})",
+    ),
+    build.SHARED: (
+        "shares its {edge} edge, {from_} to {to}, with more than one other: the mesh is not a manifold",
+        "the surface divides there, so that the inside is on no one side of it",
+        "remove inner walls and double triangles, or join the parts by a boolean union ({repair})",
+    ),
+    build.FLIPPED: (
+        "and its neighbour across the {edge} edge, {from_} to {to}, run the same way round",
+        "one of them shows its inner side: corners run anticlockwise seen from outside",
+        "turn one of them: swap two of its corners (trimesh.repair.fix_winding)",
+    ),
+    build.PINCHED: (
+        "is in one of several fans that touch in a single vertex, {from_}: the mesh is not a manifold",
+        "the surface is pinched to a point there",
+        "split the vertex, and move the copies apart",
+    ),
+    build.APART: (
+        "belongs to another part than triangle 0",
+        "a model is bounded by one connected surface",
+        "give each part as a model of its own, or join them by a boolean union; remove closed voids inside",
+    ),
+    build.FOLDED: (
+        "is folded flat onto a neighbour",
+        "the solid between them has no thickness",
+        "remove both, or move their corners apart",
+    ),
+}
+"""What is wrong, why that matters, and how to mend it."""
+
+
+def checked_corners(vertices: object) -> Array:
+    """Return vertices as (v, 3) float64. Raises `InputError`, naming the vertex, for anything else or not finite."""
+    try:
+        array = np.array(vertices, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise InputError("the vertices are not rows of three numbers", why=str(error)) from error
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise InputError(f"the vertices have the shape {array.shape}", why="they must be rows of x, y and z: (n, 3)")
+    if not np.isfinite(array).all():
+        raise refuse_not_finite(array, "vertex coordinates: vertex")
+    return array
+
+
+def checked_triangles(triangles: object, count: int) -> IntArray:
+    """Return triangles as (t, 3) rows of `count` vertices, anticlockwise seen from outside.
+
+    Raises `InputError`, naming the triangle, for other shapes, numbers that are not whole or name no vertex, a corner
+    that comes twice, and fewer than four triangles or more than `MOST`.
+    """
+    try:
+        given = np.array(triangles)
+        array = given.astype(np.int64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError("the triangles are not rows of three whole numbers", why=str(error)) from error
+    if array.ndim != 2 or array.shape[1] != 3 or given.dtype.kind not in "iuf" or not np.array_equal(given, array):
+        raise InputError(
+            f"the triangles have the shape {array.shape}" if array.ndim != 2 or array.shape[1] != 3
+            else "the triangles are not whole numbers",
+            why="each is the numbers of its three vertices, counted from 0: (n, 3)",
+            todo="divide faces of more corners into triangles",
+        )  # fmt: skip
+    if not 4 <= array.shape[0] <= MOST:
+        raise InputError(
+            f"a mesh of {array.shape[0]} triangles",
+            why="a closed one has at least four" if array.shape[0] < 4 else f"at most {MOST} are taken",
+            todo="" if array.shape[0] < 4 else "simplify it: quadric decimation keeps the shape",
+        )
+    outside = np.flatnonzero(((array < 0) | (array >= count)).any(axis=1))
+    if outside.size:
+        raise InputError(
+            f"triangle {outside[0]} is {array[outside[0]].tolist()}",
+            why=f"its corners are numbers of the {count} vertices, counted from 0",
+        )
+    twice = np.flatnonzero((array == np.roll(array, 1, axis=1)).any(axis=1))
+    if twice.size:
+        refuse(build.FLAT_TRIANGLE, int(twice[0]), array)
+    return np.ascontiguousarray(array)
+
+
+def check_closed(positions: Array, triangles: IntArray) -> IntArray:
+    """Return the neighbours (t, 3) of the triangles of a closed, connected, outward manifold. Raises `InputError`."""
+    used = np.zeros(positions.shape[0], dtype=bool)
+    used[triangles] = True
+    check_range(positions[used])
+    across, problem, triangle, corner = build.join(positions.shape[0], triangles)
+    if problem:
+        refuse(problem, triangle, triangles, corner)
+    other = build.component(across)
+    if other >= 0:
+        refuse(build.APART, other, triangles)
+    if build.volume(positions, triangles) <= 0.0:
+        raise InputError(
+            "the mesh is inside out, or encloses nothing: triangle 0 and all others show their inner side",
+            why="corners run anticlockwise seen from outside, so that the enclosed volume is positive",
+            todo="swap two corners of every triangle (trimesh.repair.fix_inversion)",
+        )
+    return across
+
+
+def check_crossings(faces: Array, vertices: Array, tree: Array, order: IntArray) -> None:
+    """Raise `InputError`, naming two triangles, where a mesh crosses or touches itself.
+
+    Pairs that no plane separates by more than rounding are decided in exact arithmetic.
+    """
+    begin = 0
+    while begin < faces.shape[0]:
+        pairs, begin = build.suspects(faces, vertices, tree, begin, SUSPECTS)
+        for one, two in pairs.tolist():
+            first, second = (
+                [tuple(map(Fraction, vertices[int(row), :3].tolist())) for row in faces[k, :3]] for k in (one, two)
+            )
+            shared = set(first) & set(second)
+            for place in meetings(first, second):
+                if place not in shared:
+                    at = ", ".join(f"{float(x):.6g}" for x in place)
+                    low, high = sorted((int(order[one]), int(order[two])))
+                    raise InputError(
+                        f"triangles {low} and {high} cross or touch at ({at}) m",
+                        why="the surface of a rigid model does not meet itself",
+                        todo="move the parts apart, or join them by a boolean union (trimesh.boolean.union, MeshLab)",
+                    )
+
+
+def refuse(problem: int, triangle: int, triangles: IntArray, corner: int = 0) -> NoReturn:
+    """Raise the error that names the triangle and how to mend it."""
+    what, why, todo = PROBLEMS[problem]
+    row = triangles[triangle]
+    words = {
+        "edge": EDGES[corner],
+        "from_": f"vertex {row[corner]}",
+        "to": f"vertex {row[(corner + 1) % 3]}",
+        "repair": REPAIR,
+    }
+    raise InputError(f"triangle {triangle} {what.format(**words)}", why=why, todo=todo.format(**words))
+
+
+Place = tuple[Fraction, ...]
+
+
+def meetings(first: Sequence[Place], second: Sequence[Place]) -> Iterator[Place]:
+    """Yield points at which two triangles meet, exactly: where edges of one pass through the other.
+
+    Of two in one plane those are corners of the area that they have in common.
+    """
+    for one, two in ((first, second), (second, first)):
+        normal = _cross(_less(two[1], two[0]), _less(two[2], two[0]))
+        axis = max(range(3), key=lambda i: abs(normal[i]))
+        for start, end in ((one[0], one[1]), (one[1], one[2]), (one[2], one[0])):
+            low, high = _dot(normal, _less(start, two[0])), _dot(normal, _less(end, two[0]))
+            if low == high == 0:
+                yield from _in_plane(start, end, two, axis)
+            elif min(low, high) <= 0 <= max(low, high):
+                share = low / (low - high)
+                place = tuple(a + share * (b - a) for a, b in zip(start, end, strict=True))
+                if _holds(two, place, axis):
+                    yield place
+
+
+def _in_plane(start: Place, end: Place, triangle: Sequence[Place], axis: int) -> Iterator[Place]:
+    """Yield the ends of a segment that lie in a triangle of the same plane, and where it crosses edges."""
+    for place in (start, end):
+        if _holds(triangle, place, axis):
+            yield place
+    for i in range(3):
+        a, b = triangle[i], triangle[(i + 1) % 3]
+        low, high = _area(a, b, start, axis), _area(a, b, end, axis)
+        if low == high or min(low, high) > 0 or max(low, high) < 0:
+            continue
+        share = low / (low - high)
+        place = tuple(p + share * (q - p) for p, q in zip(start, end, strict=True))
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        if all(min(a[w], b[w]) <= place[w] <= max(a[w], b[w]) for w in (u, v)):
+            yield place
+
+
+def _holds(triangle: Sequence[Place], place: Place, axis: int) -> bool:
+    """Whether a triangle holds a point of its plane, seen along an axis."""
+    turns = [_area(triangle[i], triangle[(i + 1) % 3], place, axis) for i in range(3)]
+    return min(turns) >= 0 or max(turns) <= 0
+
+
+def _area(a: Place, b: Place, c: Place, axis: int) -> Fraction:
+    u, v = (axis + 1) % 3, (axis + 2) % 3
+    return (b[u] - a[u]) * (c[v] - a[v]) - (b[v] - a[v]) * (c[u] - a[u])
+
+
+def _less(a: Place, b: Place) -> Place:
+    return tuple(x - y for x, y in zip(a, b, strict=True))
+
+
+def _cross(a: Place, b: Place) -> Place:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _dot(a: Place, b: Place) -> Fraction:
+    return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))

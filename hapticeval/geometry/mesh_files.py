@@ -1,0 +1,78 @@
+"""Triangle meshes from files: STL, OBJ, PLY and OFF, in a unit that the user names, as these files hold none."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.geometry.mesh_checks import MOST
+from hapticeval.types import Array, IntArray
+
+UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 25.4e-3}
+"""Metres in each unit."""
+FORMATS = (".stl", ".obj", ".ply", ".off")
+LARGEST = 1 << 30
+"""Bytes of the largest file that is read: five million triangles are a quarter of a gigabyte in STL."""
+
+
+def metres(unit: str) -> float:
+    """Return how many metres a unit is. Raises `UnknownNameError`."""
+    if not isinstance(unit, str) or unit not in UNITS:
+        raise UnknownNameError("unit", str(unit), UNITS, todo=f"choose one of: {', '.join(UNITS)}")
+    return UNITS[unit]
+
+
+def read_mesh(file: Path) -> tuple[Array, IntArray]:
+    """Return vertices (v, 3), in the file's own unit, and triangles (t, 3) of a mesh file; equal vertices become one.
+
+    Nothing but the file is read, no other that it names, and nothing of it runs. Raises `InputError`, naming the file,
+    for one that is not there, too large, of another format, damaged, or that holds no triangles.
+    """
+    if file.suffix.lower() not in FORMATS:
+        raise InputError(f"the mesh file {file} ends in '{file.suffix}'", why=f"read are {', '.join(FORMATS)}")
+    try:
+        if not file.is_file():
+            raise InputError(
+                f"no mesh file {file}", todo="check the path; in a suite it counts from the suite's folder"
+            )
+        size = file.stat().st_size
+        if size > LARGEST:
+            raise InputError(
+                f"the mesh file {file} has {size / 2**20:.0f} MiB", why=f"at most {LARGEST >> 20} MiB are read",
+                todo="simplify the mesh: quadric decimation keeps the shape",
+            )  # fmt: skip
+        content = file.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read the mesh file {file}", why=error.strerror or str(error)) from error
+    import trimesh
+
+    damaged = f"{file} is no {file.suffix[1:].upper()} file, or a damaged one"
+    try:
+        with np.errstate(all="ignore"):
+            made = trimesh.load(
+                io.BytesIO(content), file_type=file.suffix[1:].lower(), process=False, force="mesh", skip_materials=True
+            )
+        vertices, triangles = np.asarray(made.vertices, dtype=np.float64), np.asarray(made.faces, dtype=np.int64)
+    except MemoryError as error:
+        raise InputError(damaged, why="its header announces more than memory holds") from error
+    except Exception as error:  # a parser may raise anything on bytes of anyone
+        raise InputError(damaged, why=f"{type(error).__name__}: {error}", todo="export it again") from error
+    if vertices.ndim != 2 or triangles.ndim != 2 or not triangles.size:
+        raise InputError(f"{file} holds no triangles", why="lines and points bound no solid", todo="export a surface")
+    if len(triangles) > MOST:
+        raise InputError(f"{file} holds {len(triangles)} triangles", why=f"at most {MOST} are taken")
+    return merged(vertices, triangles)
+
+
+def merged(vertices: Array, triangles: IntArray) -> tuple[Array, IntArray]:
+    """Return the same triangles over vertices that differ: STL writes each corner of each triangle again."""
+    vertices = vertices + 0.0  # no negative zero
+    order = np.lexsort(vertices.T)
+    ranked = vertices[order]
+    new = np.concatenate([[True], (ranked[1:] != ranked[:-1]).any(axis=1)])
+    number = np.empty(len(vertices), np.int64)
+    number[order] = np.cumsum(new) - 1
+    return ranked[new], number[triangles]

@@ -1,0 +1,511 @@
+"""Compiled queries of a closed triangle mesh: closest point and side, crossings of a segment, cones of normals.
+
+A mesh is three tables. A row of `faces` (t, 9) is a triangle: the rows of its corners in `vertices`, anticlockwise seen
+from outside; the rows of its neighbours across the edges from the first corner to the second, from there to the third,
+and back; its outward unit normal. A row of `vertices` (v, 6) is a position (m) and a unit pseudonormal: the mean of the
+normals of the triangles round it by their angles there. Indices are whole numbers in float64.
+
+`tree` (2 m, 6), m a power of two, bounds runs of triangles by boxes (least x, y, z, largest x, y, z): row 1 all of
+them, row i the halves 2 i and 2 i + 1, and row m + j, a leaf, those from j t // m up to (j + 1) t // m. Row 0 is not
+used.
+Triangles lie in the order of the leaves, and vertices in that of their first use, so that neighbours share cache lines.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hapticeval.compiled import compiled, inner
+from hapticeval.geometry.boundary import ClosestPoint
+from hapticeval.geometry.kernels import check_finite
+from hapticeval.geometry.surface_kernels import Triple, dot, plus
+from hapticeval.types import Array, IntArray
+
+CORNER, ACROSS, NORMAL = 0, 3, 6
+"""Columns of `faces`; NORMAL also where the pseudonormal of a row of `vertices` would follow: see `PSEUDO`."""
+PSEUDO = 3
+
+FACE, EDGE, VERTEX = 0, 1, 4
+"""Features of a triangle: its inside, EDGE + i from corner i to the next, VERTEX + i."""
+
+LEAF = 3
+"""Fewest triangles in a leaf of a tree that has been divided; a leaf has less than twice as many."""
+DEPTH = 64
+BOX = 2e-15
+"""Rounding of a box and of the distances from its triangles, as a share of its coordinates and of the mesh's size."""
+CAUTION = 1.0 + 1e-14
+"""How much farther than the best triangle a box may lie and still be looked into, squared: rounding."""
+FLAT = 1e-18
+"""Square of the angle (rad) between the normals of faces that count as one plane."""
+NEAR = 1e-12
+"""Distance from an edge or a vertex, as a share of its coordinates, at which the direction to it is rounding."""
+
+
+@inner
+def _minus(a: Triple, b: Triple) -> Triple:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@inner
+def _cross(a: Triple, b: Triple) -> Triple:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@inner
+def _scaled(factor: float, a: Triple) -> Triple:
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+@inner
+def at(vertices: Array, row: float) -> Triple:
+    """Return the position of a vertex."""
+    k = int(row)
+    return vertices[k, 0], vertices[k, 1], vertices[k, 2]
+
+
+@inner
+def normal_of(faces: Array, k: int) -> Triple:
+    """Return the outward unit normal of triangle k."""
+    return faces[k, NORMAL], faces[k, NORMAL + 1], faces[k, NORMAL + 2]
+
+
+@inner
+def _on_segment(ap: Triple, bp: Triple, ab: Triple) -> tuple[float, float]:
+    """Return the squared distance of a point from a segment, and where on it, in [0, 1], the closest point lies."""
+    along, length2 = dot(ap, ab), dot(ab, ab)
+    if along <= 0.0:
+        return dot(ap, ap), 0.0
+    if along >= length2:
+        return dot(bp, bp), 1.0
+    share = along / length2
+    q = plus(ap, -share, ab)
+    return dot(q, q), share
+
+
+@inner
+def on_triangle(faces: Array, vertices: Array, k: int, p: Triple, beyond2: float) -> tuple[float, int, float]:
+    """Return the squared distance of p from triangle k, the feature that is closest, and where on that edge.
+
+    Infinity where its plane is farther away than `beyond2`, squared. Whether p lies over the triangle is decided by its
+    normal, which is exact to rounding for any sliver, and the closest point of an edge by that edge alone: so errors
+    are roundings of the coordinates, whatever the triangle's shape.
+    """
+    a, n = at(vertices, faces[k, CORNER]), normal_of(faces, k)
+    ap = _minus(p, a)
+    height = dot(n, ap)
+    best2 = height * height
+    if best2 > beyond2:
+        return math.inf, FACE, 0.0
+    b, c = at(vertices, faces[k, CORNER + 1]), at(vertices, faces[k, CORNER + 2])
+    ab, bc, ca = _minus(b, a), _minus(c, b), _minus(a, c)
+    bp, cp = _minus(p, b), _minus(p, c)
+    first, second, third = dot(_cross(n, ab), ap), dot(_cross(n, bc), bp), dot(_cross(n, ca), cp)
+    if first >= 0.0 and second >= 0.0 and third >= 0.0:
+        return best2, FACE, 0.0
+    best2, feature, share = math.inf, FACE, 0.0
+    if first < 0.0:
+        best2, share = _on_segment(ap, bp, ab)
+        feature = EDGE
+    if second < 0.0:
+        far2, along = _on_segment(bp, cp, bc)
+        if far2 < best2:
+            best2, feature, share = far2, EDGE + 1, along
+    if third < 0.0:
+        far2, along = _on_segment(cp, ap, ca)
+        if far2 < best2:
+            best2, feature, share = far2, EDGE + 2, along
+    if share == 0.0:
+        return best2, feature - EDGE + VERTEX, 0.0
+    if share == 1.0:
+        return best2, VERTEX + (feature - EDGE + 1) % 3, 0.0
+    return best2, feature, share
+
+
+@inner
+def _to_box2(tree: Array, i: int, p: Triple) -> float:
+    x = max(max(tree[i, 0] - p[0], p[0] - tree[i, 3]), 0.0)
+    y = max(max(tree[i, 1] - p[1], p[1] - tree[i, 4]), 0.0)
+    z = max(max(tree[i, 2] - p[2], p[2] - tree[i, 5]), 0.0)
+    return x * x + y * y + z * z
+
+
+@compiled
+def nearest(faces: Array, vertices: Array, tree: Array, p: Triple, start: int) -> tuple[int, int, float, float]:
+    """Return the triangle closest to p, its feature, where on that edge, and the squared distance.
+
+    `start` is a triangle to begin with, such as the closest one of a moment ago: it saves time, and the answer is the
+    same for any. Of triangles that are equally close it is the first.
+    """
+    n, m = faces.shape[0], tree.shape[0] // 2
+    best = start
+    best2, feature, share = on_triangle(faces, vertices, best, p, math.inf)
+    stack = np.empty((DEPTH, 2))
+    i, top = 1, 0
+    while True:
+        while 0 < i < m:
+            near, far = 2 * i, 2 * i + 1
+            near2, far2 = _to_box2(tree, near, p), _to_box2(tree, far, p)
+            if far2 < near2:
+                near, far, near2, far2 = far, near, far2, near2
+            limit = best2 * CAUTION
+            if far2 <= limit:
+                stack[top, 0], stack[top, 1] = far, far2
+                top += 1
+            i = near if near2 <= limit else 0
+        if i > 0:
+            j = i - m
+            for k in range(j * n // m, (j + 1) * n // m):
+                far2, other, along = on_triangle(faces, vertices, k, p, best2)
+                if far2 < best2 or (far2 == best2 and k < best):
+                    best2, best, feature, share = far2, k, other, along
+        i = 0
+        while top > 0 and i == 0:
+            top -= 1
+            if stack[top, 1] <= best2 * CAUTION:
+                i = int(stack[top, 0])
+        if i == 0:
+            return best, feature, share, best2
+
+
+@compiled
+def place(faces: Array, vertices: Array, tree: Array, p: Triple, start: int) -> tuple[int, Triple, Triple, float]:
+    """Return the closest triangle, the foot on it, the outward unit normal there, and the signed distance of p.
+
+    The side is that of the pseudonormal of the feature (Baerentzen and Aanaes 2005), which is right for any closed
+    mesh. On an edge or a vertex the normal is the direction between p and the foot, or where these coincide the
+    pseudonormal.
+    """
+    k, feature, share, far2 = nearest(faces, vertices, tree, p, start)
+    n = normal_of(faces, k)
+    a = at(vertices, faces[k, CORNER])
+    if feature == FACE:
+        height = dot(n, _minus(p, a))
+        foot = plus(p, -height, n)
+        return k, plus(foot, -dot(n, _minus(foot, a)), n), n, height
+    if feature < VERTEX:
+        i = feature - EDGE
+        a, b = at(vertices, faces[k, CORNER + i]), at(vertices, faces[k, CORNER + (i + 1) % 3])
+        ab = _minus(b, a)
+        foot, q = plus(a, share, ab), plus(_minus(p, a), -share, ab)
+        mean = plus(n, 1.0, normal_of(faces, int(faces[k, ACROSS + i])))
+        mean = _scaled(1.0 / math.sqrt(dot(mean, mean)), mean)
+    else:
+        row = int(faces[k, CORNER + feature - VERTEX])
+        foot = at(vertices, row)
+        q = _minus(p, foot)
+        mean = (vertices[row, PSEUDO], vertices[row, PSEUDO + 1], vertices[row, PSEUDO + 2])
+    distance = math.sqrt(far2)
+    if dot(mean, q) < 0.0:
+        distance = -distance
+    bent = _minus(mean, n)
+    if dot(bent, bent) <= FLAT:
+        return k, foot, n, distance
+    if abs(distance) > NEAR * (abs(foot[0]) + abs(foot[1]) + abs(foot[2])):
+        return k, foot, _scaled(1.0 / distance, q), distance
+    return k, foot, mean, distance
+
+
+@compiled
+def frames(faces: Array, vertices: Array, tree: Array, points: Array) -> ClosestPoint:
+    """Return the `ClosestPoint` of points (n, 3): faces and edges have no shape. Raises as `check_finite` does."""
+    check_finite(points)
+    n, k = points.shape[0], 0
+    feet, normals, far, shapes = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.zeros((n, 3, 3))
+    for row in range(n):
+        k, foot, normal, far[row] = place(faces, vertices, tree, (points[row, 0], points[row, 1], points[row, 2]), k)
+        for i in range(3):
+            feet[row, i], normals[row, i] = foot[i], normal[i]
+    return ClosestPoint(feet, normals, far, shapes)
+
+
+@compiled
+def distances(faces: Array, vertices: Array, tree: Array, points: Array) -> Array:
+    """Return the signed distances (n,), m, of points (n, 3). Raises as `check_finite` does."""
+    check_finite(points)
+    out, k = np.empty(points.shape[0]), 0
+    for row in range(points.shape[0]):
+        k, _, _, out[row] = place(faces, vertices, tree, (points[row, 0], points[row, 1], points[row, 2]), k)
+    return out
+
+
+@inner
+def _lost(a: float, b: float, product: float) -> float:
+    """Return what the rounded product a b lost (Dekker 1971): a b is exactly `product` and this."""
+    high = 134217729.0 * a
+    a1 = high - (high - a)
+    a2 = a - a1
+    high = 134217729.0 * b
+    b1 = high - (high - b)
+    b2 = b - b1
+    return ((a1 * b1 - product) + a1 * b2 + a2 * b1) + a2 * b2
+
+
+@inner
+def _turn(x1: float, y1: float, x2: float, y2: float) -> tuple[float, int]:
+    """Return x1 y2 - x2 y1 and its sign: on which side the line between two points passes the origin.
+
+    The sign is exact. Where it is zero the line counts as passing an origin that is shifted by (d, d^2) for a d below
+    all numbers: so a line and the same line backwards always have opposite signs. 0 if the points are one.
+    """
+    first, second = x1 * y2, x2 * y1
+    value = first - second
+    if value == 0.0:
+        value = _lost(x1, y2, first) - _lost(x2, y1, second)
+    sign = value
+    if sign == 0.0:
+        sign = y1 - y2
+        if sign == 0.0:
+            sign = x2 - x1
+    return value, 1 if sign > 0.0 else -1 if sign < 0.0 else 0
+
+
+@inner
+def _apart(tree: Array, i: int, middle: Triple, half: Triple, pad: float) -> bool:
+    """Whether a segment, by its middle and half its way, misses box i widened by `pad`: by separating axes."""
+    hx, hy, hz = 0.5 * (tree[i, 3] - tree[i, 0]), 0.5 * (tree[i, 4] - tree[i, 1]), 0.5 * (tree[i, 5] - tree[i, 2])
+    x, y, z = middle[0] - tree[i, 0] - hx, middle[1] - tree[i, 1] - hy, middle[2] - tree[i, 2] - hz
+    hx, hy, hz = hx + pad, hy + pad, hz + pad
+    ax, ay, az = abs(half[0]), abs(half[1]), abs(half[2])
+    if abs(x) > hx + ax or abs(y) > hy + ay or abs(z) > hz + az:
+        return True
+    return bool(
+        abs(y * half[2] - z * half[1]) > hy * az + hz * ay
+        or abs(z * half[0] - x * half[2]) > hz * ax + hx * az
+        or abs(x * half[1] - y * half[0]) > hx * ay + hy * ax
+    )
+
+
+@compiled
+def crossing(
+    faces: Array, vertices: Array, tree: Array, start: Triple, way: Triple, low: float, high: float
+) -> tuple[int, float]:
+    """Return the first triangle through which the line start + s way goes for s in [low, high], and s.
+
+    (-1, high) if there is none. Woop, Benthin and Wald's watertight test (2013): each vertex is projected along the way
+    once and for all, and on which side an edge passes the line has one exact answer for both triangles that share it.
+    So no line slips through between triangles, and each goes as often in as out.
+    """
+    n, m = faces.shape[0], tree.shape[0] // 2
+    kz = 0
+    if abs(way[1]) > abs(way[kz]):
+        kz = 1
+    if abs(way[2]) > abs(way[kz]):
+        kz = 2
+    kx, ky = (kz + 1) % 3, (kz + 2) % 3
+    if way[kz] < 0.0:
+        kx, ky = ky, kx
+    sx, sy, sz = way[kx] / way[kz], way[ky] / way[kz], 1.0 / way[kz]
+    reach = 0.0
+    for i in range(3):
+        reach = max(reach, abs(tree[1, i] - start[i]), abs(tree[1, 3 + i] - start[i]))
+        reach = max(reach, 0.5 * abs(start[i]), abs(way[i]) * max(abs(low), abs(high)))
+    pad = 1e-14 * reach
+    best, first = -1, high
+    stack = np.empty(DEPTH, np.int64)
+    stack[0] = 1
+    top = 1
+    while top > 0:
+        top -= 1
+        i = stack[top]
+        middle, half = plus(start, 0.5 * (low + first), way), _scaled(0.5 * (first - low), way)
+        if _apart(tree, i, middle, half, pad):
+            continue
+        if i < m:
+            ahead = 0.0
+            for axis in range(3):
+                here, there = (
+                    tree[2 * i, axis] + tree[2 * i, 3 + axis],
+                    tree[2 * i + 1, axis] + tree[2 * i + 1, 3 + axis],
+                )
+                ahead += way[axis] * (there - here)
+            stack[top], stack[top + 1] = (2 * i + 1, 2 * i) if ahead > 0.0 else (2 * i, 2 * i + 1)
+            top += 2
+            continue
+        j = i - m
+        for k in range(j * n // m, (j + 1) * n // m):
+            a = _minus(at(vertices, faces[k, CORNER]), start)
+            b = _minus(at(vertices, faces[k, CORNER + 1]), start)
+            c = _minus(at(vertices, faces[k, CORNER + 2]), start)
+            ax, ay, bx, by = a[kx] - sx * a[kz], a[ky] - sy * a[kz], b[kx] - sx * b[kz], b[ky] - sy * b[kz]
+            u, side = _turn(bx, by, ax, ay)
+            cx, cy = c[kx] - sx * c[kz], c[ky] - sy * c[kz]
+            v, other = _turn(cx, cy, bx, by)
+            if other != side:
+                continue
+            w, other = _turn(ax, ay, cx, cy)
+            if other != side or side == 0:
+                continue
+            total = u + v + w
+            s = sz * a[kz]
+            if total != 0.0:
+                s = sz * ((v * a[kz] + w * b[kz] + u * c[kz]) / total)
+            if low <= s <= high and (s < first or best < 0 or (s == first and k < best)):
+                best, first = k, s
+    return best, first
+
+
+@compiled
+def entered(
+    faces: Array, vertices: Array, tree: Array, start: Triple, end: Triple, touch: float
+) -> tuple[int, Triple, float]:
+    """Return where the segment from start, outside or on the mesh, to end first goes inside: triangle, foot, share.
+
+    -1 for the triangle if it never does. To be inside means by more than `touch` (m): so a start on the mesh to
+    rounding counts by where the segment goes, and what only grazes an edge or a face is passed. Between two of its
+    crossings with the mesh, which may be several in one vertex, it is inside as a whole or not at all.
+    """
+    way = _minus(end, start)
+    length = math.sqrt(dot(way, way))
+    k, foot, _, depth = place(faces, vertices, tree, start, 0)
+    if length == 0.0 or depth > length + touch:
+        return -1, foot, 0.0
+    if depth < -touch:
+        return k, foot, 0.0
+    begin, low, near = 0.0, -touch / length, touch / length
+    outside = depth > touch
+    while True:
+        hit, s = crossing(faces, vertices, tree, start, way, low, 1.0)
+        for quarter in (2, 1, 3, 4):
+            if outside or (quarter == 4 and hit >= 0):
+                break
+            _, _, _, depth = place(faces, vertices, tree, plus(start, begin + 0.25 * quarter * (s - begin), way), k)
+            if depth < -touch:
+                k, foot, _, _ = place(faces, vertices, tree, plus(start, begin, way), k)
+                return k, foot, begin
+        if hit < 0:
+            return -1, foot, 0.0
+        k, begin, low, outside = hit, max(s, 0.0), s + near, False
+
+
+@compiled
+def crossed_many(
+    faces: Array, vertices: Array, tree: Array, starts: Array, ends: Array, touch: float
+) -> tuple[IntArray, Array]:
+    """Answer `entered` for segments from starts to ends (n, 3): triangles (n,) and shares (n,)."""
+    n = starts.shape[0]
+    hits, shares = np.empty(n, np.int64), np.empty(n)
+    for row in range(n):
+        start, end = (starts[row, 0], starts[row, 1], starts[row, 2]), (ends[row, 0], ends[row, 1], ends[row, 2])
+        hits[row], _, shares[row] = entered(faces, vertices, tree, start, end, touch)
+    return hits, shares
+
+
+@compiled
+def fans(faces: Array, vertices: Array, tree: Array, points: Array, reach: Array) -> tuple[IntArray, Array]:
+    """Return the normals of the triangles within `reach` (n,), m, along the mesh from the feet of points (n, 3).
+
+    As (n + 1,) starts and all normals (total, 3), one after the other, each direction once.
+    """
+    n = points.shape[0]
+    seen, queue = np.full(faces.shape[0], -1), np.empty(faces.shape[0], np.int64)
+    starts, normals, k, total = np.zeros(n + 1, np.int64), np.empty((4 * n + 16, 3)), 0, 0
+    for row in range(n):
+        k, foot, _, _ = place(faces, vertices, tree, (points[row, 0], points[row, 1], points[row, 2]), k)
+        near = reach[row] + NEAR * (abs(foot[0]) + abs(foot[1]) + abs(foot[2]))
+        queue[0], seen[k] = k, row
+        count, done = 1, 0
+        while done < count:
+            face = queue[done]
+            done += 1
+            new = normal_of(faces, face)
+            for other in range(starts[row], total):
+                bent = _minus(new, (normals[other, 0], normals[other, 1], normals[other, 2]))
+                if dot(bent, bent) <= FLAT:
+                    break
+            else:
+                if total == normals.shape[0]:
+                    more = np.empty((2 * total, 3))
+                    more[:total] = normals
+                    normals = more
+                normals[total, 0], normals[total, 1], normals[total, 2] = new
+                total += 1
+            for i in range(3):
+                beside = int(faces[face, ACROSS + i])
+                if seen[beside] != row and on_triangle(faces, vertices, beside, foot, math.inf)[0] <= near * near:
+                    queue[count], seen[beside] = beside, row
+                    count += 1
+        starts[row + 1] = total
+    return starts, normals[:total].copy()
+
+
+@compiled
+def onto_cone(normals: Array, first: int, last: int, d: Triple) -> Triple:
+    """Return the point of the cone that rows first to last of unit `normals` (k, 3) span which is closest to d.
+
+    Each round adds the direction that leads closest to the rest, and keeps of it and the up to two before it those
+    whose cone comes closest: no more than three carry a vector in space. The rest shrinks with each round.
+    """
+    limit = 1e-15 * math.sqrt(dot(d, d))
+    held = np.zeros((3, 3))
+    count, best = 0, (0.0, 0.0, 0.0)
+    for _ in range(4 * (last - first) + 8):
+        rest = _minus(d, best)
+        most, chosen = limit, -1
+        for k in range(first, last):
+            along = normals[k, 0] * rest[0] + normals[k, 1] * rest[1] + normals[k, 2] * rest[2]
+            if along > most:
+                most, chosen = along, k
+        if chosen < 0:
+            break
+        new = (normals[chosen, 0], normals[chosen, 1], normals[chosen, 2])
+        old2 = dot(rest, rest)
+        along = max(dot(new, d), 0.0)
+        closest, kept, which = _scaled(along, new), 1, 0
+        rest = _minus(d, closest)
+        least2 = dot(rest, rest)
+        for other in range(count):
+            side = (held[other, 0], held[other, 1], held[other, 2])
+            across = _cross(new, side)
+            size2 = dot(across, across)
+            if size2 <= 1e-30:
+                continue
+            flat = plus(d, -dot(across, d) / size2, across)
+            if dot(_cross(flat, side), across) < 0.0 or dot(_cross(new, flat), across) < 0.0:
+                continue
+            rest = _minus(d, flat)
+            if dot(rest, rest) < least2:
+                least2, closest, kept, which = dot(rest, rest), flat, 2, other
+        if count == 2:
+            one, two = (held[0, 0], held[0, 1], held[0, 2]), (held[1, 0], held[1, 1], held[1, 2])
+            volume = dot(new, _cross(one, two))
+            sense = 1.0 if volume > 0.0 else -1.0
+            shares = (
+                sense * dot(d, _cross(one, two)),
+                sense * dot(d, _cross(two, new)),
+                sense * dot(d, _cross(new, one)),
+            )
+            if volume != 0.0 and min(shares) >= 0.0:
+                return d
+        if least2 >= old2:
+            break
+        if kept == 2:
+            for axis in range(3):
+                held[0, axis] = held[which, axis]
+        for axis in range(3):
+            held[kept - 1, axis] = new[axis]
+        count, best = kept, closest
+    return best
+
+
+@compiled
+def beyond_cones(starts: IntArray, normals: Array, directions: Array) -> Array:
+    """Return the angles (n,), rad, by which directions (n, 3) leave the cones that `fans` gives; 0 inside.
+
+    Beyond a right angle from all of a cone the closest of its directions is one of the normals that span it.
+    """
+    out = np.zeros(directions.shape[0])
+    for row in range(directions.shape[0]):
+        d = (directions[row, 0], directions[row, 1], directions[row, 2])
+        inside = onto_cone(normals, starts[row], starts[row + 1], d)
+        if dot(inside, inside) > 0.0:
+            off = _cross(inside, d)
+            out[row] = math.atan2(math.sqrt(dot(off, off)), dot(inside, d))
+            continue
+        most = -math.inf
+        for k in range(starts[row], starts[row + 1]):
+            most = max(most, normals[k, 0] * d[0] + normals[k, 1] * d[1] + normals[k, 2] * d[2])
+        length = math.sqrt(dot(d, d))
+        out[row] = math.acos(max(most / length, -1.0)) if length > 0.0 else 0.0
+    return out

@@ -1,0 +1,136 @@
+"""Meshes from files: the same solid from every format and unit, and a clear error for everything else."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import pytest
+import trimesh
+
+from hapticeval.commands.arguments import model_named
+from hapticeval.errors import InputError
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.geometry.mesh import Mesh
+from hapticeval.suite.reading import load_suite
+
+BLOCK = make_model("l-block", size=0.125, thickness=0.0625, length=0.5).boundary
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(name, scale=1e3, **options):
+        file = tmp_path / name
+        trimesh.Trimesh(scale * BLOCK.vertices, BLOCK.triangles, process=False).export(file, **options)
+        return file
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("a.stl", {}),
+        ("b.STL", {"file_type": "stl_ascii"}),
+        ("c.obj", {}),
+        ("d.ply", {}),
+        ("e.ply", {"encoding": "ascii"}),
+        ("f.off", {}),
+    ],
+)
+@pytest.mark.parametrize(("unit", "scale"), [("mm", 1e3), ("m", 1.0), ("cm", 1e2)])
+def test_a_solid_is_the_same_from_every_format_and_in_every_unit(written, name, options, unit, scale):
+    model = make_model("mesh", file=str(written(name, scale, **options)), unit=unit)
+    assert isinstance(model.boundary, Mesh)
+    assert len(model.boundary.triangles) == len(BLOCK.triangles)
+    assert len(model.boundary.vertices) == len(BLOCK.vertices)
+    points = np.random.default_rng(1).uniform(-0.3, 0.3, (500, 3))
+    np.testing.assert_allclose(model.boundary.signed_distance(points), BLOCK.signed_distance(points), atol=1e-8)
+    assert dict(model.parameters)["unit"] == unit
+
+
+def test_an_inch_is_25_4_mm(written):
+    model = make_model("mesh", file=str(written("a.off", 1.0 / 0.0254)), unit="in")
+    assert model.size == pytest.approx(0.5, rel=1e-7)
+
+
+def broken(kind, content):
+    return pytest.param(f"a.{kind}", content, id=f"{kind}: {content[:24]!r}")
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        broken("stl", b""),
+        broken("stl", b"solid\nfacet normal 0 0 0\nouter loop\nvertex a b c\n"),
+        broken("stl", bytes(80) + struct.pack("<I", 4_000_000_000) + bytes(50)),
+        broken("stl", bytes(range(256)) * 7),
+        broken("obj", b"v 0 0 0\nf 1 2 3\n"),
+        broken("obj", b"mtllib /etc/passwd\nv 0 0 0\n"),
+        broken("obj", bytes(range(256)) * 7),
+        broken("ply", b"ply\nformat ascii 1.0\nelement vertex 999999999999\nproperty float x\nend_header\n1\n"),
+        broken(
+            "ply", b"ply\nformat binary_little_endian 1.0\nelement vertex 9999999999\nproperty float x\nend_header\n"
+        ),
+        broken("ply", b"not a ply"),
+        broken("off", b"OFF\n4 4\n"),
+        broken("off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n"),
+        broken("off", b"\x93NUMPY" * 9),
+    ],
+)
+def test_damaged_files_are_refused_by_name(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=r"a\."):
+        make_model("mesh", file=str(tmp_path / name), unit="mm")
+
+
+def test_a_cut_file_is_refused(written):
+    file = written("a.stl")
+    file.write_bytes(file.read_bytes()[:-75])
+    with pytest.raises(InputError, match=r"a\.stl"):
+        make_model("mesh", file=str(file), unit="mm")
+
+
+def test_other_files_are_refused(tmp_path, written):
+    with pytest.raises(InputError, match=r"no mesh file .*gone\.stl"):
+        make_model("mesh", file=str(tmp_path / "gone.stl"), unit="mm")
+    with pytest.raises(InputError, match=r"ends in '\.npy'"):
+        make_model("mesh", file=str(tmp_path / "a.npy"), unit="mm")
+    with pytest.raises(InputError, match="has no unit"):
+        make_model("mesh", file=str(written("a.stl")))
+    with pytest.raises(InputError, match="unknown unit 'ft'"):
+        make_model("mesh", file=str(written("a.stl")), unit="ft")
+
+
+def test_a_mesh_is_named_on_the_command_line_with_its_unit(written):
+    file = written("part.stl")
+    assert model_named(f"mesh:file={file},unit=mm").size == pytest.approx(0.5)
+    with pytest.raises(InputError, match="has no unit") as caught:
+        model_named(str(file))
+    assert f"mesh:file={file},unit=mm" in caught.value.todo
+
+
+SUITE = """
+title = "A part"
+[[case]]
+name = "press"
+title = "Press a part"
+model = {{ kind = "mesh", file = "{file}", unit = "mm" }}
+checks = ["contact-kept"]
+[case.trajectory]
+kind = "points"
+points = [[0.0, -0.1, 0.0], [0.0, -0.05, 0.0]]
+duration = 0.1
+"""
+
+
+def test_in_a_suite_a_file_counts_from_the_suite_and_lies_below_it(tmp_path, written):
+    (tmp_path / "parts").mkdir()
+    written("parts/part.stl")
+    (tmp_path / "mine.toml").write_text(SUITE.format(file="parts/part.stl"))
+    case = load_suite(str(tmp_path / "mine.toml")).cases[0]
+    assert case.build_scene().model.size == pytest.approx(0.5)
+    assert make_model(**case.model).size == pytest.approx(0.5)  # from any working directory, as a report makes it
+    (tmp_path / "parts" / "mine.toml").write_text(SUITE.format(file="../part.stl"))
+    with pytest.raises(InputError, match="is not below the suite's folder"):
+        load_suite(str(tmp_path / "parts" / "mine.toml"))
