@@ -38,7 +38,7 @@ from hapticeval.files import creating, plain, replacing
 from hapticeval.recordings.channels import CHANNELS, Signal
 from hapticeval.recordings.memory import first_bytes, reserve
 from hapticeval.recordings.recording import Clock, Event, Recording, runs_of
-from hapticeval.types import BoolArray
+from hapticeval.types import Array, BoolArray
 
 T = TypeVar("T")
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -304,7 +304,7 @@ def _whole(path: Path, file: Any, wanted: Sequence[str] | None, losses: list[Los
     valid = np.all([made.whole[rows] for made in left.values()], axis=0) & np.ones(len(time), dtype=bool)
     if "valid" in parts:
         valid &= False if marked is None else ((marked.values != 0) & marked.whole)[rows]
-    losses += _row_losses(parts, kept, float(np.median(np.diff(time))) if len(time) > 1 else 0.0)
+    losses += _row_losses(parts, kept, time)
     events = _attempted(lambda: _events(file), "the events", losses) or ()
     meta: Any = _attempted(lambda: json.loads(bytes(_inside(file, "meta")[:]).decode()), "the meta", losses) or {}
     return Recording(
@@ -372,8 +372,11 @@ def _part(holder: Any, name: str, count: int) -> _Part:
     return _Part(values, whole, signal)
 
 
-def _row_losses(parts: dict[str, _Part | None], kept: BoolArray, step: float) -> Iterator[Loss]:
+def _row_losses(parts: dict[str, _Part | None], kept: BoolArray, time: Array) -> Iterator[Loss]:
     """Yield first the rows that are lost altogether, then what single signals lack of the others."""
+    if all(part is None or part.whole.all() for part in parts.values()):
+        return
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     missing = {"every signal": ~kept}
     missing |= {f"'{name.lstrip('/')}'": kept & ~part.whole for name, part in parts.items() if part is not None}
     alike: dict[tuple[int, int], list[str]] = {}
