@@ -50,24 +50,19 @@ EFFECTS: dict[str, Entry] = {
         ".height_map:HeightMap", "the surface has a relief, felt as the potential K (d + h)^2 / 2 (4.3.2)"
     ),
     "bump-map": Entry(".bump_map:BumpMap", "the normal is turned by a relief (4.16)"),
-    "friction": Entry(
+    FRICTION: Entry(
         ".friction:Friction", "the surface holds a tool that sticks, and brakes one that slides (4.18), (4.20)"
     ),
-    "viscous-friction": Entry(
+    VISCOUS_FRICTION: Entry(
         ".viscous_friction:ViscousFriction", "the surface brakes a hand in contact in proportion to its speed along it"
     ),
-    "lugre": Entry(".lugre:LuGre", "the surface holds and brakes the tool by bristles that bend (LuGre)"),
+    LUGRE: Entry(".lugre:LuGre", "the surface holds and brakes the tool by bristles that bend (LuGre)"),
     "stochastic-texture": Entry(
         ".stochastic_texture:StochasticTexture", "the surface shakes the tool that slides along it (4.3.2)"
     ),
     VISCOSITY: Entry(
         ".viscosity:Viscosity", "the surface brakes the tool that slides along it (7.18)", {"viscosity": "coefficient"}
     ),
-    FRICTION: Entry(".friction:Friction", "the surface holds a tool that sticks, and brakes one that slides (4.3.3)"),
-    VISCOUS_FRICTION: Entry(
-        ".viscous_friction:ViscousFriction", "the surface brakes a hand in contact in proportion to its speed along it"
-    ),
-    LUGRE: Entry(".lugre:LuGre", "the surface holds and brakes the tool by bristles that bend (LuGre)"),
     "contact-impulse": Entry(
         ".contact_impulse:ContactImpulse", "a contact begins with a pulse that stops the device (4.21)"
     ),
