@@ -250,8 +250,8 @@ def _comes_along(
     contact = touching(fine, scene)
     lengths = contact_steps(fine, scene)
     rows = first + np.flatnonzero(steps[first : last + 1] > bound)
-    arrays = (for_kernels(each) for each in (coarse.ihip, fine.ihip, contact, lengths, rows))
-    return _passes_by(*arrays, begin, factor, allowed)
+    ihips = for_kernels(coarse.ihip), for_kernels(fine.ihip)
+    return _passes_by(*ihips, for_kernels(contact), lengths, rows, begin, factor, allowed)
 
 
 @borrowing

@@ -529,7 +529,7 @@ def _led_at_once(renderer: Renderer, rows: _Rows, ihips: Array, forces: Array) -
         from hapticeval.simulation.playback_kernels import lead
 
         law = law_value(can.law.function, can.law.data)
-        given = (for_kernels(column) for column in rows)
+        given = for_kernels(rows.hip), for_kernels(rows.velocity), for_kernels(rows.dt)
         return lead(law, can.law.data, np.zeros(rows.hip.shape[1]), *given, (ihips, forces))
     if can.lead and count:
         with suppress(Exception):  # it does not say where it broke; single steps do

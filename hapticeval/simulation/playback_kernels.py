@@ -23,4 +23,4 @@ def lead(
     for row in range(hips.shape[0]):
         if law(data, hips[row], velocities[row], push, dt[row], ihips[row], forces[row]) != 0:
             return row
-    return hips.shape[0]
+    return int(hips.shape[0])
