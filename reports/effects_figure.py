@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 SEGMENT = 256
 """Samples of a segment of Welch's spectra."""
 
+NOTHING = 1e-9
+"""Share of the work to and fro below which what is left of it after a lap is rounding."""
+
 BEFORE, AFTER = 0.005, 0.12
 """Seconds before and after the start of a contact that are drawn of a transient."""
 
@@ -184,11 +187,19 @@ def _draw_spectrum(axes: Axes, recording: Recording, model: Model, effect: Any) 
 
 
 def _draw_work(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
-    work = 1e3 * given(recording)
-    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(recording.hip, axis=0), axis=1)))
+    """Draw the work over the laps that the hand does one after the other, with a mark at the end of each."""
+    from hapticeval.phenomena.passivity import laps
+
+    work, hip = 1e3 * given(recording), recording.hip
+    first, period, number = next(iter(laps(hip, model.size)), (0, len(recording) - 1, 1))
+    rows = slice(first, first + number * period + 1)
+    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(hip[rows], axis=0), axis=1)))
+    work = work[rows] - work[first]
     axes.plot(MM * way, work, color=drawn("hip"))
-    axes.plot(MM * way[-1], work[-1], "o", color=drawn("mark"), markersize=4)
-    axes.annotate(f"{work[-1]:+.3g} mJ ", (MM * way[-1], work[-1]), ha="right", va="bottom")
+    axes.plot(MM * way[::period], work[::period], "o", color=drawn("mark"), markersize=4)
+    a_lap = (work[-1] - work[0]) / number
+    words = f"{a_lap:+.3g} mJ a lap" if abs(a_lap) > NOTHING * np.ptp(work) else "nothing in a lap"
+    axes.annotate(words, (1.0, 1.0), xycoords="axes fraction", ha="right", va="bottom")
     axes.set(xlabel="way of the hand (mm)", ylabel="work that the hand has got (mJ)")
 
 
@@ -207,7 +218,7 @@ def _draw_transient(axes: Axes, recording: Recording, model: Model, effect: Effe
     beside.spines["right"].set_visible(True)
     axes.set(xlabel="time since contact (ms)", ylabel="force across (N)")
     handles = [each.get_legend_handles_labels() for each in (axes, beside)]
-    axes.legend(handles[0][0] + handles[1][0], handles[0][1] + handles[1][1], loc="lower right")
+    axes.legend(handles[0][0] + handles[1][0], handles[0][1] + handles[1][1], loc="upper right")
 
 
 PANELS: Mapping[str, Callable[[Axes, Recording, Model, Effect], None]] = {
@@ -229,8 +240,8 @@ def cost_svg(document: EffectsDocument) -> str:
     """Return the cost of an answer by the number of effects called for, as an SVG element; "" without a ladder."""
     if document.ladder is None:
         return ""
-    with figure(WIDTH, HEIGHT, page=True) as made:
-        axes = made.add_axes(PLACE)
+    with figure(6.4, 3.2, page=True) as made:
+        axes = made.add_axes((0.1, 0.24, 0.87, 0.72))
         _draw_cost(axes, document.ladder)
         return page_svg(made, prefix="ec", title="Time of an answer by the number of effects that a scene calls for")
 
@@ -242,12 +253,11 @@ def _draw_cost(axes: Axes, ladder: Ladder) -> None:
         ([each.composed for each in ladder.rungs], "hip", "o", "composed of those called for"),
     ):
         axes.plot(counts, [1e9 * each for each in times], marker=marker, markersize=4, color=drawn(role), label=label)
-    for count, rung in enumerate(ladder.rungs[1:], start=1):
-        axes.annotate(
-            rung.kinds[-1], (count, 1e9 * rung.composed), xytext=(2, -9), textcoords="offset points", fontsize=6.5
-        )
-    axes.set(xlabel="effects of the surface called for", ylabel="an answer (ns)", xticks=list(counts))
+    axes.set_xticks(list(counts), [f"+ {rung.kinds[-1]}" if rung.kinds else "none" for rung in ladder.rungs])
+    axes.tick_params(axis="x", labelsize=6.5, labelrotation=25.0)
+    for label in axes.get_xticklabels():
+        label.set(ha="right", rotation_mode="anchor")
+    axes.set_ylabel("an answer (ns)")
     axes.set_ylim(bottom=0.0)
-    axes.margins(x=0.12)
     axes.grid(True)
     axes.legend(loc="upper left")
