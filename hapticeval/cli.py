@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from hapticeval import __version__
-from hapticeval.commands import bench, draw, effects, judging, record, recordings
+from hapticeval.commands import bench, draw, effects, judging, record, recordings, search, texture
 from hapticeval.commands.judging import EXIT_CODES
 from hapticeval.commands.terminal import say
 from hapticeval.errors import HapticevalError
@@ -28,6 +28,7 @@ Examples:
   hapticeval run dynamics                      in closed loop with a robot, against chapters 6.3 and 7
   hapticeval record -o run.h5                  record a robot; here the simulated one, in real time
   hapticeval replay run.h5 -r constraint       a recorded hand path through another renderer
+  hapticeval search -r mymodule:factory        the smallest path that breaks it
   hapticeval bench --quick                     what accuracy costs in time
 """
 
@@ -106,8 +107,10 @@ for _command, _epilog, _short in (
     (recordings.convert, recordings.CONVERTED, "Convert foreign files, journals and recordings."),
     (judging.replay, judging.REPLAYED, "Lead renderers along a recorded hand path."),
     (recordings.compare, recordings.COMPARED, "Compare the force of runs that no clock can align."),
+    (search.search, search.EXIT_CODES, "Search for the smallest path that breaks a renderer."),
     (bench.bench, bench.EXIT_CODES, "Measure what accuracy costs in time."),
     (effects.effects, effects.MEASURED, "Measure what the effects of scenes cost."),
+    (texture.texture, texture.SHOWN, "Show a texture, or take over a toolkit's."),
     (draw.field, draw.DRAWN, "Draw where a projection leads, and where it jumps."),
     (draw.flow, draw.DRAWN, "Draw how a model's outline shrinks to a point."),
     (draw.device, draw.DRAWN, "Show what the hand feels of a device, and its reach."),

@@ -74,6 +74,11 @@ class Terminal:
         elif what:
             self.line(f"[{done + 1}/{total}] {what}")
 
+    def searching(self, done: float, total: float, what: str) -> None:
+        """Take how many seconds of a search are over, and what it has found: a bar on a terminal, elsewhere nothing."""
+        if self._stream.isatty():
+            self._advance(min(int(done), int(total)), int(total), what)
+
     def drawn(self, done: int, total: int) -> None:
         """Take how many of the report's figures are drawn: a bar on a terminal, elsewhere one line before many."""
         if self._stream.isatty():

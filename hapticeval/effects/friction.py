@@ -11,7 +11,7 @@ where it is. Of F_b counts the part along HIP - p or along the normal at p, whic
 another effect adds along the surface is no load of the friction's. At its first tick of contact the tool is put to p.
 
 - A tool that sticks stays at s while |F_t| <= mu_s |F_n| (4.18).
-- Otherwise it slides along the surface towards p until |F_t| = mu_k |F_n| (4.20). The way is the straight line to p,
+- Otherwise it slides along the surface towards p until |F_t| = mu_k |F_n| (4.20). The way is the line to p,
   projected on to the surface; a corner stops it where it is pulled back from beyond.
 - A tool that slides goes on doing so while |F_t| > mu_k |F_n|, and sticks again at |F_t| <= `stick` mu_k |F_n|.
 
@@ -40,6 +40,13 @@ SEARCH, SECANTS = 64, 16
 
 SAME = 1e-15
 """Share of the way to the renderer's IHIP within which two places are one: at a corner the pull turns back at once."""
+
+SHARPEST = 1e-6
+"""Square of the length of two unit normals' sum under which they are those of opposite sides: there is no edge between.
+
+With an angle 2 a between two faces that sum is 2 sin a long, and the way between points on them, c apart, is at most
+c / (2 tan a) under the edge: a bulge of c / (2 sin a) halfway leads it past.
+"""
 
 STRAIGHT = 1e-9
 """Share of a force by which its part along a line may be smaller where all of it is along that line, to 45 urad."""
@@ -88,24 +95,25 @@ class Friction(Effect):
     def change(self, scene: Calling) -> Part:
         """Assemble the tool's lag behind the renderer's IHIP."""
         params = [scene.stiffness, self.mu_s, self.mu_k, self.stick, float(scene.bilateral)]
-        return Part(slide, np.array(params), state=np.zeros((9, scene.model.dimension)))
+        return Part(slide, np.array(params), state=np.zeros((10, scene.model.dimension)))
 
 
 def slide(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: Any, force: Any) -> int:  # noqa: ARG001 - an effect's
     """Hold or slide the tool, and add K (s - p) to the force: see `Effect.change`.
 
     `params` are K, mu_s, mu_k, the share at which it sticks, and whether the surface is bilateral. Rows of `state` are
-    place and normal of the tool, of the renderer's IHIP and of a trial; the load, N; the point that is projected; and
-    [contact, sliding].
+    place and normal of the tool, of the renderer's IHIP and of a trial; the load, N; the point that is projected;
+    [contact, sliding]; and how far the way to the renderer's IHIP bulges, m.
     """
     stiffness, static, kinetic, stick = numbers.params[0], numbers.params[1], numbers.params[2], numbers.params[3]
     state, size = numbers.state, hip.shape[0]
-    tool, target, trial, load, point, mode = state[0:2], state[2:4], state[4:6], state[6], state[7], state[8]
+    tool, target, trial = state[0:2], state[2:4], state[4:6]
+    load, point, mode, bulge = state[6], state[7], state[8], state[9]
     error, strength = 0.0, 0.0
     for i in range(size):
         error += (ihip[i] - hip[i]) ** 2
         strength += force[i] ** 2
-    if error == 0.0 and strength == 0.0:
+    if strength == 0.0:
         mode[:] = 0.0
         return 0
     closest.function(closest.data, ihip, target)
@@ -117,7 +125,7 @@ def slide(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: 
         across += force[i] * target[1, i]
         apart += (target[0, i] - tool[0, i]) ** 2
     press *= (1.0 if outwards > 0.0 else -1.0) / np.sqrt(error) if error > 0.0 else 0.0
-    by_normal = abs(across) > abs(press)
+    by_normal = error == 0.0 or abs(across) > abs(press)
     press = across if by_normal else press
     whole = abs(press) >= (1.0 - STRAIGHT) * np.sqrt(strength)
     for i in range(size):
@@ -129,6 +137,14 @@ def slide(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: 
         ihip[:] = target[0]
         mode[0], mode[1] = 1.0, 0.0
         return 0
+    # The way to p: straight, but for a bulge out over an edge, or into a hollow, so that its feet pass by the corner.
+    turn, wide = 0.0, 0.0
+    for i in range(size):
+        turn += (target[0, i] - tool[0, i]) * (target[1, i] - tool[1, i])
+        wide += (target[1, i] + tool[1, i]) ** 2
+    high_up = 4.0 * np.sign(turn) * np.sqrt(apart) / wide if wide > SHARPEST else 0.0
+    for i in range(size):
+        bulge[i] = high_up * (target[1, i] + tool[1, i])
     # Look for the share of the way to p at which the tool is on the kinetic cone: between `low`, where it is pulled on,
     # and `high`; by secants (Illinois), and by halves where these do not come near.
     low, high, above, below, share, last = 0.0, 1.0, 0.0, 0.0, 0.0, 0
@@ -141,7 +157,7 @@ def slide(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: 
         else:
             share = low + (high - low) * (above / (above - below) if k < SECANTS else 0.5)
             for i in range(size):
-                point[i] = tool[0, i] + share * (target[0, i] - tool[0, i])
+                point[i] = tool[0, i] + share * (target[0, i] - tool[0, i]) + share * (1.0 - share) * bulge[i]
             closest.function(closest.data, point, trial)
         normal, tangential, onwards = 0.0, 0.0, 0.0
         for i in range(size):

@@ -139,7 +139,7 @@ def bend(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: A
     for i in range(size):
         error += (ihip[i] - hip[i]) ** 2
         strength += force[i] ** 2
-    if error == 0.0 and strength == 0.0:
+    if strength == 0.0:
         z[:] = 0.0
         return 0
     closest.function(closest.data, ihip, numbers.state[1:3])

@@ -1,4 +1,4 @@
-"""Force shading: the force follows normals that are interpolated between the vertices of a polygon (thesis 4.3.1)."""
+"""Force shading: the force follows normals interpolated between the vertices of a polygon or a mesh (thesis 4.3.1)."""
 
 # ruff: noqa: ARG001, ARG002 - every effect, and every change of an answer, has these arguments
 
@@ -15,6 +15,7 @@ from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import as_curve
+from hapticeval.geometry.mesh import Mesh
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -39,9 +40,10 @@ ROUNDING = 1e-9
 class Shading(Effect):
     """Turn the force by as much as the interpolated normal is turned from the facet's own.
 
-    At a vertex the unit normal is halfway between those of the facets that meet there, and along a facet it is
-    unit(sum of a_i n_i), (4.15) renormalised, with a_i the shares of its corners at the IHIP. An edge that turns by
-    more than `crease` (degrees) is meant to be sharp: facets keep their own normals there.
+    At a vertex the unit normal is halfway between those of the facets that meet there, in space their mean by the
+    angles that they have there, and on a facet it is unit(sum of a_i n_i), (4.15) renormalised, with a_i the shares of
+    its corners at the IHIP. An edge that turns by more than `crease` (degrees) is meant to be sharp: facets keep their
+    own normals there.
 
     The magnitude is the base's, whatever damps it: of a spring F = K d n, and a part across the spring, as a damper's
     along the surface, stays across it. It is not passive: n is the gradient of no potential.
@@ -63,16 +65,21 @@ class Shading(Effect):
             )
 
     def change(self, scene: Calling) -> Part:
-        """Assemble the shading: `samples` are the facets, `params` the rounding of the arc length.
+        """Assemble the shading: `samples` are the facets, `params` the rounding of the arc length in the plane.
 
         Raises `RefusalError` for a boundary that has no facets.
         """
+        if isinstance(scene.model.boundary, Mesh):
+            from hapticeval.effects import shading_kernels as kernels
+
+            corners = mesh_corners(scene.model.boundary, self.crease)
+            return Part(kernels.shade_mesh, np.empty(0), corners, np.zeros((kernels.ROWS, 3)))
         found = facets(scene.model.boundary, self.crease)
         if found is None:
             raise RefusalError(
                 f"shading on model '{scene.model.name}', which has no facets",
-                why="normals are interpolated between the vertices of a polygon",
-                todo="give the model as a polygon; a renderer that shades facets of its own declares that in supports",
+                why="normals are interpolated between the vertices of a polygon or a mesh",
+                todo="give the model as one; a renderer that shades facets of its own declares that in supports",
             )
         ends = found[-1, START] + found[-1, LENGTH]
         return Part(shade, np.array([AT_VERTEX * ends]), samples=found, state=np.zeros((ROWS, 2)))
@@ -104,6 +111,36 @@ def facets(boundary: Boundary, crease: float) -> Array | None:
     return np.column_stack([along, length, face, first, np.roll(after, -1, axis=0)])
 
 
+def mesh_corners(mesh: Mesh, crease: float) -> Array:
+    """Return a row of `shading_kernels.COLUMNS` for each triangle of a mesh; `crease` is in degrees.
+
+    Corners at one vertex share a normal where smooth edges join their triangles: the mean of these triangles' normals
+    by their angles there, which no cutting of a face into triangles changes.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    triangles, normals, neighbours = mesh.triangles, mesh.normals, mesh.neighbours
+    count = len(triangles)
+    cosine = np.sum(normals[:, np.newaxis] * normals[neighbours], axis=2)
+    smooth = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))) <= crease * (1.0 + ROUNDING)
+    here, edge = np.nonzero(smooth)
+    there = neighbours[here, edge]
+    joined = []
+    for corner in (edge, (edge + 1) % 3):
+        beside = np.argmax(triangles[there] == triangles[here, corner][:, np.newaxis], axis=1)
+        joined.append(np.column_stack([3 * here + corner, 3 * there + beside]))
+    rows, columns = np.concatenate(joined).T
+    graph = coo_array((np.ones(rows.size), (rows, columns)), shape=(3 * count, 3 * count))
+    parts, part = connected_components(graph, directed=False)
+    sides = mesh.vertices[np.roll(triangles, -1, axis=1)] - mesh.vertices[triangles]
+    back = -np.roll(sides, 1, axis=1)
+    angle = np.arctan2(np.linalg.norm(np.cross(sides, back), axis=2), np.sum(sides * back, axis=2))
+    sums = np.zeros((parts, 3))
+    np.add.at(sums, part, (angle[..., np.newaxis] * normals[:, np.newaxis]).reshape(-1, 3))
+    return np.column_stack([_unit(sums)[part].reshape(count, 9), smooth.astype(np.float64)])
+
+
 class Normals(NamedTuple):
     """Normals at n points, each (n, N): the boundary's own, from which the force is turned, and the shaded ones."""
 
@@ -113,7 +150,9 @@ class Normals(NamedTuple):
 
 def normals_at(boundary: Boundary, crease: float, ihips: ArrayLike, hips: ArrayLike) -> Normals:
     """Return the normals at IHIPs (n, N), m, of HIPs (n, N), m, as `shade` has them; both the same without facets."""
-    ihips, hips = (np.array(each, dtype=np.float64) for each in (ihips, hips))
+    ihips, hips = (np.array(each, dtype=np.float64, order="C") for each in (ihips, hips))
+    if isinstance(boundary, Mesh):
+        return _on_mesh(boundary, crease, ihips, hips)
     table, curve = facets(boundary, crease), as_curve(boundary)
     if table is None or curve is None:
         own = boundary.closest_point(ihips).normal
@@ -134,6 +173,19 @@ def normals_at(boundary: Boundary, crease: float, ihips: ArrayLike, hips: ArrayL
         aside = np.where(there[:, np.newaxis], error / size[:, np.newaxis], own)
     sharp = there & np.all(corner == own, axis=1)
     return Normals(aside, np.where(sharp[:, np.newaxis], aside, shaded))
+
+
+def _on_mesh(mesh: Mesh, crease: float, ihips: Array, hips: Array) -> Normals:
+    from hapticeval.effects import shading_kernels as kernels
+
+    table, closest, frame = mesh_corners(mesh, crease), mesh.compiled_closest, np.zeros((kernels.ROWS, 3))
+    faces, vertices, _ = mesh.tables
+    found = np.empty((2, *ihips.shape))
+    for row, (ihip, hip) in enumerate(zip(ihips, hips, strict=True)):
+        closest.function(closest.data, ihip, frame)
+        kernels.lean(faces, vertices, table, int(closest.data.state[0]), ihip, hip, frame)
+        found[:, row] = frame[kernels.OWN], frame[kernels.SHADED]
+    return Normals(*found)
 
 
 def turned(forces: Array, normals: Normals) -> Array:

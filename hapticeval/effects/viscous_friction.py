@@ -31,14 +31,16 @@ class ViscousFriction(Effect):
 
     def change(self, scene: Calling) -> Part:
         """Assemble the brake."""
-        return Part(brake, np.array([self.coefficient]), state=np.zeros((2, scene.model.dimension)))
+        return Part(
+            brake, np.array([self.coefficient, float(scene.bilateral)]), state=np.zeros((2, scene.model.dimension))
+        )
 
 
 def brake(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: Any, force: Any) -> int:  # noqa: ARG001 - an effect's
-    """Add -b v_t to the force where there is contact: see `Effect.change`."""
-    touching = False
+    """Add -b v_t to the force where there is contact: see `Effect.change`. `params` are b, and whether always is."""
+    touching = numbers.params[1] == 1.0
     for i in range(hip.shape[0]):
-        touching = touching or ihip[i] != hip[i] or force[i] != 0.0
+        touching = touching or force[i] != 0.0
     if not touching:
         return 0
     closest.function(closest.data, ihip, numbers.state)

@@ -27,8 +27,9 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -39,6 +40,7 @@ from hapticeval.recordings.memory import first_bytes, reserve
 from hapticeval.recordings.recording import Clock, Event, Recording, runs_of
 from hapticeval.types import BoolArray
 
+T = TypeVar("T")
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 FORMAT = "hapticeval recording"
 FORMAT_VERSION = 2
@@ -275,11 +277,12 @@ def _whole(path: Path, file: Any, wanted: Sequence[str] | None, losses: list[Los
     base = "nanoseconds" if "nanoseconds" in file else "time"
     beside = [base, *(name for name in ("sequence", "valid") if name in file)]
     count = int(file[base].shape[0])
-    size = [_attempted(lambda name=name: _size(group[name]), "", []) or 0 for name in names]
-    reserve(sum(size) + sum(_size(file[name]) for name in (*beside, "events", "meta") if name in file), str(path))
+    holders = [(group, name) for name in names]
+    holders += [(file, name) for name in (*beside, "events", "meta") if name in file]
+    reserve(sum(_attempted(partial(_size, *place), "", []) or 0 for place in holders), str(path))
 
     def part(holder: Any, name: str) -> _Part | None:
-        return _attempted(lambda: _part(holder, name, count), f"'{name}'", losses)
+        return _attempted(partial(_part, holder, name, count), f"'{name}'", losses)
 
     parts = {name: part(file, name) for name in beside} | {f"/{name}": part(group, name) for name in names}
     stamps, channels = parts[base], {name: made for name in names if (made := parts[f"/{name}"]) is not None}
@@ -303,7 +306,7 @@ def _whole(path: Path, file: Any, wanted: Sequence[str] | None, losses: list[Los
         valid &= False if marked is None else ((marked.values != 0) & marked.whole)[rows]
     losses += _row_losses(parts, kept, float(np.median(np.diff(time))) if len(time) > 1 else 0.0)
     events = _attempted(lambda: _events(file), "the events", losses) or ()
-    meta = _attempted(lambda: json.loads(bytes(_inside(file, "meta")[:]).decode()), "the meta", losses) or {}
+    meta: Any = _attempted(lambda: json.loads(bytes(_inside(file, "meta")[:]).decode()), "the meta", losses) or {}
     return Recording(
         time,
         {name: made.values[rows] for name, made in left.items()},
@@ -315,11 +318,11 @@ def _whole(path: Path, file: Any, wanted: Sequence[str] | None, losses: list[Los
     )
 
 
-def _size(dataset: Any) -> int:
-    return int(dataset.dtype.itemsize) * math.prod(dataset.shape)
+def _size(holder: Any, name: str) -> int:
+    return int(holder[name].dtype.itemsize * math.prod(holder[name].shape))
 
 
-def _attempted(read: Callable[[], Any], what: str, losses: list[Loss]) -> Any:
+def _attempted(read: Callable[[], T], what: str, losses: list[Loss]) -> T | None:
     """Return what `read` gives; None, and one loss more, where that is damaged."""
     try:
         return read()

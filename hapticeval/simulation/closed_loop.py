@@ -220,7 +220,7 @@ def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
     Raises `DomainError` where it cannot be.
     """
     from hapticeval.devices.inner_loop_kernels import Inner
-    from hapticeval.devices.motion_kernels import Grip, Load, motion_of
+    from hapticeval.devices.motion_kernels import Grip, Load, advance_of, motion_of
     from hapticeval.simulation import kernels
 
     device, hand = scene.robot, experiment.hand
@@ -248,13 +248,15 @@ def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
     state[kernels.JOINTS] = state[kernels.START] = joints
     if device.margin(joints) > 0.0:
         state[kernels.RATES] = np.linalg.solve(device.jacobian(joints), experiment.velocity)
+    motion = motion_of(device, load, default_method())
     loop = kernels.Loop(
-        motion_of(device, load, default_method()),
+        motion,
         Inner(scene.inner_loop.code, scene.mass),
         sensors,
         feeling,
         motors,
         device.parameters[:1].copy() if exact else None,
+        None if exact else advance_of(motion),
         RUNAWAY * (1.0 if device.turning else scene.model.size),
         state,
         np.zeros((kernels.PLANES, count, size)),

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path as FilePath
 
+import honest
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -20,11 +22,12 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import OWN
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.renderer import abilities_of
+from hapticeval.renderer import Response, abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import play
+from hapticeval.stimulus.paths import build_path
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 
 DEPTH, STIFFNESS = 1e-3, 1000.0
@@ -203,6 +206,32 @@ def test_no_friction_is_left_of_a_renderer_that_pulls():
     assert (found[3].ihip[0], found[3].force[0]) == (0.6e-3, 0.0)
 
 
+@pytest.mark.parametrize("effect", [Friction(0.5, 0.3), ViscousFriction(5.0)])
+def test_a_tool_that_trails_in_free_space_is_free(effect):
+    """An answer of two ticks ago: its IHIP is not the HIP, and there is no contact while it has no force."""
+    scene = scene_of("line", effect)
+    late = honest.factory("late-2", honest.Spring)
+    hips = np.column_stack([np.linspace(0.0, 0.02, 60), np.linspace(5e-3, -1e-3, 60)])
+    plain, rubbed = (play(make_renderer(late, each), Path(1e-3 * np.arange(60.0), hips), 1e-3)
+                     for each in (scene_of("line"), scene))  # fmt: skip
+    free = ~np.any(plain.force, axis=1)
+    assert 40 < free.sum() < 60
+    assert np.array_equal(rubbed.ihip[free], plain.ihip[free])
+    assert not rubbed.force[free].any()
+    assert np.any(rubbed.force[~free, 0])
+
+
+def test_who_gives_no_ihip_gets_the_tool_s_place():
+    """A renderer that answers the HIP as its IHIP: the press is its force across the surface."""
+    scene = scene_of("circle", Friction(0.5, 0.3))
+    angle = np.linspace(0.0, 0.4, 200)
+    hips = np.column_stack([np.cos(angle), np.sin(angle)]) * np.r_[0.101, np.full(199, 0.098)][:, np.newaxis]
+    runs = [play(make_renderer(make, scene), Path(1e-3 * np.arange(200.0), hips), 1e-3)
+            for make in (honest.Spring, honest.factory("force-only", honest.Spring))]  # fmt: skip
+    np.testing.assert_allclose(runs[0].force, runs[1].force, atol=1e-12)
+    np.testing.assert_allclose(runs[0].ihip, runs[1].ihip, atol=1e-15)
+
+
 def test_in_a_corner_both_sides_hold():
     """Drawn into a concave corner and up its other side, the tool rests in the corner, and then climbs."""
     scene = scene_of("polygon", Friction(0.5, 0.3), model={"vertices": SQUARE})
@@ -212,6 +241,46 @@ def test_in_a_corner_both_sides_hold():
     climbs = np.flatnonzero(run.ihip[:, 1] > 1e-3)[0]
     assert np.linalg.norm(run.ihip[600:climbs], axis=1).min() < 1e-12
     assert np.all(np.abs(run.ihip[120:climbs, 1]) < 1.1e-3)
+    assert OWN["friction-cone"](Runs(run), scene).outcome is Outcome.PASS
+
+
+class Scripted:
+    """Answers what it was given, tick by tick: points on the surface, and 1 N along the normal there."""
+
+    def __init__(self, ihips, normals):
+        self.answers = list(zip(ihips, normals, strict=True))
+
+    def reset(self, hip):
+        self.tick = 0
+
+    def step(self, hip, velocity, dt):
+        ihip, force = self.answers[self.tick]
+        self.tick += 1
+        return Response(ihip, force)
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_tool_that_is_led_past_a_corner_rests_in_it(number):
+    """A renderer's IHIP passes a tip, or a valley, between two ticks: the tool goes there, where both faces hold it."""
+    scene = scene_of("star", Friction(0.5, 0.5))
+    corner = scene.model.curve.corners[number]
+    faces = (corner.tangent_pre, corner.normal_pre, -4e-4), (corner.tangent_post, corner.normal_post, 2.5e-4)
+    ihips = [corner.position + length * tangent for tangent, _, length in faces]
+    normals = [normal for _, normal, _ in faces]
+    hips = [ihip - 1e-3 * normal for ihip, normal in zip(ihips, normals, strict=True)]
+    renderer = make_renderer(lambda _: Scripted(ihips, normals), scene)
+    renderer.reset(hips[0])
+    _, found = (renderer.step(hip, np.zeros(2), 1e-3) for hip in hips)
+    np.testing.assert_allclose(found.ihip, corner.position, atol=1e-15)
+    np.testing.assert_allclose(found.force, normals[1] + STIFFNESS * (corner.position - ihips[1]), atol=1e-7)
+
+
+@pytest.mark.parametrize("base", ["mapping", "minimum-distance@lut", "constraint"])
+def test_round_tips_and_valleys_the_cone_holds(base):
+    scene = scene_of("star", Friction(0.5, 0.5))
+    path = build_path({"kind": "scaled", "depth": 2e-3, "from_angle": 0, "to_angle": 170, "duration": 2.0},
+                      scene.model.boundary, FilePath())  # fmt: skip
+    run = play(make_renderer(resolve(base), scene), path, 1e-3, scene=scene)
     assert OWN["friction-cone"](Runs(run), scene).outcome is Outcome.PASS
 
 

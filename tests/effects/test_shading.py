@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from hapticeval.discovery import resolve
 from hapticeval.effects.shading import Shading, facets, normals_at, turned
 from hapticeval.errors import InputError, RefusalError
+from hapticeval.geometry.boundary import spiral
 from hapticeval.geometry.catalogue import make_model, star
+from hapticeval.geometry.solids import icosphere, prism
 from hapticeval.recordings.recording import backward_difference
 from hapticeval.renderer import Response
 from hapticeval.runner.judging import make_renderer
@@ -192,3 +194,46 @@ def test_a_boundary_without_facets_is_refused_by_name(kind):
 def test_a_crease_that_is_no_angle_is_refused(crease):
     with pytest.raises(InputError, match="crease"):
         Shading(crease)
+
+
+# Triangle meshes
+
+
+def prism_of(n):
+    outline = regular(n).boundary.pieces[:, 3:5]
+    vertices, triangles = prism(outline, 0.1)
+    return make_model("mesh", vertices=vertices.tolist(), triangles=triangles.tolist())
+
+
+@pytest.mark.parametrize("n", [5, 8])
+def test_a_prism_is_shaded_as_its_cross_section_is(n):
+    """Its sides are cut into triangles, which changes no normal, and its caps are sharp."""
+    hips = np.column_stack([np.linspace(0.11, 0.07, 120), np.linspace(-0.04, 0.05, 120)])
+    flat = make_renderer(resolve("minimum-distance"), shaded(regular(n), 75.0)).run(hips, 1e-3)
+    there = np.column_stack([hips, np.linspace(-0.011, 0.013, 120)])
+    found = make_renderer(resolve("minimum-distance"), shaded(prism_of(n), 75.0)).run(there, 1e-3)
+    assert np.abs(flat[1]).max() > 5.0
+    np.testing.assert_allclose(found[1][:, :2], flat[1], atol=1e-9)
+    assert np.abs(found[1][:, 2]).max() < 1e-9
+
+
+def test_a_mesh_of_a_sphere_is_shaded_towards_the_sphere():
+    """Vertices lie on it: shaded normals are a third as far off the sphere's as the triangles' own, or less."""
+    vertices, triangles = icosphere(2, RADIUS)
+    model = make_model("mesh", vertices=vertices.tolist(), triangles=triangles.tolist())
+    feet = 0.98 * spiral(60) * RADIUS
+    scene = shaded(model, 60.0)
+    plain = resolve("minimum-distance")(Scene(model=model, stiffness=STIFFNESS))
+    renderer = make_renderer(resolve("minimum-distance"), scene)
+    off = []
+    for made in (plain, renderer):
+        made.reset(1.2 * feet[0])
+        forces = np.array([made.step(hip, np.zeros(3), 1e-3).force for hip in feet])
+        unit = forces / np.linalg.norm(forces, axis=1)[:, np.newaxis]
+        off.append(np.arccos(np.clip(np.sum(unit * feet, axis=1) / np.linalg.norm(feet, axis=1), -1.0, 1.0)))
+    assert off[1].max() < off[0].max() / 3.0
+    ihips = np.array([renderer.step(hip, np.zeros(3), 1e-3).ihip for hip in feet])
+    base = STIFFNESS * (ihips - feet)
+    expected = turned(base, normals_at(model.boundary, 60.0, ihips, feet))
+    np.testing.assert_allclose(forces, expected, atol=1e-10)
+    np.testing.assert_allclose(np.linalg.norm(forces, axis=1), np.linalg.norm(base, axis=1), rtol=1e-12)

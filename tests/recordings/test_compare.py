@@ -474,7 +474,7 @@ def torn(each, first, length):
 
 @settings(max_examples=6)
 @given(st.integers(0, 1000), st.floats(-9.0, -0.5), st.booleans())
-def test_repeats_that_agree_to_the_bit_still_tell_renderers_apart(seed, power, gaps):
+def test_repeats_that_agree_to_the_bit_still_separate_renderers(seed, power, gaps):
     """By any amount far above what the numbers resolve; and the clock's gaps, elsewhere in each, hide none of it."""
     rng = np.random.default_rng(seed)
     one = hands(rng, "a", 1)[0]

@@ -287,7 +287,7 @@ def test_a_contacts_own_errors_are_those_that_repeats_scatter_by():
     assert 0.0 < np.std([each.restitution for each in ones], ddof=1) < 1.5 * error
 
 
-def test_each_contact_is_told_with_its_errors(here, capsys):
+def test_each_contact_is_shown_with_its_errors(here, capsys):
     made, _ = bounce(5000.0, 0.7, 0.2, step=1e-6)
     write_recording(here / "run.h5", made)
     assert main(["inspect", "run.h5"]) in (0, 1)

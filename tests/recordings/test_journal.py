@@ -74,9 +74,9 @@ def test_no_flipped_byte_is_read_as_data_and_costs_more_than_its_block(tmp_path)
         assert_rows(salvaged.recording, table)
         missing = 50 - len(salvaged.recording)
         assert missing == (ROWS if begin <= place < len(good) - len(parts(table)[-1]) else 0)
-        told = [loss for loss in salvaged.losses if loss.rows]
-        assert sum(loss.rows for loss in told) == missing
-        assert all(loss.seconds == pytest.approx(1e-3 * loss.rows) for loss in told)
+        lost = [loss for loss in salvaged.losses if loss.rows]
+        assert sum(loss.rows for loss in lost) == missing
+        assert all(loss.seconds == pytest.approx(1e-3 * loss.rows) for loss in lost)
         assert bool(salvaged.losses) == (place >= len(MAGIC))
 
 

@@ -58,9 +58,9 @@ def test_a_replay_before_a_wall_gives_verdicts(tmp_path, capsys):
     assert "--model line" in capsys.readouterr().err
     main(["replay", "run.h5", "--model", "line", *scene, "-r", "constraint", "-o", "out"])
     verdicts = read_results(tmp_path / "out").verdicts
-    told = {(each.renderer, each.check): each.outcome for each in verdicts}
+    outcomes = {(each.renderer, each.check): each.outcome for each in verdicts}
     for check in ("continuous-contact", "contact-normal-force"):
-        assert told["recorded", check] == told["constraint", check] == "pass"
+        assert outcomes["recorded", check] == outcomes["constraint", check] == "pass"
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="needs shared/data/tue_1dof_teleop beside the repository")
@@ -70,6 +70,6 @@ def test_a_real_contact_log_gets_verdicts(tmp_path):
     given = ["--mapping", str(mapping), "--model", "line", "--scene", "stiffness=2000", "-r", "constraint", "-o", "out"]
     assert main(["replay", str(log), *given]) == 1  # its slave is no proxy, and its hand pulls
     verdicts = read_results(tmp_path / "out").verdicts
-    told = {(each.renderer, each.check): each.outcome for each in verdicts}
-    assert told["constraint", "continuous-contact"] == told["constraint", "contact-normal-force"] == "pass"
-    assert told["recorded", "contact-normal-force"] == "fail"
+    outcomes = {(each.renderer, each.check): each.outcome for each in verdicts}
+    assert outcomes["constraint", "continuous-contact"] == outcomes["constraint", "contact-normal-force"] == "pass"
+    assert outcomes["recorded", "contact-normal-force"] == "fail"

@@ -56,7 +56,7 @@ def test_defaults():
 
 
 @pytest.mark.parametrize("family", FAMILIES.values())
-def test_a_variant_keeps_what_it_is_not_told(family):
+def test_a_variant_keeps_what_it_is_not_given(family):
     assert family.variant() == family
     assert family.variant(regulation="pp-v").representation == family.representation
     assert family.variant(regulation="pp-v", representation="curve").variant(

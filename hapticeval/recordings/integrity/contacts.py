@@ -176,8 +176,5 @@ def _slope(x: Array, y: Array) -> tuple[float, float]:
     """Return the slope of y over x by least squares, and its standard error; NaN where x does not move."""
     if x.size < LEAST_ROWS or np.ptp(x) == 0.0:
         return math.nan, math.nan
-    centred = x - x.mean()
-    square = float(np.dot(centred, centred))
-    slope = float(np.dot(centred, y)) / square
-    off = y - y.mean() - slope * centred
-    return slope, math.sqrt(float(np.dot(off, off)) / (x.size - 2) / square)
+    line, covariance = np.polyfit(x, y, 1, cov=True)
+    return float(line[0]), math.sqrt(float(covariance[0, 0]))

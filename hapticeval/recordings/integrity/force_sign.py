@@ -288,17 +288,24 @@ def _energy(recording: Recording, channel: str, place: str, sense: float) -> Jud
     )
     if best.sign > 0:
         return Sign(channel, 1, f"right: with the opposite sign {would} {where}"), None
-    words = f"with it {would} {where}; with the opposite sign it takes energy"
     todo = f"{SIGN}. A motor, a magnet or another hand behind it may give energy, too"
-    fault = _wrong(recording, channel, words, span, todo, energy=active.energy, open=active.open)
-    return Sign(channel, -1, f"seems wrong: {would}"), fault
+    rest, measures = f" {where}; with the opposite sign it takes energy", {"energy": active.energy, "open": active.open}
+    return _suspected(recording, channel, would, rest, span, todo, **measures)
 
 
-def _wrong(
-    recording: Recording, channel: str, words: str, span: tuple[int, int] | None, todo: str = SIGN, **measures: Any
-) -> Issue:
-    message = f"the sign seems wrong: {words}"
-    return found(recording, "force sign", message, channel, span, todo=todo, **measures)
+def _suspected(
+    recording: Recording,
+    channel: str,
+    words: str,
+    detail: str,
+    span: tuple[int, int] | None,
+    todo: str = SIGN,
+    **measures: Any,
+) -> Judged:
+    """Return a sign that seems wrong, in `words`, and the finding, with the `detail`."""
+    message = f"the sign seems wrong: {words}{detail}"
+    fault = found(recording, "force sign", message, channel, span, todo=todo, **measures)
+    return Sign(channel, -1, f"seems wrong: {words}"), fault
 
 
 def _unclear(balances: list[PassivityTest]) -> str:
@@ -334,26 +341,22 @@ def _pointing(recording: Recording) -> Judged | None:
         f"it points away from the IHIP, into what is touched, in {np.sum(along < 0.0)} of {along.size} rows of contact"
     )
     span, todo = (int(rows[0]), int(rows[-1]) + 1), f"{SIGN}. It is to be the force on the hand"
-    return Sign("force", -1, f"seems wrong: {words}"), _wrong(recording, "force", words, span, todo, share=share)
+    return _suspected(recording, "force", words, "", span, todo, share=share)
 
 
 def _approach(recording: Recording, channel: str) -> Judged | None:
     """Decide by when the force that `contacts` takes for the wall's rises: rule 3."""
+    from scipy.special import bdtr
+
     try:
         touches = impacts(recording)
     except InputError:
         return None
     into, out = len(touches.contacts), len(touches.retreats)
-    if _chance(out, into + out) < LEVEL:
+    if bdtr(out, into + out, 0.5) < LEVEL:  # so few heads or fewer in so many tosses of a coin
         return Sign(channel, 1, f"right: {into} of {into + out} pushes begin as the tool moves in"), None
-    if not _chance(into, into + out) < LEVEL:
+    if not bdtr(into, into + out, 0.5) < LEVEL:
         return None
     words = f"{out} of {into + out} pushes begin as the tool moves away from what pushes it"
-    places = ", ".join(f"{each:.4g} s" for each in touches.retreats[:8])
-    fault = _wrong(recording, channel, f"{words}, at {places}", None, into=into, out=out)
-    return Sign(channel, -1, f"seems wrong: {words}"), fault
-
-
-def _chance(few: int, count: int) -> float:
-    """Return the probability of so few heads or fewer in `count` tosses of a coin."""
-    return sum(math.comb(count, k) for k in range(few + 1)) / 2.0**count
+    places = ", at " + ", ".join(f"{each:.4g} s" for each in touches.retreats[:8])
+    return _suspected(recording, channel, words, places, None, into=into, out=out)
