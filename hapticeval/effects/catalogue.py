@@ -87,8 +87,9 @@ EFFECTS: dict[str, Entry] = {
 }
 """Kind -> entry, in the order in which effects take part in a tick."""
 
-LISTED = "effects"
-"""The entry of a scene's table that lists effects, each a table of `kind` and its numbers."""
+LISTED, EACH = "effects", "effect"
+"""The entries of a scene's table that list effects, each a table of `kind` and its numbers: as `effects = [...]`, or
+one after the other as `[[case.scene.effect]]`."""
 
 
 def read_effects(table: Mapping[str, Any], folder: Path = Path()) -> tuple[dict[str, Any], tuple[Effect, ...]]:
@@ -98,7 +99,7 @@ def read_effects(table: Mapping[str, Any], folder: Path = Path()) -> tuple[dict[
     coefficient = 0.3 }]`, see `Entry.short`. Raises `UnknownNameError` for an unknown kind, number or short form, and
     `InputError` for numbers that an effect lacks or cannot have.
     """
-    listed = [dict(each) for each in table.get(LISTED, ())]
+    listed = [dict(each) for entry in (LISTED, EACH) for each in table.get(entry, ())]
     groups = {key.partition(".")[0] for entry in EFFECTS.values() for key in entry.short if "." in key}
     short = {key: value for key, value in table.items() if key not in groups}
     short |= {f"{group}.{key}": value for group in groups for key, value in table.get(group, {}).items()}
@@ -112,7 +113,9 @@ def read_effects(table: Mapping[str, Any], folder: Path = Path()) -> tuple[dict[
             group = key.partition(".")[0]
             names = [each.rpartition(".")[2] for each in known if each.startswith(f"{group}.")]
             raise UnknownNameError(f"entry of {group}", key.removeprefix(f"{group}."), names)
-    rest = {key: value for key, value in short.items() if key not in known and "." not in key and key != LISTED}
+    rest = {
+        key: value for key, value in short.items() if key not in known and "." not in key and key not in (LISTED, EACH)
+    }
     return rest, tuple(make_effect(each, folder) for each in [*listed, *gathered.values()])
 
 
