@@ -20,6 +20,7 @@ from hapticeval.geometry.mesh_checks import (
     checked_triangles,
     refuse,
 )
+from hapticeval.geometry.mesh_walk import walk
 from hapticeval.geometry.polygon_kernels import ROUNDING, TOUCH
 from hapticeval.geometry.validate import answered
 from hapticeval.types import Array, IntArray
@@ -100,8 +101,8 @@ class Mesh(InSpace):
     def first_crossing(self, start: Array, end: Array, *, grain: float) -> Array | None:  # noqa: ARG002 - the protocol's
         """See `Boundary.first_crossing`: exact, so that nothing is too thin."""
         a, b = (tuple(map(float, point)) for point in (start, end))
-        k, foot, _ = kernels.entered(*self.tables, a, b, self.touch)
-        return None if k < 0 else np.array(foot)
+        inside, _, foot, _ = kernels.entered(*self.tables, a, b, self.touch, 0)
+        return np.array(foot) if inside else None
 
     def normal_cone(self, points: Array, reach: Array) -> Callable[[Array], Array]:
         """See `Boundary.normal_cone`: the cone that the normals of all triangles in reach span."""
@@ -111,6 +112,12 @@ class Mesh(InSpace):
             return kernels.beyond_cones(starts, normals, np.require(directions, requirements="CW"))
 
         return beyond
+
+    def descend(self, start: Array, goal: Array, *, step: float) -> Array:  # noqa: ARG002 - the protocol's
+        """See `Boundary.descend`: exact, over faces and along edges."""
+        a, b = (tuple(map(float, point)) for point in (start, goal))
+        k, feature, foot = kernels.landed(*self.tables, a, 0)
+        return np.array(walk(*self.tables[:2], False, k, feature, foot, b)[3])
 
     def points(self, n: int) -> Array:
         """See `Boundary.points`: as many to equal areas."""
