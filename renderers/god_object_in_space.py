@@ -31,9 +31,16 @@ TOUCH = OWN
 def on_mesh(scene: Scene, mesh: Mesh) -> CompiledProjection:
     """Return the projection; whether the tool is ever released, and how a run starts, is as in the plane."""
     faces, vertices, tree = mesh.tables
-    tables = {"segments": faces, "vertices": vertices, "tree": tree}
     return CompiledProjection(
-        follow, mesh, bilateral=scene.bilateral, own=[mesh.touch], memory=9, begin=begin, **tables
+        follow,
+        mesh,
+        bilateral=scene.bilateral,
+        own=[mesh.touch],
+        memory=9,
+        begin=begin,
+        segments=faces,
+        vertices=vertices,
+        tree=tree,
     )
 
 

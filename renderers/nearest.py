@@ -33,9 +33,10 @@ def nearest(scene: Scene, representation: str, *, vertices: float = VERTICES, gr
     """
     model = scene.model
     if isinstance(model.boundary, Mesh) and representation in ("curve", "polygon"):
-        faces, corners, tree = model.boundary.tables
-        tables = {"segments": faces, "vertices": corners, "tree": tree}
-        return CompiledProjection(on_mesh, model.boundary, bilateral=scene.bilateral, memory=1, **tables)
+        mesh, (faces, corners, tree) = model.boundary, model.boundary.tables
+        return CompiledProjection(
+            on_mesh, mesh, bilateral=scene.bilateral, memory=1, segments=faces, vertices=corners, tree=tree
+        )
     if model.dimension == 3 and representation == "curve":
         row = model.surface.row[np.newaxis]
         return CompiledProjection(in_space, model.surface, bilateral=scene.bilateral, segments=row)

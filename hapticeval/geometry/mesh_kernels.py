@@ -128,7 +128,7 @@ def _to_box2(tree: Array, i: int, p: Triple) -> float:
     x = max(max(tree[i, 0] - p[0], p[0] - tree[i, 3]), 0.0)
     y = max(max(tree[i, 1] - p[1], p[1] - tree[i, 4]), 0.0)
     z = max(max(tree[i, 2] - p[2], p[2] - tree[i, 5]), 0.0)
-    return x * x + y * y + z * z
+    return float(x * x + y * y + z * z)
 
 
 @compiled
