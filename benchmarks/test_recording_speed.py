@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from append_study import measure
 
+from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.hdf5 import write_recording
-from hapticeval.recordings.recording import Clock, Recording, Signal
+from hapticeval.recordings.recording import Clock, Recording
 
 ROWS, COLUMNS, PERIOD = 1_000_000, 20, 50_000
 ALLOWED = 2.0

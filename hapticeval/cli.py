@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from hapticeval import __version__
-from hapticeval.commands import bench, draw, judging, record, recordings
+from hapticeval.commands import bench, draw, effects, judging, record, recordings, search, texture
 from hapticeval.commands.judging import EXIT_CODES
 from hapticeval.commands.terminal import say
 from hapticeval.errors import HapticevalError
@@ -28,6 +28,7 @@ Examples:
   hapticeval run dynamics                      in closed loop with a robot, against chapters 6.3 and 7
   hapticeval record -o run.h5                  record a robot; here the simulated one, in real time
   hapticeval replay run.h5 -r constraint       a recorded hand path through another renderer
+  hapticeval search -r mymodule:factory        the smallest path that breaks it
   hapticeval bench --quick                     what accuracy costs in time
 """
 
@@ -48,10 +49,10 @@ INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code; what a user got wrong is told without a traceback.
+    """Run the command line and return its exit code; what a user got wrong is shown without a traceback.
 
     Without `arguments` it takes those of the process, which ends after it. Ctrl-C where no command does something about
-    it, as before one has begun, is told in a word, and is 1.
+    it, as before one has begun, is shown in a word, and the code is 1.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -99,17 +100,20 @@ def _common(
 for _command, _epilog, _short in (
     (judging.run, EXIT_CODES, "Run suites on renderers, judge, and report."),
     (judging.list_, judging.LISTED, "List the renderers, suites, cases, checks, devices or models."),
-    (judging.explain, judging.LISTED, "Tell what a check asks, measures and allows, and why."),
+    (judging.explain, judging.LISTED, "Explain what a check asks, measures and allows, and why."),
     (judging.report, judging.REPORTED, "Write the reports of an earlier run anew, from its results."),
     (record.record, record.EXIT_CODES, "Run a renderer on a robot and record it."),
     (recordings.inspect, recordings.INSPECTED, "Examine a recording: clock, channels, units, physics."),
     (recordings.convert, recordings.CONVERTED, "Convert foreign files, journals and recordings."),
     (judging.replay, judging.REPLAYED, "Lead renderers along a recorded hand path."),
     (recordings.compare, recordings.COMPARED, "Compare the force of runs that no clock can align."),
+    (search.search, search.EXIT_CODES, "Search for the smallest path that breaks a renderer."),
     (bench.bench, bench.EXIT_CODES, "Measure what accuracy costs in time."),
+    (effects.effects, effects.MEASURED, "Measure what the effects of scenes cost."),
+    (texture.texture, texture.SHOWN, "Show a texture, or take over a toolkit's."),
     (draw.field, draw.DRAWN, "Draw where a projection leads, and where it jumps."),
     (draw.flow, draw.DRAWN, "Draw how a model's outline shrinks to a point."),
-    (draw.device, draw.DRAWN, "Tell what the hand feels of a device, and its reach."),
+    (draw.device, draw.DRAWN, "Show what the hand feels of a device, and its reach."),
     (draw.limits, draw.LIMITS, "Find the largest stiffness that stays stable."),
     (draw.integrators, draw.DRAWN, "Draw how exactly a robot's motion is integrated."),
 ):

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.effects.viscosity import viscosity_of
 from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
 from hapticeval.scene import Scene
@@ -206,7 +205,7 @@ class ClosedForm:
         Raises `InputError` for a scene that this form is not about.
         """
         self.check(scene)
-        gains = Gains(*(gain / scene.mass for gain in (scene.stiffness, scene.damping, viscosity_of(scene))))
+        gains = Gains(*(gain / scene.mass for gain in (scene.stiffness, scene.damping, scene.viscosity)))
         frame = scene.model.boundary.closest_point(np.asarray(position, dtype=np.float64)[np.newaxis])
         normal, distance, foot = frame.normal[0], float(frame.distance[0]), frame.foot[0]
         across = float(velocity @ normal)

@@ -163,7 +163,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     Without that each would do all the work, and two that add to a cache at once may leave an entry of its index that
     leads to other code.
     """
-    return _compiled(function)
+    return _compiled(function, _nrt=True)
 
 
 @cache
@@ -180,14 +180,14 @@ def borrowing(function: Callable[P, R]) -> Callable[P, R]:
     return _compiled(function, _nrt=False)
 
 
+def inlined(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function that borrows its arrays, by itself and into the kernels that call it by its name."""
+    return _compiled(function, _nrt=False, forceinline=True)
+
+
 def inner(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function that borrows its arrays, into the kernels that call it: it has no way in from Python."""
     return _compiled(function, _nrt=False, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-
-
-def inlined(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function into the kernels that call it, so that no references are counted on the way there."""
-    return _compiled(function, forceinline=True)
 
 
 def _compiled(function: Callable[P, R], **options: Any) -> Callable[P, R]:
@@ -216,6 +216,22 @@ def specialised(kernel: Callable[P, R], *arguments: Any) -> Callable[P, R]:
     signature = tuple(numba.typeof(each) for each in arguments)  # type: ignore[no-untyped-call]
     kernel.compile(signature)  # type: ignore[attr-defined]
     return kernel.overloads[signature].entry_point  # type: ignore[no-any-return]
+
+
+def machine_code(kernel: Callable[..., Any], *arguments: Any) -> bytes:
+    """Return the instructions of a kernel for such arguments, values or their types, as bytes.
+
+    They hold what it calls by name, and not what it is given as `first_class`. Numba gives up the object that it loads
+    or makes; its cache keeps it.
+    """
+    from llvmlite.binding import ObjectFileRef
+
+    own: Any = kernel
+    signature = tuple(each if isinstance(each, types.Type) else numba.typeof(each) for each in arguments)  # type: ignore[no-untyped-call]
+    own.compile(signature)
+    kept = own._cache._cache_file.load(own._cache._index_key(signature, own.targetctx.codegen()))
+    (_, _, (code, _)), *_ = kept
+    return b"".join(each.data() for each in ObjectFileRef.from_data(code).sections() if each.is_text())
 
 
 @contextmanager

@@ -14,9 +14,11 @@ import sys
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
 from hapticeval.errors import InputError, UnknownNameError, described, renderer_errors
@@ -52,7 +54,13 @@ def parse(name: str) -> Name:
 
 def known_renderers() -> Mapping[str, EntryPoint]:
     """Every installed entry point of the group, by name, in alphabetical order."""
-    return {entry.name: entry for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name)}
+    return _installed(tuple(sys.path))
+
+
+@lru_cache(maxsize=1)
+def _installed(folders: tuple[str, ...]) -> Mapping[str, EntryPoint]:  # noqa: ARG001 - where entry points lie
+    found = sorted(entry_points(group=GROUP), key=lambda entry: entry.name)
+    return MappingProxyType({entry.name: entry for entry in found})
 
 
 def own_renderers() -> tuple[str, ...]:

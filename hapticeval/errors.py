@@ -154,10 +154,9 @@ def described(error: BaseException) -> str:
     return f"{type(error).__name__}: {text}"
 
 
-def origin(error: BaseException) -> str:
-    """Where in foreign code an exception came from: the innermost frame, for the `why` of an error."""
-    frames = traceback.extract_tb(error.__traceback__)
-    if not frames:
-        return ""
-    last = frames[-1]
-    return f"in {PurePath(last.filename).name}, line {last.lineno}, in {last.name}: {last.line}"
+def origin(error: BaseException, file: str | None = None) -> str:
+    """Where in foreign code an exception came from: the innermost frame in `file`, else of all, as an error's `why`."""
+    frames = [each for each in traceback.extract_tb(error.__traceback__) if "importlib" not in each.filename]
+    for last in ([each for each in frames if each.filename == file] or frames)[-1:]:
+        return f"in {PurePath(last.filename).name}, line {last.lineno}, in {last.name}: {last.line}"
+    return ""

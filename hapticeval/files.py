@@ -1,4 +1,4 @@
-"""What is written to disk: whole or not at all, under safe names, as values that JSON can hold."""
+"""Files: written whole or not at all, under safe names, as values that JSON can hold; and which a suite may name."""
 
 from __future__ import annotations
 
@@ -42,8 +42,7 @@ def creating(path: Path) -> Iterator[Path]:
 
     Raises `InputError` where there is one, also where another process made it in the meantime.
     """
-    if path.exists():
-        raise _exists(path)
+    refuse_existing(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.tmp")
     try:
@@ -51,19 +50,25 @@ def creating(path: Path) -> Iterator[Path]:
         try:
             os.link(temporary, path)
         except FileExistsError:
-            raise _exists(path) from None
+            raise existing(path) from None
         except OSError:  # a file system without links: the look and the renaming are two steps there
             if path.exists():
-                raise _exists(path) from None
+                raise existing(path) from None
             temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
 
 
-def _exists(path: Path) -> InputError:
-    return InputError(
-        f"{path} is there already", why="nothing is written over an existing file", todo="give another name"
-    )
+def refuse_existing(path: Path) -> None:
+    """Raise `InputError` where something stands at `path`."""
+    if path.exists() or path.is_symlink():
+        raise existing(path)
+
+
+def existing(path: Path) -> InputError:
+    """Return the error of a file that must not be there yet."""
+    why = "nothing is written over an existing file"
+    return InputError(f"{path} is there already", why=why, todo="give another name")
 
 
 def file_stem(name: str) -> str:
@@ -186,3 +191,15 @@ def read_json(path: Path, kind: type[T], *, version: int, command: str) -> T:
 
 def _no_constant(name: str) -> NoReturn:
     raise ValueError(f"it holds {name}, which is no JSON number")
+
+
+def below(folder: Path, name: str) -> Path:
+    """The file that a suite names. Raises `InputError` unless it lies below the suite's folder, links followed."""
+    file = folder / name
+    if not file.resolve().is_relative_to(folder.resolve()):
+        raise InputError(
+            f"the file '{name}' is not below the suite's folder {folder}",
+            why="a suite may come from anyone, and reads no other files of this machine",
+            todo="copy the file beside the suite",
+        )
+    return file

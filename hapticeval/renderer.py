@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
-from hapticeval.effects.force_sensor import ForceSensor
+from hapticeval.effects.catalogue import FORCE_SENSOR
 from hapticeval.errors import InputError, RefusalError, RendererError, UnknownNameError, renderer_errors
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.knob import Knob, refuse_unknown
@@ -130,6 +130,8 @@ class Abilities:
     all optional, and false or empty where it has none:
 
     - `run`: whether it has `run(hips, dt) -> (ihips, forces)`, see `Batch`;
+    - `lead`: whether it has `lead(hips, velocities, dt) -> (ihips, forces)`: a `step` a row from where the last one
+      ended, with a velocity and a dt a row, to the last bit. Where it has a `law`, that is used;
     - `observe_force`: whether it has `observe_force(push)`, and so wants the hand's measured force (N,), N, before each
       step of a scene with a force sensor (8.6);
     - `diagnostics`: whether it has `diagnostics(recording)`, which returns for a run in closed loop
@@ -143,6 +145,7 @@ class Abilities:
 
     steps: bool
     run: bool = False
+    lead: bool = False
     observe_force: bool = False
     diagnostics: bool = False
     law: CompiledStep | None = None
@@ -154,7 +157,7 @@ class Abilities:
 
     @property
     def meta(self) -> dict[str, Any]:
-        """What the metadata of a recording tells of the renderer."""
+        """What the metadata of a recording holds of the renderer."""
         lengths = {"resolution": self.resolution, "standoff": self.standoff}
         said = self.declares
         if said is None:
@@ -209,6 +212,7 @@ def _read(renderer: object) -> Abilities:
     return Abilities(
         steps=steps,
         run=_has(renderer, "run"),
+        lead=_has(renderer, "lead"),
         observe_force=_has(renderer, "observe_force"),
         diagnostics=_has(renderer, "diagnostics"),
         law=law,
@@ -247,7 +251,7 @@ def _supported(declaring: object) -> frozenset[str] | None:
     names = getattr(declaring, "supports", None)
     if isinstance(declaring, type) and not isinstance(names, Collection):
         return None  # a property of what the class makes
-    feels = {ForceSensor.requirement} if hasattr(declaring, "observe_force") else set()
+    feels = {FORCE_SENSOR} if hasattr(declaring, "observe_force") else set()
     if names is None:
         return frozenset(feels) or None
     if isinstance(names, str) or not (isinstance(names, Collection) and all(isinstance(name, str) for name in names)):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar, overload
 
 from hapticeval.devices.device import Device
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.effects.catalogue import EFFECTS, in_order
+from hapticeval.effects.catalogue import EFFECTS, VISCOSITY, in_order
 from hapticeval.effects.effect import Effect, Stage
 from hapticeval.errors import InputError
 from hapticeval.geometry.model import Model
@@ -67,25 +67,45 @@ class Scene:
         object.__setattr__(self, "effects", in_order(self.effects))
         for each in self.effects:
             each.check(self.robot)
+            each.fits(self)
 
-    def effect(self, kind: type[E]) -> E | None:
-        """Return the scene's effect of that class; None where it does not call for it."""
-        return next((each for each in self.effects if isinstance(each, kind)), None)
+    @overload
+    def effect(self, kind: type[E]) -> E | None: ...
+
+    @overload
+    def effect(self, kind: str) -> Any: ...
+
+    def effect(self, kind: type[E] | str) -> Any:
+        """Return the scene's effect of that class or kind; None where it does not call for it.
+
+        By its kind an effect is asked for without importing it.
+        """
+        of = kind if isinstance(kind, str) else kind.kind
+        return next((each for each in self.effects if each.kind == of), None)
+
+    @property
+    def viscosity(self) -> float:
+        """Return b_d of (7.18) of the surface, kg/s; zero where the scene calls for none."""
+        found = self.effect(VISCOSITY)
+        return 0.0 if found is None else float(found.coefficient)
 
     def with_effects(self, *effects: Effect) -> Scene:
         """Return the scene with these effects, in place of its own of the same kinds."""
         kinds = {each.kind for each in effects}
         return replace(self, effects=(*(each for each in self.effects if each.kind not in kinds), *effects))
 
+    def without(self, kind: str) -> Scene:
+        """Return the scene without its effect of that kind."""
+        return replace(self, effects=tuple(each for each in self.effects if each.kind != kind))
+
     @property
     def requirements(self) -> dict[str, str]:
         """Return what this scene asks of a renderer: name -> meaning, to complete "the scene asks for NAME: ..."."""
         asked = [PLANE if self.model.dimension == 2 else SPACE]
         asked += [BILATERAL] if self.bilateral else []
-        asked += [
-            each.requirement for each in self.effects if each.requirement is not None and each.stage is not Stage.ANSWER
-        ]
-        return {name: requirements()[name] for name in asked}
+        asked += [each.kind for each in self.effects if each.stage is not Stage.ANSWER]
+        known = requirements()
+        return {name: known[name] for name in asked if name in known}
 
     @property
     def robot(self) -> Device:
@@ -102,5 +122,5 @@ def requirements() -> dict[str, str]:
         PLANE: "the model is a plane curve",
         SPACE: "the model is a surface in space",
         BILATERAL: "the surface holds the tool from both sides",
-        **{each.requirement: each.meaning for each in EFFECTS.values() if each.requirement is not None},
+        **{kind: entry.meaning for kind, entry in EFFECTS.items() if entry.meaning},
     }

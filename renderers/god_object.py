@@ -9,10 +9,10 @@ the hand, and what it runs into on the way is a new contact.
 
 from __future__ import annotations
 
-from hapticeval.compiled import LawData, compiled
+from hapticeval.compiled import LawData, borrowing, inlined
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.renderers.family import VERTICES
-from hapticeval.renderers.law import BILATERAL, ERROR, ROOM, regulate, release
+from hapticeval.renderers.law import BILATERAL, ERROR, ROOM, move_on, regulate, release
 from hapticeval.renderers.outline import (
     LEAVES,
     Outline,
@@ -46,10 +46,12 @@ def god_object(scene: Scene, representation: str, *, vertices: float = VERTICES)
 
         return on_mesh(scene, scene.model.boundary)
     shown = representation_of(scene.model, representation, int(vertices))
-    return CompiledProjection(follow, shown.surface, bilateral=scene.bilateral, memory=5, begin=begin, **shown.tables)
+    return CompiledProjection(
+        follow, shown.surface, bilateral=scene.bilateral, memory=5, begin=begin, rows=follow_rows, **shown.tables
+    )
 
 
-@compiled
+@borrowing
 def begin(data: LawData, hip: Array) -> None:
     """Prepare the state at the start of a run with the hand at `hip` (2,), m."""
     state = data.state
@@ -58,7 +60,7 @@ def begin(data: LawData, hip: Array) -> None:
     state[PIECE], state[AT], state[HIP_X], state[HIP_Y] = piece, u, hip[0], hip[1]
 
 
-@compiled
+@inlined
 def follow(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
@@ -82,7 +84,18 @@ def follow(
     return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)
 
 
-@compiled
+@borrowing
+def follow_rows(
+    data: LawData, push: Array, hips: Array, velocity: Array, dt: float, ihips: Array, forces: Array
+) -> tuple[int, int]:
+    """Answer each row of a path, as `answer_rows` does: a tick on a polygon takes less time than a call by `LAW`."""
+    for row in range(hips.shape[0]):
+        move_on(hips, row, dt, velocity)
+        follow(data, hips[row], velocity, push, dt, ihips[row], forces[row])
+    return hips.shape[0], 0
+
+
+@borrowing
 def _fly(b: Outline, released: bool, x0: float, y0: float, x: float, y: float) -> tuple[bool, int, float]:
     """Straight to the hand at (x, y) from (x0, y0), where the tool was `released` from the surface or is free.
 

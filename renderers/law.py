@@ -8,18 +8,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from copy import copy
+from functools import partial
 from typing import Any, Self, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from hapticeval.compiled import LAW, LawData, borrowing, first_class, for_kernels, inlined
+from hapticeval.compiled import LAW, LawData, borrowing, first_class, for_kernels, inlined, inner
 from hapticeval.errors import DomainError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.model import Model
-from hapticeval.recordings.recording import backward_difference
 from hapticeval.renderer import CompiledStep, Response
-from hapticeval.renderers.regulation import PP_D, PP_PD, PP_PD_C, PP_V, SQUARE_ROOT, TRANSVERSAL, Regulation
+from hapticeval.renderers.regulation import PP, PP_D, PP_PD, PP_PD_C, PP_V, SQUARE_ROOT, TRANSVERSAL, Regulation
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -41,14 +41,24 @@ class LawRenderer:
     """Answers by `law`, with the same bits in `step`, in `run` and in a compiled loop.
 
     `surface` is the curve, or surface in space, that is really rendered, `resolution` (m) the length of it over which
-    the representation is blurred, and `standoff` (m) how far it may lie off the model.
+    the representation is blurred, and `standoff` (m) how far it may lie off the model. `rows` is `answer_rows` for this
+    law alone, with the law compiled into it: for one so short that calling it takes longer.
     """
 
-    def __init__(self, law: CompiledStep, surface: Boundary, *, resolution: float = 0.0, standoff: float = 0.0) -> None:
+    def __init__(
+        self,
+        law: CompiledStep,
+        surface: Boundary,
+        *,
+        resolution: float = 0.0,
+        standoff: float = 0.0,
+        rows: Callable[..., tuple[int, int]] | None = None,
+    ) -> None:
         self.law = law
         self.surface = surface
         self.resolution = resolution
         self.standoff = standoff
+        self._rows = rows
         self._push = np.zeros(surface.dimension)
 
     def reset(self, hip: Array) -> None:  # noqa: ARG002 - the protocol's
@@ -71,11 +81,10 @@ class LawRenderer:
         The velocity is the difference backwards in time, as a recording has it. Returns IHIPs and forces, (n, N).
         """
         hips = as_rows(hips)
-        velocities = velocities_along(hips, dt)
-        ihips, forces = np.empty_like(hips), np.empty_like(hips)
+        velocity, ihips, forces = np.zeros(hips.shape[1]), np.empty_like(hips), np.empty_like(hips)
         self.reset(hips[0])
-        law = first_class(self.law.function, LAW)
-        row, refusal = _run(law, self.law.data, self._push, hips, velocities, dt, ihips, forces)
+        answer = self._rows or partial(answer_rows, first_class(self.law.function, LAW))
+        row, refusal = answer(self.law.data, self._push, hips, velocity, dt, ihips, forces)
         if refusal:
             raise self.led_out(hips[row], self.law.refusals[refusal])
         return ihips, forces
@@ -97,19 +106,27 @@ def as_rows(values: Array) -> Array:
     return for_kernels(np.asarray(values, dtype=np.float64))
 
 
-def velocities_along(hips: Array, dt: float) -> Array:
-    """Return the velocities (n, N), m/s, of a hand at `hips` (n, N), m, every `dt` s, as a recording has them."""
-    return backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
+@inner
+def move_on(hips: Array, row: int, dt: float, velocity: Array) -> None:
+    """Write the hand's velocity at a row of a path, as a recording has it; the first row keeps what is there."""
+    if row > 0:
+        span = dt * float(row) - dt * float(row - 1)
+        for i in range(hips.shape[1]):
+            velocity[i] = (hips[row, i] - hips[row - 1, i]) / span
 
 
 @borrowing
-def _run(
-    law: Callable[..., Any], data: LawData, push: Array, hips: Array, velocities: Array, dt: float, ihips: Array,
+def answer_rows(
+    law: Callable[..., Any], data: LawData, push: Array, hips: Array, velocity: Array, dt: float, ihips: Array,
     forces: Array,
 ) -> tuple[int, int]:  # fmt: skip
-    """Answer each row; returns the row at which the law refuses, and its number, 0 where it does not."""
+    """Answer each row of a path by a law, with `velocity` (N,), m/s, at the first.
+
+    Returns the row at which the law refuses, and its number, 0 where it does not.
+    """
     for row in range(hips.shape[0]):
-        refusal = law(data, hips[row], velocities[row], push, dt, ihips[row], forces[row])
+        move_on(hips, row, dt, velocity)
+        refusal = law(data, hips[row], velocity, push, dt, ihips[row], forces[row])
         if refusal != 0:
             return row, refusal
     return hips.shape[0], 0
@@ -139,7 +156,7 @@ def gains(regulation: Regulation, scene: Scene) -> Array:
     return np.array([regulation.number, bilateral, scene.stiffness, scene.damping, scene.mass, spring, damper])
 
 
-@inlined
+@inner
 def release(state: Array, hip: Array, ihip: Array, force: Array) -> int:
     """Answer in free space: the IHIP is the HIP and the force zero."""
     state[HELD] = 0.0
@@ -164,16 +181,19 @@ def regulate(
         now = hip[i] - ihip[i]
         rate = (now - state[ERROR + i]) / dt if held else 0.0
         state[ERROR + i] = now
-        across += state[normal + i] * velocity[i]
-        pressed += state[normal + i] * now
         depth2 += now * now
         closing += now * rate
         force[i] = -stiffness * now
-        if scheme == PP_V:
-            force[i] = force[i] - damping * velocity[i]
-        elif scheme == PP_D:
+        if scheme == PP_D:
             force[i] = force[i] - damping * rate
     state[HELD] = 1.0
+    if scheme == PP:
+        return 0
+    for i in range(count):
+        across += state[normal + i] * velocity[i]
+        pressed += state[normal + i] * state[ERROR + i]
+        if scheme == PP_V:
+            force[i] = force[i] - damping * velocity[i]
     if scheme == TRANSVERSAL:
         size = -stiffness * pressed - damping * across
         for i in range(count):

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from hapticeval.compiled import LawData, compiled
+from hapticeval.compiled import LawData, borrowing
 from hapticeval.geometry.kernels import evaluate
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import place as place_on_mesh
@@ -46,7 +46,7 @@ def nearest(scene: Scene, representation: str, *, vertices: float = VERTICES, gr
     return CompiledProjection(in_plane, shown.surface, bilateral=scene.bilateral, **shown.tables)
 
 
-@compiled
+@borrowing
 def in_plane(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
@@ -70,7 +70,7 @@ def in_plane(
     return regulate(params, state, hip, velocity, fall, dt, ihip, force)
 
 
-@compiled
+@borrowing
 def in_space(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip
@@ -88,7 +88,7 @@ def in_space(
     return regulate(params, state, hip, velocity, fall, dt, ihip, force)
 
 
-@compiled
+@borrowing
 def on_mesh(
     data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
 ) -> int:  # fmt: skip

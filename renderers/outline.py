@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticeval.compiled import NOTHING, LawData, compiled, for_kernels, inlined
+from hapticeval.compiled import NOTHING, LawData, borrowing, compiled, for_kernels, inner
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.curve_kernels import STRAIGHT, joint_turn, project
 from hapticeval.geometry.kernels import (
@@ -97,7 +97,7 @@ LONGEST_MARCH = 100_000
 """Steps on curved pieces after which a march stops where it is; marches at a fold take some hundreds."""
 
 
-@inlined
+@inner
 def at(pieces: Array, k: int, u: float) -> tuple[float, float, float, float, float, float]:
     """`evaluate` on piece k; straight pieces, by far the most, without the cost of a view of the row."""
     if pieces[k, KIND] == LINE:
@@ -107,7 +107,7 @@ def at(pieces: Array, k: int, u: float) -> tuple[float, float, float, float, flo
     return evaluate(pieces[k], u)
 
 
-@compiled
+@borrowing
 def slide(
     pieces: Array, joints: Array, releases: bool, piece: int, u: float, x: float, y: float
 ) -> tuple[int, int, float]:
@@ -165,7 +165,7 @@ def slide(
         piece, u = k, start
 
 
-@compiled
+@borrowing
 def _first_zero(g: float, slope: float, bend: float) -> float:
     """The smallest d > 0 with -g + slope d + bend d^2 / 2 = 0, for g > 0; infinite if there is none."""
     if bend == 0.0:
@@ -174,7 +174,7 @@ def _first_zero(g: float, slope: float, bend: float) -> float:
     return 2.0 * g / (slope + root) if slope > 0.0 else (root - slope) / bend
 
 
-@compiled
+@borrowing
 def _other_wall(pieces: Array, joints: Array, piece: int, u: float, x: float, y: float) -> int:
     """The piece that still holds the tool in a concave corner when it is free of `piece`, or -1."""
     count = pieces.shape[0]
@@ -194,7 +194,7 @@ def _other_wall(pieces: Array, joints: Array, piece: int, u: float, x: float, y:
     return k if (x - px) * dy - (y - py) * dx < 0.0 else -1
 
 
-@inlined
+@inner
 def frame(pieces: Array, joints: Array, piece: int, u: float, x: float, y: float) -> tuple[float, float, float, float]:
     """The surface point at (piece, u), and the outward unit normal that holds the HIP (x, y) there.
 
@@ -250,13 +250,13 @@ STRAY = OWN
 """Where in the `params` of a law the `stray` of its boundary is."""
 
 
-@inlined
+@inner
 def outline_in(data: LawData) -> Outline:
     """Return the boundary that a law works on."""
     return Outline(data.segments, data.joints, data.lookup, data.vertices, data.tree, data.params[STRAY])
 
 
-@inlined
+@inner
 def closed(b: Outline) -> bool:
     """Return whether it is closed; else it is the unbounded line."""
     return bool(b.pieces[0, KIND] != UNBOUNDED)
@@ -301,7 +301,7 @@ def _turns(pieces: Array) -> Array:
     return out
 
 
-@compiled
+@borrowing
 def nearest_on(b: Outline, x: float, y: float) -> tuple[int, float, float, float]:
     """The nearest surface point: (piece, u, distance, side), side -1.0 inside and 1.0 outside or on it."""
     if b.stray > 0.0 or not closed(b):
@@ -313,7 +313,7 @@ def nearest_on(b: Outline, x: float, y: float) -> tuple[int, float, float, float
     return edge, row[U0] + along * (row[U1] - row[U0]), math.sqrt(distance2), side
 
 
-@compiled
+@borrowing
 def clear_of(b: Outline, x: float, y: float) -> bool:
     """Whether a point is outside by more than the chords stray: what can be told at the cost of a polygon."""
     if not closed(b):
@@ -322,7 +322,7 @@ def clear_of(b: Outline, x: float, y: float) -> bool:
     return distance2 > b.stray * b.stray and side_kernel(b.vertices, edge, along, x, y) > 0.0
 
 
-@compiled
+@borrowing
 def entered(b: Outline, x0: float, y0: float, x1: float, y1: float, leaving: bool) -> tuple[bool, int, float]:
     """Whether a tool that moves straight from (x0, y0), outside or on the surface, runs into it: and (piece, u) where.
 
@@ -357,7 +357,7 @@ def entered(b: Outline, x0: float, y0: float, x1: float, y1: float, leaving: boo
     return True, piece, u
 
 
-@compiled
+@borrowing
 def _piece_at(b: Outline, chord: int, t: float) -> tuple[int, float]:
     """The (piece, u) at fraction t of a chord."""
     low, high = 0, b.pieces.shape[0] - 1

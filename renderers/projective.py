@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import LAW, LawData, compiled, first_class, law_data
+from hapticeval.compiled import LAW, LawData, borrowing, compiled, first_class, for_kernels, inner, law_data
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.renderer import CompiledStep, Declaration, Response
 from hapticeval.renderers.law import (
@@ -20,9 +20,9 @@ from hapticeval.renderers.law import (
     LawRenderer,
     as_rows,
     gains,
+    move_on,
     regulate,
     release,
-    velocities_along,
 )
 from hapticeval.renderers.regulation import Regulation
 from hapticeval.scene import Scene
@@ -72,7 +72,8 @@ class CompiledProjection:
     """A projection as the kernel `law`, of signature `LAW`, that projects and lets `regulate` make the force.
 
     `tables` are fields of its `LawData`; its `params` begin with the gains, and `own` follows. `begin` (data, hip)
-    prepares a state of `memory` more numbers at the start of a run, for a projection with memory.
+    prepares a state of `memory` more numbers at the start of a run, for a projection with memory. `rows` is as of
+    `LawRenderer`.
     """
 
     def __init__(
@@ -84,13 +85,14 @@ class CompiledProjection:
         own: ArrayLike = (),
         memory: int = 0,
         begin: Callable[[LawData, Array], None] | None = None,
+        rows: Callable[..., tuple[int, int]] | None = None,
         resolution: float = 0.0,
         standoff: float = 0.0,
         **tables: ArrayLike,
     ) -> None:
         self.law = law
         self.surface, self.resolution, self.standoff = surface, resolution, standoff
-        self.begin = begin
+        self.begin, self.rows = begin, rows
         params = np.concatenate([np.zeros(OWN), np.asarray(own, dtype=np.float64)])
         params[BILATERAL] = float(bilateral)
         self._data = law_data(params, state=ROOM[surface.dimension] + memory, **tables)
@@ -120,7 +122,8 @@ class ProjectiveRenderer(LawRenderer):
 
     def __init__(self, projection: CompiledProjection, regulation: Regulation, scene: Scene) -> None:
         law = CompiledStep(projection.law, projection.data(gains(regulation, scene)), refusals={})
-        super().__init__(law, projection.surface, resolution=projection.resolution, standoff=projection.standoff)
+        lengths = {"resolution": projection.resolution, "standoff": projection.standoff}
+        super().__init__(law, projection.surface, rows=projection.rows, **lengths)
         self.projection = projection
         self.regulation = regulation
         self.declares = Declaration(spring=regulation.spring)
@@ -154,10 +157,23 @@ class ProjectedRenderer:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s."""
         hip = as_rows(hip)
         ihip, normal, contact = self.projection.project(hip)
-        answers, forces = np.array([[*ihip, *normal]]), np.empty((1, hip.size))
-        rows = hip[np.newaxis], as_rows(velocity)[np.newaxis]
-        _regulate_many(self._params, self._state, *rows, dt, answers, np.array([contact]), forces)
-        return Response(answers[0, : hip.size], forces[0])
+        answers = np.array([ihip]), np.array([normal]), np.array([contact])
+        rows = hip[np.newaxis], as_rows(velocity)[np.newaxis], np.array([dt])
+        return Response(answers[0][0], self._led(*rows, answers)[0])
+
+    def lead(self, hips: Array, velocities: Array, dt: Array) -> tuple[Array, Array]:
+        """A `step` a row, from where the last one ended: HIPs and velocities (n, N), and `dt` (n,).
+
+        Returns IHIPs and forces, (n, N).
+        """
+        rows = as_rows(hips), as_rows(velocities), as_rows(dt)
+        answers = self.projection.trace(rows[0])
+        return answers[0], self._led(*rows, answers)
+
+    def _led(self, hips: Array, velocities: Array, dt: Array, answers: tuple[Array, Array, BoolArray]) -> Array:
+        forces = np.empty_like(hips)
+        _lead(self._params, self._state, hips, velocities, dt, _plain(answers), forces)
+        return forces
 
     def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
         """A whole path: `reset` at the first row of `hips` (n, N), and a `step` a row, with a recording's velocities.
@@ -165,12 +181,16 @@ class ProjectedRenderer:
         Returns IHIPs and forces, (n, N).
         """
         hips = as_rows(hips)
-        velocities = velocities_along(hips, dt)
         self.reset(hips[0])
-        ihips, normals, contact = self.projection.trace(hips)
-        answers, forces = np.hstack([ihips, normals]), np.empty_like(hips)
-        _regulate_many(self._params, self._state, hips, velocities, dt, answers, contact, forces)
-        return ihips, forces
+        answers = self.projection.trace(hips)
+        forces = np.empty_like(hips)
+        _run(self._params, self._state, hips, np.zeros(hips.shape[1]), dt, _plain(answers), forces)
+        return answers[0], forces
+
+
+def _plain(answers: tuple[Array, Array, BoolArray]) -> tuple[Array, Array, BoolArray]:
+    ihips, normals, contact = answers
+    return for_kernels(ihips), for_kernels(normals), for_kernels(contact)
 
 
 @compiled
@@ -188,24 +208,37 @@ def _trace(law: Callable[..., Any], data: LawData, hips: Array) -> tuple[Array, 
     return ihips, normals, contact
 
 
-@compiled
-def _regulate_many(
-    params: Array,
-    state: Array,
-    hips: Array,
-    velocities: Array,
-    dt: float,
-    answers: Array,
-    contact: BoolArray,
+@inner
+def _regulate_row(
+    params: Array, state: Array, row: int, hip: Array, velocity: Array, dt: float,
+    answers: tuple[Array, Array, BoolArray], force: Array,
+) -> None:  # fmt: skip
+    """Write the force of one projected row: `answers` are IHIPs (n, N), normals (n, N) and contact (n,)."""
+    ihips, normals, contact = answers
+    if contact[row]:
+        for i in range(hip.shape[0]):
+            state[ERROR + hip.shape[0] + i] = normals[row, i]
+        regulate(params, state, hip, velocity, 0.0, dt, ihips[row], force)
+    else:
+        release(state, hip, ihips[row], force)
+
+
+@borrowing
+def _run(
+    params: Array, state: Array, hips: Array, velocity: Array, dt: float, answers: tuple[Array, Array, BoolArray],
     forces: Array,
-) -> None:
-    """Write the forces (n, N) of projected rows: `answers` (n, 2 N) are IHIP and normal."""
-    count, size = hips.shape
-    for row in range(count):
-        ihip = answers[row, :size]
-        if contact[row]:
-            for i in range(size):
-                state[ERROR + size + i] = answers[row, size + i]
-            regulate(params, state, hips[row], velocities[row], 0.0, dt, ihip, forces[row])
-        else:
-            release(state, hips[row], ihip, forces[row])
+) -> None:  # fmt: skip
+    """Write the forces (n, N) of projected rows of a path, with `velocity` (N,), m/s, at the first."""
+    for row in range(hips.shape[0]):
+        move_on(hips, row, dt, velocity)
+        _regulate_row(params, state, row, hips[row], velocity, dt, answers, forces[row])
+
+
+@borrowing
+def _lead(
+    params: Array, state: Array, hips: Array, velocities: Array, dt: Array, answers: tuple[Array, Array, BoolArray],
+    forces: Array,
+) -> None:  # fmt: skip
+    """Write the forces (n, N) of projected rows, each with its own velocity and `dt` (n,)."""
+    for row in range(hips.shape[0]):
+        _regulate_row(params, state, row, hips[row], velocities[row], dt[row], answers, forces[row])

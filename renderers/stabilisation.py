@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from hapticeval.compiled import law_data
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.effects.viscosity import viscosity_of
 from hapticeval.errors import DomainError, InputError, RefusalError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
@@ -32,7 +31,7 @@ class Stabilisation(LawRenderer):
 
     def __init__(self, scene: Scene, law: Callable[..., Any], surface: Boundary, **tables: ArrayLike) -> None:
         check_gains(scene)
-        gains = (scene.stiffness, scene.damping, scene.mass, viscosity_of(scene), float(scene.bilateral))
+        gains = (scene.stiffness, scene.damping, scene.mass, scene.viscosity, float(scene.bilateral))
         data = law_data(gains, state=MEMORY, **tables)
         where = "the centre of curvature" if surface.dimension == 2 else "a centre of curvature"
         refusals = {BEYOND: f"the hand is at {where} of its nearest surface point, or beyond it"}
@@ -112,10 +111,10 @@ def check_gains(scene: Scene) -> None:
             f"{f' = {2.0 * scene.damping / period:.6g} N/m' if d < 2.0 else ''}",
             todo="sample faster, lower the stiffness, or change the damping",
         )
-    if not viscosity_of(scene) * period < 2.0 * mass:
+    if not scene.viscosity * period < 2.0 * mass:
         raise InputError(
-            f"viscosity {viscosity_of(scene):g} kg/s is unstable at {period:g} s",
-            why=f"the sampled speed is multiplied by {1.0 - viscosity_of(scene) * period / mass:g} at each tick",
+            f"viscosity {scene.viscosity:g} kg/s is unstable at {period:g} s",
+            why=f"the sampled speed is multiplied by {1.0 - scene.viscosity * period / mass:g} at each tick",
             todo=f"choose it below {2.0 * mass / period:g} kg/s, or sample faster",
         )
 
@@ -157,18 +156,19 @@ class SurfaceStabilisation(Stabilisation):
         given = recording.channels
         y, yd = given.get("measured_hip", recording.hip), given.get("measured_velocity", recording.velocity)
         push = given.get("measured_force")
-        told: dict[str, tuple[Signal, Array]] = {
+        found: dict[str, tuple[Signal, Array]] = {
             "chart": (Signal("1", "the chart that the switching law (7.56) uses"), active(y).astype(float))
         }
         answers = charts(self.law.data, y, yd, push)
         for number, answer in enumerate(answers, start=1):
-            told[f"eta{number}"] = (Signal("rad, rad/s", f"coordinates and rates of chart {number} (7.10)"), answer.eta)
+            meaning = Signal("rad, rad/s", f"coordinates and rates of chart {number} (7.10)")
+            found[f"eta{number}"] = (meaning, answer.eta)
             if "joint_position" in given:
-                told[f"torque{number}"] = (
+                found[f"torque{number}"] = (
                     Signal("N m", f"joint torque by chart {number}", "joint"),
                     self._torques(answer.force, recording, push),
                 )
-        return told
+        return found
 
     def _torques(self, forces: Array, recording: Recording, push: Array | None) -> Array:
         """What the inner loop makes of forces (n, 3)."""

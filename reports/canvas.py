@@ -6,7 +6,7 @@ import io
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from html import escape
 from pathlib import Path
 from types import MappingProxyType
@@ -103,14 +103,30 @@ def figure(
     With `page` it is transparent, for `page_svg`; else white, for `save_figure`. `settings` are matplotlib's rcParams
     on top of the style, `options` arguments of its `Figure`.
     """
-    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    style: Any = {**STYLE, **(settings or {})}
-    with rc_context(style):
+    with in_style(settings):
         made = Figure(figsize=(width, height), facecolor="white", **options)
         made.patch.set_visible(not page)
         yield made
+
+
+def in_style(settings: Mapping[str, Any] | None = None) -> AbstractContextManager[None]:
+    """Return a context in which matplotlib draws in the common style, and with its rcParams `settings` on top."""
+    from matplotlib import rc_context
+
+    style: Any = {**STYLE, **(settings or {})}
+    return rc_context(style)
+
+
+def empty(axes: Axes) -> None:
+    """Take out what has been drawn into axes; their place, ticks and labels stay."""
+    legend = axes.get_legend()
+    for kind in (axes.lines, axes.patches, axes.collections, axes.texts, axes.artists, axes.child_axes):
+        for artist in list(kind):
+            artist.remove()
+    if legend is not None:
+        legend.remove()
 
 
 def page_svg(made: Figure, *, prefix: str, title: str) -> str:

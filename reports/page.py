@@ -14,11 +14,13 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.quantity import duration, length, quantity, size
 from hapticeval.reports.bench_figure import TITLES, bench_plots
 from hapticeval.reports.canvas import classed
+from hapticeval.reports.effects_figure import EffectPlot, cost_svg
 from hapticeval.reports.run_figure import marks_of
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
 from hapticeval.reports.table import SYMBOLS, MatrixRow, SummaryRow, by_suite, matrix, ran
 from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, SuiteEntry, VerdictEntry
 from hapticeval.study.bench.document import BenchResults
+from hapticeval.study.effects.document import EffectsDocument
 
 BRIEF = 120
 """Characters of a model's parameters above which only its kind is named: an imported outline has thousands."""
@@ -79,9 +81,14 @@ class ShownSuite:
 
 
 def render_html(
-    results: ResultsDocument, drawings: Mapping[RunKey, Drawing], *, bench: BenchResults | None = None
+    results: ResultsDocument,
+    drawings: Mapping[RunKey, Drawing],
+    *,
+    bench: BenchResults | None = None,
+    effects: Sequence[EffectPlot] = (),
+    costs: EffectsDocument | None = None,
 ) -> str:
-    """Return the page, with a section on `bench` where there is one.
+    """Return the page, with a section on `bench` where there is one, and on `effects` and their `costs`.
 
     Everything that comes from results is escaped; the drawings' SVG is put in as it is.
     """
@@ -150,6 +157,9 @@ def render_html(
         bench=bench,
         bench_plots=[] if bench is None else bench_plots(bench),
         titles=TITLES,
+        effects=effects,
+        costs=costs,
+        cost_svg="" if costs is None else cost_svg(costs),
     )
 
 

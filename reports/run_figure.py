@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import cache
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import joined
-from hapticeval.reports.canvas import MM, drawn, figure, legend_above, page_svg, trace
+from hapticeval.reports.canvas import MM, drawn, empty, figure, in_style, legend_above, page_svg, trace
 from hapticeval.reports.plane import draw_plane, labels
 from hapticeval.runner.results import VerdictEntry
 from hapticeval.types import Array
@@ -24,6 +25,9 @@ from hapticeval.types import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+Frame: TypeAlias = "tuple[Axes, Axes, Axes]"
+"""The plane, the force, and what is below it."""
 
 DASHED, DOTTED = (0, (4, 1.2)), (0, (1.2, 1.2))
 
@@ -53,34 +57,52 @@ def figure_svg(
 
     Of a recording in 3D the two coordinates in which it moves most are drawn, and all three force components.
     """
+    made, axes = _page()
+    with in_style():
+        try:
+            _draw(axes, recording, model, marks)
+            return page_svg(made, prefix=prefix, title=title)
+        finally:
+            for each in axes:
+                empty(each)
+
+
+@cache
+def _page() -> tuple[Figure, Frame]:
+    """Make the figure that each of a page is drawn in: axes and ticks take as long to make as all that they hold."""
     with figure(8.0, 3.5, page=True) as made:
-        _draw(made, recording, model, marks)
-        return page_svg(made, prefix=prefix, title=title)
+        return made, _frame(made)
 
 
 def run_figure(recording: Recording, model: Model | None, *, marks: Sequence[Mark] = (), title: str = "") -> Figure:
     """Return the same as a figure of matplotlib, under a title."""
     with figure(8.0, 3.7) as made:
-        _draw(made, recording, model, marks)
+        _draw(_frame(made), recording, model, marks)
         made.suptitle(title, y=0.99, fontsize="medium")
         return made
 
 
-def _draw(made: Figure, recording: Recording, model: Model | None, marks: Sequence[Mark]) -> None:
+def _frame(made: Figure) -> Frame:
     plane = made.add_axes((0.08, 0.12, 0.405, 0.79))
     force = made.add_axes((0.59, 0.45, 0.39, 0.46))
     below = made.add_axes((0.59, 0.12, 0.39, 0.225), sharex=force)
+    force.tick_params(labelbottom=False)
+    below.set_xlabel("time (s)")
+    for axes in (force, below):
+        axes.yaxis.set_label_coords(-0.125, 0.5)
+        axes.grid(True)
+    return plane, force, below
+
+
+def _draw(frame: Frame, recording: Recording, model: Model | None, marks: Sequence[Mark]) -> None:
+    plane, force, below = frame
     ticks = {mark.number: int(np.argmin(np.abs(recording.time - mark.time))) for mark in marks}
     draw_plane(plane, recording, model, ticks=ticks, failed={mark.number for mark in marks if mark.failed})
     _draw_force(force, recording)
     _draw_below(below, recording)
-    force.tick_params(labelbottom=False)
-    below.set_xlabel("time (s)")
     start, end = float(recording.time[0]), float(recording.time[-1])
     below.set_xlim(start, end if end > start else start + recording.dt)
     for axes in (force, below):
-        axes.yaxis.set_label_coords(-0.125, 0.5)
-        axes.grid(True)
         for mark in marks:
             axes.axvline(
                 mark.time, color=drawn("mark"), linewidth=1.3 if mark.failed else 0.9, zorder=1.5,

@@ -6,6 +6,7 @@ import re
 
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import make_effect
+from hapticeval.effects.effect import Stage
 from hapticeval.quantity import quantity
 from hapticeval.runner.results import RunEntry, SceneEntry
 
@@ -15,6 +16,9 @@ LOOPS = {
     "compensated": "inner loop with dynamic compensation (2.11)",
     "linearised": "inner loop by feedback linearisation (6.7)",
 }
+SURFACE = (None, Stage.ANSWER)
+"""Stages of the surface's effects."""
+
 FIGURES = re.compile(r"Figures? \d+\.\d+(?:(?:,| and| to) \d+\.\d+)*")
 
 
@@ -49,7 +53,7 @@ def _effects(scene: SceneEntry, *, of_surface: bool) -> list[str]:
     """Describe each effect that the scene calls for, of the surface or of the robot."""
     turning = scene.device is not None and scene.device.kind != PointMass.name
     found = (make_effect(each) for each in scene.effects)
-    return [each.describe(turning=turning) for each in found if (each.stage is None) == of_surface]
+    return [each.describe(turning=turning) for each in found if (each.stage in SURFACE) == of_surface]
 
 
 def ended_words(run: RunEntry) -> str:

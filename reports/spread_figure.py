@@ -138,7 +138,7 @@ def _statements(aligned: Aligned, comparisons: Sequence[Comparison]) -> Iterator
             said = f"within the spread: {size} apart, repeats {scale * each.spread:.3g} {unit} ({tested})"
         else:
             said = (
-                f"too few repeats to tell: {size} apart, {spreads}, "
+                f"too few repeats: {size} apart, {spreads}, "
                 f"and these repeats cannot give a p below {each.least:.2g} ({tested}); {_needed(each)}"
             )
         yield f"- {each.first} and {each.second}, {WAYS[each.direction]}, {TITLES[each.column]}: {said}"

@@ -11,6 +11,7 @@ from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
 from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
 from hapticeval.reports.comparison import comparison_svg
+from hapticeval.reports.effects_figure import effect_plots
 from hapticeval.reports.junit import junit
 from hapticeval.reports.page import Drawing, render_html
 from hapticeval.reports.plane import refusal_svg
@@ -19,6 +20,8 @@ from hapticeval.reports.table import markdown
 from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, VerdictEntry, read_results
 from hapticeval.study.bench.document import FILE as BENCH
 from hapticeval.study.bench.document import read_bench
+from hapticeval.study.effects.document import FILE as COSTS
+from hapticeval.study.effects.document import read_costs
 from hapticeval.workers import Answer, Ended, Workers
 
 PATIENCE = 0.1
@@ -59,10 +62,12 @@ def write_reports(
     results = read_results(directory)
     drawings = _drawn(list(_orders(directory, results)), progress or (lambda *_: None), workers, stopped)
     bench = read_bench(directory) if (directory / BENCH).exists() else None
+    effects = effect_plots(directory, results)
+    costs = read_costs(directory) if (directory / COSTS).exists() else None
     texts = {
         "table.md": markdown(results),
         "junit.xml": junit(results),
-        "report.html": render_html(results, drawings, bench=bench),
+        "report.html": render_html(results, drawings, bench=bench, effects=effects, costs=costs),
     }
     for name, text in texts.items():
         try:
@@ -129,8 +134,8 @@ def draw(order: Order) -> Drawing:
 
 def _draw(order: Order) -> Drawing:
     from hapticeval.geometry.catalogue import make_model
+    from hapticeval.recordings.channels import REQUIRED
     from hapticeval.recordings.hdf5 import read_recording
-    from hapticeval.recordings.recording import REQUIRED
 
     run = order.runs[0]
     place, prefix = f"{run.suite}/{run.case}", order.prefix

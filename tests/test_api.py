@@ -1,51 +1,34 @@
 """Judging from Python: names, classes and instances, in memory or into a folder, and what the results give."""
 
-from __future__ import annotations
-
 import signal
 import threading
 
 import numpy as np
 import pytest
+from honest import Spring
+from slides import CASES, HEAD
 
 import hapticeval
-from hapticeval import InputError, NothingSelectedError, Response, UnknownNameError
+from hapticeval import InputError, NothingSelectedError, UnknownNameError
 from hapticeval.runner.events import JobFinished
 
 
-class Nearest:
-    def __init__(self, scene):
-        self.boundary, self.stiffness = scene.model.boundary, scene.stiffness
-
-    def reset(self, hip):
-        pass
-
-    def step(self, hip, velocity, dt):
-        at = self.boundary.closest_point([hip])
-        ihip = at.foot[0] if at.distance[0] < 0 else hip
-        return Response(ihip, self.stiffness * (ihip - hip))
+class Nearest(Spring):
+    """A renderer that nobody registered."""
 
 
-SUITE = """
-title = "mine"
-[[case]]
-name = "flat"
-title = "Along a plane"
-model = { kind = "line" }
-checks = ["continuous-contact", "memoryless"]
-trajectory = { kind = "points", points = [[0.0, -0.001], [0.019, -0.001]], duration = 0.2 }
-[[case]]
-name = "back"
-title = "And back"
-model = { kind = "line" }
-checks = ["continuous-contact"]
-trajectory = { kind = "points", points = [[0.02, -0.001], [0.0, -0.001]], duration = 0.2 }
+SUITE = (
+    HEAD
+    + CASES["flat"]
+    + CASES["flat-back"]
+    + """
 [[row]]
 title = "Slides"
 check = "continuous-contact"
 cases = ["*"]
 published = { Nearest = "No" }
 """
+)
 
 
 @pytest.fixture
@@ -60,7 +43,7 @@ def test_a_class_is_judged_in_memory_and_leaves_no_file(suite, tmp_path):
     results = hapticeval.run(Nearest, suites=suite)
     assert (results.complete, results.exit_code) == (True, 0)
     frame = results.frame()
-    assert list(frame.case) == ["flat", "flat", "back"]
+    assert list(frame.case) == ["flat", "flat", "flat-back"]
     assert set(frame.renderer) == {"Nearest"}
     assert set(frame.outcome) == {"pass"}
     assert (frame.margin.dropna() == (frame.bound - frame.value).dropna()).all()
@@ -71,8 +54,8 @@ def test_a_class_is_judged_in_memory_and_leaves_no_file(suite, tmp_path):
     assert results.plot("flat").get_suptitle() == "Nearest on mine/flat"
     with pytest.raises(InputError, match="there are 2 runs"):
         results.plot()
-    alone = hapticeval.run(Nearest, suites=suite, select="back")
-    assert alone.recording().meta["case"] == "back"
+    alone = hapticeval.run(Nearest, suites=suite, select="flat-back")
+    assert alone.recording().meta["case"] == "flat-back"
     page = results._repr_html_()
     assert page.count("<table") == 2
     assert "Results of Nearest: 3 pass" in page
@@ -105,15 +88,15 @@ def test_instances_factories_and_names_are_renderers_too(suite):
         {"made": made, "factory": factory, "constraint": "constraint"}, suites=suite, select="flat"
     )
     assert set(results.frame().groupby("renderer").outcome.unique().map(tuple)) == {("pass",)}
-    assert list(hapticeval.run(factory, suites=suite, select="back").frame().renderer) == ["factory"]
+    assert list(hapticeval.run(factory, suites=suite, select="flat-back").frame().renderer) == ["factory"]
 
 
 def test_one_renderer_is_judged_in_cases_of_any_suite_or_of_ones_own(suite):
     results = hapticeval.judge("constraint", cases=["thesis/plane-press"], workers=0)
     assert set(results.frame().suite) == {"thesis"}
     assert results.exit_code == 0
-    own = hapticeval.judge(Nearest, cases=[suite.case("back")])
-    assert [(verdict.case, verdict.outcome) for verdict in own.verdicts] == [("back", "pass")]
+    own = hapticeval.judge(Nearest, cases=[suite.case("flat-back")])
+    assert [(verdict.case, verdict.outcome) for verdict in own.verdicts] == [("flat-back", "pass")]
 
 
 def test_what_breaks_is_in_the_results(suite):

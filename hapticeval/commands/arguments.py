@@ -54,7 +54,7 @@ FormatName = Annotated[
     option(
         "--format",
         metavar="NAME",
-        help="Its format, where it cannot be told: a name, or module:function of an importer of yours.",
+        help="Its format, where it cannot be recognised: a name, or module:function of an importer of yours.",
     ),
 ]
 

@@ -292,7 +292,7 @@ def list_(
 def explain(
     check: Annotated[str, typer.Argument(help="A check's id, as in `hapticeval list checks`.")],
 ) -> None:
-    """Tell what a check asks, measures and allows, and why.
+    """Explain what a check asks, measures and allows, and why.
 
     \b
     Example:

@@ -110,6 +110,10 @@ def explained(name: str) -> Iterator[tuple[str, str]]:
         yield "needs", "; ".join(check.siblings[sibling] for sibling in check.needs)
     if check.not_for:
         yield "not for", "; ".join(check.not_for)
+    if check.effects:
+        yield "only with", "an effect of the surface: " + ", ".join(check.effects)
+    if check.not_with:
+        yield "not with", "an effect of the surface: " + ", ".join(check.not_with)
     yield "source", check.citation
 
 

@@ -130,12 +130,12 @@ def _examined(
     from hapticeval.recordings.provenance import spring_of
     from hapticeval.reports.integrity_figure import write_integrity
 
-    told, damped = spring_of(recording)
+    spring, damped = spring_of(recording)
     report = examine(
         recording,
         device=_device(recording),
         model=_model(recording, model),
-        stiffness=told if stiffness is None else stiffness,
+        stiffness=spring if stiffness is None else stiffness,
         others=others,
     )
     report = replace(report, checks=(*report.checks, *_not_asked(recording, damped if stiffness is None else "")))
@@ -217,7 +217,7 @@ def convert(
 ) -> None:
     """Convert a foreign file or a journal to a recording, or a recording to .mat, .csv or .npz.
 
-    Nothing is written over. What the file lacks is told, and stays in the recording.
+    Nothing is written over. What the file lacks is shown, and stays in the recording.
 
     \b
     Examples:
@@ -226,11 +226,12 @@ def convert(
       hapticeval convert run7.h5 -o run7.csv
       hapticeval convert cut.h5 --salvage -o whole.h5
     """
+    from hapticeval.files import refuse_existing
     from hapticeval.hardware.logs import load
-    from hapticeval.recordings.importing.convert import export, refuse_existing
+    from hapticeval.recordings.importing.convert import export
     from hapticeval.recordings.integrity.report import converted
     from hapticeval.recordings.memory import limited
-    from hapticeval.recordings.salvage import incomplete
+    from hapticeval.recordings.provenance import incomplete
 
     refuse_existing(output)
     with limited(memory_limit):

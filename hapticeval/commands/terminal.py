@@ -74,6 +74,11 @@ class Terminal:
         elif what:
             self.line(f"[{done + 1}/{total}] {what}")
 
+    def searching(self, done: float, total: float, what: str) -> None:
+        """Take how many seconds of a search are over, and what it has found: a bar on a terminal, elsewhere nothing."""
+        if self._stream.isatty():
+            self._advance(min(int(done), int(total)), int(total), what)
+
     def drawn(self, done: int, total: int) -> None:
         """Take how many of the report's figures are drawn: a bar on a terminal, elsewhere one line before many."""
         if self._stream.isatty():
@@ -99,13 +104,13 @@ class Terminal:
                 transient=True,
             )
             self._task = self._bar.add_task("")
-            self._bar.tasks[0].start_time = self._begun  # the bar tells the time since the run began, not its own
+            self._bar.tasks[0].start_time = self._begun  # the bar shows the time since the run began, not its own
             self._bar.start()
         if self._task is not None:
             self._bar.update(self._task, completed=done, total=total, description=what, refresh=True)
 
     def line(self, text: str) -> None:
-        """Tell something on a line of its own."""
+        """Print something on a line of its own."""
         if self._bar is not None:
             self._bar.stop()  # it comes again below with the next step
             self._bar = None
@@ -248,7 +253,7 @@ def _refused(results: ResultsDocument) -> Iterator[RunEntry]:
 
 
 def _surprising(results: ResultsDocument) -> Iterator[VerdictEntry]:
-    """The verdicts that are not as expected, less those of runs that broke: these are told as one."""
+    """The verdicts that are not as expected, less those of runs that broke: these are shown as one."""
     broken = {run.key for run in results.runs if run.error}
     for verdict in results.verdicts:
         if not verdict.as_expected and not (verdict.key in broken and verdict.outcome is Outcome.ERROR):

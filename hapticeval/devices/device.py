@@ -136,3 +136,13 @@ def checked_joints(device: Device, joints: ArrayLike) -> Array:
             todo="start elsewhere, or keep the hand further from there",
         )
     return vector
+
+
+def apparent_mass(device: Device, position: Array, normal: Array) -> float:
+    """Return the mass (kg) that a blow along `normal` (N,), a unit vector, meets at `position` (N,), m.
+
+    That is 1 / (n' J M⁻¹ J' n), of (4.21) with J_n = n' J. Raises `DomainError` where the device does not reach.
+    """
+    joints = device.joints(position)
+    along = device.jacobian(joints).T @ normal
+    return 1.0 / float(along @ np.linalg.solve(device.inertia(joints), along))

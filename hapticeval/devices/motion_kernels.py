@@ -18,8 +18,19 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numba import typeof, types
 
-from hapticeval.compiled import DYNAMICS, KINEMATICS, MARGIN, FirstClass, borrowing, compiled, first_class, inner
+from hapticeval.compiled import (
+    DYNAMICS,
+    KINEMATICS,
+    MARGIN,
+    VECTOR,
+    FirstClass,
+    borrowing,
+    compiled,
+    first_class,
+    inner,
+)
 from hapticeval.devices.integration import Method, control
 from hapticeval.types import Array
 
@@ -370,6 +381,12 @@ def advance(motion: Motion, tick: int, begin: float, finish: float, joints: Arra
         for i in range(joints.shape[0]):
             joints[i], rates[i] = rows[END, i], rows[END_RATE, i]
     return taken
+
+
+def advance_of(motion: Motion) -> FirstClass:
+    """Return `advance` for the types of a motion as a value: a loop that calls it is compiled without its code."""
+    times = types.int64, types.float64, types.float64
+    return first_class(advance, types.int64(typeof(motion), *times, VECTOR, VECTOR, VECTOR))  # type: ignore[no-untyped-call]
 
 
 @inner

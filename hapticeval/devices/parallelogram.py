@@ -212,25 +212,18 @@ class Parallelogram(ABC):
     @abstractmethod
     def _inverse(self, point: Array) -> Array: ...
 
-    def _linkage(self, point: Array, across: float, up: float) -> tuple[float, float]:
-        """The linkage's two joints from the hand's place (m) in its plane, seen from the shoulder.
-
-        across + i up = e^{i x₂} (ℓ₄ e^{iδ} + i ℓ₁) with δ = x₃ - x₂: its modulus gives δ, which the stops keep within
-        one radian, and its argument x₂.
-        """
-        l1, l4 = self.constants.l1, self.constants.l4
-        distance = math.hypot(across, up)
-        sine = ((distance - l1) * (distance + l1) - l4 * l4) / (2.0 * l1 * l4)
+    def _reached(self, point: Array) -> Array:
+        joints = np.empty(self.dimension)
+        sine = inverse(self._numbers, point, joints)
         if not -1.0 <= sine <= 1.0:
+            l1, l4 = self.constants.l1, self.constants.l4
+            distance = math.sqrt(l1 * l1 + l4 * l4 + 2.0 * l1 * l4 * sine)
             raise self._unreachable(
                 point,
                 f"it is {distance:.6g} m from the shoulder, and the links reach from {abs(l4 - l1):.6g} m to "
                 f"{l1 + l4:.6g} m",
             )
-        fold = math.asin(sine)
-        turn = math.atan2(up, across) - math.atan2(l4 * math.sin(fold) + l1, l4 * math.cos(fold))
-        shoulder = math.remainder(turn, 2.0 * math.pi)
-        return shoulder, shoulder + fold
+        return joints
 
     def _unreachable(self, point: Array, why: str) -> DomainError:
         return DomainError(
@@ -316,7 +309,7 @@ class Parallelogram2(Parallelogram):
         return abs(float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())) / 2.0
 
     def _inverse(self, point: Array) -> Array:
-        return np.array(self._linkage(point, point[0] + self.constants.l4, point[1] + self.constants.l1))
+        return self._reached(point)
 
 
 @dataclass(frozen=True)
@@ -355,12 +348,9 @@ class Parallelogram3(Parallelogram):
         return 2.0 * BASE_LIMIT * abs(moment)
 
     def _inverse(self, point: Array) -> Array:
-        across = float(point[0] + self.constants.l4)
-        reach = math.hypot(across, point[1])
-        if reach == 0.0:
+        if math.hypot(point[0] + self.constants.l4, point[1]) == 0.0:
             raise self._unreachable(point, "it lies on the base's axis, where x1 is not defined (a singularity)")
-        linkage = self._linkage(point, reach, point[2] + self.constants.l1)
-        return np.array([math.atan2(point[1], across), *linkage])
+        return self._reached(point)
 
 
 def corners() -> Array:
@@ -399,6 +389,30 @@ def kinematics2(
     velocity[1] = -sin1 * first + cos2 * second
     drift[0] = sin1 * first * first - cos2 * second * second
     drift[1] = -cos1 * first * first - sin2 * second * second
+
+
+def inverse(parameters: Array, position: Array, joints: Array) -> float:
+    """Write the joints (N,) with which the hand is at `position` (N,), m; N = 2 or 3.
+
+    In the linkage's plane, seen from the shoulder, across + i up = e^{i x₂} (ℓ₄ e^{iδ} + i ℓ₁) with δ = x₃ - x₂: its
+    modulus gives δ, which the stops keep within one radian, and its argument x₂. Return the sine of δ: beyond ±1 the
+    links do not reach there, and the joints are not written.
+    """
+    l1, l4 = parameters[L1], parameters[L4]
+    last = joints.shape[0] - 1
+    across, up = position[0] + l4, position[last] + l1
+    if last == 2:
+        joints[0] = math.atan2(position[1], across)
+        across = math.hypot(across, position[1])
+    distance = math.hypot(across, up)
+    sine = ((distance - l1) * (distance + l1) - l4 * l4) / (2.0 * l1 * l4)
+    if not -1.0 <= sine <= 1.0:
+        return float(sine)
+    fold = math.asin(sine)
+    turn = math.atan2(up, across) - math.atan2(l4 * math.sin(fold) + l1, l4 * math.cos(fold))
+    joints[last - 1] = turn - 2.0 * math.pi * np.rint(turn / (2.0 * math.pi))
+    joints[last] = joints[last - 1] + fold
+    return float(sine)
 
 
 def dynamics2(parameters: Array, joints: Array, rates: Array, inertia: Array, bias: Array) -> None:

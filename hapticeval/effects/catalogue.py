@@ -1,42 +1,113 @@
-"""All effects by kind, and how suites, results and recordings write them."""
+"""All effects by kind, and how suites, results and recordings write them.
+
+An effect is imported when something first calls for it: a process whose scenes call for none imports none. So what has
+to be known of every effect stands here, and the rest in its class.
+
+To add one: a file with its class, whose `kind` is the key, and an entry in `EFFECTS` at the place at which it takes its
+turn among those of its stage.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
-from typing import Any
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from hapticeval.effects.delay import Delay
 from hapticeval.effects.effect import Effect
-from hapticeval.effects.encoder import Encoder
-from hapticeval.effects.force_sensor import ForceSensor
-from hapticeval.effects.joint_friction import JointFriction
-from hapticeval.effects.saturation import Saturation
-from hapticeval.effects.velocity_filter import VelocityFilter
-from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import InputError, UnknownNameError
 
-EFFECTS: dict[str, type[Effect]] = {
-    each.kind: each for each in (Viscosity, Encoder, VelocityFilter, ForceSensor, Saturation, Delay, JointFriction)
+
+class Entry(NamedTuple):
+    """What is known of an effect without importing it.
+
+    `place` is its class, as "module:Class" with the module from this package on. `meaning` completes "the scene asks
+    for KIND: ..." of an effect that renderers may declare to support, and is empty where no renderer has to do with it.
+    `short` are its short forms: a key of the scene's table, with a dot for one of a table in it, to the field, or to ""
+    for all fields.
+    """
+
+    place: str
+    meaning: str = ""
+    short: Mapping[str, str] = {}
+
+    @property
+    def of(self) -> type[Effect]:
+        """The class, which is imported now at the latest."""
+        module, _, name = self.place.partition(":")
+        found: type[Effect] = getattr(import_module(module, __package__), name)
+        return found
+
+
+VISCOSITY, FORCE_SENSOR = "viscosity", "force-sensor"
+FRICTION, VISCOUS_FRICTION, LUGRE = "friction", "viscous-friction", "lugre"
+"""Kinds that other rooms ask for by name."""
+
+EFFECTS: dict[str, Entry] = {
+    "shading": Entry(".shading:Shading", "the force follows normals interpolated between vertices (4.15)"),
+    "height-map": Entry(
+        ".height_map:HeightMap", "the surface has a relief, felt as the potential K (d + h)^2 / 2 (4.3.2)"
+    ),
+    "bump-map": Entry(".bump_map:BumpMap", "the normal is turned by a relief (4.16)"),
+    "friction": Entry(
+        ".friction:Friction", "the surface holds a tool that sticks, and brakes one that slides (4.18), (4.20)"
+    ),
+    "viscous-friction": Entry(
+        ".viscous_friction:ViscousFriction", "the surface brakes a hand in contact in proportion to its speed along it"
+    ),
+    "lugre": Entry(".lugre:LuGre", "the surface holds and brakes the tool by bristles that bend (LuGre)"),
+    "stochastic-texture": Entry(
+        ".stochastic_texture:StochasticTexture", "the surface shakes the tool that slides along it (4.3.2)"
+    ),
+    VISCOSITY: Entry(
+        ".viscosity:Viscosity", "the surface brakes the tool that slides along it (7.18)", {"viscosity": "coefficient"}
+    ),
+    FRICTION: Entry(".friction:Friction", "the surface holds a tool that sticks, and brakes one that slides (4.3.3)"),
+    VISCOUS_FRICTION: Entry(
+        ".viscous_friction:ViscousFriction", "the surface brakes a hand in contact in proportion to its speed along it"
+    ),
+    LUGRE: Entry(".lugre:LuGre", "the surface holds and brakes the tool by bristles that bend (LuGre)"),
+    "contact-impulse": Entry(
+        ".contact_impulse:ContactImpulse", "a contact begins with a pulse that stops the device (4.21)"
+    ),
+    "contact-transient": Entry(
+        ".contact_transient:ContactTransient", "a contact begins with a decaying vibration (4.3.4)"
+    ),
+    "recorded-impulse": Entry(
+        ".recorded_impulse:RecordedImpulse", "a contact begins with a pulse that was measured (4.3.4)"
+    ),
+    "encoder": Entry(
+        ".encoder:Encoder", short={"imperfections.encoder_step": "step", "imperfections.encoder_counts": "counts"}
+    ),
+    "velocity-filter": Entry(".velocity_filter:VelocityFilter", short={"imperfections.velocity_cutoff": "cutoff"}),
+    FORCE_SENSOR: Entry(
+        ".force_sensor:ForceSensor",
+        "the hand's force is measured, and the tool moves along the surface as under that force (8.6)",
+        {"imperfections.force_sensor": ""},
+    ),
+    "saturation": Entry(".saturation:Saturation", short={"imperfections.torque_limit": "limit"}),
+    "delay": Entry(".delay:Delay", short={"imperfections.delay": "time"}),
+    "joint-friction": Entry(".joint_friction:JointFriction", short={"imperfections.friction": "torque"}),
 }
-"""Kind -> class, in the order in which effects take part in a tick. A new effect is named here."""
+"""Kind -> entry, in the order in which effects take part in a tick."""
 
 LISTED = "effects"
 """The entry of a scene's table that lists effects, each a table of `kind` and its numbers."""
 
 
-def read_effects(table: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[Effect, ...]]:
+def read_effects(table: Mapping[str, Any], folder: Path = Path()) -> tuple[dict[str, Any], tuple[Effect, ...]]:
     """Return what else a scene's table holds, and its effects: those listed under `effects`, and their short forms.
 
-    `viscosity = 0.3` is short for `effects = [{ kind = "viscosity", coefficient = 0.3 }]`, see `Effect.keys`. Raises
-    `UnknownNameError` for an unknown kind, number or short form, and `InputError` for numbers that an effect lacks or
-    cannot have.
+    Files that an effect names count from `folder`. `viscosity = 0.3` is short for `effects = [{ kind = "viscosity",
+    coefficient = 0.3 }]`, see `Entry.short`. Raises `UnknownNameError` for an unknown kind, number or short form, and
+    `InputError` for numbers that an effect lacks or cannot have.
     """
     listed = [dict(each) for each in table.get(LISTED, ())]
-    groups = {key.partition(".")[0] for kind in EFFECTS.values() for key in kind.keys if "." in key}
+    groups = {key.partition(".")[0] for entry in EFFECTS.values() for key in entry.short if "." in key}
     short = {key: value for key, value in table.items() if key not in groups}
     short |= {f"{group}.{key}": value for group in groups for key, value in table.get(group, {}).items()}
-    known = {key: (kind, field) for kind, made in EFFECTS.items() for key, field in made.keys.items()}
+    known = {key: (kind, field) for kind, entry in EFFECTS.items() for key, field in entry.short.items()}
     gathered: dict[str, dict[str, Any]] = {}
     for key, value in short.items():
         if key in known:
@@ -47,26 +118,27 @@ def read_effects(table: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[Effect
             names = [each.rpartition(".")[2] for each in known if each.startswith(f"{group}.")]
             raise UnknownNameError(f"entry of {group}", key.removeprefix(f"{group}."), names)
     rest = {key: value for key, value in short.items() if key not in known and "." not in key and key != LISTED}
-    return rest, tuple(make_effect(each) for each in [*listed, *gathered.values()])
+    return rest, tuple(make_effect(each, folder) for each in [*listed, *gathered.values()])
 
 
 def short_forms() -> dict[str, bool]:
     """Return the entries of a scene's table that are short forms of effects, and whether each is a number."""
-    return {key.partition(".")[0]: "." not in key for kind in EFFECTS.values() for key in kind.keys}
+    return {key.partition(".")[0]: "." not in key for entry in EFFECTS.values() for key in entry.short}
 
 
-def make_effect(document: Mapping[str, Any]) -> Effect:
+def make_effect(document: Mapping[str, Any], folder: Path = Path()) -> Effect:
     """Make an effect of a table of `kind` and its numbers. Raises `InputError` as `read_effects` does."""
     kind = document.get("kind")
     if kind not in EFFECTS:
         raise UnknownNameError("effect", str(kind), EFFECTS)
-    numbers = {name: value for name, value in document.items() if name != "kind"}
-    names = [each.name for each in fields(EFFECTS[kind])]
+    made = EFFECTS[kind].of
+    numbers = made.read({name: value for name, value in document.items() if name != "kind"}, folder)
+    names = [each.name for each in fields(made)]
     for name in numbers:
         if name not in names:
             raise UnknownNameError(f"number of effect '{kind}'", name, names)
     try:
-        return EFFECTS[kind](**numbers)
+        return made(**numbers)
     except TypeError as error:
         raise InputError(f"effect '{kind}' lacks a number", why=str(error), todo=f"give {', '.join(names)}") from error
 

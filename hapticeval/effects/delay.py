@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -24,7 +23,6 @@ class Delay(Effect):
     time: float = number("s", at=True)
 
     kind: ClassVar[str] = "delay"
-    keys: ClassVar[Mapping[str, str]] = {"imperfections.delay": "time"}
     stage: ClassVar[Stage] = Stage.COMMAND
 
     @property

@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -45,15 +46,15 @@ class Stage(StrEnum):
     JOINTS = "joints"
     """Give Coulomb friction to the joints: `params` (N,), without a function."""
     ANSWER = "answer"
-    """Change the renderer's answer, see `Effect.change`."""
+    """Change the answer of a renderer that does not declare to support the effect, see `Effect.change`."""
 
 
 class Part(NamedTuple):
     """What an effect adds to the closed loop, assembled for one run.
 
     `function(params, samples, state, tick, dt, first, second)` returns a float and writes in place; it is plain Python
-    over arrays that numba can compile, and calls nothing of the package. `params` (k,) are its numbers, `samples`
-    (ticks, N) what it is given at each tick, and `state` (2D) what it keeps, zero at the start.
+    over arrays that numba can compile, and calls nothing of the package but compiled functions. `params` (k,) are its
+    numbers, `samples` (ticks, N) what it is given at each tick, and `state` (2D) what it keeps, zero at the start.
     """
 
     function: Callable[..., float] | None
@@ -85,16 +86,6 @@ class Effect:
 
     kind: ClassVar[str] = ""
     """Its name in suites, results and recordings."""
-    requirement: ClassVar[str | None] = None
-    """The name under which a renderer declares that it supports the effect; None if a renderer need not know of it.
-
-    A renderer that does not declare an effect of the stage `ANSWER` gets it put on its answers; one that lacks another
-    is refused.
-    """
-    meaning: ClassVar[str] = ""
-    """Completes "the scene asks for REQUIREMENT: ..."."""
-    keys: ClassVar[Mapping[str, str]] = {}
-    """Short forms: a key of the scene's table, with a dot for one of a table in it, to the field; "" for all fields."""
     stage: ClassVar[Stage | None] = None
     """Where in a tick it takes part; None for what only renderers and checks know of."""
     refusals: ClassVar[Mapping[int, str]] = {}
@@ -123,9 +114,20 @@ class Effect:
                 )
 
     @classmethod
+    def read(cls, numbers: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:  # noqa: ARG003 - an effect's
+        """Return its numbers of a suite's table, with what files hold that the table names, which count from `folder`.
+
+        Raises `InputError` for a file that cannot be read.
+        """
+        return numbers
+
+    @classmethod
     def named(cls, name: str) -> str:
         """Return what messages call a field: its short form in suites where it has one, else kind and field."""
-        short = [key.rpartition(".")[2] for key, field in cls.keys.items() if field == name]
+        from hapticeval.effects.catalogue import EFFECTS
+
+        known = EFFECTS[cls.kind].short if cls.kind in EFFECTS else {}
+        short = [key.rpartition(".")[2] for key, field in known.items() if field == name]
         return short[0] if short else f"the {cls.kind}'s {name}"
 
     @property
@@ -140,6 +142,15 @@ class Effect:
 
     def check(self, device: Device) -> None:
         """Raise `InputError` where the effect makes no sense on the scene's device."""
+
+    def fits(self, scene: Calling) -> None:
+        """Raise `InputError` where the effect makes no sense in the scene."""
+
+    def check_path(self, scene: Calling, hips: Array) -> None:
+        """Raise `InputError` where a hand that is led along HIPs (n, N), m, a tick each, asks for what cannot be."""
+
+    def check_base(self, scene: Calling, ask: Ask) -> None:
+        """Raise `RefusalError` where it cannot be put on a renderer's answers, of which `ask` gives any."""
 
     def part(self, ticks: int, size: int, dt: float) -> Part:
         """Assemble what it adds to a closed loop of so many ticks of `dt` s, on a device of `size` = N joints."""
@@ -179,6 +190,10 @@ class Effect:
         )
 
 
+Ask = Callable[[Array, Array], tuple[Array, Array]]
+"""Ask a renderer: (from, to) -> IHIP and force, (N,) each, for a hand that comes from one point and rests at one."""
+
+
 class Calling(Protocol):
     """What calls for effects: a scene, see `hapticeval.scene.Scene`."""
 
@@ -201,6 +216,10 @@ class Calling(Protocol):
     @property
     def restitution(self) -> float:
         """c_r of (3.5)."""
+
+    @property
+    def bilateral(self) -> bool:
+        """Whether the surface holds the tool from both sides."""
 
     @property
     def sampling_time(self) -> float:

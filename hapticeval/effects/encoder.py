@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -29,7 +28,6 @@ class Encoder(Effect):
     counts: float | None = number("", default=None, compare=False)
 
     kind: ClassVar[str] = "encoder"
-    keys: ClassVar[Mapping[str, str]] = {"imperfections.encoder_step": "step", "imperfections.encoder_counts": "counts"}
     stage: ClassVar[Stage] = Stage.SENSE
     channels: ClassVar[tuple[str, ...]] = ("measured_hip", "measured_velocity")
     linear: ClassVar[bool] = False

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -29,11 +28,6 @@ class ForceSensor(Effect):
     seed: int = number("", at=True, default=0)
 
     kind: ClassVar[str] = "force-sensor"
-    requirement: ClassVar[str] = "force-sensor"
-    meaning: ClassVar[str] = (
-        "the hand's force is measured, and the tool moves along the surface as under that force (8.6)"
-    )
-    keys: ClassVar[Mapping[str, str]] = {"imperfections.force_sensor": ""}
     stage: ClassVar[Stage] = Stage.FEEL
     channels: ClassVar[tuple[str, ...]] = ("measured_force",)
 

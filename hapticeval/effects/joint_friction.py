@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -18,7 +17,6 @@ class JointFriction(Effect):
     torque: float = number("force")
 
     kind: ClassVar[str] = "joint-friction"
-    keys: ClassVar[Mapping[str, str]] = {"imperfections.friction": "torque"}
     stage: ClassVar[Stage] = Stage.JOINTS
     linear: ClassVar[bool] = False
     words: ClassVar[str] = "Coulomb friction of {torque} in each joint"

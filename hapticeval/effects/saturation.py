@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -19,7 +18,6 @@ class Saturation(Effect):
     limit: float = number("force")
 
     kind: ClassVar[str] = "saturation"
-    keys: ClassVar[Mapping[str, str]] = {"imperfections.torque_limit": "limit"}
     stage: ClassVar[Stage] = Stage.COMMAND
     linear: ClassVar[bool] = False
     words: ClassVar[str] = "motors saturate at {limit}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -28,7 +27,6 @@ class VelocityFilter(Effect):
     cutoff: float = number("Hz")
 
     kind: ClassVar[str] = "velocity-filter"
-    keys: ClassVar[Mapping[str, str]] = {"imperfections.velocity_cutoff": "cutoff"}
     stage: ClassVar[Stage] = Stage.SENSE
     channels: ClassVar[tuple[str, ...]] = ("measured_velocity",)
     words: ClassVar[str] = "velocity from differences, low-passed at {cutoff}"

@@ -27,7 +27,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 MAX_PANELS = 100_000
 
 BLOCK = 8
-"""Rows of the table that are told to be too far at once."""
+"""Rows of the table that are skipped together where all are too far."""
 
 
 @compiled
@@ -133,7 +133,7 @@ def _descend(piece: Array, low: float, high: float, u: float, x: float, y: float
     Gives its u and the squared distance there.
 
     Newton's method, kept between the two. It ends with a step whose square, times the error that a step of one leaves
-    as the last two bends tell it, is below rounding.
+    estimated from the last two bends, is below rounding.
     """
     last_u, last_bend = u, 0.0
     for _ in range(100):
@@ -180,7 +180,7 @@ def _square(samples: Array, i: int, x: float, y: float) -> float:
 def _out_of_reach(first: float, last: float, arc: float, best: float) -> bool:
     """Whether an arc between two points at these squared distances is too short to come nearer than `best`."""
     reach = best + arc
-    # squares tell most of what is too far; roots are slow
+    # squares settle most of what is too far; roots are slow
     return first > reach * reach or 0.5 * (math.sqrt(first) + math.sqrt(last) - arc) > best
 
 
@@ -299,8 +299,8 @@ def foot(
 ) -> tuple[int, float, float, float, tuple[float, float, float, float, float, float]]:
     """The nearest point of a curve: (piece, u, distance, side, what `evaluate` gives there).
 
-    The side is -1.0 inside, 1.0 outside or on the curve. Where the nearest point is a corner, it is told by the corner
-    alone: only points outside are nearest to a convex one, only points inside to a concave one.
+    The side is -1.0 inside, 1.0 outside or on the curve. Where the nearest point is a corner, the corner alone
+    decides: only points outside are nearest to a convex one, only points inside to a concave one.
     """
     count = pieces.shape[0]
     if samples.shape[0] > 0:

@@ -19,7 +19,11 @@ if TYPE_CHECKING:
     from hapticeval.geometry.surface import Surface
 
 
-@dataclass(frozen=True, eq=False)
+FREE = {"vertices": "polygon", "text": "wkt", "document": "geojson"}
+"""The parameter that only models of a kind without a name of its own have, and that kind."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Model:
     """A closed plane curve (an extruded cross-section), a half-plane, or a closed surface in space.
 
@@ -32,6 +36,16 @@ class Model:
     parameters: Mapping[str, Any]
     boundary: Boundary
     _kept: dict[object, Any] = field(default_factory=dict, init=False, repr=False)
+
+    def __repr__(self) -> str:
+        given = ", ".join(f"{name}={value!r}" for name, value in self.table.items() if name != "kind")
+        return f"make_model({self.table['kind']!r}{', ' * bool(given)}{given})"
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """What a suite file has for it: `kind` and parameters, as `make_model` takes them."""
+        kind = next((FREE[name] for name in self.parameters if name in FREE), self.name)
+        return {"kind": kind, **self.parameters}
 
     @property
     def dimension(self) -> int:

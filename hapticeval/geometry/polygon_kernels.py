@@ -138,7 +138,7 @@ def _side(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> flo
 def side_kernel(vertices: Array, edge: int, along: float, x: float, y: float) -> float:
     """-1.0 inside, 1.0 outside or on the outline, of a point whose nearest point is known.
 
-    Where that is a vertex the vertex alone tells: only points outside are nearest to a convex one.
+    Where that is a vertex, the vertex alone decides: only points outside are nearest to a convex one.
     """
     n = vertices.shape[0]
     following = edge + 1 if edge + 1 < n else 0

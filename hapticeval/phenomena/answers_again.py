@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
+from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
@@ -31,6 +31,8 @@ NOTABLE = 1e-6
 def judge_memoryless(runs: Runs, scene: Scene) -> Finding:
     """Compare the IHIPs of HIPs that were reached forwards and backwards along the same points (Table 6.3)."""
     assert runs.reverse is not None
+    from scipy.spatial import cKDTree
+
     base, back = runs.base, runs.reverse()
     if lacks_ihip(base, scene):
         return undecided(NO_IHIP)
@@ -158,6 +160,7 @@ MEMORYLESS = Check(
     needs={
         Sibling.REVERSE: undecided("one recording reaches each HIP only once; a second path is needed to decide"),
     },
+    not_with=(FRICTION,),
     metric="distance between the IHIPs of one HIP",
     unit="m",
     bound=(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.signal import lfilter, lfilter_zi
 
 from hapticeval.closed_forms import Gains, transversal
 from hapticeval.geometry.boundary import ClosestPoint
@@ -29,7 +28,7 @@ from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
 SPEEDS = (0.5, 0.75)
-"""The experiment is run at these shares of its speed too, so that error can be told by v^2."""
+"""The experiment is run at these shares of its speed too, so that the error's growth with v^2 can be seen."""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -129,12 +128,16 @@ def _answer(force: Array, recording: Recording, scene: Scene) -> Array:
     # How a deflection dies out in one tick and in two gives the recursion that a held force is answered by.
     once, twice = transversal(gains, "pp-pd", 1.0, 0.0, np.array([dt, 2.0 * dt]))[0]
     carried = transversal(gains, "pp-pd", 0.0, 1.0, np.array([dt]))[1][0]
-    denominator = np.array([1.0, -once - carried, math.exp(-gains.d * dt)])
+    back, further = -once - carried, math.exp(-gains.d * dt)
     first, second = (1.0 - once) / scene.stiffness, (1.0 - twice) / scene.stiffness
-    numerator = np.array([0.0, first, second - first + denominator[1] * first])
-    rest = lfilter_zi(numerator, denominator) * force[0]
-    answered, _ = lfilter(numerator, denominator, force, zi=rest)
-    return np.asarray(answered)
+    second = second - first + back * first
+    # The recursion with two memories, which begins at rest under the first force.
+    now, then = np.linalg.solve([[1.0 + back, -1.0], [further, 1.0]], [first, second]) * force[0]
+    answered = []
+    for push in force.tolist():
+        answered.append(now)
+        now, then = then + push * first - now * back, push * second - now * further
+    return np.array(answered)
 
 
 def _under_way(recording: Recording, scene: Scene, bearing: BoolArray) -> BoolArray:

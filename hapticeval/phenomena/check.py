@@ -30,8 +30,9 @@ class Runs:
 
     `refine(k)` runs the same stimulus at k times the sampling rate; `reverse()` leads the hand backwards along
     the same points; `at_speed(f)` starts the experiment f times as fast; `again()` runs it once more through the same
-    renderer, which is reset in between; `look` is `base` with a way to refine a part of it. Each is None where it
-    cannot be had: a recorded hardware run has no siblings. `law` names the closed form (`hapticeval.closed_forms`)
+    renderer, which is reset in between; `look` is `base` with a way to refine a part of it; `without(kind)` leads the
+    hand along the same path through the renderer made for the scene without the effect of that kind. Each is None where
+    it cannot be had: a recorded hardware run has no siblings. `law` names the closed form (`hapticeval.closed_forms`)
     that the case gives for this renderer, if it does. Raises `InputError` for a recording with rows that are not valid.
     """
 
@@ -42,6 +43,7 @@ class Runs:
     law: str | None = None
     again: Callable[[], Recording] | None = None
     look: Closer | None = None
+    without: Callable[[str], Recording] | None = None
 
     def __post_init__(self) -> None:
         if self.base.valid is not None:
@@ -67,6 +69,7 @@ class Sibling(StrEnum):
     LAW = "law"
     AGAIN = "again"
     LOOK = "look"
+    WITHOUT = "without"
 
 
 class Situation(StrEnum):
@@ -109,11 +112,12 @@ def without_channel(channel: str) -> Finding:
 class Check:
     """A phenomenon as a check: call it with runs and a scene; `hapticeval explain` prints its data.
 
-    `judge` is called only where the check applies: not in a situation of `not_for` (situation: why it is not
-    applicable there), with each sibling of `needs` (sibling: the finding without it) and every one of `channels`.
-    `reads_also` are channels that it reads where they were recorded. `siblings` describes each sibling that it may use.
-    With `effects`, kinds of effects, it is asked in a scene that calls for one of them only: a check of how that effect
-    is shown. `judge` returns a finding whose metric has the check's `unit`, or one of its own.
+    `judge` is called only where the check applies: not in a situation of `not_for` (situation: why it is not applicable
+    there), with each sibling of `needs` (sibling: the finding without it) and every one of `channels`. `reads_also` are
+    channels that it reads where they were recorded. `siblings` describes each sibling that it may use. With `effects`,
+    kinds of effects, it is asked in a scene that calls for one of them only: a check of how that effect is shown.
+    `not_with` are kinds that make another surface than it is about. `judge` returns a finding whose metric has the
+    check's `unit`, or one of its own.
 
     `needs_loop` marks a check of how hand and force act on each other: a hand led along a recorded path does not show
     it, so that an undecided verdict stops no gate. `holds` marks what Problem 7.1 asks of a closed loop on a bilateral
@@ -135,6 +139,7 @@ class Check:
     needs: Mapping[Sibling, Finding] = field(default_factory=dict)
     not_for: Mapping[Situation, str] = field(default_factory=dict)
     effects: tuple[str, ...] = ()
+    not_with: tuple[str, ...] = ()
     needs_loop: bool = False
     holds: bool = False
     level: Level = Level.MUST
@@ -148,6 +153,10 @@ class Check:
         """Judge `runs` in `scene`, where the check applies and has what it needs."""
         if self.effects and not any(each.kind in self.effects for each in scene.effects):
             return Finding(Outcome.NOT_APPLICABLE, f"the scene calls for no {' or '.join(self.effects)}")
+        other = next((each.kind for each in scene.effects if each.kind in self.not_with), None)
+        if other is not None:
+            message = f"the scene calls for {other}, and the check is about a surface without"
+            return Finding(Outcome.NOT_APPLICABLE, message)
         here = situations(runs, scene) if self.not_for else ()
         for situation, why in self.not_for.items():
             if situation in here:

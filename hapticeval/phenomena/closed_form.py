@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.closed_forms import CLOSED_FORMS
+from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
 from hapticeval.phenomena.refinement import extrapolated
 from hapticeval.phenomena.sampling import evidence_at, listed, mm
@@ -86,6 +87,7 @@ CHECK = Check(
     },
     not_for={Situation.LED: "a closed form is about a tool that moves by itself"},
     holds=True,
+    not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
     metric="distance between the extrapolated run and the closed form",
     unit="m",
     bound=(

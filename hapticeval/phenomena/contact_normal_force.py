@@ -6,8 +6,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
+from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
@@ -124,6 +124,8 @@ def _reach(recording: Recording, scene: Scene) -> Array:
     three ticks: that is three of its own steps around the row, however the projection stretches those of the hand.
     Positions in single precision and the declared standoff come to it.
     """
+    from scipy.ndimage import maximum_filter1d
+
     steps = np.linalg.norm(np.diff(recording.ihip, axis=0, prepend=recording.ihip[:1]), axis=1)
     around = maximum_filter1d(steps, 2 * LAG_TICKS + 1, mode="nearest")
     return np.asarray(LAG_TICKS * around + standoff(recording, scene) + rounding(scene))
@@ -204,6 +206,7 @@ CHECK = Check(
     citation="thesis 3.2.1, (3.3), (3.4), Figures 3.3 to 3.5; (6.1)",
     channels=("hip", "force"),
     reads_also=("ihip", "operator_force", "velocity"),
+    not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
     metric="angle of the force outside the true normals; at rest, the difference in newtons",
     unit="deg",
     bound=(

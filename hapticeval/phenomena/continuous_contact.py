@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Closer, Runs, Sibling
 from hapticeval.phenomena.jumps import Left, aitken, contact_steps, jump_at_rate, largest_jump, lets_go, look_closer
 from hapticeval.phenomena.sampling import (
@@ -309,6 +310,7 @@ CHECK = Check(
         ),
         Sibling.REFINE: "else the whole run at 2, 4 and, while undecided, 8, 16 and 32 times the sampling rate",
     },
+    not_with=(FRICTION,),
     metric="IHIP jump that refinement leaves",
     unit="m",
     bound=(

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from hapticeval.effects.catalogue import FRICTION
 from hapticeval.geometry.boundary import Boundary, Corner
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.sampling import (
+    LAG_TICKS,
     NO_IHIP,
     above_force_floor,
     evidence_at,
@@ -18,8 +22,9 @@ from hapticeval.phenomena.sampling import (
     listed,
     mm,
     position_tolerance,
+    rounding,
 )
-from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -33,11 +38,11 @@ HELD = 0.5
 
 @dataclass(frozen=True)
 class Crossing:
-    """A corner with its faces in the order of travel.
+    """A corner that the hand passes, with its faces in the order of travel.
 
     `normal_pre`, `normal_post` (2,): outward unit normals; `ahead` (2,): unit direction of travel along the first
-    face; `turn` rad, unsigned. The recording is near the corner from tick `first` up to, not including, `end`, and no
-    other corner is.
+    face; `turn` rad, unsigned. The hand is under the first face from tick `first` on, past it from tick `crossed` on,
+    and up to, not including, `end` it does nothing else.
     """
 
     corner: Corner
@@ -46,34 +51,67 @@ class Crossing:
     ahead: Array
     turn: float
     first: int
+    crossed: int
     end: int
 
 
-def find_crossing(recording: Recording, boundary: Boundary, strong: BoolArray, *, convex: bool) -> Crossing | None:
-    """Find the corner of the wanted kind that the HIP comes closest to, and its stay there; None if there is none.
+def find_crossings(recording: Recording, scene: Scene, *, convex: bool) -> list[Crossing]:
+    """Find where the hand passes a corner as the two phenomena suppose it, whatever the renderer answers.
 
-    Near means nearer than half of the way to the next corner. The face that the tool comes from is the one whose
-    normal the first force above the floor has in that stay; None also if there is no force.
+    It comes under the first face from outside, through that face, or along it, or the recording begins there, and it
+    stays under that face until it is past the corner. Past a convex one it is then in free space: deeper in the model
+    the solid goes on beyond the corner, and a rigid tool would go round it. Past a concave one it goes on under the
+    second face, by the corner's own zone or at once. All of it nearer than half of the way to the next corner.
     """
-    wanted = [corner for corner in boundary.corners if corner.convex == convex]
-    if not wanted or not strong.any():
-        return None
-    distances = [np.linalg.norm(recording.hip - corner.position, axis=1) for corner in wanted]
-    nearest = int(np.argmin([distance.min() for distance in distances]))
-    corner, distance = wanted[nearest], distances[nearest]
-    closest = int(np.argmin(distance))
-    away = np.flatnonzero(distance > 0.5 * _to_next(boundary, corner))
-    start = int(away[away < closest].max(initial=-1)) + 1
-    end = int(away[away > closest].min(initial=len(recording)))
-    pressed = np.flatnonzero(strong[start:end])
-    if pressed.size == 0:
-        return None
-    first = start + int(pressed[0])
-    pre, post = corner.normal_pre, corner.normal_post
-    force, turn = recording.force[first : first + 1], abs(corner.turn)
-    if angle_between(force, pre)[0] <= angle_between(force, post)[0]:
-        return Crossing(corner, pre, post, corner.tangent_pre, turn, first, end)
-    return Crossing(corner, post, pre, -corner.tangent_post, turn, first, end)
+    boundary, slack = scene.model.boundary, rounding(scene)
+    found: list[Crossing] = []
+    for corner in boundary.corners:
+        if corner.convex != convex:
+            continue
+        from_corner = recording.hip - corner.position
+        near = np.linalg.norm(from_corner, axis=1) <= 0.5 * _to_next(boundary, corner)
+        if not near.any():
+            continue
+        for way in (1.0, -1.0):
+            pre, post = (corner.normal_pre, corner.normal_post)[:: int(way)]
+            ahead, leaves = (way * corner.tangent_pre, way * corner.tangent_post)[:: int(way)]
+            along, under = from_corner @ ahead, -from_corner @ pre
+            before = near & (along <= (0.0 if convex else -slack)) & (under >= -slack)
+            if convex:
+                free = near & (along > 0.0)
+                free[free] = boundary.signed_distance(recording.hip[free]) > slack
+                between, after = np.zeros_like(near), free
+            else:
+                beyond = from_corner @ leaves
+                after = near & (beyond > slack) & (-from_corner @ post >= -slack)
+                between = near & (along >= -slack) & (beyond <= slack) & ~before & ~after
+            for crossed in (np.flatnonzero(after[1:] & ~after[:-1]) + 1).tolist():
+                last = crossed - 1
+                while last > 0 and between[last]:
+                    last -= 1
+                first = last - _run(before[last::-1]) + 1
+                end = crossed + _run(after[crossed:])
+                if first > last or end - crossed <= LAG_TICKS:
+                    continue
+                if _comes_from_outside(recording, boundary, first, under, pre, slack):
+                    turn = abs(corner.turn)
+                    found.append(Crossing(corner, pre, post, ahead, turn, first, crossed, end))
+    return found
+
+
+def _run(flags: BoolArray) -> int:
+    """Return how many of the first flags are true in a row."""
+    return int(flags.size if flags.all() else np.argmin(flags))
+
+
+def _comes_from_outside(
+    recording: Recording, boundary: Boundary, first: int, under: Array, normal: Array, slack: float
+) -> bool:
+    """Whether a rigid tool is on a face from tick `first` on: the hand was above it, or it is the nearest one there."""
+    if first > 0 and under[first - 1] < -slack:
+        return True
+    at = boundary.closest_point(recording.hip[first : first + 1])
+    return bool(at.normal[0] @ normal > 1.0 - 1e-9)
 
 
 def _to_next(boundary: Boundary, corner: Corner) -> float:
@@ -91,20 +129,34 @@ def angle_between(vectors: Array, direction: Array) -> Array:
 def judge_broken_contact(runs: Runs, scene: Scene) -> Finding:
     """Measure how far from the corner, before or after it, the force stops being what a rigid corner gives."""
     base = runs.base
+    crossings = find_crossings(base, scene, convex=True)
+    if not crossings:
+        return Finding(Outcome.NOT_APPLICABLE, "the hand is not led along a face past a convex corner into free space")
     strong = above_force_floor(base, scene)
-    crossing = find_crossing(base, scene.model.boundary, strong, convex=True)
-    if crossing is None:
-        return undecided("no force is felt near a convex corner")
-    along = (base.hip - crossing.corner.position) @ crossing.ahead
-    first, end = crossing.first, crossing.end
-    past = np.flatnonzero(along[first:end] > 0.0)
-    if along[first] >= 0.0 or past.size == 0:
-        return undecided("the HIP does not travel from the first face past the corner")
-    crossed = first + int(past[0])
+    findings = [_broken(base, scene, crossing, strong) for crossing in crossings]
+    return worst([finding for finding in findings if finding is not None]) or undecided(
+        "no force is felt under a face before its convex corner"
+    )
+
+
+def _broken(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray) -> Finding | None:
+    """Judge one convex corner; None where no force is felt before it along the face that the hand is under."""
+    from_corner = base.hip - crossing.corner.position
+    along, under = from_corner @ crossing.ahead, -from_corner @ crossing.normal_pre
+    crossed, end = crossing.crossed, crossing.end
+    first_face = strong & (angle_between(base.force, crossing.normal_pre) <= NEAR * crossing.turn)
+    pressed = np.flatnonzero(strong[crossing.first : crossed])
+    if pressed.size == 0:
+        return None
+    first = crossing.first + int(pressed[0])
     strength = np.linalg.norm(base.force, axis=1)
     usual = float(np.median(strength[first:crossed]))
-    first_face = strong & (angle_between(base.force, crossing.normal_pre) <= NEAR * crossing.turn)
-    early_ticks = first + np.flatnonzero(~(first_face & (strength >= HELD * usual))[first:crossed])
+    kept = first_face[first:crossed]
+    # A spring's force goes with the depth, and a rigid contact's with what the hand does: only at one depth is it held.
+    depth = float(np.median(under[first:crossed]))
+    if depth > rounding(scene) and np.ptp(under[first:crossed]) <= 0.5 * HELD * depth:
+        kept = kept & (strength[first:crossed] >= HELD * usual)
+    early_ticks = first + np.flatnonzero(~kept)
     early = -float(along[early_ticks[0]]) if early_ticks.size else 0.0
     after = strong[crossed:end]
     gone = int(np.argmax(~after)) if not after.all() else after.size
@@ -136,17 +188,27 @@ def judge_abrupt_switch(runs: Runs, scene: Scene) -> Finding:
     base = runs.base
     if lacks_ihip(base, scene):
         return undecided(NO_IHIP)
+    crossings = find_crossings(base, scene, convex=False)
+    if not crossings:
+        return Finding(Outcome.NOT_APPLICABLE, "the hand is not led along a face into a concave corner, and out again")
     strong = above_force_floor(base, scene)
-    crossing = find_crossing(base, scene.model.boundary, strong, convex=False)
-    if crossing is None:
-        return undecided("no force is felt near a concave corner")
+    findings = [_switched(base, scene, crossing, strong) for crossing in crossings]
+    return worst([finding for finding in findings if finding is not None]) or undecided(
+        "the force does not go from the first face's normal to the second's"
+    )
+
+
+def _switched(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray) -> Finding | None:
+    """Judge one concave corner; None where the force does not go from the first face's normal to the second's."""
     pressed = crossing.first + np.flatnonzero(strong[crossing.first : crossing.end])
+    if pressed.size == 0:
+        return None
     pre, post = (
         angle_between(base.force[pressed], normal) <= NEAR * crossing.turn
         for normal in (crossing.normal_pre, crossing.normal_post)
     )
     if not pre[0] or not post[-1]:
-        return undecided("the force does not go from the first face's normal to the second's")
+        return None
     left = int(pressed[np.argmin(pre) - 1])
     reached = int(pressed[post.size - int(np.argmin(post[::-1]))])
     takes = float(base.time[reached] - base.time[left])
@@ -171,6 +233,11 @@ def judge_abrupt_switch(runs: Runs, scene: Scene) -> Finding:
     )
 
 
+def worst(findings: Sequence[Finding]) -> Finding | None:
+    """Return the finding whose metric is farthest beyond its bound; None of none."""
+    return min(findings, key=lambda finding: -math.inf if finding.margin is None else finding.margin, default=None)
+
+
 BROKEN_CONTACT = Check(
     id="broken-contact",
     phenomenon="Broken Contact",
@@ -179,14 +246,20 @@ BROKEN_CONTACT = Check(
     citation="thesis 3.2.1, Figure 3.4; Figures 6.10, 6.11",
     channels=("hip", "force"),
     reads_also=("ihip",),
-    not_for={Situation.NO_CONVEX_CORNER: "the model has no convex corner"},
+    not_for={
+        Situation.NO_CONVEX_CORNER: "the model has no convex corner",
+        Situation.BILATERAL: "a tool that is held from both sides does not leave at a corner",
+    },
+    not_with=(FRICTION,),
     metric="distance from the corner at which n_pre is lost or force remains",
     unit="m",
     bound=(
         "3 HIP steps + standoff: a sampled renderer learns of the corner at the next sample, may lag by three, and "
         "cannot know the corner better than its own surface does. A force within 5 per cent of the corner's turn, and "
-        "of at least half the usual size on the first face, counts as kept; past the corner every force counts until "
-        "the first zero, and every one along n_pre thereafter."
+        "where the hand keeps to a depth of at least half the usual size on the first face, counts as kept; past the "
+        "corner every force counts until "
+        "the first zero, and every one along n_pre thereafter. Asked of each way under one face past a corner and out "
+        "of the model; without one it is not applicable."
     ),
     judge=judge_broken_contact,
 )
@@ -198,7 +271,11 @@ ABRUPT_SWITCH = Check(
     formula="travel of the HIP while n_e turns from n_pre to n_post, in penetration depths; 0 for rigid contact",
     citation="thesis 3.2.1, Figure 3.5; Figures 6.6, 6.7, 6.9",
     channels=("hip", "ihip", "force"),
-    not_for={Situation.NO_CONCAVE_CORNER: "the model has no concave corner"},
+    not_for={
+        Situation.NO_CONCAVE_CORNER: "the model has no concave corner",
+        Situation.BILATERAL: "a tool that is held from both sides may be pulled as well as pushed",
+    },
+    not_with=(FRICTION,),
     metric="HIP travel of the switch in penetration depths",
     unit="depths",
     bound=(
@@ -206,7 +283,8 @@ ABRUPT_SWITCH = Check(
         "better than the renderer's own surface. Resting on the corner while the HIP goes round it turns the force "
         "over an arc as long as the corner's turn (rad) times the depth, whatever the depth. The switch lasts from "
         "where the force first leaves n_pre, by more than 5 per cent of the turn, to where it is within 5 per cent of "
-        "n_post for good."
+        "n_post for good. Asked of each way along one face into a corner and out along the next; without one it is not "
+        "applicable."
     ),
     judge=judge_abrupt_switch,
 )

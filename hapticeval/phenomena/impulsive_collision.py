@@ -6,13 +6,16 @@ import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.sampling import LAG_TICKS, evidence_at, open_loop_reason, touching
-from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
 WINDOW_TICKS = LAG_TICKS + 1
 """A sampled renderer meets the contact at the sample after it, its answer acts until the next, and may be late."""
+
+SAME_FACE = 0.995
+"""Cosine, of 5.7 degrees, by which the normal may turn in that time: beyond, (3.5) along one normal says nothing."""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -23,8 +26,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided(unsettled)
     contact = touching(base, scene)
     struck = int(np.argmax(contact))
-    if not contact.any() or struck == 0:
+    if not contact.any():
         return undecided("the tool does not fly freely into the surface")
+    if struck == 0:
+        return Finding(Outcome.NOT_APPLICABLE, "the tool starts in contact, and does not fly into the surface")
     end = struck + WINDOW_TICKS
     if end >= len(base):
         return undecided("the recording ends with the collision")
@@ -34,6 +39,11 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     approach = -float(along[struck])
     if approach <= 0.0:
         return undecided("the tool does not move into the surface when it meets it")
+    normals = scene.model.boundary.closest_point(base.ihip[struck : end + 1]).normal
+    if float(np.min(normals @ normal)) < SAME_FACE:
+        return Finding(
+            Outcome.NOT_APPLICABLE, f"the tool meets another part of the surface within {WINDOW_TICKS} ticks of contact"
+        )
     wanted = (1.0 + scene.restitution) * scene.mass * approach
     pushed = _operator_impulse(base, normal, struck, end)
     taken = scene.mass * float(along[end] - along[struck]) - pushed
@@ -87,7 +97,8 @@ CHECK = Check(
         "window is four ticks: a sampled renderer meets the contact at the first sample after it, its force acts "
         "until the next, and it may lag by three. The operator's push over the window is taken out of the momentum's "
         "change, and a tool that stays in contact may have it answered. A spring needs a quarter period, pi/2 sqrt(m "
-        "/ K_p)."
+        "/ K_p). Not applicable where the tool starts in contact, and where it meets a surface turned by more than 5.7 "
+        "degrees within the window, as in a valley: it then collides twice."
     ),
     judge=judge,
 )

@@ -10,11 +10,12 @@ from functools import partial
 
 import numpy as np
 
+from hapticeval.compiled import borrowing, for_kernels
 from hapticeval.phenomena.check import Closer
 from hapticeval.phenomena.sampling import LAG_TICKS, touching
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
-from hapticeval.types import Array
+from hapticeval.types import Array, BoolArray, IntArray
 
 BELOW = 2
 """How often a place is looked at beyond what single precision resolves, in 64 sub-steps each time."""
@@ -248,12 +249,36 @@ def _comes_along(
         return False
     contact = touching(fine, scene)
     lengths = contact_steps(fine, scene)
-    for row in (first + np.flatnonzero(steps[first : last + 1] > bound)).tolist():
-        near = slice((max(row - 1 - LAG_TICKS, begin) - begin) * factor, (row - begin) * factor + LAG_TICKS + 1)
-        points = fine.ihip[near][contact[near]]
-        for end in coarse.ihip[row - 1 : row + 1]:
-            off = np.linalg.norm(points - end, axis=1).min(initial=math.inf)
-            if off > allowed + lengths[near].max():
+    rows = first + np.flatnonzero(steps[first : last + 1] > bound)
+    ihips = for_kernels(coarse.ihip), for_kernels(fine.ihip)
+    return _passes_by(*ihips, for_kernels(contact), lengths, rows, begin, factor, allowed)
+
+
+@borrowing
+def _passes_by(
+    coarse: Array, fine: Array, contact: BoolArray, lengths: Array, rows: IntArray, begin: int, factor: int,
+    allowed: float,
+) -> bool:  # fmt: skip
+    """Whether the IHIPs (m, N) `fine` pass in contact by both ends of each step of `coarse` that ends at one of `rows`.
+
+    Fine row k `factor` is where row `begin` + k of `coarse` was. By as much as is `allowed` (m), and the longest of
+    their `lengths` (m,), m, there.
+    """
+    for row in rows:
+        start = (max(row - 1 - LAG_TICKS, begin) - begin) * factor
+        end = min((row - begin) * factor + LAG_TICKS + 1, fine.shape[0])
+        longest = 0.0
+        for k in range(start, end):
+            longest = max(longest, lengths[k])
+        for at in range(row - 1, row + 1):
+            off = math.inf
+            for k in range(start, end):
+                if contact[k]:
+                    square = 0.0
+                    for i in range(fine.shape[1]):
+                        square += (fine[k, i] - coarse[at, i]) * (fine[k, i] - coarse[at, i])
+                    off = min(off, math.sqrt(square))
+            if off > allowed + longest:
                 return False
     return True
 

@@ -26,6 +26,17 @@ from hapticeval.phenomena import (
     surface_dynamics,
 )
 from hapticeval.phenomena.check import Check
+from hapticeval.phenomena.effects import (
+    friction_cone,
+    friction_energy,
+    friction_sliding,
+    friction_sticking,
+    friction_work,
+    shading,
+    texture,
+    texture_work,
+    transient,
+)
 
 GROUP = "hapticeval.checks"
 
@@ -46,6 +57,15 @@ OWN: Mapping[str, Check] = {
         constraint_stability.CHECK,
         *surface_dynamics.CHECKS,
         closed_form.CHECK,
+        *shading.CHECKS,
+        *texture.CHECKS,
+        texture_work.CHECK,
+        friction_cone.CHECK,
+        friction_sticking.CHECK,
+        friction_sliding.CHECK,
+        friction_energy.CHECK,
+        friction_work.CHECK,
+        *transient.CHECKS,
     )
 }
 """The checks of this package."""

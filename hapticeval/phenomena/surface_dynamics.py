@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.devices.point_mass import PointMass
-from hapticeval.effects.force_sensor import ForceSensor
-from hapticeval.effects.viscosity import viscosity_of
+from hapticeval.effects.catalogue import FORCE_SENSOR, FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
 from hapticeval.phenomena.refinement import richardson_two_level
 from hapticeval.phenomena.sampling import TELLS, evidence_at, mm
@@ -101,7 +100,7 @@ def judge_decoupling(runs: Runs, scene: Scene) -> Finding:
 def _speed_deviation(recording: Recording, scene: Scene) -> Array:
     """Return |p'| over the assigned one less 1, where b_d alone slows the foot: (n,)."""
     speed = SurfaceMotion(recording, scene).foot_speed
-    assigned = speed[0] * np.exp(-viscosity_of(scene) / scene.mass * (recording.time - recording.time[0]))
+    assigned = speed[0] * np.exp(-scene.viscosity / scene.mass * (recording.time - recording.time[0]))
     return np.asarray(speed / assigned - 1.0)
 
 
@@ -111,7 +110,7 @@ def judge_tangential_dynamics(runs: Runs, scene: Scene) -> Finding:
     motion = SurfaceMotion(base, scene)
     if motion.footless is not None or not motion.slides:
         return undecided(motion.footless or STILL)
-    sensed = isinstance(scene.robot, PointMass) or scene.effect(ForceSensor) is not None
+    sensed = isinstance(scene.robot, PointMass) or scene.effect(FORCE_SENSOR) is not None
     if motion.pushed.any() and not sensed:
         return undecided(
             "the operator pushes a robot without a force sensor: its own inertia has a share in the motion"
@@ -126,7 +125,7 @@ def judge_tangential_dynamics(runs: Runs, scene: Scene) -> Finding:
     viscosity = _apparent_viscosity(motion)
     evidence: dict[str, object] = {
         **evidence_at(base, tick),
-        "assigned_viscosity_kg_s": viscosity_of(scene),
+        "assigned_viscosity_kg_s": scene.viscosity,
         "apparent_viscosity_kg_s": viscosity,
         "foot_speed_at_start_m_s": float(motion.foot_speed[0]),
         "foot_speed_at_end_m_s": float(motion.foot_speed[-1]),
@@ -136,7 +135,7 @@ def judge_tangential_dynamics(runs: Runs, scene: Scene) -> Finding:
         return undecided(TOO_MUCH, metric, bound, evidence)
     fails = (
         f"{100.0 * metric.value:.3g} per cent of the sliding speed come or go unassigned, as if the surface had a "
-        f"viscosity of {viscosity:.3g} kg/s instead of {viscosity_of(scene):.3g}"
+        f"viscosity of {viscosity:.3g} kg/s instead of {scene.viscosity:.3g}"
     )
     return compared(metric, bound, evidence, passes="the tool slides as assigned", fails=fails)
 
@@ -151,7 +150,7 @@ def _pushed_along(motion: SurfaceMotion) -> Array:
         return np.zeros_like(motion.foot_velocity)
     normal = motion.frame.normal
     along = (push - np.sum(push * normal, axis=1)[:, np.newaxis] * normal) / motion.scene.mass
-    sensed = motion.scene.effect(ForceSensor) is not None
+    sensed = motion.scene.effect(FORCE_SENSOR) is not None
     return along if sensed else motion.pulled_back(along)
 
 
@@ -163,8 +162,8 @@ def _unexplained(recording: Recording, scene: Scene) -> Array:
     """
     motion = SurfaceMotion(recording, scene)
     moved = motion.components(motion.foot_velocity)
-    viscous = -(viscosity_of(scene) / scene.mass) * moved
-    assigned = -(viscosity_of(scene) / scene.mass) * motion.foot_velocity + _pushed_along(motion)
+    viscous = -(scene.viscosity / scene.mass) * moved
+    assigned = -(scene.viscosity / scene.mass) * motion.foot_velocity + _pushed_along(motion)
     pushed = motion.components(assigned) - viscous
     step = np.diff(recording.time)[:, np.newaxis]
     gained = np.cumsum(step * (0.5 * (viscous[:-1] + viscous[1:]) + pushed[:-1]), axis=0)
@@ -179,7 +178,7 @@ def _apparent_viscosity(motion: SurfaceMotion) -> float:
     scene, recording = motion.scene, motion.recording
     speed2 = motion.foot_speed**2
     step = np.diff(recording.time)
-    viscous = (viscosity_of(scene) / scene.mass) * motion.foot_velocity
+    viscous = (scene.viscosity / scene.mass) * motion.foot_velocity
     given = -viscous + _pushed_along(motion) + viscous
     work = float(np.sum(step * np.sum(motion.foot_velocity * given, axis=1)[:-1]))
     slid = float(np.sum(step * 0.5 * (speed2[:-1] + speed2[1:])))
@@ -228,6 +227,7 @@ DECOUPLING = Check(
     siblings=FINER,
     not_for={Situation.LED: SPEED_GIVEN},
     holds=True,
+    not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
     metric="change of the foot's speed while the tool moves across",
     unit="",
     bound=(
@@ -255,6 +255,7 @@ TANGENTIAL_DYNAMICS = Check(
     siblings=FINER,
     not_for={Situation.LED: SPEED_GIVEN},
     holds=True,
+    not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
     metric="speed along the surface that the assigned dynamics do not explain, of the top speed",
     unit="",
     bound=(

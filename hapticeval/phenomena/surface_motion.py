@@ -110,7 +110,7 @@ class SurfaceMotion:
 
     @property
     def slides(self) -> bool:
-        """Whether the foot, at its top speed, goes far enough in the run for its motion to tell anything."""
+        """Whether the foot, at its top speed, goes far enough in the run for its motion to show anything."""
         lasts = float(self.recording.time[-1] - self.recording.time[0])
         return float(self.foot_speed.max()) * lasts > SLIDES * self.scene.model.size
 

@@ -14,25 +14,33 @@ wrong byte can keep the HDF5 library reading for ever. A file holds
     /meta               (m,) uint8: `Recording.meta` as JSON in UTF-8
 
 The rows lie in blocks of `ROWS_A_CHUNK`, all signals of one block before the next, so that a file that is cut short
-keeps whole rows.
+keeps whole rows. One reader serves both: `read_recording` refuses a file that lacks anything, and `salvage` gives what
+is whole.
 """
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.files import creating, plain, replacing
+from hapticeval.recordings.channels import CHANNELS, Signal
 from hapticeval.recordings.memory import first_bytes, reserve
-from hapticeval.recordings.recording import CHANNELS, Clock, Event, Recording, Signal
+from hapticeval.recordings.recording import Clock, Event, Recording, runs_of
+from hapticeval.types import Array, BoolArray
 
+T = TypeVar("T")
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 FORMAT = "hapticeval recording"
 FORMAT_VERSION = 2
@@ -48,9 +56,39 @@ ROW_TYPES = {"time": np.float64, "nanoseconds": np.int64, "sequence": np.int64, 
 DAMAGE = (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, OverflowError, MemoryError)
 """h5py raises any of these for one and the same damage, by where it strikes."""
 
+LOST = "lost"
+"""The kind of the events that report losses, so that a recording made of a damaged file goes on reporting them."""
+
 
 class DamagedError(InputError):
     """A recording of ours that is cut short or damaged: `salvage` finds what is whole of it."""
+
+
+@dataclass(frozen=True)
+class Loss:
+    """A part that cannot be read: `what` and `where` in words, and how many `rows` and `seconds` are missing.
+
+    They are None where nobody can know: what followed the end of a file that was never closed.
+    """
+
+    what: str
+    where: str
+    rows: int | None = None
+    seconds: float | None = None
+
+    def __str__(self) -> str:
+        if self.rows is None:
+            return f"{self.what}, {self.where}"
+        span = "" if self.seconds is None else f" ({self.seconds:.3g} s)"
+        return f"{self.what}, {self.where}: {self.rows} rows{span}"
+
+
+@dataclass(frozen=True)
+class Salvaged:
+    """A recording made of what is whole of a file, and the `losses`; a sound file has none."""
+
+    recording: Recording
+    losses: tuple[Loss, ...]
 
 
 def metadata_json(meta: Any) -> str:
@@ -96,23 +134,25 @@ def write_recording(path: Path, recording: Recording, *, replace: bool = False) 
 def _signals(file: Any, recording: Recording) -> list[tuple[Any, Any]]:
     """Make the datasets of everything that has rows, still empty; return each with its numbers."""
     clock, made = recording.clock, list[tuple[Any, Any]]()
+
+    def add(holder: Any, name: str, values: Any, **words: str) -> Any:
+        made.append((_dataset(holder, name, values, **words), values))
+        return made[-1][0].attrs
+
     if clock is None:
-        made.append((_dataset(file, "time", recording.time, unit="s"), recording.time))
+        add(file, "time", recording.time, unit="s")
     else:
-        stamps = _dataset(file, "nanoseconds", clock.nanoseconds, unit="ns")
-        stamps.attrs["start"] = np.int64(clock.zero)
+        stated = add(file, "nanoseconds", clock.nanoseconds, unit="ns")
+        stated["start"] = np.int64(clock.zero)
         if clock.anchor is not None:
-            stamps.attrs["anchor"] = np.array(clock.anchor, dtype=np.int64)
-        made.append((stamps, clock.nanoseconds))
+            stated["anchor"] = np.array(clock.anchor, dtype=np.int64)
         if clock.sequence is not None:
-            made.append((_dataset(file, "sequence", clock.sequence, unit="1"), clock.sequence))
+            add(file, "sequence", clock.sequence, unit="1")
     if recording.valid is not None:
-        valid = recording.valid.astype(np.uint8)
-        made.append((_dataset(file, "valid", valid, unit="1"), valid))
+        add(file, "valid", recording.valid.astype(np.uint8), unit="1")
     group = file.create_group("channels", track_order=True)
     for name, values in recording.channels.items():
-        words = {key: value for key, value in recording.signals[name]._asdict().items() if value}
-        made.append((_dataset(group, name, values, **words), values))
+        add(group, name, values, **{key: value for key, value in recording.signals[name]._asdict().items() if value})
     return made
 
 
@@ -148,73 +188,203 @@ def _event_table(events: Iterable[Event]) -> Any:
 def read_recording(path: Path, *, channels: Sequence[str] | None = None) -> Recording:
     """Read a recording that `write_recording` wrote, or only some of its `channels`.
 
-    Raises `InputError` that says which: the file is missing, is no HDF5 file, is cut short or damaged (and in which
+    Raises `InputError` that names which: the file is missing, is no HDF5 file, is cut short or damaged (and in which
     rows of which signal), is someone else's HDF5 file, was written by a newer format, lacks a channel that is asked
-    for, or holds one in a unit other than ours.
+    for, holds one in a unit other than ours, or takes more memory than is allowed.
     """
-    import h5py
-
     path = Path(path)
-    check_signature(path)
+    recording, losses = _read(path, channels)
+    if recording is None or losses:
+        lines = [loss.where if loss.rows is None else f"{loss.what}, {loss.where}" for loss in losses]
+        raise DamagedError(
+            f"the recording {path} is cut short or damaged",
+            why="; ".join(lines[:5] + ["and more"] * (len(lines) > 5)),
+            todo=f"copy it again; or take what is whole: hapticeval convert {path} --salvage -o {path.stem}-whole.h5",
+        )
+    return recording
+
+
+def salvage(path: Path) -> Salvaged:
+    """Return the sound part of an HDF5 recording, and what is lost, which its events report too (kind `lost`).
+
+    Rows whose stamps are lost are left out; where single signals are lost, the rows are not valid there; a signal of
+    which nothing is left is absent. Raises `InputError` where nothing is whole, and for a file of somebody else's.
+    """
+    path = Path(path)
+    recording, losses = _read(path, None)
+    if recording is None:
+        why = "; ".join(["no row of it is whole", *(loss.where for loss in losses[:1])])
+        raise InputError(f"nothing of {path} can be read", why=why, todo="copy it again")
+    return Salvaged(recording, tuple(losses))
+
+
+def _read(path: Path, wanted: Sequence[str] | None) -> tuple[Recording | None, list[Loss]]:
+    """Return what is whole of a file, None where no row is, and what is lost."""
+    if not first_bytes(path).startswith(SIGNATURE):
+        raise InputError(
+            f"{path} is not an HDF5 file",
+            why="a recording starts with the HDF5 signature",
+            todo="give a recording that hapticeval wrote",
+        )
     try:
-        with h5py.File(path, "r", rdcc_nbytes=0) as file:
-            check_format(path, file)
-            return _read(path, file, channels)
+        with _opened(path) as (file, losses):
+            return _whole(path, file, wanted, losses), losses
     except HapticevalError:
         raise
     except DAMAGE as error:
-        from hapticeval.recordings.salvage import described
-
-        raise _damaged(path, described(path) or str(error)) from error
+        return None, [Loss("the file", _cut(path)[0] or str(error))]
 
 
-def _read(path: Path, file: Any, wanted: Sequence[str] | None) -> Recording:
-    group, count = file["channels"], int(file.attrs["rows"])
-    known = list(group)
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[Any, list[Loss]]]:
+    """Open the file, a cut one filled up with bytes that no checksum takes for data; give it, and what it lacks."""
+    import h5py
+
+    cut, lacking = _cut(path)
+    reserve(path.stat().st_size + lacking if cut else 0, str(path))
+    source = io.BytesIO(path.read_bytes() + b"\xff" * lacking) if cut else path
+    with h5py.File(source, "r", rdcc_nbytes=0) as file:
+        _check_format(path, file)
+        yield file, [Loss("the end of the file", cut)] if cut else []
+
+
+def _cut(path: Path) -> tuple[str, int]:
+    """Return in words where a file of ours ends too early, and how many bytes it lacks; "" and 0 for a whole one.
+
+    Bytes 28 to 35 of the superblock, which is of version 3 in our files, give the end of the file.
+    """
+    with path.open("rb") as opened:
+        head = opened.read(36)
+    size, end = path.stat().st_size, int.from_bytes(head[28:36], "little") if head[8:9] in (b"\x02", b"\x03") else 0
+    return (f"the file ends at byte {size} of {end}", end - size) if size < end else ("", 0)
+
+
+class _Part(NamedTuple):
+    """The readable part of a signal: its numbers (n, ...), and which rows of them are whole, (n,)."""
+
+    values: Any
+    whole: BoolArray
+    signal: Signal
+
+
+def _whole(path: Path, file: Any, wanted: Sequence[str] | None, losses: list[Loss]) -> Recording | None:
+    """Return the recording of all rows that have a stamp and a number in any channel, and add what is lost."""
+    group, known = file["channels"], list(file["channels"])
     for name in wanted or ():
         if name not in known:
             raise UnknownNameError(f"channel of {path.name}", name, known)
     names = known if wanted is None else list(dict.fromkeys(wanted))
-    check_inside(path, file, [group[name] for name in names])
+    base = "nanoseconds" if "nanoseconds" in file else "time"
+    beside = [base, *(name for name in ("sequence", "valid") if name in file)]
+    count = int(file[base].shape[0])
+    holders = [(group, name) for name in names]
+    holders += [(file, name) for name in (*beside, "events", "meta") if name in file]
+    reserve(sum(_attempted(partial(_size, *place), "", []) or 0 for place in holders), str(path))
 
-    def rows(dataset: Any, name: str, dtype: Any) -> Any:
-        if dataset.dtype != dtype:
-            raise _damaged(path, f"'{name}' is of type {dataset.dtype}, not {np.dtype(dtype)}")
-        if dataset.shape[0] != count:
-            raise _damaged(path, f"'{name}' has {dataset.shape[0]} rows of {count}")
-        values = dataset[()]
-        values.flags.writeable = False
-        return values
+    def part(holder: Any, name: str) -> _Part | None:
+        return _attempted(partial(_part, holder, name, count), f"'{name}'", losses)
 
-    beside = {name: rows(file[name], name, dtype) for name, dtype in ROW_TYPES.items() if name in file}
-    signals = {name: read_signal(group[name], name) for name in names}
-    values = {name: rows(group[name], name, np.float64) for name in names}
-    clock = read_clock(file, beside["nanoseconds"], beside.get("sequence")) if "nanoseconds" in beside else None
-    if clock is None and text(file["time"], "unit") != "s":
-        raise _damaged(path, "its time is not in seconds")
+    parts = {name: part(file, name) for name in beside} | {f"/{name}": part(group, name) for name in names}
+    stamps, channels = parts[base], {name: made for name in names if (made := parts[f"/{name}"]) is not None}
+    if stamps is None:
+        return None
+    kept = stamps.whole & np.any([made.whole for made in channels.values()], axis=0) if channels else stamps.whole
+    if not kept.any():
+        losses.append(Loss("every signal", f"all of its {count} rows", count))
+        return None
+    rows = slice(None) if kept.all() else kept
+    sequence, marked, clock = parts.get("sequence"), parts.get("valid"), None
+    if base == "nanoseconds":
+        stated = file[base].attrs
+        anchor = (int(stated["anchor"][0]), int(stated["anchor"][1])) if "anchor" in stated else None
+        counted = sequence.values[rows] if sequence is not None and sequence.whole[rows].all() else None
+        clock = Clock(stamps.values[rows], int(stated["start"]), anchor, counted)
+    time = stamps.values[rows] if clock is None else clock.seconds
+    left = {name: made for name, made in channels.items() if made.whole[rows].any()}
+    valid = np.all([made.whole[rows] for made in left.values()], axis=0) & np.ones(len(time), dtype=bool)
+    if "valid" in parts:
+        valid &= False if marked is None else ((marked.values != 0) & marked.whole)[rows]
+    losses += _row_losses(parts, kept, time)
+    events = _attempted(lambda: _events(file), "the events", losses) or ()
+    meta: Any = _attempted(lambda: json.loads(bytes(_inside(file, "meta")[:]).decode()), "the meta", losses) or {}
     return Recording(
-        beside["time"] if clock is None else clock.seconds,
-        values,
-        read_meta(file),
+        time,
+        {name: made.values[rows] for name, made in left.items()},
+        meta,
         clock=clock,
-        valid=beside["valid"] != 0 if "valid" in beside else None,
-        signals=signals,
-        events=read_events(file),
+        valid=valid,
+        signals={name: made.signal for name, made in left.items()},
+        events=events + tuple(Event(float(time[-1]), LOST, str(loss)) for loss in losses),
     )
 
 
-def check_inside(path: Path, file: Any, channels: Iterable[Any]) -> None:
-    """Raise `InputError` for a recording whose numbers lie in another file, or take more memory than is allowed."""
-    size = 0
-    for dataset in [*channels, *(file[name] for name in (*ROW_TYPES, "events", "meta") if name in file)]:
-        if dataset.file.id != file.id or lies_elsewhere(dataset):
-            raise InputError(
-                f"{path}: '{dataset.name}' lies in another file",
-                why="hapticeval writes recordings whole, and reads no file that another one names",
-                todo="record it again, or copy the numbers into one file",
-            )
-        size += dataset.dtype.itemsize * math.prod(dataset.shape)
-    reserve(size, str(path))
+def _size(holder: Any, name: str) -> int:
+    return int(holder[name].dtype.itemsize * math.prod(holder[name].shape))
+
+
+def _attempted(read: Callable[[], T], what: str, losses: list[Loss]) -> T | None:
+    """Return what `read` gives; None, and one loss more, where that is damaged."""
+    try:
+        return read()
+    except (HapticevalError, *DAMAGE) as error:
+        losses.append(Loss(what, error.what if isinstance(error, HapticevalError) else str(error)))
+        return None
+
+
+def _inside(holder: Any, name: str) -> Any:
+    """Return a dataset. Raises `InputError` where its numbers lie in another file: no file may name one to be read."""
+    dataset = holder[name]
+    if dataset.file.id != holder.file.id or lies_elsewhere(dataset):
+        raise InputError(f"'{name}' lies in another file")
+    return dataset
+
+
+def _part(holder: Any, name: str, count: int) -> _Part:
+    """Read a dataset of `count` rows as a whole, or block by block where it is damaged.
+
+    Raises `InputError` where it lies in another file, or has another type, length or unit than ours.
+    """
+    dataset, dtype = _inside(holder, name), ROW_TYPES[name] if holder.name == "/" else np.float64
+    if dataset.dtype != dtype:
+        raise InputError(f"'{name}' is of type {dataset.dtype}, not {np.dtype(dtype)}")
+    if dataset.shape[:1] != (count,):
+        raise InputError(f"'{name}' has {len(dataset)} rows of {count}")
+    unit = _text(dataset, "unit")
+    if name in CHANNELS and unit != CHANNELS[name].unit:
+        raise InputError(f"'{name}' is in {unit!r}, not in {CHANNELS[name].unit!r}")
+    if name == "time" and unit != "s":
+        raise InputError("its time is not in seconds")
+    signal = Signal(unit or "", *(_text(dataset, key) or "" for key in ("meaning", "frame", "sign")))
+    try:
+        values, whole = dataset[()], np.ones(count, dtype=bool)
+    except DAMAGE:
+        values = np.full(dataset.shape, np.nan if dtype == np.float64 else 0, dtype=dtype)
+        whole = np.zeros(count, dtype=bool)
+        chunk = int(dataset.chunks[0])
+        for begin in range(0, count, chunk):
+            rows = slice(begin, begin + chunk)
+            try:
+                values[rows] = dataset[rows]
+            except DAMAGE:
+                continue
+            whole[rows] = True
+    values.flags.writeable = False
+    return _Part(values, whole, signal)
+
+
+def _row_losses(parts: dict[str, _Part | None], kept: BoolArray, time: Array) -> Iterator[Loss]:
+    """Yield first the rows that are lost altogether, then what single signals lack of the others."""
+    if all(part is None or part.whole.all() for part in parts.values()):
+        return
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    missing = {"every signal": ~kept}
+    missing |= {f"'{name.lstrip('/')}'": kept & ~part.whole for name, part in parts.items() if part is not None}
+    alike: dict[tuple[int, int], list[str]] = {}
+    for name, rows in missing.items():
+        for run in runs_of(rows):
+            alike.setdefault(run, []).append(name)
+    for (begin, end), names in alike.items():
+        yield Loss(", ".join(names), f"rows {begin} to {end - 1}", end - begin, (end - begin) * step)
 
 
 def lies_elsewhere(dataset: Any) -> bool:
@@ -222,51 +392,14 @@ def lies_elsewhere(dataset: Any) -> bool:
     return bool(dataset.external) or dataset.is_virtual
 
 
-def read_signal(dataset: Any, name: str) -> Signal:
-    """Return the signal that a dataset's attributes state. Raises `InputError` for a known channel in other units."""
-    unit = text(dataset, "unit")
-    if name in CHANNELS and unit != CHANNELS[name].unit:
-        raise InputError(
-            f"{dataset.file.filename}: '{name}' is in {unit!r}, not in {CHANNELS[name].unit!r}",
-            why="recordings are in SI units",
-            todo="write the file with hapticeval",
-        )
-    return Signal(unit or "", *(text(dataset, key) or "" for key in ("meaning", "frame", "sign")))
+def _events(file: Any) -> tuple[Event, ...]:
+    rows = _inside(file, "events")[:] if "events" in file else ()
+    return tuple(Event(float(row["time"]), row["kind"].decode(), row["text"].decode()) for row in rows)
 
 
-def read_clock(file: Any, stamps: Any, sequence: Any) -> Clock:
-    """Return the clock of stamps (n,), ns, and cycle numbers (n,) or None, with what the open file states of it."""
-    stated = file["nanoseconds"].attrs
-    anchor = (int(stated["anchor"][0]), int(stated["anchor"][1])) if "anchor" in stated else None
-    return Clock(stamps, int(stated["start"]), anchor, sequence)
-
-
-def read_events(file: Any) -> tuple[Event, ...]:
-    """Return the events of an open file."""
-    if "events" not in file:
-        return ()
-    return tuple(Event(float(row["time"]), row["kind"].decode(), row["text"].decode()) for row in file["events"][:])
-
-
-def read_meta(file: Any) -> dict[str, Any]:
-    """Return the metadata of an open file."""
-    meta: dict[str, Any] = json.loads(bytes(file["meta"][:]).decode())
-    return meta
-
-
-def check_signature(path: Path) -> None:
-    """Raise `InputError` unless there is a file that begins as HDF5 files do."""
-    if not first_bytes(path).startswith(SIGNATURE):
-        raise InputError(
-            f"{path} is not an HDF5 file",
-            why="a recording starts with the HDF5 signature",
-            todo="give a recording that hapticeval wrote",
-        )
-
-
-def check_format(path: Path, file: Any) -> None:
+def _check_format(path: Path, file: Any) -> None:
     """Raise `InputError` for an open file of somebody else's, or of another version of the format."""
-    if text(file, "format") != FORMAT:
+    if _text(file, "format") != FORMAT:
         raise InputError(
             f"{path} is an HDF5 file, but not a hapticeval recording",
             why=f"it lacks the attribute format = '{FORMAT}'; it holds: {', '.join(file) or 'nothing'}",
@@ -282,15 +415,7 @@ def check_format(path: Path, file: Any) -> None:
         )
 
 
-def text(holder: Any, name: str) -> str | None:
+def _text(holder: Any, name: str) -> str | None:
     """Return a text attribute; None where there is none."""
     value = holder.attrs.get(name)
     return value.decode() if isinstance(value, bytes) else value
-
-
-def _damaged(path: Path, why: str) -> DamagedError:
-    return DamagedError(
-        f"the recording {path} is cut short or damaged",
-        why=why,
-        todo=f"copy it again; or take what is whole of it: hapticeval convert {path} --salvage -o {path.stem}-whole.h5",
-    )

@@ -26,10 +26,9 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.channels import Signal, declared
-from hapticeval.recordings.hdf5 import metadata_json, write_recording
+from hapticeval.recordings.hdf5 import LOST, Loss, Salvaged, metadata_json, write_recording
 from hapticeval.recordings.memory import first_bytes
 from hapticeval.recordings.recording import Clock, Event, Recording
-from hapticeval.recordings.salvage import LOST, Loss, Salvaged
 
 UNCLOSED = "the process of the loop ended without closing"
 """The end that a journal states where its recorder was killed."""
@@ -129,25 +128,17 @@ class Block(NamedTuple):
 
 
 def blocks(data: mmap.mmap) -> Iterator[Block]:
-    """Yield the whole blocks of a journal."""
-    view = memoryview(data)
-    at = data.find(MARK)
+    """Yield the whole blocks of a journal: those whose CRC is right."""
+    view, at = memoryview(data), data.find(MARK)
     while at >= 0:
-        block = _whole(view, at)
-        if block is not None:
-            yield block
-        at = data.find(MARK, at + 1 if block is None else block.end)
-
-
-def _whole(view: memoryview, at: int) -> Block | None:
-    begin = at + BLOCK.size
-    if begin > len(view):
-        return None
-    _, kind, number, _, length, crc = BLOCK.unpack_from(view, at)
-    payload = view[begin : begin + length]
-    if len(payload) != length or zlib.crc32(payload, zlib.crc32(view[at : begin - 4])) != crc:
-        return None
-    return Block(at, begin + length, kind, number, payload)
+        following, begin = at + 1, at + BLOCK.size
+        if begin <= len(view):
+            _, kind, number, _, length, crc = BLOCK.unpack_from(view, at)
+            payload = view[begin : begin + length]
+            if len(payload) == length and zlib.crc32(payload, zlib.crc32(view[at : begin - 4])) == crc:
+                following = begin + length
+                yield Block(at, following, kind, number, payload)
+        at = data.find(MARK, following)
 
 
 def finish(journal: Path, path: Path) -> Salvaged:

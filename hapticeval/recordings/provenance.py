@@ -1,4 +1,4 @@
-"""How a recording was made, as its metadata states it: model, scene, gains, force floor, and the wall of a 1-DOF run.
+"""How a recording was made, as its metadata and events state it: model, scene, gains, losses, the wall of a 1-DOF run.
 
 A device with one degree of freedom presses along a line. In the plane that line is the y axis and the wall the half
 plane y < 0, with its outward normal along +y: a place x becomes (0, s (x - x0)) and a force f becomes (0, s f), with
@@ -16,7 +16,11 @@ from typing import Any
 import numpy as np
 
 from hapticeval.errors import InputError
+from hapticeval.recordings.hdf5 import LOST
 from hapticeval.recordings.recording import Recording
+
+MISSING = ("time out of order", "without a number")
+"""Of what an import leaves out, the rows that the file should have had: gaps are as they were meant."""
 
 LINE = "line"
 """The model that the wall of a recording in one dimension is."""
@@ -60,6 +64,26 @@ def declared_floor(recording: Recording) -> float | None:
     """Return the force that the sensor may read in free motion, N; None where it is not declared."""
     declared = recording.meta.get("force_floor")
     return float(declared) if isinstance(declared, int | float) else None
+
+
+def describe_losses(recording: Recording) -> tuple[str, ...]:
+    """Return what is lost of the file that a recording was made of, in words."""
+    return tuple(event.text for event in recording.events if event.kind == LOST)
+
+
+def describe_warnings(recording: Recording) -> tuple[str, ...]:
+    """Return the warnings of the import of a foreign file: rows that are cut off, cells without a number."""
+    return tuple(str(text) for text in recording.meta.get("import", {}).get("warnings", ()))
+
+
+def incomplete(recording: Recording) -> bool:
+    """Return whether rows are lost or masked, cycles have no row, the run ended early, or the import warned."""
+    left_out = recording.meta.get("import", {}).get("left out", {})
+    ended = any(event.kind == "ended" for event in recording.events)
+    missed = recording.clock is not None and recording.clock.missed
+    return bool(
+        missed or ended or describe_losses(recording) or describe_warnings(recording) or left_out.keys() & set(MISSING)
+    )
 
 
 def before_the_wall(recording: Recording) -> Recording:

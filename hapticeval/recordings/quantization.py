@@ -1,4 +1,4 @@
-"""How finely the numbers of a recording are told, and what that makes of the columns that runs are compared in.
+"""How finely the numbers of a recording are resolved, and what that makes of the columns that runs are compared in.
 
 A number is known to the largest of these:
 
@@ -28,7 +28,7 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array
 
 FINEST = 1e-7
-"""A quantum below this share of the range cannot be told from the rounding of the file."""
+"""A quantum below this share of the range cannot be distinguished from the rounding of the file."""
 
 WHOLE = 0.02
 """How far from whole numbers the values may lie, in quanta."""
@@ -82,8 +82,13 @@ def _common(steps: Array, floor: float) -> float:
 
 
 def quantization_step(values: Array) -> float:
-    """The step between neighbouring numbers that a column (n,) can tell, at its largest; 0 for double precision."""
+    """The step between neighbouring numbers that a column (n,) can hold, at its largest; 0 for double precision."""
     return max(numeric_step(values) or 0.0, single(values), _decimal(values))
+
+
+def coarsest(values: Array) -> float:
+    """Return the coarsest step of the columns of `values` (n, N)."""
+    return max(map(quantization_step, values.T), default=0.0)
 
 
 def single(values: Array) -> float:
@@ -128,7 +133,7 @@ class Resolution(NamedTuple):
         """Return the resolution of `column`, one of `compare.align.COLUMNS`, at each place, (m,).
 
         `size` (m,) is the force there, N, and `curvature` that of the surface, 1/m. Infinite where there is no force,
-        whose direction nothing tells.
+        which has no direction.
         """
         root = math.sqrt(self.dimension)
         turn = STEPS * float(np.spacing(2.0 * math.pi))
@@ -165,7 +170,7 @@ def _own(values: Array) -> float:
         return 0.0
     # whole numbers and short decimals are exact in either precision, and no sign of one
     computed = max((single(column) for column in values.T if numeric_step(column) is None), default=0.0)
-    return max(STEPS * max(computed, float(np.spacing(size))), *(quantization_step(column) for column in values.T))
+    return max(STEPS * max(computed, float(np.spacing(size))), coarsest(values))
 
 
 def _encoder(recording: Recording, hip: Array, keep: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> float:

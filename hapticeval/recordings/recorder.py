@@ -27,13 +27,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
 from time import monotonic_ns
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from hapticeval.errors import HapticevalError, InputError, described
+from hapticeval.files import refuse_existing
 from hapticeval.recordings.channels import Signal, check_metadata
 from hapticeval.recordings.journal import HEADERS, UNCLOSED, Kind, Layout, block_head, opening
 
@@ -77,7 +77,7 @@ class State(IntEnum):
     ERROR = 11
 
 
-OVERRUN, HEAD, TAIL = int(State.OVERRUN), int(State.HEAD), int(State.TAIL)
+OVERRUN, HEAD, TAIL = map(int, (State.OVERRUN, State.HEAD, State.TAIL))
 STATE_BYTES = 256
 ROWS_AT = STATE_BYTES + EVENTS * EVENT.itemsize
 
@@ -415,14 +415,8 @@ class Recorder:
             failure = f"the journal could not be written: {os.strerror(state[State.ERROR])}"
         elif code is not None and (code or not state[State.CLOSED]):
             failure = f"the writer's process ended with code {code}"
-        return Summary(
-            rows=state[TAIL],
-            waiting=state[HEAD] - state[TAIL],
-            overrun=state[OVERRUN],
-            missed=state[State.MISSED],
-            events_lost=state[State.EVENT_OVERRUN],
-            failure=failure,
-        )
+        lost = state[OVERRUN], state[State.MISSED], state[State.EVENT_OVERRUN]
+        return Summary(state[TAIL], state[HEAD] - state[TAIL], *lost, failure)
 
     def close(self) -> Summary:
         """Have everything written; return what was recorded and what was lost, which is a `LossWarning` as well.
@@ -455,27 +449,27 @@ class Recorder:
     def __enter__(self) -> Recorder:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if error is not None:
             self.event("ended", described(error).replace("\0", " "))
         self.close()
 
     def _misfit(self, values: tuple[Any, ...], at: Any) -> InputError:
+        """Return the error of a row that `append` could not take."""
         if self._summary is not None:
             return InputError("the recorder is closed")
+        what, why = f"append() was given {values!r}", "not all of it is numbers"
         if at is not None and not isinstance(at, int | np.integer):
-            return InputError(f"append() was given the stamp {at!r}", why="stamps are whole nanoseconds")
-        if len(values) != len(self._names):
-            has = f"this recorder has: {', '.join(self._names)}"
-            return InputError(f"append() was given {len(values)} channels", why=has)
-        for name, count, value in zip(self._names, self._columns, values, strict=True):
-            given, wanted = np.shape(np.asarray(value, dtype=object)), (count,) if count else ()
-            if given != wanted:
-                what = f"append() was given values of shape {given} for '{name}'"
-                return InputError(what, why=f"the recorder was made for shape {wanted}")
-        return InputError(f"append() was given {values!r}", why="not all of it is numbers")
+            what, why = f"append() was given the stamp {at!r}", "stamps are whole nanoseconds"
+        elif len(values) != len(self._names):
+            what, why = f"append() was given {len(values)} channels", f"this recorder has: {', '.join(self._names)}"
+        else:
+            for name, count, value in zip(self._names, self._columns, values, strict=True):
+                given, wanted = np.shape(np.asarray(value, dtype=object)), (count,) if count else ()
+                if given != wanted:
+                    what = f"append() was given values of shape {given} for '{name}'"
+                    return InputError(what, why=f"the recorder was made for shape {wanted}")
+        return InputError(what, why=why)
 
 
 def _created(path: Path) -> int:
@@ -483,12 +477,6 @@ def _created(path: Path) -> int:
         path.parent.mkdir(parents=True, exist_ok=True)
         return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
     except OSError as error:
-        if path.exists():
-            raise InputError(
-                f"{path} is there already", why="nothing is written over a recording", todo="give another name"
-            ) from None
-        raise HapticevalError(
-            f"cannot record to {path}",
-            why=f"it cannot be made: {error.strerror or error}",
-            todo="choose another folder",
-        ) from error
+        refuse_existing(path)
+        why = f"it cannot be made: {error.strerror or error}"
+        raise HapticevalError(f"cannot record to {path}", why=why, todo="choose another folder") from error

@@ -11,23 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hapticeval.errors import InputError
-from hapticeval.recordings.channels import CHANNELS, REQUIRED, Signal, check_metadata, declared
+from hapticeval.recordings.channels import Signal, check_metadata, declared
 from hapticeval.types import Array, BoolArray, IntArray
-
-__all__ = [
-    "CHANNELS",
-    "REQUIRED",
-    "SINGLE",
-    "Clock",
-    "Event",
-    "MissingChannelError",
-    "Recording",
-    "Signal",
-    "among",
-    "backward_difference",
-    "check_finite",
-    "check_increasing",
-]
 
 SINGLE = 2.0**-23
 """Spacing of single-precision numbers around 1: what the coarsest honest renderer computes with."""
@@ -139,14 +124,9 @@ class Clock:
                 f"there are {sequence.size} sequence numbers for {nanoseconds.size} stamps",
                 todo="give one per row, or none at all",
             )
-        made = {
-            "nanoseconds": nanoseconds,
-            "start": int(nanoseconds[0]) if self.start is None else int(self.start),
-            "anchor": None if self.anchor is None else (int(self.anchor[0]), int(self.anchor[1])),
-            "sequence": sequence,
-        }
-        for name, value in made.items():
-            object.__setattr__(self, name, value)
+        start = int(nanoseconds[0]) if self.start is None else int(self.start)
+        anchor = None if self.anchor is None else (int(self.anchor[0]), int(self.anchor[1]))
+        self.__dict__.update(nanoseconds=nanoseconds, start=start, anchor=anchor, sequence=sequence)
 
     def __reduce__(self) -> tuple[object, ...]:  # arrays are made read-only again
         return Clock, (self.nanoseconds, self.start, self.anchor, self.sequence)
@@ -256,16 +236,14 @@ class Recording:
         for name, array in channels.items():
             _check_shape(name, array, signals[name].frame, time.size, widths)
             check_finite(name, array, valid)
-        made = {
-            "time": time,
-            "channels": MappingProxyType(channels),
-            "meta": MappingProxyType(check_metadata(self.meta)),
-            "valid": valid,
-            "signals": MappingProxyType(signals),
-            "events": tuple(_event(event) for event in self.events),
-        }
-        for name, value in made.items():
-            object.__setattr__(self, name, value)
+        self.__dict__.update(
+            time=time,
+            channels=MappingProxyType(channels),
+            meta=MappingProxyType(check_metadata(self.meta)),
+            valid=valid,
+            signals=MappingProxyType(signals),
+            events=tuple(_event(event) for event in self.events),
+        )
 
     def _check_clock(self, time: Array, valid: BoolArray | None) -> None:
         if self.clock is None:
@@ -450,19 +428,14 @@ def _mask(given: Any, count: int) -> BoolArray | None:
 
 def _check_shape(name: str, array: Array, frame: str, count: int, widths: dict[str, tuple[str, int]]) -> None:
     """Raise `InputError` for a channel of another shape than the first of its frame, kept in `widths`."""
-    if array.shape[:1] != (count,) or array.ndim > 2 or 0 in array.shape:
-        raise InputError(
-            f"channel '{name}' has shape {array.shape}, not ({count},) or ({count}, columns)",
-            why="every channel has one row per sample",
-        )
-    if frame not in ("world", "joint"):
-        return
-    first, width = widths.setdefault(frame, (name, array.shape[-1] if array.ndim == 2 else 1))
-    if array.shape != (count, width):
-        raise InputError(
-            f"channel '{name}' has shape {array.shape}, not {(count, width)}",
-            why=f"channels in the {frame} frame have one column per {'joint' if frame == 'joint' else 'dimension'}, "
-            f"as '{first}' has",
-        )
-    if frame == "world" and width > 3:
-        raise InputError(f"channel '{name}' has {width} dimensions", why="the world has one, two or three")
+    shape, why = f"({count},) or ({count}, columns)", "every channel has one row per sample"
+    fits = array.shape[:1] == (count,) and array.ndim <= 2 and 0 not in array.shape
+    if fits and frame in ("world", "joint"):
+        first, width = widths.setdefault(frame, (name, array.shape[-1] if array.ndim == 2 else 1))
+        if frame == "world" and width > 3:
+            raise InputError(f"channel '{name}' has {width} dimensions", why="the world has one, two or three")
+        each = "joint" if frame == "joint" else "dimension"
+        shape, why = f"{(count, width)}", f"channels in the {frame} frame have one column per {each}, as '{first}' has"
+        fits = array.shape == (count, width)
+    if not fits:
+        raise InputError(f"channel '{name}' has shape {array.shape}, not {shape}", why=why)

@@ -31,6 +31,11 @@ class Stretch:
         """The rows as a slice."""
         return slice(self.first, self.end)
 
+    def times(self, recording: Recording) -> str:
+        """The times of its first and last row, as in `0.1 to 0.2 s`."""
+        begin, end = recording.time[[self.first, self.end - 1]]
+        return f"{begin:.6g} to {end:.6g} s"
+
     def __len__(self) -> int:
         return self.end - self.first
 

@@ -10,12 +10,13 @@ from pathlib import Path
 
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
-from hapticeval.phenomena.check import LACKS, Runs
+from hapticeval.phenomena.check import LACKS, Runs, Sibling
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
 from hapticeval.quantity import aligned
+from hapticeval.recordings.channels import REQUIRED
 from hapticeval.recordings.compare.difference import Apart, Difference, difference
-from hapticeval.recordings.recording import REQUIRED, Recording
+from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import describe_stretches
 from hapticeval.replay import OPEN_LOOP, RECORDED
 from hapticeval.replay.rerender import HandPath, Part, backwards, hand_path, joined, rerendered
@@ -46,7 +47,9 @@ class ReplayTask:
         channels = self.path.recording.channels
         shown: tuple[str, ...] = loop_needed
         if job.renderer == RECORDED:
-            shown = () if "operator_force" in channels else loop_needed
+            # What its renderer would have answered without an effect was not recorded.
+            compares = tuple(check for check in job.case.checks if Sibling.WITHOUT in CHECKS[check].needs)
+            shown = compares if "operator_force" in channels else (*loop_needed, *compares)
             shown = shown if all(name in channels for name in REQUIRED) else job.case.checks
         judged = judge_recorded(
             lambda scene: self._recorded() if job.renderer == RECORDED else self._replayed(job.renderer, scene),
@@ -75,10 +78,16 @@ class ReplayTask:
                 return Runs(part.recording)
             # The samples backwards are as much the recorded path as forwards; finer samples would be invented.
             alone = replace(path, stretches=(part.stretch,))
+
+            def without(kind: str) -> Recording:
+                less = scene.without(kind)
+                return rerendered(make_renderer(resolve(name), less), alone, less)[0].recording
+
             return Runs(
                 part.recording,
                 reverse=cache(lambda: backwards(renderer, path, part.stretch, scene)),
                 again=cache(lambda: rerendered(renderer, alone, scene)[0].recording),
+                without=cache(without),
             )
 
         recordings = [part.recording for part in parts]

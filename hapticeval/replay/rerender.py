@@ -77,11 +77,11 @@ def hand_path(subject: ReplayCase) -> HandPath:
         for fault in report.faults:
             if fault.kind in LEFT_OUT and fault.channel.partition(".")[0] in SEEN and fault.first is not None:
                 hand[fault.first : fault.end] = False
-        left = [f"{why}, {each.time[0]:.4g} to {each.time[1]:.4g} s" for each, why in soundness.left_out]
+        left = [f"{why}, {each.times(recording)}" for each, why in soundness.left_out]
         if len(left) > NAMED:
             left = [*left[:NAMED], f"and {len(left) - NAMED} more"]
         found = stretches(recording, hand)
-        judged = tuple(Stretch(each.first, each.end) for each in soundness.sound) or found
+        judged = soundness.sound or found
         path = HandPath(recording, found, judged, tuple(left), tuple(_suspicious(report.faults)))
     if not path.stretches:
         raise InputError(

@@ -43,7 +43,7 @@ class _RunFactory:
     """Makes recordings of one renderer in one scene, and counts the seconds that it simulates."""
 
     def __init__(self, factory: RendererFactory, scene: Scene, case: Case, name: str) -> None:
-        self.scene = scene
+        self.factory, self.scene = factory, scene
         self.simulated = 0.0
         self.renderer = make_renderer(factory, scene)
         self.stimulus = case.build_stimulus(scene, self.renderer)
@@ -69,8 +69,16 @@ class _RunFactory:
             siblings |= {"at_speed": lambda factor: self.record(stimulus.at_speed(factor), dt), "law": self.law}
         else:
             back = Path(*stimulus.sampled(dt)).reversed()
-            siblings |= {"reverse": lambda: self.record(back, dt), "look": self.closeup(base)}
+            siblings |= {"reverse": lambda: self.record(back, dt), "look": self.closeup(base), "without": self.without}
         return Runs(base, **siblings).remembered()
+
+    def without(self, kind: str) -> Recording:
+        """Record the same path with a renderer of its own, made for the scene without the effect of that kind."""
+        assert isinstance(self.stimulus, Path)
+        scene = self.scene.without(kind)
+        recording = play(make_renderer(self.factory, scene), self.stimulus, scene.sampling_time, scene=scene)
+        self.simulated += len(recording) * scene.sampling_time
+        return recording
 
     def closeup(self, base: Recording) -> Closeup | None:
         """A look at any place of a path; None for a renderer that answers a stimulus whole.

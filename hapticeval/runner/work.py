@@ -61,7 +61,11 @@ def _labelled(recording: Recording, job: Job) -> Recording:
         "renderer": job.renderer,
         "suite": job.suite,
         "case": case.name,
-        "scene": {**scene_document(case.build_scene()), **read_effects(case.scene)[0], "model": dict(case.model)},
+        "scene": {
+            **scene_document(case.build_scene()),
+            **read_effects(case.scene, case.folder)[0],
+            "model": dict(case.model),
+        },
         "checks": list(case.checks),
     }
     return replace(recording, meta={**origin, **recording.meta})

@@ -30,7 +30,7 @@ def with_effects(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> Rende
     Raises `RefusalError` for a renderer that answers a stimulus whole: there is no answer to a tick to change.
     """
     shown = abilities_of(renderer).supports or frozenset()
-    lacking = [each for each in scene.effects if each.stage is Stage.ANSWER and each.requirement not in shown]
+    lacking = [each for each in scene.effects if each.stage is Stage.ANSWER and each.kind not in shown]
     if not lacking:
         return renderer
     if not isinstance(renderer, Renderer):
@@ -43,12 +43,17 @@ def with_effects(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> Rende
     return Affected(renderer, lacking, scene)
 
 
+RESTS = 10
+"""Ticks that a hand rests when a bare answer is asked for: more than any granted lag."""
+
+
 class Affected:
     """A renderer with `effects` on its answers. What it offers beside is the renderer's, but for `declares.spring`."""
 
     def __init__(self, renderer: Renderer, effects: Sequence[Effect], scene: Scene) -> None:
+        from hapticeval.compiled import specialised
         from hapticeval.geometry.closest_kernels import closest_of
-        from hapticeval.simulation.answer_kernels import APART
+        from hapticeval.simulation.answer_kernels import APART, change_rows
 
         can = abilities_of(renderer)
         self.base = renderer
@@ -66,11 +71,17 @@ class Affected:
         self.refusals = {
             APART * k + number: words for k, each in enumerate(effects, 1) for number, words in each.refusals.items()
         }
+        for each in effects:
+            each.check_base(scene, self._ask)
         parts = [each.change(scene) for each in effects]
         boundary = scene.model.boundary
         self._compiled = closest_of(boundary) is not None
         self._begin = [part.state.copy() for part in parts]
         self._closest, self._changes = _assembled(parts, boundary)
+        if self._compiled:
+            # To look the types of nested arrays up takes a hundred times as long as a tick.
+            row = np.empty((1, scene.model.dimension))
+            self._change_rows = specialised(change_rows, self._changes, self._closest, row, row, 0.0, row, row)
         self.law = self._composed(can.law)
 
     def reset(self, hip: Array) -> None:
@@ -91,7 +102,7 @@ class Affected:
 
         Returns IHIPs and forces, (n, N).
         """
-        hips = np.array(hips, dtype=np.float64)
+        hips = np.array(hips, dtype=np.float64, order="C")
         velocities = backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
         self.reset(hips[0])
         if abilities_of(self.base).run:
@@ -103,13 +114,21 @@ class Affected:
         self._change(hips, velocities, dt, ihips, forces)
         return ihips, forces
 
+    def _ask(self, start: Array, hip: Array) -> tuple[Array, Array]:
+        """Return the bare answer to a hand that comes from `start` (N,), m, and rests at `hip`: IHIP and force."""
+        self.base.reset(start.copy())
+        rest, dt = np.zeros_like(hip), 1e-3
+        for point in (start, *[hip] * RESTS):
+            ihip, force = self.base.step(point.copy(), rest, dt)
+        return np.array(ihip, dtype=np.float64), np.array(force, dtype=np.float64)
+
     def _change(self, hips: Array, velocities: Array, dt: float, ihips: Array, forces: Array) -> None:
         """Change answers (n, N) to `hips` (n, N) in place."""
         from hapticeval.simulation import answer_kernels as kernels
 
         given = self._changes, self._closest
         if self._compiled:
-            row, refusal = kernels.change_rows(*given, hips, velocities, dt, ihips, forces)
+            row, refusal = self._change_rows(*given, hips, velocities, dt, ihips, forces)
         else:  # the boundary is in Python, and so is all that asks it
             one = getattr(kernels.change_row, "py_func", kernels.change_row)
             ticks = enumerate(zip(hips, velocities, ihips, forces, strict=True))

@@ -123,7 +123,7 @@ def _drive_device(
     from hapticeval.simulation import kernels
 
     time = sample_times(experiment.duration, dt)
-    loop = _loop(experiment, scene, time, dt)
+    loop = loop_of(experiment, scene, dt)
     out = loop.out
     reset_checked(renderer, out[kernels.MEASURED_HIP, 0])
     end = None
@@ -198,9 +198,9 @@ def _recorded(renderer: Renderer, time: Array, channels: Mapping[str, Array], dt
     if not abilities_of(renderer).diagnostics:
         return recording
     with renderer_errors("signals()"):
-        told = dict(renderer.diagnostics(recording))  # type: ignore[attr-defined]
-    more = {name: values for name, (_, values) in told.items()}
-    signals = {name: signal for name, (signal, _) in told.items()}
+        found = dict(renderer.diagnostics(recording))  # type: ignore[attr-defined]
+    more = {name: values for name, (_, values) in found.items()}
+    signals = {name: signal for name, (signal, _) in found.items()}
     return Recording(recording.time, {**recording.channels, **more}, meta=meta, signals=signals)
 
 
@@ -214,16 +214,17 @@ def _ran_away(tick: int, hip: Array, joints: Array) -> RunawayError:
     )
 
 
-def _loop(experiment: Experiment, scene: Scene, time: Array, dt: float) -> Loop:
+def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
     """Assemble what the scene calls for into a loop, with the device where the experiment starts.
 
     Raises `DomainError` where it cannot be.
     """
     from hapticeval.devices.inner_loop_kernels import Inner
-    from hapticeval.devices.motion_kernels import Grip, Load, motion_of
+    from hapticeval.devices.motion_kernels import Grip, Load, advance_of, motion_of
     from hapticeval.simulation import kernels
 
     device, hand = scene.robot, experiment.hand
+    time = sample_times(experiment.duration, dt)
     count, size = time.size, device.dimension
     parts = [
         (each.stage, each.part(count, size, dt)) for each in scene.effects if each.stage not in (None, Stage.ANSWER)
@@ -247,13 +248,15 @@ def _loop(experiment: Experiment, scene: Scene, time: Array, dt: float) -> Loop:
     state[kernels.JOINTS] = state[kernels.START] = joints
     if device.margin(joints) > 0.0:
         state[kernels.RATES] = np.linalg.solve(device.jacobian(joints), experiment.velocity)
+    motion = motion_of(device, load, default_method())
     loop = kernels.Loop(
-        motion_of(device, load, default_method()),
+        motion,
         Inner(scene.inner_loop.code, scene.mass),
         sensors,
         feeling,
         motors,
         device.parameters[:1].copy() if exact else None,
+        None if exact else advance_of(motion),
         RUNAWAY * (1.0 if device.turning else scene.model.size),
         state,
         np.zeros((kernels.PLANES, count, size)),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from hapticeval.compiled import EFFECT, FirstClass, borrowing, compiled_once, first_class, inner
 from hapticeval.devices.inner_loop_kernels import Inner, torque
-from hapticeval.devices.motion_kernels import DRIFT, JACOBIAN, Grip, Motion, advance, fall_free
+from hapticeval.devices.motion_kernels import DRIFT, JACOBIAN, Grip, Motion, fall_free
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -48,9 +48,9 @@ Hook: TypeAlias = "tuple[Attached, ...]"
 class Loop(NamedTuple):
     """A closed loop, ready to run.
 
-    `exact` (1,) is the mass (kg) of a point mass that moves by its exact integral; `reach` (rad, m) is how far a joint
-    may go from where it started. `state` (ROWS, N) is what a tick leaves to the next, and `out` (PLANES, ticks, N) all
-    that a run keeps.
+    `exact` (1,) is the mass (kg) of a point mass that moves by its exact integral; any other device moves by `advance`,
+    see `motion_kernels.advance_of`. `reach` (rad, m) is how far a joint may go from where it started. `state` (ROWS, N)
+    is what a tick leaves to the next, and `out` (PLANES, ticks, N) all that a run keeps.
     """
 
     motion: Motion
@@ -59,6 +59,7 @@ class Loop(NamedTuple):
     feeling: Hook | None
     motors: Hook | None
     exact: Array | None
+    advance: FirstClass | None
     reach: float
     state: Array
     out: Array
@@ -168,21 +169,30 @@ def command(feeling: Hook | None, loop: Loop, tick: int) -> None:
 
 
 @inner
-def move(exact: Array | None, loop: Loop, tick: int, begin: float, end: float, torque: Array) -> bool:
+def drive(
+    advance: FirstClass | None, loop: Loop, tick: int, begin: float, end: float, torque: Array
+) -> bool:  # fmt: skip
     """Move the device from `begin` to `end` seconds into the tick; return False where it has no finite state."""
-    state, load = loop.state, loop.motion.load
-    joints, rates = state[JOINTS], state[RATES]
-    if exact is None:
-        add_position(load.grip, loop, 0.5 * (end - begin), (end - begin) / 6.0)
-        if advance(loop.motion, tick, begin, end, joints, rates, torque) == 0:
-            return False
-        add_position(load.grip, loop, 0.5 * (end - begin), -(end - begin) / 6.0)
-    else:
-        first, last = state[PLACE], state[PACE]
-        for i in range(joints.shape[0]):
-            first[i], last[i] = pushed(load.push, tick, i, begin, load.dt), pushed(load.push, tick, i, end, load.dt)
-        fall_free(exact[0], joints, rates, torque, first, last, end - begin)
+    if advance is None:
+        return True
+    joints, rates = loop.state[JOINTS], loop.state[RATES]
+    add_position(loop.motion.load.grip, loop, 0.5 * (end - begin), (end - begin) / 6.0)
+    if advance(loop.motion, tick, begin, end, joints, rates, torque) == 0:
+        return False
+    add_position(loop.motion.load.grip, loop, 0.5 * (end - begin), -(end - begin) / 6.0)
     return True
+
+
+@inner
+def fall(exact: Array | None, loop: Loop, tick: int, begin: float, end: float, torque: Array) -> None:
+    """Move a point mass from `begin` to `end` seconds into the tick."""
+    if exact is None:
+        return
+    state, load = loop.state, loop.motion.load
+    joints, rates, first, last = state[JOINTS], state[RATES], state[PLACE], state[PACE]
+    for i in range(joints.shape[0]):
+        first[i], last[i] = pushed(load.push, tick, i, begin, load.dt), pushed(load.push, tick, i, end, load.dt)
+    fall_free(exact[0], joints, rates, torque, first, last, end - begin)
 
 
 @inner
@@ -227,8 +237,11 @@ def act(loop: Loop, tick: int) -> int:
         state[DRAWN, i] = 0.0
     for late in range(2):  # one place that calls: it is compiled once
         begin, end = (switch, dt) if late else (0.0, switch)
-        if end > begin and not move(loop.exact, loop, tick, begin, end, held if late else before):
-            return RAN_AWAY
+        if end > begin:
+            given = held if late else before
+            fall(loop.exact, loop, tick, begin, end, given)
+            if not drive(loop.advance, loop, tick, begin, end, given):
+                return RAN_AWAY
     for i in range(held.shape[0]):
         if switch > 0.0:
             held[i] = (switch * before[i] + (dt - switch) * held[i]) / dt

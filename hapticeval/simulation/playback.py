@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import NamedTuple, cast
@@ -19,7 +20,8 @@ from hapticeval.errors import (
     renderer_errors,
 )
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.recordings.recording import REQUIRED, SINGLE, Recording, backward_difference
+from hapticeval.recordings.channels import REQUIRED
+from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.renderer import Batch, Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Path, Stimulus, sample_times
@@ -69,7 +71,7 @@ def run_path(
     the answer.
 
     With one `dt` (s) for all rows a batch renderer is asked at once, and takes the velocity from the HIPs itself; with
-    a step a row, `dt` (n,), every renderer is asked row by row and given `velocity` (n, N). One that feels is told the
+    a step a row, `dt` (n,), every renderer is asked row by row and given `velocity` (n, N). One that feels is given the
     measured `pushes` (n, N), N, row by row, where there are any. Errors count ticks from `first` on.
     """
     can = abilities_of(renderer)
@@ -502,12 +504,35 @@ class _Subject:
 
 
 def _led_on(renderer: Renderer, rows: _Rows, first: int) -> tuple[Array, Array]:
-    """The answers, (n, N) each, of a renderer that is led on without a reset. Errors count ticks from `first` on."""
-    answers = [
-        step_checked(renderer, max(first + row, 0), hip, velocity, dt)
-        for row, (hip, velocity, dt) in enumerate(zip(rows.hip, rows.velocity, rows.dt.tolist(), strict=True))
-    ]
-    if not answers:
-        return np.empty_like(rows.hip), np.empty_like(rows.hip)
-    ihips, forces = zip(*answers, strict=True)
-    return np.array(ihips), np.array(forces)
+    """The answers, (n, N) each, of a renderer that is led on without a reset. Errors count ticks from `first` on.
+
+    By its compiled `law` or its `lead`, where it has one, as far as that answers: what that refuses its `step` words.
+    """
+    ihips, forces = np.empty_like(rows.hip), np.empty_like(rows.hip)
+    done = _led_at_once(renderer, rows, ihips, forces)
+    bad = ~np.isfinite([ihips[:done], forces[:done]]).all(axis=(0, 2))
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise not_finite(max(first + row, 0), rows.hip[row], ihips[row], forces[row])
+    for row in range(done, rows.dt.size):
+        ihips[row], forces[row] = step_checked(
+            renderer, max(first + row, 0), rows.hip[row], rows.velocity[row], float(rows.dt[row])
+        )
+    return ihips, forces
+
+
+def _led_at_once(renderer: Renderer, rows: _Rows, ihips: Array, forces: Array) -> int:
+    """Write what a renderer answers in one call, and return how many rows that are: none where it cannot."""
+    can, count = abilities_of(renderer), rows.dt.size
+    if can.law is not None and count:
+        from hapticeval.compiled import for_kernels, law_value
+        from hapticeval.simulation.playback_kernels import lead
+
+        law = law_value(can.law.function, can.law.data)
+        given = for_kernels(rows.hip), for_kernels(rows.velocity), for_kernels(rows.dt)
+        return lead(law, can.law.data, np.zeros(rows.hip.shape[1]), *given, (ihips, forces))
+    if can.lead and count:
+        with suppress(Exception):  # it does not say where it broke; single steps do
+            ihips[:], forces[:] = renderer.lead(*(column.copy() for column in rows))  # type: ignore[attr-defined]
+            return count
+    return 0

@@ -9,7 +9,8 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from hapticeval.errors import InputError
-from hapticeval.stimulus.paths import Point, Positive, as_array, below, read_path, read_rows
+from hapticeval.files import below
+from hapticeval.stimulus.paths import Point, Positive, as_array, read_path, read_rows
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 from hapticeval.types import Array
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path as FilePath
 from typing import Annotated, Any
 
@@ -12,6 +13,7 @@ from msgspec import Meta, Struct, field
 
 from hapticeval.documents import convert
 from hapticeval.errors import InputError, at
+from hapticeval.files import below
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve, as_curve
 from hapticeval.stimulus.stimulus import Path
@@ -54,11 +56,17 @@ class OnCurve(Trajectory, frozen=True, kw_only=True):
                 "surface in space",
                 todo="use kind = 'points' or 'file'",
             )
-        return _at_constant_speed(self.points_on(curve), self.duration)
+        return _path_on(curve, self)
 
     def points_on(self, curve: Curve) -> Array:
         """Return the points (n, 2), m, that the path goes through."""
         raise NotImplementedError
+
+
+@lru_cache(maxsize=32)
+def _path_on(curve: Curve, trajectory: OnCurve) -> Path:
+    """Build the path: the same for each renderer of a case that is led along the model itself."""
+    return _at_constant_speed(trajectory.points_on(curve), trajectory.duration)
 
 
 class Scaled(OnCurve, frozen=True, kw_only=True, tag="scaled"):
@@ -219,18 +227,6 @@ def as_array(rows: Sequence[Sequence[float]], what: str) -> Array:
         return np.array(rows, dtype=np.float64)
     except ValueError as error:
         raise InputError(f"{what} differ in dimension", why="all have as many numbers as the first") from error
-
-
-def below(folder: FilePath, name: str) -> FilePath:
-    """The file that a suite names. Raises `InputError` unless it lies below the suite's folder, links followed."""
-    file = folder / name
-    if not file.resolve().is_relative_to(folder.resolve()):
-        raise InputError(
-            f"the file '{name}' is not below the suite's folder {folder}",
-            why="a suite may come from anyone, and reads no other files of this machine",
-            todo="copy the file beside the suite",
-        )
-    return file
 
 
 def read_path(file: FilePath) -> Path:

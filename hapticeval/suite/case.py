@@ -16,8 +16,10 @@ from hapticeval.geometry.model import Model
 from hapticeval.renderer import abilities_of
 from hapticeval.scene import Scene
 from hapticeval.stimulus.experiments import ExperimentTable
+from hapticeval.stimulus.moves import Moves
 from hapticeval.stimulus.paths import AnyTrajectory
 from hapticeval.stimulus.stimulus import Experiment, Stimulus
+from hapticeval.suite.generated import Generated
 from hapticeval.suite.scene import build_scene, check_workspace
 
 Published = dict[str, dict[str, Literal["pass", "fail"]]]
@@ -40,7 +42,7 @@ class CaseEntries(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     citation: str = ""
     depth_of: Literal["model", "representation"] = "model"
     scene: dict[str, Any] = {}
-    trajectory: AnyTrajectory | None = None
+    trajectory: AnyTrajectory | Moves | Generated | None = None
     experiment: ExperimentTable | None = None
     judged: bool = True
     published: Published = {}
@@ -63,7 +65,7 @@ class Case(CaseEntries, frozen=True, kw_only=True):
 
     def build_scene(self) -> Scene:
         """Return the scene, its model built once in each process."""
-        return build_scene(_model(json.dumps(self.model, sort_keys=True)), self.scene)
+        return build_scene(_model(json.dumps(self.model, sort_keys=True)), self.scene, self.folder)
 
     def build_stimulus(self, scene: Scene, renderer: object) -> Stimulus:
         """Return the path or the experiment; the renderer's own surface counts where `depth_of` says so.
@@ -92,13 +94,18 @@ class Case(CaseEntries, frozen=True, kw_only=True):
     def check_stimulus(self) -> None:
         """Raise `InputError`, naming the case, for a stimulus that no renderer could be given.
 
-        Nor may the robot be unable to reach it (Assumption 7.1), or a closed form be about something else.
+        Nor may the robot be unable to reach it (Assumption 7.1), an effect make no sense along it, or a closed form be
+        about something else.
         """
         with at(f"case '{self.name}'"):
             scene = self.build_scene()
             stimulus = self.build_stimulus(scene, None)
             if isinstance(stimulus, Experiment):
                 check_workspace(scene, stimulus)
+            else:
+                _, hips = stimulus.sampled(scene.sampling_time)
+                for effect in scene.effects:
+                    effect.check_path(scene, hips)
             for name in self.closed_form.values():
                 CLOSED_FORMS[name].check(scene)
 

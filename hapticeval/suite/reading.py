@@ -12,8 +12,9 @@ from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.documents import convert, read_toml
 from hapticeval.errors import InputError, UnknownNameError, at
+from hapticeval.files import below
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.stimulus.paths import Positive, below
+from hapticeval.stimulus.paths import Positive
 from hapticeval.suite.case import Case, CaseEntries, Published
 from hapticeval.suite.installed import find_suites
 from hapticeval.suite.suite import Names, Row, Suite

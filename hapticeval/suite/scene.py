@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import cache
+from pathlib import Path
 from typing import Any, get_type_hints
 
 from msgspec import Struct, defstruct, structs
@@ -31,15 +32,15 @@ def _table() -> type[Struct]:
     return defstruct("SceneTable", entries, forbid_unknown_fields=True, frozen=True)
 
 
-def build_scene(model: Model, table: Mapping[str, Any]) -> Scene:
+def build_scene(model: Model, table: Mapping[str, Any], folder: Path = Path()) -> Scene:
     """Return the scene of a suite's `scene` table.
 
     `device` is a name of `devices.catalogue` or a table of `kind` and its parameters; a point mass has the tool's mass
     and the model's dimension where it gives none. Effects are listed under `effects`, or have short forms: see
-    `read_effects`. Raises `InputError` for an entry that a scene does not have, for a device of another dimension than
-    the model, and as `Scene` does.
+    `read_effects`; their files count from `folder`. Raises `InputError` for an entry that a scene does not have, for a
+    device of another dimension than the model, and as `Scene` does.
     """
-    rest, effects = read_effects(table)
+    rest, effects = read_effects(table, folder)
     values = structs.asdict(convert(rest, _table(), "scene"))
     if values["device"] is not None:
         values["device"] = _device(values["device"], values["mass"], model)

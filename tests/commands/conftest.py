@@ -1,38 +1,12 @@
 """A current directory with a suite of short slides and a module of renderers."""
 
-from __future__ import annotations
-
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
+from slides import CASES, HEAD
 
-SUITE = """
-title = "Three slides"
-[[case]]
-name = "flat"
-title = "Along a plane"
-model = { kind = "line" }
-checks = ["continuous-contact", "memoryless"]
-trajectory = { kind = "points", points = [[0.0, -0.001], [0.019, -0.001]], duration = 0.2 }
-[case.published."local_mine:Differs"]
-continuous-contact = "fail"
-
-[[case]]
-name = "flat-back"
-title = "And back"
-model = { kind = "line" }
-checks = ["continuous-contact"]
-trajectory = { kind = "points", points = [[0.02, -0.001], [0.0, -0.001]], duration = 0.2 }
-
-[[case]]
-name = "flat-again"
-title = "And again"
-model = { kind = "line" }
-checks = ["continuous-contact"]
-trajectory = { kind = "points", points = [[0.0, -0.001], [0.019, -0.001]], duration = 0.2 }
-"""
+PUBLISHED = '[case.published."local_mine:Differs"]\ncontinuous-contact = "fail"\n'
+SUITE = HEAD + CASES["flat"] + PUBLISHED + CASES["flat-back"] + CASES["flat-again"]
 
 MINE = """
 import os, time
@@ -78,7 +52,7 @@ def nothing(scene):
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def here(tmp_path, monkeypatch):
     """The folder, and no trace of it afterwards."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))

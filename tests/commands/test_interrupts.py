@@ -1,7 +1,5 @@
 """Ctrl-C on the commands that run jobs: what they say at once, what they finish, and what they keep."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal
@@ -10,9 +8,6 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
-from typing import IO
 
 import pytest
 
@@ -28,28 +23,28 @@ STOPPED = "stopped: 1 run that had begun is given up; what is done is kept\n"
 class Command:
     """The command in a process group of its own, on one core, so that its jobs come one after another."""
 
-    def __init__(self, process: subprocess.Popen[str], stdout: IO[str]) -> None:
+    def __init__(self, process, stdout):
         self.process = process
         self.stdout = stdout
         assert process.stderr is not None
         self.stderr = process.stderr
 
-    def says(self, start: str) -> str:
+    def says(self, start):
         """The first line from now on that begins so."""
         for line in self.stderr:
             if line.startswith(start):
                 return line
         raise AssertionError(f"it ended, and never said {start}")
 
-    def until(self, condition: Callable[[], bool]) -> None:
+    def until(self, condition):
         while not condition():
             assert self.process.poll() is None
             time.sleep(0.02)
 
-    def ctrl_c(self) -> None:
+    def ctrl_c(self):
         os.killpg(self.process.pid, signal.SIGINT)
 
-    def leaves(self) -> bool:
+    def leaves(self):
         """Whether there still are processes of the group, after its first has ended."""
         try:
             os.killpg(self.process.pid, 0)
@@ -57,7 +52,7 @@ class Command:
             return False
         return True
 
-    def ends(self) -> tuple[int, str, str]:
+    def ends(self):
         """Exit code, what is left of stderr, and stdout."""
         err = self.stderr.read()
         code = self.process.wait()
@@ -66,7 +61,7 @@ class Command:
 
 
 @contextlib.contextmanager
-def command(arguments: Sequence[str], *, program: Sequence[str] = ("-m", "hapticeval")) -> Iterator[Command]:
+def command(arguments, *, program=("-m", "hapticeval")):
     one = min(os.sched_getaffinity(0))
     with (
         tempfile.TemporaryFile("w+") as out,
@@ -92,20 +87,20 @@ def command(arguments: Sequence[str], *, program: Sequence[str] = ("-m", "haptic
 RUN = ["run", "slides.toml", "-r", "local_mine:Waits"]
 
 
-def waiting(here: Path, run: Command) -> None:
+def waiting(here, run):
     """Wait until the second of three jobs stands still."""
     run.says("[1/3]")
     run.until((here / "waiting").exists)
 
 
-def cases(here: Path) -> list[str]:
+def cases(here):
     """The cases of the verdicts that are kept, of a run that says why it is incomplete."""
     results = read_results(here / "results")
     assert (results.complete, results.reason) == (False, "interrupted by the user")
     return [verdict.case for verdict in results.verdicts]
 
 
-def test_what_has_begun_is_finished_and_the_rest_is_not_begun(here: Path) -> None:
+def test_what_has_begun_is_finished_and_the_rest_is_not_begun(here):
     with command(RUN) as run:
         waiting(here, run)
         run.ctrl_c()
@@ -120,7 +115,7 @@ def test_what_has_begun_is_finished_and_the_rest_is_not_begun(here: Path) -> Non
     assert (here / "results" / "report.html").exists()
 
 
-def test_a_second_one_stops_at_once(here: Path) -> None:
+def test_a_second_one_stops_at_once(here):
     with command(RUN) as run:
         waiting(here, run)
         run.ctrl_c()
@@ -140,7 +135,7 @@ def test_a_second_one_stops_at_once(here: Path) -> None:
     assert (here / "results" / "report.html").exists()
 
 
-def test_a_replay_says_and_does_the_same(here: Path) -> None:
+def test_a_replay_says_and_does_the_same(here):
     assert main(["run", "slides.toml", "-r", "constraint", "-k", "flat-back", "-o", "first"]) == 0
     log = "first/recordings/slides/flat-back/constraint.h5"
     with command(["replay", log, "-r", "local_mine:Waits", "-r", "constraint", "-o", "results"]) as replay:
@@ -175,7 +170,7 @@ ONCE = ["run", "slides.toml", "-r", "constraint", "-k", "flat*"]
 
 
 @pytest.mark.parametrize("arguments", [ONCE, ["report", "results"]])
-def test_ctrl_c_while_figures_are_drawn_keeps_the_results(here: Path, arguments: list[str]) -> None:
+def test_ctrl_c_while_figures_are_drawn_keeps_the_results(here, arguments):
     assert main(ONCE) == 0
     with command(arguments, program=["-c", DRAWS]) as run:
         run.until((here / "drawing").exists)
@@ -190,7 +185,7 @@ def test_ctrl_c_while_figures_are_drawn_keeps_the_results(here: Path, arguments:
 
 
 @pytest.mark.parametrize("stops", ["the run, then the figures", "waiting", "drawing"])
-def test_an_impatient_user_sees_no_traceback(here: Path, stops: str) -> None:
+def test_an_impatient_user_sees_no_traceback(here, stops):
     """One for the run and one for its figures; or again and again until the process ends, in either."""
     if stops == "drawing":
         (here / "go").touch()

@@ -1,7 +1,5 @@
 """`hapticeval record`: what it writes, what it refuses before anything starts, and what it keeps when a run breaks."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys
@@ -327,7 +325,7 @@ def test_a_socket_with_nobody_behind_it(here, capsys):
     assert not {"run.h5", "run.journal"} & names(here)
 
 
-def test_cycles_that_were_missed_are_told(here, capsys):
+def test_cycles_that_were_missed_are_shown(here, capsys):
     assert driven("mycard:Skipping") == 1
     said = capsys.readouterr().out
     assert "1 cycles missed" in said
@@ -348,7 +346,7 @@ def test_why_cycles_were_missed(median, longest, words):
     assert words in _steps(LiveRun(100, 7, "", median, longest), 1000.0)
 
 
-def test_a_slow_renderer_is_told_from_its_steps(here, capsys):
+def test_a_slow_renderer_is_seen_from_its_steps(here, capsys):
     """It takes at least 3 ms a step, and the twin goes on each millisecond."""
     assert record("--device", "twin", "-r", "mycard:slow", seconds="0.3") == 1
     said = capsys.readouterr().out
@@ -390,8 +388,8 @@ def test_a_second_ctrl_c_leaves_the_run_in_the_journal(here, capsys, monkeypatch
 
     monkeypatch.setattr("hapticeval.recordings.journal.write_recording", pressed)
     assert driven("mycard:Stopped") == 1
-    told = capsys.readouterr().err
-    assert "interrupted: the run is kept in run.journal: hapticeval convert run.journal -o run.h5" in told
+    shown = capsys.readouterr().err
+    assert "interrupted: the run is kept in run.journal: hapticeval convert run.journal -o run.h5" in shown
     monkeypatch.undo()
     os.chdir(here)
     main(["convert", "run.journal", "-o", "run.h5"])
@@ -404,27 +402,27 @@ def test_ctrl_c_before_the_first_row_leaves_nothing(here, capsys):
     assert not {"run.h5", "run.journal"} & names(here)
 
 
-def test_motors_that_do_not_answer_are_told_of_once(here, capsys):
+def test_motors_that_do_not_answer_are_reported_once(here, capsys):
     assert driven("mycard:AmplifierOff") == 2
-    told = capsys.readouterr().err
-    assert "the motors may still be on" in told
-    assert told.count("raised OSError") == 1
+    shown = capsys.readouterr().err
+    assert "the motors may still be on" in shown
+    assert shown.count("raised OSError") == 1
 
 
 @pytest.mark.parametrize("renderer", ["not_finite", "of_three", "raising"])
-def test_a_renderer_that_breaks_at_once_is_told_without_a_warning(here, capsys, renderer):
+def test_a_renderer_that_breaks_at_once_is_reported_without_a_warning(here, capsys, renderer):
     assert driven("mycard:Fine", "-r", f"mycard:{renderer}") == 3
-    told = capsys.readouterr().err
-    assert told.startswith("error: the renderer")
+    shown = capsys.readouterr().err
+    assert shown.startswith("error: the renderer")
     assert not {"run.h5", "run.journal"} & names(here)
 
 
 @pytest.mark.parametrize("name", ["run.csv", "run", "run.journal", "run.h5.mat"])
 def test_a_recording_has_the_name_of_one(here, capsys, name):
     assert main(["record", "-o", name, "--device", "twin"]) == 2
-    told = capsys.readouterr().err
-    assert f"-o {name} does not end in .h5" in told
-    assert "hapticeval convert makes .csv" in told
+    shown = capsys.readouterr().err
+    assert f"-o {name} does not end in .h5" in shown
+    assert "hapticeval convert makes .csv" in shown
     assert not names(here) & {name, "run.journal"}
 
 

@@ -1,7 +1,5 @@
 """The command line from outside: what it prints, what it writes, and the exit code that a gate reads."""
 
-from __future__ import annotations
-
 import re
 import signal
 import subprocess
@@ -18,22 +16,20 @@ from hapticeval.runner.folder import prepare
 from hapticeval.runner.results import FILE, read_results
 
 
-def run(*arguments: str) -> int:
+def run(*arguments):
     return main(["run", "slides.toml", *arguments])
 
 
-def words(text: str) -> str:
+def words(text):
     return " ".join(text.split())
 
 
-def test_the_version_is_the_package_s(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_version_is_the_package_s(capsys):
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"hapticeval {__version__}\n"
 
 
-def test_a_good_renderer_passes_and_its_reports_can_be_written_anew(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_good_renderer_passes_and_its_reports_can_be_written_anew(here, capsys):
     assert run("-r", "local_mine:Good") == 0
     shown = capsys.readouterr()
     assert "4 of 4 planned verdicts ran: 4 pass; none not as expected" in shown.out
@@ -84,9 +80,7 @@ def test_a_good_renderer_passes_and_its_reports_can_be_written_anew(
         (["-r", "constraint", "-r", "ideal", "-k", "flat"], 0, ["2 runs"]),
     ],
 )
-def test_the_summary_and_the_exit_code(
-    here: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], code: int, expected: list[str]
-) -> None:
+def test_the_summary_and_the_exit_code(here, capsys, arguments, code, expected):
     assert run(*arguments) == code
     shown = capsys.readouterr()
     for text in expected:
@@ -94,9 +88,7 @@ def test_the_summary_and_the_exit_code(
     assert "error: local_mine:Breaks" not in shown.out, "a run that broke is shown once, not once per check"
 
 
-def test_a_renderer_that_refuses_all_that_there_is_has_not_passed(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_renderer_that_refuses_all_that_there_is_has_not_passed(here, capsys):
     alone = ["run", "-k", "star-convex-corner", "-r", "set-stabilisation"]
     assert main(alone) == 2
     shown = capsys.readouterr().out
@@ -123,9 +115,7 @@ def test_a_renderer_that_refuses_all_that_there_is_has_not_passed(
         (["list", "chekcs"], 2, "did you mean checks?"),
     ],
 )
-def test_wrong_usage_and_input(
-    here: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], code: int, what: str
-) -> None:
+def test_wrong_usage_and_input(here, capsys, arguments, code, what):
     assert main(arguments) == code
     shown = capsys.readouterr()
     assert what in shown.err
@@ -133,7 +123,7 @@ def test_wrong_usage_and_input(
     assert not (here / "results").exists()
 
 
-def test_only_an_earlier_run_is_overwritten(here: Path) -> None:
+def test_only_an_earlier_run_is_overwritten(here):
     assert run("-r", "local_mine:Jumps", "-o", "out", "-k", "flat") == 1
     assert run("-r", "local_mine:Good", "-o", "out", "-k", "flat") == 0
     assert [run.renderer for run in read_results(here / "out").runs] == ["local_mine:Good"]
@@ -147,7 +137,7 @@ def test_only_an_earlier_run_is_overwritten(here: Path) -> None:
     prepare(here / "foreign0")
 
 
-def test_the_same_command_gives_the_same_verdicts(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_same_command_gives_the_same_verdicts(here, monkeypatch):
     documents = []
     for cores in (1, 2):
         monkeypatch.setattr("hapticeval.api.cores", lambda cores=cores: cores)
@@ -168,7 +158,7 @@ def test_the_same_command_gives_the_same_verdicts(here: Path, monkeypatch: pytes
         ("models", "cassinian"),
     ],
 )
-def test_there_is_a_list_of_everything(capsys: pytest.CaptureFixture[str], what: str, entry: str) -> None:
+def test_there_is_a_list_of_everything(capsys, what, entry):
     assert main(["list", what]) == 0
     out = capsys.readouterr().out
     assert any(line.split()[0] == entry for line in out.splitlines())
@@ -181,9 +171,7 @@ COMMANDS = [
 ]  # fmt: skip
 
 
-def test_the_help_teaches_by_examples_and_has_every_command_on_a_line_of_80_columns(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_help_teaches_by_examples_and_has_every_command_on_a_line_of_80_columns(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     assert main(["--help"]) == 0
     text = capsys.readouterr().out
@@ -195,9 +183,7 @@ def test_the_help_teaches_by_examples_and_has_every_command_on_a_line_of_80_colu
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_the_help_of_a_command_has_an_example_and_its_exit_codes(
-    capsys: pytest.CaptureFixture[str], command: str
-) -> None:
+def test_the_help_of_a_command_has_an_example_and_its_exit_codes(capsys, command):
     assert main([command, "--help"]) == 0
     out = capsys.readouterr().out
     assert f"  hapticeval {command}" in out.split("Example", 1)[1]
@@ -205,9 +191,7 @@ def test_the_help_of_a_command_has_an_example_and_its_exit_codes(
 
 
 @pytest.mark.parametrize("name", CHECKS)
-def test_explain_prints_all_that_a_check_says(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
+def test_explain_prints_all_that_a_check_says(capsys, monkeypatch, name):
     monkeypatch.setenv("COLUMNS", "80")
     assert main(["explain", name]) == 0
     out = capsys.readouterr().out
@@ -218,7 +202,7 @@ def test_explain_prints_all_that_a_check_says(
 
 
 @pytest.mark.parametrize("arguments", [["list", "checks"], ["--version"]])
-def test_a_reader_that_has_gone_away_is_no_error(arguments: list[str]) -> None:
+def test_a_reader_that_has_gone_away_is_no_error(arguments):
     command = [sys.executable, "-m", "hapticeval", *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None
@@ -228,9 +212,7 @@ def test_a_reader_that_has_gone_away_is_no_error(arguments: list[str]) -> None:
     assert process.returncode == 0
 
 
-def test_the_first_run_says_that_it_compiles(
-    here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_first_run_says_that_it_compiles(here, capsys, monkeypatch):
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     (here / "geometry" / "__pycache__").mkdir(parents=True)
     assert judging.kernels_are_new(here)
@@ -241,9 +223,7 @@ def test_the_first_run_says_that_it_compiles(
     assert capsys.readouterr().err.startswith("compiling kernels as they are first used, once")
 
 
-def test_ctrl_c_that_no_command_answers_is_answered_in_a_word(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_that_no_command_answers_is_answered_in_a_word(capsys, monkeypatch):
     monkeypatch.setattr("hapticeval.commands.judging.columns", lambda _: signal.raise_signal(signal.SIGINT))
     assert main(["list", "checks"]) == 1
     assert capsys.readouterr().err == "interrupted\n"

@@ -1,10 +1,7 @@
 """The terminal as a sink of events, and the closing summary, without a run; and the exit code of results."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -19,15 +16,15 @@ BROKE = RendererError("it raised", tick=3, hip=(0.0, 0.1))
 AGAIN = "what is done is kept; press Ctrl-C again to stop at once"
 
 
-def verdict(outcome: Outcome, *, metric: Metric | None = None, bound: float | None = None, **more: Any) -> VerdictEntry:
+def verdict(outcome, *, metric=None, bound=None, **more):
     names = {"renderer": "r", "suite": "s", "case": "c", "check": "memoryless", "level": Level.MUST}
     return VerdictEntry.of(
         Verdict(**{**names, "finding": Finding(outcome, "what was seen", metric=metric, bound=bound), **more})
     )
 
 
-def results(*verdicts: VerdictEntry, strict: bool = False, **more: Any) -> ResultsDocument:
-    whole: dict[str, Any] = {
+def results(*verdicts, strict=False, **more):
+    whole = {
         "planned": len(verdicts),
         "ran": len(verdicts),
         "complete": True,
@@ -43,7 +40,7 @@ def results(*verdicts: VerdictEntry, strict: bool = False, **more: Any) -> Resul
     return ResultsDocument(**{**whole, **more})
 
 
-def job(*verdicts: VerdictEntry, error: HapticevalError | None = None) -> JobFinished:
+def job(*verdicts, error=None):
     optional = ("device", "inner_loop", "effects")
     scene = SceneEntry(**{name: 1.0 for name in SceneEntry.__struct_fields__ if name not in optional})
     run = dict.fromkeys(RunEntry.__struct_fields__) | {"suite": "s", "case": "c", "renderer": "r", "scene": scene}
@@ -67,7 +64,7 @@ def job(*verdicts: VerdictEntry, error: HapticevalError | None = None) -> JobFin
         (results(verdict(Outcome.ERROR)), [HapticevalError("no such file"), BROKE], 3),
     ],
 )
-def test_exit_codes(done: ResultsDocument, errors: list[HapticevalError], code: int) -> None:
+def test_exit_codes(done, errors, code):
     assert Results(done, errors=tuple(errors)).exit_code == code
 
 
@@ -81,14 +78,14 @@ def test_exit_codes(done: ResultsDocument, errors: list[HapticevalError], code: 
         (Outcome.FAIL, Outcome.FAIL, 0),
     ],
 )
-def test_a_strict_run_lets_warnings_count(outcome: Outcome, published: Outcome | None, code: int) -> None:
+def test_a_strict_run_lets_warnings_count(outcome, published, code):
     should = verdict(outcome, level=Level.SHOULD, published=published)
     assert Results(results(should)).exit_code == 0
     assert Results(results(should, strict=True)).exit_code == code
     assert Results(results(verdict(outcome, level=Level.INFO, published=published), strict=True)).exit_code == 0
 
 
-def test_warnings_have_a_mark_of_their_own() -> None:
+def test_warnings_have_a_mark_of_their_own():
     should = verdict(Outcome.FAIL, level=Level.SHOULD)
     shown = terminal.summary(results(should), [])
     assert "warning: fail: r on s/c/" in shown
@@ -96,7 +93,7 @@ def test_warnings_have_a_mark_of_their_own() -> None:
     assert "1 warning that count" in terminal.summary(results(should, strict=True), [])
 
 
-def test_the_summary_says_what_is_not_as_it_must_be() -> None:
+def test_the_summary_says_what_is_not_as_it_must_be():
     done = results(
         verdict(Outcome.PASS),
         verdict(Outcome.FAIL, metric=Metric("jump", 0.0123456, "m"), bound=0.001),
@@ -127,12 +124,12 @@ def test_the_summary_says_what_is_not_as_it_must_be() -> None:
     ]
 
 
-def test_a_metric_that_json_cannot_hold_is_left_to_the_message() -> None:
+def test_a_metric_that_json_cannot_hold_is_left_to_the_message():
     endless = verdict(Outcome.FAIL, metric=Metric("jump", float("inf"), "m"), bound=0.001)
     assert "jump =" not in terminal.summary(results(endless), [])
 
 
-def test_lines_where_there_is_no_terminal() -> None:
+def test_lines_where_there_is_no_terminal():
     stream = io.StringIO()
     with terminal.Terminal(stream) as sink:
         sink(RunStarted(2, 2))
@@ -154,7 +151,7 @@ def test_lines_where_there_is_no_terminal() -> None:
         (Interrupted(2, at_once=True), "stopped: 2 runs that had begun are given up; what is done is kept"),
     ],
 )
-def test_an_interrupt_is_answered(event: Interrupted, line: str) -> None:
+def test_an_interrupt_is_answered(event, line):
     stream = io.StringIO()
     with terminal.Terminal(stream) as sink:
         sink(event)
@@ -162,12 +159,12 @@ def test_an_interrupt_is_answered(event: Interrupted, line: str) -> None:
 
 
 class Tty(io.StringIO):
-    def isatty(self) -> bool:
+    def isatty(self):
         return True
 
 
 @pytest.mark.parametrize(("patience", "shown"), [(0.0, True), (3600.0, False)])
-def test_a_bar_on_a_terminal_when_it_takes_long(monkeypatch: pytest.MonkeyPatch, patience: float, shown: bool) -> None:
+def test_a_bar_on_a_terminal_when_it_takes_long(monkeypatch, patience, shown):
     monkeypatch.setattr(terminal, "PATIENCE", patience)
     monkeypatch.setenv("TERM", "xterm")
     stream = Tty()

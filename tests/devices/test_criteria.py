@@ -1,8 +1,6 @@
 """The criteria of Table 3.1 against golden numbers, closed forms and brute force."""
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +8,6 @@ from numpy.testing import assert_allclose
 
 from hapticeval.devices.criteria import (
     CLEARANCE,
-    Peak,
     cartesian_damping,
     cartesian_inertia,
     criteria,
@@ -19,14 +16,13 @@ from hapticeval.devices.criteria import (
     peak_force,
     position_resolution,
 )
-from hapticeval.devices.device import Device
 from hapticeval.devices.parallelogram import ENCODER_STEP, BaseInertia, Parallelogram2, Parallelogram3
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.devices.workspace import lattice
 from hapticeval.errors import DomainError, InputError
 
 
-def test_in_the_plane_at_home() -> None:
+def test_in_the_plane_at_home():
     at = criteria(Parallelogram2(), (0, 0))
     assert_allclose(at.masses, (0.152444117745, 2.266666666667), atol=5e-13)
     assert_allclose(np.abs(at.directions), [[0, 1], [1, 0]], atol=1e-15)
@@ -37,14 +33,14 @@ def test_in_the_plane_at_home() -> None:
     assert at.manipulability == pytest.approx(0.1038, rel=1e-14)
 
 
-def test_in_the_plane_elsewhere() -> None:
+def test_in_the_plane_elsewhere():
     at = criteria(Parallelogram2(), (0.3, 0.2))
     assert_allclose(at.masses, (0.152334728018, 2.291129356962), atol=5e-13)
     assert_allclose(at.stiffest, (559.569, 2364.233), atol=5e-4)
     assert_allclose(1e6 * at.resolution, (8.51696, 10.25272), atol=1e-5)
 
 
-def test_the_stiffness_of_chapter_6_exceeds_the_bound_all_around_the_circle() -> None:
+def test_the_stiffness_of_chapter_6_exceeds_the_bound_all_around_the_circle():
     """The weakest direction on the circle of 0.1 m allows 524.85 to 561.33 N/m: never the 1 kN/m of chapter 6."""
     device = Parallelogram2()
     angles = np.linspace(0.0, 2.0 * math.pi, 721)
@@ -55,14 +51,14 @@ def test_the_stiffness_of_chapter_6_exceeds_the_bound_all_around_the_circle() ->
 
 
 @pytest.mark.parametrize(("form", "middle"), [("sin", 6.674128771426), ("cos", 6.826572889171)])
-def test_in_space_at_home(form: str, middle: float) -> None:
+def test_in_space_at_home(form, middle):
     at = criteria(Parallelogram3(base_inertia=BaseInertia(form)), (0, 0, 0))
     assert_allclose(at.inertia, np.diag((2.266666666667, middle, 0.152444117745)), atol=5e-13)
     assert_allclose(np.diag(at.damping) * 2000.0, (2333.333333, 7701.560360, 561.328477), atol=5e-7)
     assert_allclose(at.stiffest, (561.328477, 2333.333333, 7701.560360), atol=5e-7)
 
 
-def test_a_point_mass_is_its_mass() -> None:
+def test_a_point_mass_is_its_mass():
     at = criteria(PointMass(0.1, 3), (0.2, 0.0, -0.1), torque_limit=5.0)
     assert np.array_equal(at.inertia, 0.1 * np.eye(3))
     assert not at.damping.any()
@@ -79,9 +75,7 @@ def test_a_point_mass_is_its_mass() -> None:
 @pytest.mark.parametrize(
     ("device", "joints"), [(Parallelogram2(), (0.3, -0.2)), (Parallelogram3(), (0.5, 0.3, 0.2))], ids=["2dof", "3dof"]
 )
-def test_peaks_are_those_of_all_torques(
-    device: Device, joints: tuple[float, ...], peak_of: Callable[[Any, Any, float], Peak]
-) -> None:
+def test_peaks_are_those_of_all_torques(device, joints, peak_of):
     """In 20,000 directions: none gives less than the worst or more than the best."""
     peak = peak_of(device, joints, 0.3)
     pose = np.array(joints)
@@ -99,7 +93,7 @@ def test_peaks_are_those_of_all_torques(
     assert len(peak.corners) == 2**device.dimension
 
 
-def test_peaks_at_home_by_hand() -> None:
+def test_peaks_at_home_by_hand():
     """Forces τ / ℓ, accelerations ℓ τ / d: 0.033 N m make 0.095 N, where a millimetre at 1 kN/m asks for 1 N."""
     force = peak_force(Parallelogram2(), (0, 0), 0.033)
     assert force.worst == pytest.approx(0.033 / 0.346)
@@ -109,14 +103,14 @@ def test_peaks_at_home_by_hand() -> None:
     assert_allclose(np.abs(acceleration.worst_direction), (1, 0), atol=1e-15)
 
 
-def test_resolution_is_the_largest_step_that_a_count_makes() -> None:
+def test_resolution_is_the_largest_step_that_a_count_makes():
     device, joints = Parallelogram3(), np.array([0.5, 0.3, 0.2])
     steps = ENCODER_STEP * np.stack(np.meshgrid(*[(-1.0, 0.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
     moved = np.array([device.position(joints + step) for step in steps]) - device.position(joints)
     assert_allclose(position_resolution(device, joints), np.abs(moved).max(axis=0), rtol=1e-4)
 
 
-def test_over_the_workspace() -> None:
+def test_over_the_workspace():
     """M̂ and B̂ of the plane have bounds by hand: 561.33 N/m is the most that the weakest direction ever allows."""
     device = Parallelogram2()
     spread = over_workspace(device, torque_limit=0.3)
@@ -142,7 +136,7 @@ def test_over_the_workspace() -> None:
         lambda device, joints: position_resolution(device, joints),
     ],
 )
-def test_a_singular_pose_is_an_error_and_no_division_by_zero(call: Callable[[Device, Any], object]) -> None:
+def test_a_singular_pose_is_an_error_and_no_division_by_zero(call):
     with pytest.raises(DomainError, match="functional configuration space") as caught:
         call(Parallelogram3(), (0.0, 0.9, math.acos(0.3 * math.sin(0.9) / 0.346)))
     assert "singularity" in caught.value.why
@@ -151,6 +145,6 @@ def test_a_singular_pose_is_an_error_and_no_division_by_zero(call: Callable[[Dev
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, math.inf, math.nan])
-def test_a_torque_limit_that_is_none_is_refused(value: float) -> None:
+def test_a_torque_limit_that_is_none_is_refused(value):
     with pytest.raises(InputError, match="torque_limit"):
         criteria(Parallelogram2(), (0, 0), torque_limit=value)

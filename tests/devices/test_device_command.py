@@ -1,7 +1,6 @@
 """`hapticeval device`: the table, the picture, and what is no device or no place."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,12 +11,12 @@ from hapticeval.errors import HapticevalError
 from hapticeval.reports.device_figure import write_device
 
 
-def output(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+def output(capsys, *arguments):
     assert main(["device", *arguments]) == 0
     return re.sub(r"\s+", " ", capsys.readouterr().out)
 
 
-def test_the_robot_in_the_plane(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_robot_in_the_plane(tmp_path, capsys):
     text = output(capsys, "parallelogram-2dof", "-o", str(tmp_path / "new"))
     for expected in (
         "printed (2.35) and lagrangian are the same",
@@ -38,7 +37,7 @@ def test_the_robot_in_the_plane(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert paths[1].read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_robot_in_space_says_its_dynamics(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_robot_in_space_says_its_dynamics(tmp_path, capsys):
     name = "parallelogram-3dof:dynamics=printed,base_inertia=cos"
     text = output(capsys, name, "--at", "0.05,0.1,-0.05", "--torque", "2", "-o", str(tmp_path))
     assert "printed, (2.26): they create energy; base inertia d₀ with cos² x₃" in text
@@ -49,19 +48,19 @@ def test_the_robot_in_space_says_its_dynamics(tmp_path: Path, capsys: pytest.Cap
     assert "printed dynamics, d₀ with cos² x₃" in svg
 
 
-def test_the_same_device_gives_the_same_picture(tmp_path: Path) -> None:
+def test_the_same_device_gives_the_same_picture(tmp_path):
     device = Parallelogram2()
     one, two = (write_device(tmp_path, device, np.zeros(2), stem=stem) for stem in ("one", "two"))
     assert [path.read_bytes() for path in one] == [path.read_bytes() for path in two]
 
 
-def test_a_place_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written_is_an_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(HapticevalError, match="cannot write into"):
         write_device(tmp_path / "file", Parallelogram2(), np.zeros(2), stem="one")
 
 
-def test_a_point_mass_has_no_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_point_mass_has_no_picture(tmp_path, capsys):
     text = output(capsys, "point-mass:mass=0.2,dimension=3", "-o", str(tmp_path))
     assert "workspace all of space" in text
     assert "0.2 kg along (1, 0, 0)" in text
@@ -84,9 +83,7 @@ def test_a_point_mass_has_no_picture(tmp_path: Path, capsys: pytest.CaptureFixtu
         (("parallelogram-2dof", "--torque", "-1"), "torque_limit = -1"),
     ],
 )
-def test_what_cannot_be_computed_ends_with_2(
-    arguments: tuple[str, ...], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_computed_ends_with_2(arguments, message, tmp_path, capsys):
     assert main(["device", *arguments, "-o", str(tmp_path)]) == 2
     assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

@@ -1,7 +1,5 @@
 """Inner loops against what they are for: (2.8), (2.12), (6.15), (8.8)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -42,7 +40,7 @@ def close(found, expected, *sizes):
     np.testing.assert_allclose(found, expected, atol=1e-12 * scale, rtol=0.0)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @states
 def test_static_does_the_work_of_the_force(seed, device):
     """Virtual work: τᵀ q̇ = Fᵀ ẏ at any rates."""
@@ -51,7 +49,7 @@ def test_static_does_the_work_of_the_force(seed, device):
     assert torque @ rates == pytest.approx(force @ (device.jacobian(joints) @ rates), rel=1e-12, abs=1e-12)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @states
 def test_compensated_leaves_nothing_but_inertia(seed, device):
     """(2.12): M̂ ÿ = F_r + F_o, with M̂ = J⁻ᵀ M J⁻¹ and the J̇ that (2.9) lost."""
@@ -62,7 +60,7 @@ def test_compensated_leaves_nothing_but_inertia(seed, device):
     close(inertia @ acceleration(device, joints, rates, torque, push), force + push, 10.0 * torque @ inverse)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @states
 def test_linearised_moves_as_the_virtual_tool(seed, device):
     """(6.15): m_tool ÿ = F_r, where the hand is away."""
@@ -73,7 +71,7 @@ def test_linearised_moves_as_the_virtual_tool(seed, device):
     close(TOOL * found, force, 100.0 * drift)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @states
 def test_a_measured_hand_feels_the_virtual_tool_s_inertia(seed, device):
     """(8.6), (8.8): m_tool ÿ = F_r + F_o."""

@@ -1,7 +1,5 @@
 """How a device moves between samples: orders, accuracy, and friction against closed forms and scipy."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -41,7 +39,7 @@ def test_a_method_has_its_order(name):
     assert math.log2(astray[0] / astray[1]) == pytest.approx(method.order, abs=0.6)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1), robot=st.sampled_from(ROBOTS))
 def test_the_default_keeps_its_promise_between_samples(seed, robot):
     """A tick from a state, torque and hand of any size that a robot may see, against scipy's DOP853 at its tightest."""

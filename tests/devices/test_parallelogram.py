@@ -1,8 +1,6 @@
 """The parallelogram robot against a symbolic derivation, its kernels, its inverse, and what leads out of its domain."""
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,10 +8,11 @@ import sympy as sp
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
 
 from hapticeval.compiled import DYNAMICS, KINEMATICS, MARGIN, first_class
 from hapticeval.devices.criteria import cartesian_damping
-from hapticeval.devices.device import Device, checked_joints
+from hapticeval.devices.device import checked_joints
 from hapticeval.devices.parallelogram import (
     BaseInertia,
     Dynamics,
@@ -22,12 +21,11 @@ from hapticeval.devices.parallelogram import (
     ParallelogramParameters,
 )
 from hapticeval.errors import DomainError, InputError
-from hapticeval.types import Array
 
 L1, L4, B, D = 0.300, 0.346, (0.461, 0.105, 0.0336), (0.799, 0.204, 0.01825)
 
 FREE = ParallelogramParameters(b1=0.0, b2=0.0, b3=0.0)
-DEVICES: tuple[Device, ...] = (
+DEVICES = (
     Parallelogram2(),
     Parallelogram3(),
     Parallelogram3(dynamics=Dynamics.PRINTED),
@@ -36,7 +34,7 @@ DEVICES: tuple[Device, ...] = (
 IDS = ("2dof", "3dof", "3dof-printed", "3dof-cos")
 
 
-def symbolic(device: Device) -> Callable[[Array, Array], dict[str, Array]]:
+def symbolic(device):
     """Position, J, J̇ q̇, M and bias at (q, q̇), by (2.28) and kinetic energy alone.
 
     Lagrange's equations are applied to T = ½ q̇ᵀ M q̇; the printed model has no velocity terms by definition.
@@ -74,7 +72,7 @@ def symbolic(device: Device) -> Callable[[Array, Array], dict[str, Array]]:
     }
 
 
-def poses(device: Device, count: int, *, least: float, seed: int = 0) -> Array:
+def poses(device, count, *, least, seed=0):
     """Random joints in the functional configuration space at least `least` rad inside."""
     rng = np.random.default_rng(seed)
     low, high = ((-2.4, -2.0, -1.0), (2.4, 2.4, 2.3)) if device.dimension == 3 else ((-2.0, -1.0), (2.4, 2.3))
@@ -84,7 +82,7 @@ def poses(device: Device, count: int, *, least: float, seed: int = 0) -> Array:
     return np.array(kept)
 
 
-def drift_of(device: Device, joints: Array, rates: Array) -> Array:
+def drift_of(device, joints, rates):
     """J̇ q̇, from the kernel."""
     n = device.dimension
     drift = np.empty(n)
@@ -93,7 +91,7 @@ def drift_of(device: Device, joints: Array, rates: Array) -> Array:
 
 
 @pytest.mark.parametrize("device", DEVICES, ids=IDS)
-def test_everything_agrees_with_a_symbolic_derivation(device: Device) -> None:
+def test_everything_agrees_with_a_symbolic_derivation(device):
     """To 1e-12, and B̂ at rest."""
     derived = symbolic(device)
     rng = np.random.default_rng(1)
@@ -114,7 +112,7 @@ def test_everything_agrees_with_a_symbolic_derivation(device: Device) -> None:
 
 
 @pytest.mark.parametrize("device", [Parallelogram3(FREE), Parallelogram3(FREE, base_inertia=BaseInertia.COS)])
-def test_the_velocity_terms_do_no_work(device: Parallelogram3) -> None:
+def test_the_velocity_terms_do_no_work(device):
     """d/dt ½ q̇ᵀ M q̇ = q̇ᵀ (½ Ṁ q̇ - bias) is zero without friction and torque."""
     rng = np.random.default_rng(7)
     step = 1e-5
@@ -126,7 +124,7 @@ def test_the_velocity_terms_do_no_work(device: Parallelogram3) -> None:
 
 
 @pytest.mark.parametrize("device", DEVICES, ids=IDS)
-def test_kernels_and_methods_agree_to_the_last_bit(device: Device) -> None:
+def test_kernels_and_methods_agree_to_the_last_bit(device):
     """Also as values for other compiled code, and with J q̇ formed apart."""
     n = device.dimension
     kernels = device.kernels
@@ -148,7 +146,7 @@ def test_kernels_and_methods_agree_to_the_last_bit(device: Device) -> None:
         assert_allclose(velocity, device.jacobian(joints) @ rates, rtol=0.0, atol=1e-14)
 
 
-def test_parameters_are_given_as_a_copy() -> None:
+def test_parameters_are_given_as_a_copy():
     device = Parallelogram2()
     before = device.position((0.1, 0.2))
     device.parameters[:] = 7.0
@@ -159,14 +157,14 @@ angle = st.floats(-2.4, 2.4)
 
 
 @given(shoulder=angle, elbow=angle)
-def test_inverse_kinematics_in_the_plane(shoulder: float, elbow: float) -> None:
+def test_inverse_kinematics_in_the_plane(shoulder, elbow):
     device = Parallelogram2()
     assume(device.margin((shoulder, elbow)) > 1e-12)
     assert_allclose(device.joints(device.position((shoulder, elbow))), (shoulder, elbow), rtol=0.0, atol=2e-14)
 
 
 @given(base=angle, shoulder=angle, elbow=angle)
-def test_inverse_kinematics_in_space(base: float, shoulder: float, elbow: float) -> None:
+def test_inverse_kinematics_in_space(base, shoulder, elbow):
     """x₁ is as well determined as the hand is far from the base's axis; the hand's place always is.
 
     The hand's place is rounded to about 1e-16 m, which at r from the axis turns x₁ by 1e-16 m / r.
@@ -183,7 +181,7 @@ def test_inverse_kinematics_in_space(base: float, shoulder: float, elbow: float)
 
 
 @given(st.tuples(st.floats(-0.75, 0.35), st.floats(-0.7, 0.5)))
-def test_a_place_has_joints_or_an_error_with_the_reason(place: tuple[float, float]) -> None:
+def test_a_place_has_joints_or_an_error_with_the_reason(place):
     device = Parallelogram2()
     try:
         joints = device.joints(place)
@@ -197,7 +195,7 @@ def test_a_place_has_joints_or_an_error_with_the_reason(place: tuple[float, floa
 
 
 @pytest.mark.parametrize("device", DEVICES[:2], ids=IDS[:2])
-def test_the_margin_is_the_nearest_limit_and_no_shorter_move_leaves(device: Device) -> None:
+def test_the_margin_is_the_nearest_limit_and_no_shorter_move_leaves(device):
     rng = np.random.default_rng(5)
     assert isinstance(device, Parallelogram2 | Parallelogram3)
     for joints in poses(device, 100, least=0.0, seed=6):
@@ -208,7 +206,7 @@ def test_the_margin_is_the_nearest_limit_and_no_shorter_move_leaves(device: Devi
         assert all(device.margin(joints + move) > 0.0 for move in moves)
 
 
-def test_the_margin_is_zero_on_every_edge() -> None:
+def test_the_margin_is_zero_on_every_edge():
     flat, deep = Parallelogram2(), Parallelogram3()
     for edge in ((2.4, 2.0), (-0.5, -1.0), (2.0, 2.3), (0.5, -0.5), (-0.25, 0.75)):
         assert flat.margin(edge) == 0.0
@@ -219,7 +217,7 @@ def test_the_margin_is_zero_on_every_edge() -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_a_state_that_is_not_finite_is_outside(bad: float) -> None:
+def test_a_state_that_is_not_finite_is_outside(bad):
     assert Parallelogram2().margin((bad, 0.0)) == -math.inf
     assert Parallelogram2().margin((0.0, bad)) == -math.inf
     for place in range(3):
@@ -242,7 +240,7 @@ def test_a_state_that_is_not_finite_is_outside(bad: float) -> None:
         ((0, 1.2, 1.1), "past the base's axis, l1 sin x2 = l4 cos x3 (a singularity"),
     ],
 )
-def test_joints_out_of_the_domain_are_refused_with_limit_and_amount(joints: tuple[float, ...], message: str) -> None:
+def test_joints_out_of_the_domain_are_refused_with_limit_and_amount(joints, message):
     with pytest.raises(DomainError) as caught:
         checked_joints(Parallelogram3(), joints)
     assert message in caught.value.why
@@ -258,9 +256,7 @@ def test_joints_out_of_the_domain_are_refused_with_limit_and_amount(joints: tupl
         (Parallelogram3(), (-0.6, 0.0, 0.0), "x1 = 3.14159 rad (180 degrees) is 0.741593 rad (42.49 degrees) beyond"),
     ],
 )
-def test_places_out_of_reach_are_refused(
-    device: Parallelogram2 | Parallelogram3, position: tuple[float, ...], message: str
-) -> None:
+def test_places_out_of_reach_are_refused(device, position, message):
     with pytest.raises(DomainError) as caught:
         device.joints(position)
     assert message in caught.value.why
@@ -268,23 +264,112 @@ def test_places_out_of_reach_are_refused(
 
 
 @pytest.mark.parametrize("method", ["position", "jacobian", "inertia", "margin", "limits", "joints"])
-def test_the_wrong_number_of_coordinates_is_refused(method: str) -> None:
+def test_the_wrong_number_of_coordinates_is_refused(method):
     """Compiled code would read beyond the end."""
     for device, values in ((Parallelogram3(), (0.0, 0.0)), (Parallelogram2(), 0.0), (Parallelogram2(), ("a", "b"))):
         with pytest.raises(InputError):
             getattr(device, method)(values)
 
 
-def test_the_wrong_number_of_rates_is_refused() -> None:
+def test_the_wrong_number_of_rates_is_refused():
     with pytest.raises(InputError, match="rates of the shape"):
         Parallelogram3().bias((0, 0, 0), (1, 2))
 
 
 @pytest.mark.parametrize("changes", [{"l1": 0.25, "l4": 0.25}, {"l1": 0.5, "l4": 0.1}, {"l1": 1e-3, "l4": 2.0}])
-def test_other_link_lengths_work_alike(changes: dict[str, Any]) -> None:
+def test_other_link_lengths_work_alike(changes):
     device = Parallelogram3(ParallelogramParameters(**changes))
     scale = max(changes.values())
     for joints in poses(device, 30, least=0.05):
         assert_allclose(
             device.position(device.joints(device.position(joints))), device.position(joints), atol=1e-14 * scale
         )
+
+
+# Golden numbers, computed apart from the package, and the energy that free motion keeps
+
+START = np.array([0.0, 0.2, -0.1, 2.0, 1.0, 1.5])
+
+
+def test_home():
+    flat, deep = Parallelogram2(), Parallelogram3()
+    assert_allclose(flat.position((0, 0)), (0, 0), atol=1e-16)
+    assert_allclose(flat.jacobian((0, 0)), np.diag((-0.3, 0.346)), atol=1e-16)
+    assert_allclose(np.linalg.det(flat.jacobian((0, 0))), -0.1038, rtol=1e-14)
+    assert_allclose(deep.position((0, 0, 0)), (0, 0, 0), atol=1e-16)
+    assert_allclose(deep.jacobian((0, 0, 0)), [[0, -0.3, 0], [0.346, 0, 0], [0, 0, 0.346]], atol=1e-16)
+    assert_allclose(np.linalg.det(deep.jacobian((0, 0, 0))), 0.0359148, rtol=1e-14)
+
+
+def test_poses():
+    flat, deep = Parallelogram2(), Parallelogram3()
+    assert_allclose(flat.position((0.3, 0.2)), (-0.095553026065, 0.055340535193), atol=5e-13)
+    assert_allclose(np.linalg.det(flat.jacobian((0.3, 0.2))), -0.103281432356, atol=5e-13)
+    assert_allclose(deep.position((0.5, 0.3, 0.2)), (-0.126212102997, 0.12007067537, 0.055340535193), atol=5e-13)
+    assert_allclose(np.linalg.det(deep.jacobian((0.5, 0.3, 0.2))), 0.025866522197, atol=5e-13)
+
+
+def test_the_determinant_in_the_plane_stays_within_its_published_range():
+    """|det J₂| = ℓ₁ ℓ₄ cos(x₁ - x₂), least at the stop and greatest where the linkage is a rectangle."""
+    flat = Parallelogram2()
+    assert_allclose(abs(np.linalg.det(flat.jacobian((1.0, 0.0)))), 0.0560833793, atol=5e-11)
+    assert_allclose(abs(np.linalg.det(flat.jacobian((0.7, 0.7)))), 0.1038, rtol=1e-13)
+
+
+def moved(device, *, duration=0.5):
+    """The state after free motion, to about 1e-13."""
+
+    def rate(_, state):
+        joints, rates = state[:3], state[3:]
+        return np.concatenate([rates, -device.bias(joints, rates) / np.diag(device.inertia(joints))])
+
+    solution = solve_ivp(rate, (0.0, duration), START, method="DOP853", rtol=3e-14, atol=1e-15)
+    assert solution.success
+    return solution.y[:, -1]
+
+
+def energy(device, state):
+    return float(0.5 * state[3:] @ device.inertia(state[:3]) @ state[3:])
+
+
+@pytest.mark.parametrize(
+    ("base_inertia", "joints", "rates", "expected"),
+    [
+        (
+            "sin",
+            (0.949448427787, 0.856000074663, 0.711382497670),
+            (1.748897923741, 1.691424988680, 1.913631407481),
+            1.736998592178,
+        ),
+        (
+            "cos",
+            (0.954238967874, 0.856918801629, 0.589552417662),
+            (1.777990148364, 1.699791343394, 1.098359981562),
+            1.772771022269,
+        ),
+    ],
+)
+def test_lagrangian_dynamics_move_as_published_and_conserve_energy(base_inertia, joints, rates, expected):
+    device = Parallelogram3(FREE, Dynamics.LAGRANGIAN, BaseInertia(base_inertia))
+    end = moved(device)
+    assert_allclose(end, (*joints, *rates), atol=1.5e-12)
+    assert_allclose(energy(device, START), expected, atol=1e-12)
+    assert_allclose(energy(device, end), energy(device, START), rtol=1e-13)
+
+
+def test_printed_dynamics_create_energy():
+    """(2.26) lets all joints coast while d₀ grows: 9.6 % more energy after half a second."""
+    device = Parallelogram3(FREE, Dynamics.PRINTED)
+    end = moved(device)
+    assert_allclose(end, START + 0.5 * np.concatenate([START[3:], np.zeros(3)]), atol=1e-13)
+    assert_allclose(energy(device, START), 1.7369986, atol=5e-8)
+    assert_allclose(energy(device, end), 1.9032261, atol=5e-8)
+    assert energy(device, end) / energy(device, START) - 1.0 == pytest.approx(0.096, abs=5e-4)
+
+
+def test_printed_and_lagrangian_dynamics_are_one_with_the_base_locked():
+    rng = np.random.default_rng(4)
+    for joints, rates in rng.uniform(-0.5, 0.5, (50, 2, 2)):
+        lagrangian, printed = (Parallelogram2(dynamics=each) for each in Dynamics)
+        assert np.array_equal(printed.inertia(joints), lagrangian.inertia(joints))
+        assert np.array_equal(printed.bias(joints, rates), lagrangian.bias(joints, rates))

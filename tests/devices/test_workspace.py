@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from hapticeval.devices.device import Device, checked_joints
+from hapticeval.devices.device import checked_joints
 from hapticeval.devices.parallelogram import Parallelogram2, Parallelogram3, ParallelogramParameters
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.devices.workspace import holds, lattice, nearest_limit, nearest_singularity, require
@@ -18,15 +18,15 @@ from hapticeval.geometry.surface import Surface
 FLAT, DEEP, POINT = Parallelogram2(), Parallelogram3(), PointMass(0.1, 2)
 
 
-def sphere(radius: float) -> Model:
+def sphere(radius):
     return Model("sphere", {}, Surface("sphere", "sphere", (radius,)))
 
 
-def inside(device: Device, joints: list[tuple[float, ...]] | np.ndarray) -> np.ndarray:
+def inside(device, joints):
     return np.array([device.margin(np.array(pose)) > 0.0 for pose in joints])
 
 
-def test_the_functional_configuration_space_is_open() -> None:
+def test_the_functional_configuration_space_is_open():
     assert inside(FLAT, [(0, 0), (0.5, -0.5), (0.5, -0.49), (2.4, 2.0), (0, -1.0)]).tolist() == [
         True, False, True, False, False,
     ]  # fmt: skip
@@ -34,7 +34,7 @@ def test_the_functional_configuration_space_is_open() -> None:
     assert inside(POINT, [(1e9, 0)]).all()
 
 
-def test_membership_is_that_of_the_definition() -> None:
+def test_membership_is_that_of_the_definition():
     """(2.30) and (2.33), written out once more, on random joints."""
     joints = np.random.default_rng(0).uniform(-3.0, 3.0, (5000, 3))
     base, shoulder, elbow = joints.T
@@ -44,7 +44,7 @@ def test_membership_is_that_of_the_definition() -> None:
     assert np.array_equal(inside(DEEP, joints), expected)
 
 
-def test_the_nearest_limit_and_singularity() -> None:
+def test_the_nearest_limit_and_singularity():
     limit = nearest_limit(FLAT, (2.3, 2.0))
     assert limit is not None
     assert (limit.what, limit.singular) == ("x1", False)
@@ -58,7 +58,7 @@ def test_the_nearest_limit_and_singularity() -> None:
 
 
 @pytest.mark.parametrize("device", [FLAT, DEEP], ids=["2dof", "3dof"])
-def test_no_singularity_is_nearer_than_reported(device: Device) -> None:
+def test_no_singularity_is_nearer_than_reported(device):
     """The sign of det J stays as it is within that distance, also outside of the limits."""
     rng = np.random.default_rng(8)
     for joints in rng.uniform(-1.0, 1.0, (60, device.dimension)):
@@ -69,7 +69,7 @@ def test_no_singularity_is_nearer_than_reported(device: Device) -> None:
         assert len(signs) == 1
 
 
-def test_the_size_of_the_workspace_is_the_integral_of_the_jacobian() -> None:
+def test_the_size_of_the_workspace_is_the_integral_of_the_jacobian():
     """∫ |det J| dx over (2.38) and (2.33): ℓ₁ ℓ₄ cos(x₁ - x₂) in the plane, and r times that with the base turning."""
 
     shares = (np.arange(1000) + 0.5) / 1000
@@ -83,7 +83,7 @@ def test_the_size_of_the_workspace_is_the_integral_of_the_jacobian() -> None:
     assert DEEP.size() == pytest.approx(4.8 * (plane * np.maximum(reach, 0.0)).sum(), rel=1e-5)
 
 
-def test_the_outline_is_the_edge() -> None:
+def test_the_outline_is_the_edge():
     """Every point of it is just reached: a step in is inside, a step out is not."""
     outline = FLAT.section(200)
     middle = FLAT.position((0.2, 0.4))
@@ -98,21 +98,21 @@ def test_the_outline_is_the_edge() -> None:
         assert reachable in ([True, False], [False, True])
 
 
-def _joints(point: np.ndarray) -> tuple[float, ...]:
+def _joints(point):
     try:
         return tuple(FLAT.joints(point))
     except DomainError:
         return (math.nan, math.nan)
 
 
-def test_with_the_base_turning_the_section_ends_at_its_axis() -> None:
+def test_with_the_base_turning_the_section_ends_at_its_axis():
     outline = DEEP.section()
     assert outline[:, 0].min() == pytest.approx(-0.346)
     assert np.sum(np.abs(outline[:, 0] + 0.346) < 1e-12) == 2
     assert outline[:, 0].max() == pytest.approx(FLAT.section()[:, 0].max())
 
 
-def test_a_lattice_goes_through_home_and_stays_inside() -> None:
+def test_a_lattice_goes_through_home_and_stays_inside():
     for device in (FLAT, DEEP):
         poses = lattice(device, clearance=0.2)
         assert min(device.margin(pose) for pose in poses) > 0.2
@@ -120,7 +120,7 @@ def test_a_lattice_goes_through_home_and_stays_inside() -> None:
     assert np.array_equal(lattice(POINT), [(0.0, 0.0)])
 
 
-def test_a_lattice_is_all_of_its_box_that_is_clear() -> None:
+def test_a_lattice_is_all_of_its_box_that_is_clear():
     """Against every node of the box around (2.30)."""
     for device, axes in ((FLAT, [(-2.2, 2.4), (-1.0, 2.2)]), (DEEP, [(-2.4, 2.4), (-2.2, 2.4), (-1.0, 2.2)])):
         steps = [np.arange(round(low / 0.2), round(high / 0.2) + 1) for low, high in axes]
@@ -130,14 +130,14 @@ def test_a_lattice_is_all_of_its_box_that_is_clear() -> None:
 
 
 @pytest.mark.parametrize("kind", ["circle", "cassinian", "star", "ellipse", "dumbbell", "line"])
-def test_the_models_of_the_catalogue_lie_in_the_workspace(kind: str) -> None:
+def test_the_models_of_the_catalogue_lie_in_the_workspace(kind):
     fit = holds(FLAT, make_model(kind))
     assert fit.holds
     assert fit.margin > 0.2
     require(FLAT, make_model(kind))
 
 
-def test_a_circle_too_large_is_refused_with_the_first_point_out_of_reach() -> None:
+def test_a_circle_too_large_is_refused_with_the_first_point_out_of_reach():
     fit = holds(FLAT, make_model("circle", size=0.5))
     assert not fit.holds
     assert (fit.row, fit.margin) == (0, -math.inf)
@@ -147,7 +147,7 @@ def test_a_circle_too_large_is_refused_with_the_first_point_out_of_reach() -> No
         require(FLAT, make_model("circle", size=0.5))
 
 
-def test_the_largest_circle_about_home() -> None:
+def test_the_largest_circle_about_home():
     """Bisection against the distance of the outline from home."""
     exact = np.linalg.norm(FLAT.section(40_000), axis=1).min()
     low, high = 0.1, 0.3
@@ -157,7 +157,7 @@ def test_the_largest_circle_about_home() -> None:
     assert low == pytest.approx(exact, abs=1e-4)
 
 
-def test_spheres() -> None:
+def test_spheres():
     assert holds(DEEP, sphere(0.05)).holds
     fit = holds(DEEP, sphere(0.4))
     assert not fit.holds
@@ -165,7 +165,7 @@ def test_spheres() -> None:
         require(DEEP, sphere(0.4))
 
 
-def test_points_are_tried_in_order() -> None:
+def test_points_are_tried_in_order():
     fit = holds(FLAT, [(0.0, 0.0), (-0.05, 0.0), (5.0, 0.0), (6.0, 0.0)])
     assert (fit.holds, fit.row, fit.point) == (False, 2, (5.0, 0.0))
     fit = holds(FLAT, [(0.0, 0.0), (0.1, 0.0), (-0.05, 0.0)])
@@ -176,7 +176,7 @@ def test_points_are_tried_in_order() -> None:
     assert holds(POINT, make_model("circle", size=100.0)).margin == math.inf
 
 
-def test_of_an_unbounded_line_only_a_part_must_lie_inside() -> None:
+def test_of_an_unbounded_line_only_a_part_must_lie_inside():
     """A robot of 2 mm reaches little of it, and the point with the greatest margin is named."""
     small = Parallelogram2(ParallelogramParameters(l1=1e-3, l4=1e-3))
     assert not holds(small, [(-0.1, 0.0), (0.1, 0.0)]).holds
@@ -186,7 +186,7 @@ def test_of_an_unbounded_line_only_a_part_must_lie_inside() -> None:
     assert fit.margin == small.margin(small.joints(fit.point))
 
 
-def test_what_is_no_place_is_refused() -> None:
+def test_what_is_no_place_is_refused():
     with pytest.raises(InputError, match="3 dimensions"):
         holds(FLAT, sphere(0.05))
     with pytest.raises(InputError, match="points of the shape"):
@@ -195,7 +195,7 @@ def test_what_is_no_place_is_refused() -> None:
         holds(FLAT, [(0.0, math.nan)])
 
 
-def test_joints_are_checked_for_any_device() -> None:
+def test_joints_are_checked_for_any_device():
     assert checked_joints(POINT, (1, 2)).dtype == np.float64
     for device, joints in ((POINT, (0, 0, 0)), (POINT, (0, math.inf)), (FLAT, ("a", "b"))):
         with pytest.raises(InputError):

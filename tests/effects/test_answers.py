@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from suction import ENTRY, Suction
 
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.discovery import resolve
 from hapticeval.effects.catalogue import EFFECTS
-from hapticeval.effects.effect import Effect, Part, Stage, number
 from hapticeval.errors import DomainError, RefusalError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.renderer import abilities_of
@@ -21,34 +20,6 @@ from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.stimulus.stimulus import Experiment
 
 MODELS = ("circle", "star", "cassinian", "sphere")
-
-
-@dataclass(frozen=True)
-class Suction(Effect):
-    """Pull the hand inwards with `force`, and less so from tick to tick; refuse beyond `deepest`."""
-
-    force: float = number("N")
-    deepest: float = number("m", default=1.0)
-
-    kind: ClassVar[str] = "suction"
-    requirement: ClassVar[str] = "suction"
-    meaning: ClassVar[str] = "the surface sucks"
-    stage: ClassVar[Stage] = Stage.ANSWER
-    refusals: ClassVar[dict[int, str]] = {1: "no suction so deep inside"}
-
-    def change(self, scene):
-        return Part(suck, np.array([self.force, self.deepest]), state=np.ones((3, scene.model.dimension)))
-
-
-def suck(numbers, closest, hip, velocity, dt, ihip, force):
-    distance = closest.function(closest.data, hip, numbers.state[:2])
-    if distance < -numbers.params[1]:
-        return 1
-    if distance < 0.0:
-        for i in range(hip.shape[0]):
-            force[i] -= numbers.params[0] * numbers.state[2, 0] * numbers.state[1, i]
-        numbers.state[2, 0] *= 0.99
-    return 0
 
 
 class Python:
@@ -148,7 +119,7 @@ def test_who_shows_an_effect_keeps_it_and_who_cannot_get_it_is_refused():
 
     scene = scene_of("circle", Suction(0.2))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(EFFECTS, Suction.kind, Suction)
+        patch.setitem(EFFECTS, Suction.kind, ENTRY)
         assert isinstance(make_renderer(lambda s: Shows(resolve("constraint")(s)), scene), Shows)
     with pytest.raises(RefusalError, match="calls for suction"):
         make_renderer(resolve("ideal"), scene)

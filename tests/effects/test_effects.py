@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import ClassVar
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 
 from hapticeval.devices.parallelogram import Parallelogram2
-from hapticeval.effects.catalogue import EFFECTS, make_effect, read_effects
+from hapticeval.effects.catalogue import EFFECTS, Entry, make_effect, read_effects
 from hapticeval.effects.delay import Delay
 from hapticeval.effects.effect import Effect, Part, Stage, number
 from hapticeval.effects.encoder import Encoder
@@ -46,9 +45,6 @@ class Weak(Effect):
     share: float = number("")
 
     kind: ClassVar[str] = "weak-motors"
-    requirement: ClassVar[str] = "weak"
-    meaning: ClassVar[str] = "the motors are weak"
-    keys: ClassVar[Mapping[str, str]] = {"imperfections.weakness": "share"}
     stage: ClassVar[Stage] = Stage.COMMAND
     words: ClassVar[str] = "motors of {share} of their torque"
 
@@ -65,7 +61,7 @@ def weaken(params, samples, state, tick, dt, torque, before):
 class Pushing:
     """A renderer with a constant force, which declares what it supports."""
 
-    supports = frozenset({"weak"})
+    supports = frozenset({"weak-motors"})
 
     def __init__(self, scene):
         self.force = np.full(scene.model.dimension, 1.0)
@@ -93,12 +89,13 @@ experiment = { duration = 0.02, position = [0.0, 0.0] }
     "written", ['effects = [{ kind = "weak-motors", share = 0.25 }]', "imperfections = { weakness = 0.25 }"]
 )
 def test_one_more_effect_takes_a_class_and_a_line(tmp_path, monkeypatch, written):
-    monkeypatch.setitem(EFFECTS, Weak.kind, Weak)
+    entry = Entry(f"{__name__}:Weak", "the motors are weak", {"imperfections.weakness": "share"})
+    monkeypatch.setitem(EFFECTS, Weak.kind, entry)
     (tmp_path / "weak.toml").write_text(SUITE % written)
     (case,) = load_suite(str(tmp_path / "weak.toml")).cases
     scene = case.build_scene()
     assert scene.effects == (Weak(0.25),)
-    assert requirements()["weak"] == "the motors are weak"
+    assert requirements()["weak-motors"] == "the motors are weak"
 
     renderer = make_renderer(Pushing, scene)
     run = simulate_closed_loop(renderer, case.build_stimulus(scene, renderer), scene, 1e-3)
@@ -109,7 +106,7 @@ def test_one_more_effect_takes_a_class_and_a_line(tmp_path, monkeypatch, written
     assert document["effects"] == [{"kind": "weak-motors", "share": 0.25}]
     entry = SceneEntry(**document, device=Robot(kind=scene.robot.name), inner_loop=scene.inner_loop)
     assert robot_words(SimpleNamespace(scene=entry)).endswith("; motors of 0.25 of their torque")
-    with pytest.raises(RefusalError, match=r"'weak' \(the motors are weak\)"):
+    with pytest.raises(RefusalError, match=r"'weak-motors' \(the motors are weak\)"):
         make_renderer(type("Strong", (Pushing,), {"supports": {"bilateral"}}), scene)
 
 
@@ -137,11 +134,10 @@ def test_a_scene_leaves_out_what_is_off_and_replaces_by_kind():
 
 def test_a_scene_without_effects_assembles_and_compiles_none():
     """Nor is anything of `effects` compiled: the fields that they would fill are None."""
-    from hapticeval.simulation.closed_loop import _loop
-    from hapticeval.stimulus.stimulus import sample_times
+    from hapticeval.simulation.closed_loop import loop_of
 
     trial = Experiment(0.02, np.array([0.0, 0.01]), np.zeros(2), np.zeros(1), np.zeros((1, 2)))
-    loop = _loop(trial, Scene(model=line(), device=Parallelogram2()), sample_times(0.02, 1e-3), 1e-3)
+    loop = loop_of(trial, Scene(model=line(), device=Parallelogram2()), 1e-3)
     assert (loop.sensors, loop.feeling, loop.motors, loop.motion.load.friction) == (None, None, None, None)
 
 

@@ -36,7 +36,7 @@ coordinate = st.floats(-0.15, 0.15)
 TIP, INFLECTION = 3.8284271247461901, 0.457988434424480233
 
 
-def parameters(curve: Curve, count: int = 400) -> np.ndarray:
+def parameters(curve, count=400):
     """Parameters that avoid the joints."""
     start, end = curve.u_range
     us = np.linspace(start, end, count, endpoint=False) + (end - start) / (count * math.pi)

@@ -7,7 +7,6 @@ import pytest
 import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from numpy.typing import ArrayLike
 
 from hapticeval.compiled import for_kernels
 from hapticeval.errors import InputError
@@ -31,7 +30,7 @@ POLYGONS = {
 share = st.floats(0.0, 1.0)
 
 
-def brute(polygon: Polygon, points: np.ndarray) -> np.ndarray:
+def brute(polygon, points):
     """Distances to every edge, the smallest of each row."""
     a, d = polygon.vertices, polygon.edges
     r = points[:, None] - a
@@ -39,7 +38,7 @@ def brute(polygon: Polygon, points: np.ndarray) -> np.ndarray:
     return np.min(np.hypot(*(r - t[..., None] * d).transpose(2, 0, 1)), axis=1)
 
 
-def around(polygon: Polygon, shares: np.ndarray) -> np.ndarray:
+def around(polygon, shares):
     """Shares of 0 to 1 spread over the polygon's box and a third of it all around."""
     low, high = polygon.vertices.min(axis=0), polygon.vertices.max(axis=0)
     return low + (np.asarray(shares) * 5.0 / 3.0 - 1.0 / 3.0) * (high - low)
@@ -48,7 +47,7 @@ def around(polygon: Polygon, shares: np.ndarray) -> np.ndarray:
 every = pytest.mark.parametrize("polygon", POLYGONS.values(), ids=POLYGONS)
 
 
-def scattered(polygon: Polygon) -> np.ndarray:
+def scattered(polygon):
     """Points all around, every vertex, and points on the edges."""
     rng = np.random.default_rng(11)
     edge = rng.integers(len(polygon.vertices), size=300)
@@ -110,14 +109,14 @@ def test_points_on_the_outline_are_not_inside_and_straight_vertices_decide_nothi
     assert square.signed_distance([[0.5, 0.1], [0.5, -0.1]]) == pytest.approx([-0.1, 0.1])
 
 
-def first_crossing(polygon: Polygon, start: ArrayLike, end: ArrayLike) -> tuple[int, float, float] | None:
+def first_crossing(polygon, start, end):
     """Where the segment first goes inside: (edge, t along the edge, fraction of the segment), or None."""
     (x0, y0), (x1, y1) = np.array([start, end], dtype=np.float64)
     edge, along, fraction = first_crossing_kernel(for_kernels(polygon.vertices), polygon.tree, x0, y0, x1, y1)
     return (edge, along, fraction) if edge >= 0 else None
 
 
-def deep_from(polygon: Polygon, start: np.ndarray, part: shapely.LineString, rounding: float) -> float:
+def deep_from(polygon, start, part, rounding):
     """How far from `start` a part of a segment is deeper than rounding: it may run along an edge before that."""
     ends = shapely.get_coordinates(part)
     near, far = sorted(np.hypot(*(ends - start).T))
@@ -132,7 +131,7 @@ def deep_from(polygon: Polygon, start: np.ndarray, part: shapely.LineString, rou
     return float(high)
 
 
-def check_crossing(polygon: Polygon, start: np.ndarray, end: np.ndarray) -> None:
+def check_crossing(polygon, start, end):
     """A segment's first crossing is on the edge it names, and not behind where shapely sees it go inside."""
     extent = float(np.max(np.ptp(polygon.vertices, axis=0)))
     rounding = 1e-11 * extent + 1e-14 * np.max(np.abs(polygon.vertices))

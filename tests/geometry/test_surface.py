@@ -180,7 +180,7 @@ def test_points_are_spread_by_area_and_within_the_bounds(surface):
         assert share == pytest.approx(0.5 + minor / (math.pi * major), abs=2e-3)
 
 
-def test_plane_and_space_are_told_apart():
+def test_plane_and_space_are_separated():
     with pytest.raises(RefusalError, match="surface in space"):
         _ = sphere().curve
     with pytest.raises(RefusalError, match="plane curve"):

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticeval.effects.viscosity import viscosity_of
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
 
@@ -65,7 +64,7 @@ class Stabilised:
             self.starts_on = abs(n) < 1e-12 and abs(n_rate) < 1e-12
         spring, damper = -scene.stiffness * n, -scene.damping * n_rate
         tick = Tick(self.time, scene, n, n_rate, kappa, w, spring, damper, 0.0, starts_on=self.starts_on)
-        tick.turning = 2.0 * scene.mass * kappa * n_rate * tick.foot_rate - viscosity_of(scene) * w
+        tick.turning = 2.0 * scene.mass * kappa * n_rate * tick.foot_rate - scene.viscosity * w
         if self.fault is not None:
             self.fault(tick)
         self.time += dt

@@ -10,9 +10,11 @@ import lawbreakers
 import mutants
 import outsiders
 import pytest
+import rubbing
+import struck_and_shaded
+import textured
 from lawbreakers import LAWBREAKERS
 from mutants import BESIDES, MUTANTS
-from outsiders import HONEST
 
 from hapticeval.phenomena.registry import OWN
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
@@ -28,7 +30,11 @@ FAULTLESS = "faultless"
 
 DYNAMIC = (FAULTLESS, *LAWBREAKERS)
 BROKEN = {name: check for name, (check, _) in (MUTANTS | LAWBREAKERS).items()}
-OUTSIDERS = outsiders.BROKEN | HONEST
+GROUPS = (outsiders, rubbing, struck_and_shaded, textured)
+FAULTY = {name: each for group in GROUPS for name, each in group.BROKEN.items()}
+HONEST = {name: each for group in GROUPS for name, each in group.HONEST.items()}
+OUTSIDERS = FAULTY | HONEST
+CASES = {name: each for group in GROUPS for name, each in group.CASES.items()}
 
 
 @cache
@@ -46,7 +52,7 @@ def findings(name: str) -> dict[tuple[str, str], Finding]:
     """Judge a renderer of this folder once, in all cases that are meant for it: finding by case and check."""
     if name in OUTSIDERS:
         make, suite = OUTSIDERS[name].make, "outsiders"
-        judged_in = [outsiders.CASES[case] for case in OUTSIDERS[name].cases]
+        judged_in = [CASES[case] for case in OUTSIDERS[name].cases]
     else:
         suite = "dynamics-circle" if name in DYNAMIC else "thesis"
         make = lawbreakers.factory(name) if name in DYNAMIC else ideal if name == "ideal" else mutants.factory(name)
@@ -96,9 +102,9 @@ def test_what_is_honest_is_not_blamed(name):
     assert of_check(name, Outcome.PASS)
 
 
-@pytest.mark.parametrize("name", outsiders.BROKEN)
+@pytest.mark.parametrize("name", FAULTY)
 def test_what_an_outsider_breaks_is_found(name):
-    broken = outsiders.BROKEN[name]
+    broken = FAULTY[name]
     if broken.breaks:
         assert all(broken.breaks in finding.message for finding in findings(name).values())
         assert set(outcomes(name).values()) == {Outcome.ERROR}
@@ -109,7 +115,7 @@ def test_what_an_outsider_breaks_is_found(name):
 
 
 def test_no_check_is_without_a_renderer_that_it_stops():
-    assert set(BROKEN.values()) | {check for each in outsiders.BROKEN.values() for check in each.fails} == set(OWN)
+    assert set(BROKEN.values()) | {check for each in FAULTY.values() for check in each.fails} == set(OWN)
 
 
 HEAD = """# Kill matrix
@@ -121,6 +127,11 @@ A cross marks a check that fails in at least one case. Written by `test_kill_mat
 - A spring to the nearest point, in the ways in which honest renderers differ, and the broken ones that answer step by
   step (`outsiders.py`): on a short way round a circle, pressed on a line, and through a thin plate. An `e` marks one
   whose `run()` is not its `step()`: it breaks the contract, and is not judged.
+- Friction round the nearest point, and with one fault each (`rubbing.py`): in cases of `effects-friction`.
+- The same spring with force shading, or with what begins with a contact, and broken ones that claim to show that
+  (`struck_and_shaded.py`): round a loop under a facet of an octagon, over its edges, and in taps on a line.
+- The same spring with a height map or a stochastic texture, and broken ones that claim to show that (`textured.py`):
+  in cases of `effects-texture`.
 
 Why one fails a check besides the one that has to stop it is given beside it.
 
@@ -130,7 +141,7 @@ MARKS = {Outcome.ERROR: "e", Outcome.FAIL: "x"}
 
 def matrix() -> str:
     lines = ["| renderer | " + " | ".join(OWN) + " |", "|---|" + "---|" * len(OWN)]
-    for name in ("ideal", *MUTANTS, *DYNAMIC, *HONEST, *outsiders.BROKEN):
+    for name in ("ideal", *MUTANTS, *DYNAMIC, *HONEST, *FAULTY):
         marked = {check: mark for outcome, mark in MARKS.items() for check in of_check(name, outcome)}
         lines.append(f"| {name} | " + " | ".join(marked.get(check, "") for check in OWN) + " |")
     return HEAD + "\n".join(lines) + "\n"

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 
-from hapticeval.geometry.catalogue import circle, star
+from hapticeval.geometry.catalogue import circle, from_vertices, star
 from hapticeval.scene import Scene
 
 SCENE = Scene(model=star())
@@ -119,10 +121,68 @@ def test_a_face_touched_on_the_way_is_not_taken_for_the_face_before_the_corner()
     assert {outcome(check, changed(whole, force=force), SCENE) for check in BOTH} == {PASS}
 
 
-def test_what_shows_no_corner_decides_nothing():
+def test_where_no_force_is_felt_nothing_is_decided():
+    for check, shown in (("broken-contact", over_the_tip()), ("abrupt-switch", round_the_notch())):
+        nothing = changed(shown, force=np.zeros_like(shown.force), ihip=shown.hip)
+        assert outcome(check, nothing, SCENE) is UNDECIDED
+
+
+def test_a_path_without_the_scenario_is_not_applicable():
     tip, notch = over_the_tip(), round_the_notch(spread=1.0)
-    nothing = changed(tip, force=np.zeros_like(tip.force), ihip=tip.hip)
-    assert {outcome(check, nothing, SCENE) for check in BOTH} == {UNDECIDED}
     assert {outcome(check, tip, Scene(model=circle())) for check in BOTH} == {NO}
-    assert outcome("broken-contact", changed(tip, rows=slice(0, 500)), SCENE) is UNDECIDED, "turns back before the tip"
-    assert outcome("abrupt-switch", changed(notch, rows=slice(0, 800)), SCENE) is UNDECIDED, "along one face"
+    assert outcome("broken-contact", changed(tip, rows=slice(0, 500)), SCENE) is NO, "turns back before the tip"
+    assert outcome("broken-contact", notch, SCENE) is NO, "passes no tip"
+    assert outcome("abrupt-switch", changed(notch, rows=slice(0, 800)), SCENE) is NO, "along one face"
+    assert outcome("abrupt-switch", tip, SCENE) is NO, "passes no notch"
+
+
+def square(points, *, force):
+    """Through corners in mm at 20 um a tick, on a square of 100 mm; `force` (n, 2) of the HIPs (n, 2)."""
+    corners = np.array(points) / 1e3
+    ways = [np.linspace(a, b, max(int(np.linalg.norm(b - a) / STEP), 2)) for a, b in pairwise(corners)]
+    hip = np.vstack(ways)
+    felt = force(hip)
+    return recorded(hip, hip + felt / 1e3, felt)
+
+
+BOX = Scene(model=from_vertices([[-0.05, -0.05], [0.05, -0.05], [0.05, 0.05], [-0.05, 0.05]]))
+
+
+def up(hip):
+    """The force of the upper face up to its right corner, as a rigid tool on that face feels it; none elsewhere."""
+    under = np.clip(0.05 - hip[:, 1], 0.0, None) * (hip[:, 0] <= 0.05)
+    return np.column_stack([np.zeros(len(hip)), 1e3 * under])
+
+
+def test_a_corner_that_the_hand_passes_inside_of_the_model_is_none():
+    """A rigid tool goes round the corner there: its force stays, and that is right."""
+    round_inside = square([[0, 60], [0, 30], [49, 30], [49, 0]], force=up)
+    assert outcome("broken-contact", round_inside, BOX) is NO
+
+
+def test_a_hand_that_comes_from_within_is_not_on_the_face():
+    """From the left face through the middle: the left face keeps the tool, and nothing is known of the upper one."""
+    from_left = square([[-60, 0], [0, 0], [20, 40], [60, 40]], force=lambda hip: np.zeros_like(hip))
+    in_above = square([[20, 60], [20, 40], [60, 40]], force=lambda hip: np.zeros_like(hip))
+    assert outcome("broken-contact", from_left, BOX) is UNDECIDED
+    assert outcome("broken-contact", in_above, BOX) is UNDECIDED
+    assert outcome("broken-contact", square([[20, 60], [20, 40], [60, 40]], force=up), BOX) is PASS
+
+
+def test_a_slope_under_the_face_is_no_loss_of_force():
+    """Ever deeper, a spring's first force is far below the usual one; lost it is only where it is gone."""
+    deeper = square([[0, 51], [30, 45], [60, 40]], force=up)
+    assert outcome("broken-contact", deeper, BOX) is PASS
+    lost = square([[0, 51], [30, 45], [60, 40]], force=lambda hip: up(hip) * (hip[:, :1] < 0.04))
+    assert outcome("broken-contact", lost, BOX) is FAIL
+
+
+def test_the_worst_of_several_crossings_counts():
+    there_and_again = [[20, 60], [20, 40], [60, 40], [60, 60], [20, 60], [20, 40], [60, 40]]
+
+    def second_lost(hip):
+        late = np.arange(len(hip)) > len(hip) // 2
+        return up(hip) * ~(late & (hip[:, 0] > 0.045))[:, None]
+
+    assert outcome("broken-contact", square(there_and_again, force=up), BOX) is PASS
+    assert outcome("broken-contact", square(there_and_again, force=second_lost), BOX) is FAIL

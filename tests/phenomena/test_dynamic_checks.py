@@ -13,7 +13,7 @@ from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.force_sensor import ForceSensor
-from hapticeval.effects.viscosity import Viscosity, viscosity_of
+from hapticeval.effects.viscosity import Viscosity
 from hapticeval.geometry.catalogue import circle, line, sphere
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.refinement import extrapolated, richardson_two_level
@@ -53,7 +53,7 @@ def force(scheme, scene, hip, velocity):
             "pp-v": -d * velocity,
             "pp-pd": -d * n_rate * normal,
             "pp-d": -d * (velocity - foot),
-            "set-stabilisation": -d * n_rate * normal + scene.mass * bend - viscosity_of(scene) * stretch * foot,
+            "set-stabilisation": -d * n_rate * normal + scene.mass * bend - scene.viscosity * stretch * foot,
         }[scheme]
     )
 

@@ -1,15 +1,14 @@
 """What the tests of recordings share: runs with everything that a real one brings, their journals, and damage."""
 
-from __future__ import annotations
-
 import json
 from contextlib import contextmanager
 
 import h5py
 import numpy as np
 
+from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.journal import HEADERS, Kind, Layout, block_head, opening
-from hapticeval.recordings.recording import Clock, Event, Recording, Signal
+from hapticeval.recordings.recording import Clock, Event, Recording
 
 EXTRA = tuple(f"adc{k}" for k in range(7))
 STEP = 1_000_000

@@ -1,7 +1,5 @@
 """Mappings: units, signs and clocks are stated, never guessed; and a file goes out and comes back."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 
@@ -11,12 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.formats import Table, read_table
 from hapticeval.recordings.hdf5 import read_recording
 from hapticeval.recordings.importing.convert import convert, export, is_ours, load
 from hapticeval.recordings.importing.mapping import parse_mapping, propose, read_mapping
 from hapticeval.recordings.importing.units import UNITS, parse_quantity, parse_unit
-from hapticeval.recordings.recording import Recording, Signal
+from hapticeval.recordings.recording import Recording
 
 ROWS = 40
 K = np.arange(ROWS)

@@ -1,7 +1,5 @@
 """Binary formats: MATLAB 5 and 7.3, HDF5, NPZ, ROS bags."""
 
-from __future__ import annotations
-
 import contextlib
 import re
 import sqlite3

@@ -1,7 +1,5 @@
 """Text formats: what they hold, where they end, and what they are not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Our own files: all of a run comes back bit for bit, no damage is read as a run, and what is whole is salvaged."""
 
-from __future__ import annotations
-
 import json
 
 import h5py
@@ -14,9 +12,9 @@ from recording_files import assert_same, flipped, real
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.recordings import hdf5
-from hapticeval.recordings.hdf5 import read_recording, write_recording
-from hapticeval.recordings.recording import CHANNELS, Recording
-from hapticeval.recordings.salvage import salvage
+from hapticeval.recordings.channels import CHANNELS
+from hapticeval.recordings.hdf5 import read_recording, salvage, write_recording
+from hapticeval.recordings.recording import Recording
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)
 PLAIN = st.recursive(
@@ -217,6 +215,18 @@ def test_rows_without_stamps_are_left_out(path):
     assert (loss.what, loss.where) == ("every signal", "rows 32 to 47")
     assert salvaged.recording.clock.sequence.tolist() == [2 * k for k in (*range(32), *range(48, 60))]
     assert_from(salvaged.recording, real())
+
+
+@pytest.mark.parametrize("name", ["sequence", "valid"])
+def test_rows_whose_number_or_mark_is_lost_are_kept_without_it(path, name):
+    with h5py.File(path) as file:
+        place, _ = chunk(file[name], 1)
+    path.write_bytes(flipped(path.read_bytes(), place + 4))
+    salvaged = salvage(path)
+    (loss,) = salvaged.losses
+    assert (loss.what, loss.where) == (f"'{name}'", "rows 16 to 31")
+    assert (salvaged.recording.clock.sequence is None) == (name == "sequence")
+    assert np.flatnonzero(~salvaged.recording.valid).tolist() == [5, *(range(16, 32) if name == "valid" else ())]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.5, 0.7, 0.9, 0.99])

@@ -1,7 +1,5 @@
 """Files that would run code, read other files, or take all memory: refused before any of that."""
 
-from __future__ import annotations
-
 import io
 import re
 import resource
@@ -21,10 +19,9 @@ from scipy.io import savemat
 from hapticeval.cli import main
 from hapticeval.errors import InputError
 from hapticeval.recordings.formats import read_table
-from hapticeval.recordings.hdf5 import read_recording, write_recording
+from hapticeval.recordings.hdf5 import read_recording, salvage, write_recording
 from hapticeval.recordings.importing.convert import load
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.salvage import salvage
 
 MAPPING = """
 format = "{format}"
@@ -45,8 +42,7 @@ def run_of(path, **more):
 
 
 @pytest.mark.parametrize("code", ["runpy:run_path", "os:system", "here:read"])
-def test_a_mapping_names_no_code(tmp_path, monkeypatch, code):
-    monkeypatch.chdir(tmp_path)
+def test_a_mapping_names_no_code(tmp_path, code):
     (tmp_path / "log.csv").write_text("open('ran', 'w')\nx,y\n1,2\n")
     (tmp_path / "here.py").write_text("open('ran', 'w')\ndef read(path): ...\n")
     (tmp_path / "m.toml").write_text(MAPPING.format(format=code))
@@ -57,7 +53,6 @@ def test_a_mapping_names_no_code(tmp_path, monkeypatch, code):
 
 
 def test_the_mapping_proposed_for_code_of_yours_leaves_it_to_the_command_line(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
     (tmp_path / "mine_too.py").write_text(
         "from hapticeval.recordings.formats import Table\n"
@@ -71,8 +66,7 @@ def test_the_mapping_proposed_for_code_of_yours_leaves_it_to_the_command_line(tm
 
 
 @pytest.mark.parametrize("name", ["os:abort", "subprocess:call", "constraint_of_mine:make"])
-def test_a_recording_names_no_code(tmp_path, monkeypatch, capsys, name):
-    monkeypatch.chdir(tmp_path)
+def test_a_recording_names_no_code(tmp_path, capsys, name):
     (tmp_path / "constraint_of_mine.py").write_text("open('ran', 'w')\n")
     run_of(tmp_path / "a.h5", renderer=name)
     assert main(["replay", "a.h5", "--as-recorded"]) == 2
@@ -157,8 +151,7 @@ def test_what_takes_more_memory_than_allowed_is_refused_before_it_is_taken(tmp_p
     assert "would take" in words or "more than 100000 parts" in words
 
 
-def test_the_limit_is_an_option(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_the_limit_is_an_option(tmp_path, capsys):
     np.savez(tmp_path / "a.npz", t=np.arange(100_000.0), x=np.zeros(100_000))
     assert main(["inspect", "a.npz", "--memory-limit", "0.001"]) == 2
     assert "would take 0.0016 GB" in capsys.readouterr().err

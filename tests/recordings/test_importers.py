@@ -1,7 +1,5 @@
 """Importers of other people that break, or give what is no table: each error names which, what and where."""
 
-from __future__ import annotations
-
 import sys
 from importlib import import_module
 
@@ -54,14 +52,13 @@ def line_of(function):
 
 
 @pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def here(here, monkeypatch):
     formats()  # those of ours are known before what is known is put back
     monkeypatch.setattr(registry, "KNOWN", dict(registry.KNOWN))
     monkeypatch.setattr(sys, "path", list(sys.path))
-    (tmp_path / "stick.py").write_text(MINE)
-    (tmp_path / "run.acme").write_text("0 one\n")
-    yield tmp_path
+    (here / "stick.py").write_text(MINE)
+    (here / "run.acme").write_text("0 one\n")
+    yield here
     for module in ("stick", "broken"):
         sys.modules.pop(module, None)
 

@@ -1,7 +1,5 @@
 """Faults that are planted in a clean recording are found, each by its name and where it is; clean ones have none."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,15 +1,13 @@
 """Journals that were cut, killed or damaged: what is whole comes back bit for bit, and nothing else does."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from recording_files import STEP, flipped, journal_parts
 
 from hapticeval.errors import InputError
+from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.hdf5 import read_recording, write_recording
 from hapticeval.recordings.journal import MAGIC, Kind, Layout, block_head, finish, opening, recover
-from hapticeval.recordings.recording import Signal
 
 LAYOUT = Layout(
     {"hip": 2, "joint_position": 3, "grip": 0},
@@ -76,9 +74,9 @@ def test_no_flipped_byte_is_read_as_data_and_costs_more_than_its_block(tmp_path)
         assert_rows(salvaged.recording, table)
         missing = 50 - len(salvaged.recording)
         assert missing == (ROWS if begin <= place < len(good) - len(parts(table)[-1]) else 0)
-        told = [loss for loss in salvaged.losses if loss.rows]
-        assert sum(loss.rows for loss in told) == missing
-        assert all(loss.seconds == pytest.approx(1e-3 * loss.rows) for loss in told)
+        lost = [loss for loss in salvaged.losses if loss.rows]
+        assert sum(loss.rows for loss in lost) == missing
+        assert all(loss.seconds == pytest.approx(1e-3 * loss.rows) for loss in lost)
         assert bool(salvaged.losses) == (place >= len(MAGIC))
 
 

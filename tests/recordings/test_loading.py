@@ -1,27 +1,19 @@
 """Files of every kind at the command line: journals, damaged recordings, and what is never written over."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from recording_files import flipped, journal_of
 
 from hapticeval.cli import main
 from hapticeval.recordings import hdf5
-from hapticeval.recordings.hdf5 import read_recording, write_recording
+from hapticeval.recordings.hdf5 import LOST, read_recording, write_recording
 from hapticeval.recordings.importing.convert import is_ours, load
 from hapticeval.recordings.journal import MAGIC
+from hapticeval.recordings.provenance import describe_losses
 from hapticeval.recordings.recording import Clock, Recording
-from hapticeval.recordings.salvage import LOST, describe_losses
 
 ROWS = 400
 META = {"renderer": "minimum-distance", "scene": {"stiffness": 1000.0, "model": {"kind": "circle", "size": 0.2}}}
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def run(rows=ROWS):

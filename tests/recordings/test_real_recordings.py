@@ -1,7 +1,5 @@
 """Real recordings: a teleoperation rig, its units, signs and contacts; and a pen stroke, a path with gaps."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from functools import lru_cache
@@ -87,8 +85,8 @@ def test_on_foam_the_signs_are_those_of_the_rigs_balance_and_of_energy():
 
 def test_the_signs_of_the_mappings_are_those_of_physics():
     """The hand's by energy; the wall's, whose sensor reads friction of the slave, by when it pushes."""
-    told = {name: {each.channel: each.sign for each in examine(run(name)).signs} for name in (RIGID, FOAM, FREE)}
-    assert told == {RIGID: {"force": 1, "wall_force": 1}, FOAM: {"force": 1, "wall_force": 1},
+    signs = {name: {each.channel: each.sign for each in examine(run(name)).signs} for name in (RIGID, FOAM, FREE)}
+    assert signs == {RIGID: {"force": 1, "wall_force": 1}, FOAM: {"force": 1, "wall_force": 1},
                     FREE: {"force": 1, "wall_force": 0}}  # fmt: skip
 
 
@@ -108,7 +106,7 @@ def test_the_mapping_of_the_other_file_is_suspected(name):
 
 @pytest.mark.parametrize(("name", "sign"), [(RIGID, -1), (FOAM, -1), (FREE, 0)])
 def test_a_wall_that_pushes_what_leaves_is_suspected(name, sign):
-    """In free motion the sensor shows a single push, which is none of a wall: that tells nothing."""
+    """In free motion the sensor shows a single push, which is none of a wall: that decides nothing."""
     made = run(name)
     turned = replace(made, channels={**made.channels, "wall_force": -made.channels["wall_force"]})
     report = examine(turned)
@@ -130,7 +128,7 @@ def test_impacts_on_the_rigid_wall():
     assert len(found.unexplained) == 1  # the sensor reads a force while the tool leaves
 
 
-def test_foam_is_some_forty_times_softer_and_tells_no_restitution():
+def test_foam_is_some_forty_times_softer_and_gives_no_restitution():
     found = impacts(run(FOAM))
     assert len(found.contacts) == 5
     assert found.mean("stiffness")[0] < impacts(run(RIGID)).mean("stiffness")[0] / 30.0
@@ -151,8 +149,7 @@ def test_a_file_cut_short_is_refused_with_the_place(tmp_path):
     assert f"it ends at byte {len(data) // 2}, within the variable that starts at byte" in caught.value.why
 
 
-def test_from_file_to_report_by_commands(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_from_file_to_report_by_commands(tmp_path, capsys):
     shutil.copy(DATA / f"{RIGID}.mat", tmp_path / "rigid.mat")
     assert main(["inspect", "rigid.mat", "--write-mapping", "proposed.toml"]) == 0
     assert main(["convert", "rigid.mat", "--mapping", "proposed.toml", "-o", "wrong.h5"]) == 2
@@ -186,8 +183,7 @@ def test_a_pen_stroke_is_a_path_with_gaps_where_the_pen_is_up_and_its_report_has
     assert sum(each.end - each.first for each in intervals) == 819
 
 
-def test_from_stroke_to_report_by_commands(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_from_stroke_to_report_by_commands(tmp_path, capsys):
     assert main(["convert", str(STROKE), "--mapping", str(PEN), "-o", "stroke.h5"]) == 0
     assert "559 rows in a gap" in capsys.readouterr().out
     assert main(["inspect", "stroke.h5"]) == 0

@@ -1,7 +1,5 @@
 """The live recorder against what ends recordings: a slow writer, a dead one, a killed loop, a full disk."""
 
-from __future__ import annotations
-
 import os
 import resource
 import signal
@@ -14,9 +12,9 @@ import numpy as np
 import pytest
 
 from hapticeval.errors import HapticevalError, InputError
+from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.journal import recover
 from hapticeval.recordings.recorder import LossWarning, Recorder
-from hapticeval.recordings.recording import Signal
 
 CHANNELS = {"hip": 2, "force": 2}
 GRIP = {"grip": Signal("N", "grip force", "device")}
@@ -177,7 +175,7 @@ def test_a_killed_loop_loses_only_what_was_not_yet_written(tmp_path, writer_too)
         assert (kind, text) == ("ended", f"the process of the loop ended without closing: {unknown}")
 
 
-def test_a_full_disk_does_not_stop_the_loop_and_what_was_lost_is_told(tmp_path):
+def test_a_full_disk_does_not_stop_the_loop_and_what_was_lost_is_named(tmp_path):
     path = tmp_path / "run.journal"
     recorder = Recorder(path, CHANNELS, rows=200)
     resource.prlimit(recorder.writer, resource.RLIMIT_FSIZE, (16_000, 16_000))
@@ -201,8 +199,8 @@ def test_a_full_disk_does_not_stop_the_loop_and_what_was_lost_is_told(tmp_path):
     assert_fed(salvaged.recording)
     # the end is short, and finds room where no block of rows does
     assert str(salvaged.losses[-1]).startswith("the end, rows that the recorder could not write: 200 rows (")
-    told = [event.text for event in salvaged.recording.events if event.kind == "overrun"]
-    assert told[-1].endswith("rows were lost: the journal could not be written: File too large")
+    texts = [event.text for event in salvaged.recording.events if event.kind == "overrun"]
+    assert texts[-1].endswith("rows were lost: the journal could not be written: File too large")
 
 
 def test_a_disk_that_is_full_for_a_while_loses_nothing(tmp_path):

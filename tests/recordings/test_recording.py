@@ -1,7 +1,5 @@
 """The recording: what it refuses, what follows from its channels, and that it cannot be changed."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np
@@ -9,7 +7,8 @@ import pytest
 
 from hapticeval.errors import InputError
 from hapticeval.phenomena.check import Runs
-from hapticeval.recordings.recording import CHANNELS, REQUIRED, Clock, Event, MissingChannelError, Recording, Signal
+from hapticeval.recordings.channels import CHANNELS, REQUIRED, Signal
+from hapticeval.recordings.recording import Clock, Event, MissingChannelError, Recording
 
 ROWS = np.arange(4.0)
 CLOCK = Clock(10**15 + 1_000_000 * np.arange(4), anchor=(10**15, 1_700_000_000 * 10**9), sequence=[0, 1, 4, 5])

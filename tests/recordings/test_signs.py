@@ -1,6 +1,4 @@
-"""The sign of a force by physics: what passive environments give, and what is told of one that is turned."""
-
-from __future__ import annotations
+"""The sign of a force by physics: what passive environments give, and what is found of one that is turned."""
 
 from dataclasses import replace
 
@@ -38,9 +36,9 @@ def pushed(hip, *, stiffness, damping, mass=0.0, seed=0, noise=0.0, step=0.0, la
 
 
 def signed(hip, force, **meta):
-    (told,), faults = force_signs(Recording(TIME, {"hip": hip, "force": force}, meta))
-    assert [each.kind for each in faults] == ["force sign"] * (told.sign < 0)
-    return told.sign
+    (judged,), faults = force_signs(Recording(TIME, {"hip": hip, "force": force}, meta))
+    assert [each.kind for each in faults] == ["force sign"] * (judged.sign < 0)
+    return judged.sign
 
 
 KNOTS = st.integers(0, 10_000).map(lambda seed: np.random.default_rng(seed).uniform(-0.03, 0.03, (7, 2)))
@@ -113,13 +111,13 @@ HOLLOW = eased(np.array([[-0.03], [-0.03], [0.0], [0.0], [0.0], [0.0], [0.0]]))
 )
 def test_what_may_be_passive_either_way_is_not_suspected(hip, force, words):
     assert signed(hip, force) == signed(hip, -force) == 0
-    (told,), _ = force_signs(Recording(TIME, {"hip": hip, "force": force}))
-    assert words in told.words
+    (judged,), _ = force_signs(Recording(TIME, {"hip": hip, "force": force}))
+    assert words in judged.words
 
 
 @settings(max_examples=20)
 @given(knots=KNOTS, stiffness=st.floats(50.0, 2000.0))
-def test_a_lossless_wall_is_told_from_free_space_on(knots, stiffness):
+def test_a_lossless_wall_is_judged_from_free_space_on(knots, stiffness):
     """It takes on the way in, and gives back no more: with the other sign it gives first."""
     hip = eased(knots)
     hip[:, 1] += 0.01 - hip[0, 1]  # free at first
@@ -163,11 +161,11 @@ def slide(*, rows=600, sign=1.0, **meta):
 
 def test_a_force_that_points_into_what_is_touched_is_suspected():
     assert force_signs(slide())[0][0].sign == 1
-    (told,), (fault,) = force_signs(slide(sign=-1.0))
-    assert told.sign == -1
+    (judged,), (fault,) = force_signs(slide(sign=-1.0))
+    assert judged.sign == -1
     assert "away from the IHIP, into what is touched, in 600 of 600 rows" in fault.message
-    (told,), faults = force_signs(slide(sign=-1.0, scene={"bilateral": True}))  # such a surface may pull
-    assert (told.sign, faults) == (0, [])
+    (judged,), faults = force_signs(slide(sign=-1.0, scene={"bilateral": True}))  # such a surface may pull
+    assert (judged.sign, faults) == (0, [])
 
 
 def test_rows_that_are_no_measurement_do_not_count():
@@ -189,8 +187,7 @@ def test_a_push_counts_only_where_the_tool_is_seen_to_move(quantum, known):
     assert (signed(hip, force, force_floor=0.3), signed(hip, -force, force_floor=0.3)) == (known, -known)
 
 
-def test_inspect_describes_it_and_ends_with_1(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_inspect_describes_it_and_ends_with_1(capsys):
     hip, force = pushed(WAY, stiffness=30.0, damping=8.0, noise=0.01)
     made = Recording(TIME, {"hip": hip, "force": force}, {"dt": DT})
     write_recording("right.h5", made)

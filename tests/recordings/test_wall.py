@@ -1,7 +1,5 @@
 """Runs in one dimension against a wall: placed before it, replayed, judged; also those of a real rig."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -53,27 +51,25 @@ def test_a_wall_that_is_none_is_refused(wall):
         before_the_wall(pressed(wall=wall))
 
 
-def test_a_replay_before_a_wall_gives_verdicts(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_a_replay_before_a_wall_gives_verdicts(tmp_path, capsys):
     write_recording(tmp_path / "run.h5", pressed(at=0.01, outward=-1))
     scene = ["--scene", f"stiffness={STIFFNESS:g}"]
     assert main(["replay", "run.h5", "--model", "circle", *scene]) == 2
     assert "--model line" in capsys.readouterr().err
     main(["replay", "run.h5", "--model", "line", *scene, "-r", "constraint", "-o", "out"])
     verdicts = read_results(tmp_path / "out").verdicts
-    told = {(each.renderer, each.check): each.outcome for each in verdicts}
+    outcomes = {(each.renderer, each.check): each.outcome for each in verdicts}
     for check in ("continuous-contact", "contact-normal-force"):
-        assert told["recorded", check] == told["constraint", check] == "pass"
+        assert outcomes["recorded", check] == outcomes["constraint", check] == "pass"
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="needs shared/data/tue_1dof_teleop beside the repository")
-def test_a_real_contact_log_gets_verdicts(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_a_real_contact_log_gets_verdicts(tmp_path):
     mapping = ROOT / "examples" / "tue_1dof_teleop.toml"
     log = DATA / "question1a_rigid.mat"
     given = ["--mapping", str(mapping), "--model", "line", "--scene", "stiffness=2000", "-r", "constraint", "-o", "out"]
     assert main(["replay", str(log), *given]) == 1  # its slave is no proxy, and its hand pulls
     verdicts = read_results(tmp_path / "out").verdicts
-    told = {(each.renderer, each.check): each.outcome for each in verdicts}
-    assert told["constraint", "continuous-contact"] == told["constraint", "contact-normal-force"] == "pass"
-    assert told["recorded", "contact-normal-force"] == "fail"
+    outcomes = {(each.renderer, each.check): each.outcome for each in verdicts}
+    assert outcomes["constraint", "continuous-contact"] == outcomes["constraint", "contact-normal-force"] == "pass"
+    assert outcomes["recorded", "contact-normal-force"] == "fail"

@@ -1,12 +1,15 @@
-"""Models and hand paths that the tests of the renderers share."""
+"""Models, hand paths and motions that the tests of the renderers share."""
 
 import math
 
 import numpy as np
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
-from hapticeval.geometry.catalogue import from_vertices
+from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line
 from hapticeval.recordings.recording import backward_difference
+
+SMOOTH = {model.name: model for model in (cassinian(), circle(), dumbbell(), ellipse(), line())}
 
 
 @st.composite
@@ -48,3 +51,28 @@ def ticked(renderer, hips, dt=1e-3):
 def touching(hips, ihips, forces):
     """Where the renderer is in contact (n,)."""
     return np.any(hips != ihips, axis=1) | np.any(forces != 0.0, axis=1)
+
+
+def damped(time, n, rate, k_p, k_d):
+    """n(t) and ṅ(t) of n̈ + k_d ṅ + k_p n = 0 from `n` and `rate`, in closed form."""
+    first, second = np.roots([1.0, k_d, k_p]).astype(complex)
+    a, b = np.linalg.solve([[1.0, 1.0], [first, second]], [n, rate])
+    one, two = a * np.exp(first * time), b * np.exp(second * time)
+    return (one + two).real, (first * one + second * two).real
+
+
+def moved(renderer, start, times, mass, push=None, *, sensed=True, rtol=3e-14):
+    """States (n, 2 N) at `times` of a mass that the renderer's force and a `push` move, nothing sampled."""
+    size = len(start) // 2
+    given = np.zeros(size) if push is None else np.array(push)
+
+    def rate(_, state):
+        if sensed and push is not None:
+            renderer.observe_force(given)
+        force = renderer.step(state[:size], state[size:], 1e-3).force
+        return np.concatenate([state[size:], (force + given) / mass])
+
+    renderer.reset(start[:size])
+    solution = solve_ivp(rate, (0.0, times[-1]), start, t_eval=times, method="DOP853", rtol=rtol, atol=rtol / 20.0)
+    assert solution.success
+    return solution.y.T

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from hand_paths import SMOOTH, damped, moved
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 from torque_by_sympy import (
     GAIN_D,
     GAIN_P,
@@ -19,19 +19,12 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.parallelogram import Parallelogram2
 from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import DomainError
-from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line
+from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, line
 from hapticeval.renderers import set_stabilisation
 from hapticeval.scene import Scene
 
 MASS = 0.1
 ROBOT = Parallelogram2()
-SMOOTH = {
-    "cassinian": cassinian(),
-    "circle": circle(),
-    "dumbbell": dumbbell(),
-    "ellipse": ellipse(),
-    "line": line(),
-}
 
 
 def held(model, **more):
@@ -136,25 +129,8 @@ def test_the_first_force_on_the_circle_is_7_39():
 
 
 def decay(n, time, rate=0.0):
-    """n(t) of n̈ + 44.7 ṅ + 500 n = 0."""
-    first, second = np.roots([1.0, GAIN_D, GAIN_P]).astype(complex)
-    a, b = np.linalg.solve([[1.0, 1.0], [first, second]], [n, rate])
-    return (a * np.exp(first * time) + b * np.exp(second * time)).real
-
-
-def moved(renderer, start, times, push=None):
-    """Position and velocity at `times` of a mass that the law moves, nothing sampled."""
-
-    def rate(_, state):
-        if push is not None:
-            renderer.observe_force(push)
-        force = renderer.step(state[:2], state[2:], 0.0).force + (0.0 if push is None else push)
-        return np.concatenate([state[2:], force / MASS])
-
-    renderer.reset(start[:2])
-    solution = solve_ivp(rate, (0.0, times[-1]), start, t_eval=times, method="DOP853", rtol=3e-14, atol=1e-15)
-    assert solution.success
-    return solution.y.T
+    """n(t) with the gains of the thesis."""
+    return damped(time, n, rate, GAIN_P, GAIN_D)[0]
 
 
 def along(curve, points):
@@ -165,7 +141,7 @@ def along(curve, points):
 
 def test_depth_on_the_circle_from_rest_is_golden():
     unit = Scene(model=circle(size=2.0), stiffness=GAIN_P * MASS, damping=GAIN_D * MASS, mass=MASS, bilateral=True)
-    path = moved(set_stabilisation(unit), np.array([0.0, 1.1, 0.0, 0.0]), np.array([0.05, 0.1, 0.2]))
+    path = moved(set_stabilisation(unit), np.array([0.0, 1.1, 0.0, 0.0]), np.array([0.05, 0.1, 0.2]), MASS)
     n = unit.model.curve.signed_distance(path[:, :2])
     np.testing.assert_allclose(n, (0.069235893235141, 0.034567393786025, 0.0062344935637), atol=5e-14)
 
@@ -178,7 +154,7 @@ def test_depth_and_speed_are_independent_along_the_whole_curve(name):
     stretch = 1.0 + n * float(curve.curvature(u))
     start = [*(curve.position(u) + n * curve.normal(u)), *(speed * stretch * curve.tangent(u) - 0.1 * curve.normal(u))]
     times = np.linspace(0.0, 0.6, 61)
-    path = moved(set_stabilisation(held(SMOOTH[name])), np.array(start), times)
+    path = moved(set_stabilisation(held(SMOOTH[name])), np.array(start), times, MASS)
     np.testing.assert_allclose(curve.signed_distance(path[:, :2]), decay(n, times, -0.1), atol=1e-12)
     s = along(curve, path[:, :2])
     np.testing.assert_allclose(s - s[0], speed * times, atol=1e-12)
@@ -190,7 +166,7 @@ def test_viscosity_slows_the_foot_as_7_18_does():
     curve = model.curve
     start = np.array([*curve.position(0.4), *(speed * curve.tangent(0.4))])
     times = np.linspace(0.0, 0.5, 26)
-    path = moved(set_stabilisation(held(model, effects=(Viscosity(b),))), start, times)
+    path = moved(set_stabilisation(held(model, effects=(Viscosity(b),))), start, times, MASS)
     s = along(curve, path[:, :2])
     np.testing.assert_allclose(s - s[0], speed * MASS / b * (1.0 - np.exp(-b / MASS * times)), atol=1e-11)
     np.testing.assert_allclose(curve.signed_distance(path[:, :2]), 0.0, atol=1e-12)
@@ -217,9 +193,10 @@ def test_with_a_force_sensor_the_push_moves_the_foot_and_not_the_depth(name, see
 
 def test_pushed_along_a_circle_with_a_sensor_it_moves_as_the_tool_does():
     push = np.array([0.3, -0.8])
-    path = moved(set_stabilisation(held(circle())), np.array([0.105, 0.0, 0.0, 0.0]), np.linspace(0, 0.4, 9), push)
+    times = np.linspace(0, 0.4, 9)
+    path = moved(set_stabilisation(held(circle())), np.array([0.105, 0.0, 0.0, 0.0]), times, MASS, push)
     n = circle().curve.signed_distance(path[:, :2])
-    np.testing.assert_allclose(n, decay(0.005, np.linspace(0, 0.4, 9)), atol=1e-12)
+    np.testing.assert_allclose(n, decay(0.005, times), atol=1e-12)
     # the foot's energy is what the push did on it: F_o is constant, and a foot on the circle moves as a tool would
     feet = 0.1 * path[:, :2] / np.linalg.norm(path[:, :2], axis=1)[:, None]
     turning = (path[:, 0] * path[:, 3] - path[:, 1] * path[:, 2]) / np.sum(path[:, :2] ** 2, axis=1)

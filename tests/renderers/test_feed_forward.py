@@ -28,20 +28,14 @@ def test_its_name_is_found_and_offered_where_it_can_work():
     assert "pp-pd-c" not in constraint.regulations
 
 
-@pytest.mark.parametrize("representation", ["polygon", "level-set", "lut"])
-def test_other_representations_have_no_curvature(representation):
-    for way in (
-        lambda: minimum_distance.variant(regulation="pp-pd-c", representation=representation),
-        lambda: follows.variant(representation=representation),
-    ):
-        with pytest.raises(InputError, match=f"'pp-pd-c' is not for this projection on '{representation}'") as caught:
-            way()
-        assert "set-stabilisation" in caught.value.todo
-
-
-def test_other_projections_have_none_either():
-    with pytest.raises(InputError, match="'pp-pd-c' is not for this projection on 'curve'"):
-        constraint.variant(regulation="pp-pd-c", representation="curve")
+@pytest.mark.parametrize(
+    ("family", "representation"),
+    [*((minimum_distance, each) for each in ("polygon", "level-set", "lut")), (constraint, "curve")],
+)
+def test_other_projections_and_representations_have_no_curvature(family, representation):
+    with pytest.raises(InputError, match=f"'pp-pd-c' is not for this projection on '{representation}'") as caught:
+        family.variant(regulation="pp-pd-c", representation=representation)
+    assert "set-stabilisation" in caught.value.todo
 
 
 def circling(family, model, n, speed, duration=2.0):
@@ -65,10 +59,6 @@ def test_on_the_circle_it_stays_where_pp_pd_runs_out():
     assert circling(minimum_distance.variant(regulation="pp-pd"), model, 0.0, 0.5)[-1] == pytest.approx(
         0.0043947486858864, rel=1e-6
     )
-
-
-def test_it_comes_back_to_the_circle_too():
-    assert abs(circling(follows, circle(), 0.005, 0.5)[-1]) < 1e-9
 
 
 @given(st.integers(0, 10_000))

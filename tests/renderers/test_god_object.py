@@ -23,7 +23,7 @@ def jumps(ihips):
     return np.hypot(*np.diff(ihips, axis=0).T)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(vertices=star_shaped(), hips=walks())
 def test_a_tool_at_rest_has_no_way_downhill(vertices, hips):
     model = from_vertices(vertices)
@@ -49,7 +49,7 @@ def test_a_tool_at_rest_has_no_way_downhill(vertices, hips):
                 assert error[0] * tangent[1] - error[1] * tangent[0] <= 1e-15
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     st.floats(1e-7, 5e-3),
     st.floats(-0.08, 0.08),
@@ -126,7 +126,7 @@ def test_a_tool_that_is_let_go_runs_into_what_stands_in_its_way():
 
 
 @pytest.mark.parametrize("representation", ["polygon", "curve"])
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(start=st.integers(0, 39), edges=st.integers(-8, 8), depth=st.floats(1e-6, 2e-3))
 def test_one_long_step_ends_where_many_short_ones_do(representation, start, edges, depth):
     model = circle()
@@ -146,7 +146,7 @@ def test_one_long_step_ends_where_many_short_ones_do(representation, start, edge
 
 
 @pytest.mark.parametrize("model", SMOOTH, ids=lambda m: m.name)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.01, 0.6))
 def test_shallow_paths_on_smooth_curves_are_minimum_distance(model, seed, share):
     curve = model.curve
@@ -164,7 +164,7 @@ RINGS = {m.name: m.curve.position(np.linspace(*m.curve.u_range, FINE, endpoint=F
 
 
 @pytest.mark.parametrize("model", SMOOTH, ids=lambda m: m.name)
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(start=st.integers(0, FINE // 4 - 1), x=st.floats(-0.12, 0.12), y=st.floats(-0.12, 0.12))
 def test_a_march_stops_at_the_first_minimum_that_a_fine_walk_finds(model, start, x, y):
     ring = RINGS[model.name]

@@ -38,7 +38,7 @@ VARIANTS = [
 IDS = [f"{'md' if family is minimum_distance else 'constraint'}@{rep}" for family, rep in VARIANTS]
 each_variant = pytest.mark.parametrize(("family", "representation"), VARIANTS, ids=IDS)
 each_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
-quick = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+quick = settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 COARSE = {"lut": {"cell": 2e-3}, "mapping": {"cells": 60.0}}
@@ -132,7 +132,7 @@ def moved(points, angle, mirror, scale):
 
 
 @pytest.mark.parametrize("family", [minimum_distance, constraint])
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     vertices=star_shaped(),
     hips=walks(),

@@ -11,9 +11,8 @@ where a map is steep, the answer may differ by as much.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -49,39 +48,39 @@ class Motion(NamedTuple):
     scale: float
     shift: Array
 
-    def __call__(self, points: Array) -> Array:
+    def __call__(self, points):
         return np.asarray(self.scale * points @ self.matrix.T + self.shift)
 
     @property
-    def mirrors(self) -> bool:
+    def mirrors(self):
         return bool(np.linalg.det(self.matrix) < 0.0)
 
 
-def turn(angle: float, *, mirror: bool = False) -> Array:
+def turn(angle, *, mirror=False):
     """The matrix of a turn, after a change of the sign of y if `mirror`."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, -s], [s, c]]) @ np.diag([1.0, -1.0 if mirror else 1.0])
 
 
-def motion_of(seed: int) -> Motion:
+def motion_of(seed):
     """Any turn, mirror image or not, a size from a hundredth to a hundred times, and a shift of up to 100 m."""
     rng = np.random.default_rng(seed)
     shift = rng.uniform(-100.0, 100.0, 2)
     return Motion(turn(rng.uniform(-math.pi, math.pi), mirror=bool(seed % 2)), 10.0 ** rng.uniform(-2.0, 2.0), shift)
 
 
-def shifted_by_size(motion: Motion) -> Motion:
+def shifted_by_size(motion):
     """Shifts grow with the size: rounding moves the joints of arcs off each other, which crowding magnifies."""
     return motion._replace(shift=motion.scale * motion.shift)
 
 
-def polygonal(model: Model, motion: Motion, first: int) -> Model:
+def polygonal(model, motion, first):
     """A model of straight edges, moved, its vertices counted from another."""
     vertices = motion(model.polygon().vertices)
     return from_vertices(np.roll(vertices[::-1] if motion.mirrors else vertices, first, axis=0))
 
 
-def rounded(model: Model, motion: Motion) -> Model:
+def rounded(model, motion):
     """A model of lines and arcs, moved: a mirror image runs through them backwards."""
     c, s = motion.matrix[:, 0]
     way, rows = (-1.0 if motion.mirrors else 1.0), []
@@ -98,7 +97,7 @@ def rounded(model: Model, motion: Motion) -> Model:
     return Model("moved", {}, Curve("moved", pieces.concatenate_segments(rows if way > 0.0 else rows[::-1]), True))
 
 
-def path(model: Model, seed: int, count: int = 120) -> Array:
+def path(model, seed, count=120):
     """A smooth walk in and out of the model."""
     rng = np.random.default_rng(seed)
     bounds = np.array(model.boundary.bounds).reshape(2, -1)
@@ -108,7 +107,7 @@ def path(model: Model, seed: int, count: int = 120) -> Array:
 
 
 @cache
-def rendered(name: str, model: Model, scale: float = 1.0) -> Any:
+def rendered(name, model, scale=1.0):
     """The renderer of that name; the cells of a table are scaled with the model."""
     knobs = {}
     if name.endswith("@lut"):
@@ -118,7 +117,7 @@ def rendered(name: str, model: Model, scale: float = 1.0) -> Any:
     return configured(resolve(name), knobs, name=name)(Scene(model=model))
 
 
-def answers(renderer: Any, hips: Array) -> tuple[Array, Array]:
+def answers(renderer, hips):
     """IHIPs and forces."""
     if hasattr(renderer, "run"):
         ihips, forces = renderer.run(hips, 1e-3)
@@ -129,7 +128,7 @@ def answers(renderer: Any, hips: Array) -> tuple[Array, Array]:
     return np.array([each.ihip for each in steps]), np.array([each.force for each in steps])
 
 
-def compare(name: str, before: Model, after: Model, hips: Array, motion: Motion) -> float:
+def compare(name, before, after, hips, motion):
     """Assert that the answers move with the model; returns the share of ticks in contact that need no exemption."""
     here, there = rendered(name, before), rendered(name, after, motion.scale)
     on_grid = name == "mapping" or name.endswith(("level-set", "lut"))
@@ -160,7 +159,7 @@ def compare(name: str, before: Model, after: Model, hips: Array, motion: Motion)
 @pytest.mark.parametrize("name", EXACT)
 @pytest.mark.parametrize("model", STRAIGHT.values(), ids=STRAIGHT)
 @pytest.mark.parametrize("seed", range(2))
-def test_on_polygons(name: str, model: Model, seed: int) -> None:
+def test_on_polygons(name, model, seed):
     motion = motion_of(seed)
     assert compare(name, model, polygonal(model, motion, seed), path(model, seed), motion) > 0.95
 
@@ -168,12 +167,12 @@ def test_on_polygons(name: str, model: Model, seed: int) -> None:
 @pytest.mark.parametrize("name", EXACT)
 @pytest.mark.parametrize("model", ROUND.values(), ids=ROUND)
 @pytest.mark.parametrize("seed", range(2))
-def test_on_lines_and_arcs(name: str, model: Model, seed: int) -> None:
+def test_on_lines_and_arcs(name, model, seed):
     motion = shifted_by_size(motion_of(seed))
     assert compare(name, model, rounded(model, motion), path(model, seed), motion) > 0.95
 
 
-def around(model: Model) -> Array:
+def around(model):
     """A slow walk along a curve, up to 2 mm inside: where set stabilisation is defined, and holds."""
     u = np.linspace(0.0, 0.1 * model.curve.u_range[1], 120)
     return model.curve.position(u) - 1e-3 * (1.0 + np.sin(0.9 * np.arange(120)))[:, np.newaxis] * model.curve.normal(u)
@@ -181,23 +180,23 @@ def around(model: Model) -> Array:
 
 @pytest.mark.parametrize("model", ROUND.values(), ids=ROUND)
 @pytest.mark.parametrize("seed", range(2))
-def test_set_stabilisation(model: Model, seed: int) -> None:
+def test_set_stabilisation(model, seed):
     motion = shifted_by_size(motion_of(seed))
     assert compare("set-stabilisation", model, rounded(model, motion), around(model), motion) > 0.95
 
 
-def lobed(scale: float) -> Model:
+def lobed(scale):
     return cassinian(lobes=3, size=0.2 * scale)
 
 
-def flat(scale: float) -> Model:
+def flat(scale):
     return ellipse(size=0.2 * scale)
 
 
 @pytest.mark.parametrize("name", [*EXACT, "set-stabilisation"])
 @pytest.mark.parametrize(("make", "turns"), [(lobed, 3), (flat, 2)], ids=["cassinian", "ellipse"])
 @pytest.mark.parametrize("mirror", [False, True], ids=["turned", "mirrored"])
-def test_on_curves_about_the_origin(name: str, make: Callable[[float], Model], turns: int, *, mirror: bool) -> None:
+def test_on_curves_about_the_origin(name, make, turns, *, mirror):
     """Scaled, and by their symmetries: a turn by a lobe, and the mirror image."""
     motion = Motion(turn(math.tau / turns, mirror=mirror), 37.0 if mirror else 0.03, np.zeros(2))
     model = make(1.0)
@@ -207,19 +206,19 @@ def test_on_curves_about_the_origin(name: str, make: Callable[[float], Model], t
     assert compare(name, model, make(motion.scale), hips, motion) > 0.95
 
 
-def round_about(scale: float) -> Model:
+def round_about(scale):
     return torus(0.07 * scale, 0.03 * scale)
 
 
-def ball(scale: float) -> Model:
+def ball(scale):
     return sphere(0.2 * scale)
 
 
-def egg(scale: float) -> Model:
+def egg(scale):
     return ellipsoid(0.1 * scale, 0.07 * scale, 0.05 * scale)
 
 
-def tall_egg(scale: float) -> Model:
+def tall_egg(scale):
     return ellipsoid(0.05 * scale, 0.1 * scale, 0.07 * scale)
 
 
@@ -227,7 +226,7 @@ SPIN = np.array([[math.cos(1.0), -math.sin(1.0), 0.0], [math.sin(1.0), math.cos(
 ROLL = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 ANYHOW = SPIN @ ROLL @ SPIN @ ROLL
 FLIP = np.diag([-1.0, 1.0, -1.0])
-SPACE: Mapping[str, tuple[Callable[[float], Model], Callable[[float], Model], Array]] = {
+SPACE = {
     "a sphere turned": (ball, ball, ANYHOW),
     "a sphere mirrored": (ball, ball, -ANYHOW),
     "a torus turned": (round_about, round_about, SPIN @ FLIP),
@@ -243,7 +242,7 @@ SPACE: Mapping[str, tuple[Callable[[float], Model], Callable[[float], Model], Ar
     + [("set-stabilisation@atlas", case) for case in SPACE if "sphere" in case],
 )
 @pytest.mark.parametrize("scale", [0.02, 50.0])
-def test_in_space(name: str, case: str, scale: float) -> None:
+def test_in_space(name, case, scale):
     make, made, matrix = SPACE[case]
     model, motion = make(1.0), Motion(matrix, scale, np.zeros(3))
     hips = path(model, 4)
@@ -255,7 +254,7 @@ def test_in_space(name: str, case: str, scale: float) -> None:
 
 
 @pytest.mark.parametrize("model", STRAIGHT.values(), ids=STRAIGHT)
-def test_level_sets_to_their_cells(model: Model) -> None:
+def test_level_sets_to_their_cells(model):
     motion = motion_of(1)
     hips = path(model, 6)
     assert compare("minimum-distance@level-set", model, polygonal(model, motion, 1), hips, motion) > 0.8
@@ -263,7 +262,7 @@ def test_level_sets_to_their_cells(model: Model) -> None:
 
 @pytest.mark.parametrize("name", ["minimum-distance@lut", "conformal@lut", "mapping"])
 @pytest.mark.parametrize("model", ["star", "40-gon"])
-def test_tables_and_flows_to_their_cells(name: str, model: str) -> None:
+def test_tables_and_flows_to_their_cells(name, model):
     motion = motion_of(1)
     before, after = STRAIGHT[model], polygonal(STRAIGHT[model], motion, 1)
     assert compare(name, before, after, path(before, 1), motion) > 0.8

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hand_paths import star_shaped, walks
 from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 
 from hapticeval.errors import RefusalError
@@ -20,8 +19,7 @@ from hapticeval.geometry.catalogue import (
     star,
     torus,
 )
-from hapticeval.geometry.model import Model
-from hapticeval.renderers import conformal, constraint, mapping, minimum_distance
+from hapticeval.renderers import minimum_distance
 from hapticeval.renderers.contour import contour_of
 from hapticeval.scene import Scene
 
@@ -31,7 +29,7 @@ on_grid = minimum_distance.variant(representation="level-set")
 
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda m: m.name)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(hips=walks())
 def test_it_is_the_nearest_point_of_the_model(model, hips):
     ihips, _ = exact(Scene(model=model, bilateral=True)).run(hips, 1e-3)
@@ -39,22 +37,13 @@ def test_it_is_the_nearest_point_of_the_model(model, hips):
     np.testing.assert_allclose(np.hypot(*(hips - ihips).T), distances, atol=1e-15)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(vertices=star_shaped(), hips=walks())
 def test_it_is_the_nearest_point_of_a_polygon(vertices, hips):
     model = from_vertices(vertices)
     ihips, _ = exact(Scene(model=model)).run(hips, 1e-3)
     depth = np.maximum(-model.curve.signed_distance(hips), 0.0)
     np.testing.assert_allclose(np.hypot(*(hips - ihips).T), depth, atol=1e-15)
-
-
-def test_a_polygon_of_4000_edges_is_almost_the_curve():
-    model = cassinian()
-    u = np.linspace(0.0, 2.0 * math.pi, 2001)
-    hips = model.curve.position(u) - 3e-3 * model.curve.normal(u)
-    fine = from_vertices(model.polygon(4000).vertices)
-    ihips, _ = exact(Scene(model=fine)).run(hips, 1e-3)
-    np.testing.assert_allclose(ihips, model.curve.position(u), atol=5e-5)
 
 
 def test_a_convex_corner_pops_at_its_bisector():
@@ -125,16 +114,6 @@ def test_a_hand_off_the_grid_is_in_free_space():
     np.testing.assert_array_equal(response.force, (0.0, 0.0))
 
 
-@given(st.floats(0.0, 6.28), st.floats(0.001, 0.03))
-@settings(max_examples=50, deadline=None)
-def test_on_a_circle_the_force_is_radial(angle, depth):
-    ray = np.array([math.cos(angle), math.sin(angle)])
-    renderer = exact(Scene(model=circle()))
-    response = renderer.step((0.1 - depth) * ray, np.zeros(2), 1e-3)
-    np.testing.assert_allclose(response.ihip, 0.1 * ray, atol=1e-15)
-    np.testing.assert_allclose(response.force, 1000.0 * depth * ray, atol=1e-9)
-
-
 SLIT = [[0, 0], [0.1, 0], [0.1, 0.1], [0.05 + 1e-9, 0.1], [0.05 + 1e-9, 0.03], [0.05, 0.03], [0.05, 0.1], [0, 0.1]]
 
 
@@ -148,14 +127,14 @@ SLIT = [[0, 0], [0.1, 0], [0.1, 0.1], [0.05 + 1e-9, 0.1], [0.05 + 1e-9, 0.03], [
     ],
     ids=["tip of 1 degree", "neck of 1e-6", "flat triangle", "slit of 1 nm"],
 )
-def test_a_part_that_a_level_set_cannot_hold_is_refused(model: Model, why: str) -> None:
+def test_a_part_that_a_level_set_cannot_hold_is_refused(model, why):
     with pytest.raises(RefusalError, match=why):
         minimum_distance.variant(representation="level-set")(Scene(model=model))
     minimum_distance(Scene(model=model))
 
 
 @pytest.mark.parametrize("part", range(4))
-def test_a_level_set_holds_a_triangle_however_it_is_turned(part: int) -> None:
+def test_a_level_set_holds_a_triangle_however_it_is_turned(part):
     """Its tip of 48 degrees is narrower than the diagonal of a cell for 1.61 cells, which may leave islands."""
     corners = np.array([[-0.06, -0.02], [0.09, -0.03], [0.01, 0.07]])
     for sixth in range(6):
@@ -208,21 +187,3 @@ def test_pp_pd_on_the_sphere():
     ihip, force = renderer.step(np.array([0.0, 0.09, 0.0]), np.array([0.3, -0.2, 0.0]), 1e-3)
     np.testing.assert_allclose(ihip, [0.0, 0.1, 0.0], atol=1e-17)
     np.testing.assert_allclose(force, [0.0, 11.0, 0.0], atol=1e-12)
-
-
-@every
-@pytest.mark.parametrize(
-    "factory",
-    [
-        constraint,
-        constraint.variant(representation="curve"),
-        mapping,
-        conformal,
-        minimum_distance.variant(representation="polygon"),
-        minimum_distance.variant(representation="level-set"),
-        minimum_distance.variant(representation="lut"),
-    ],
-)
-def test_what_works_in_the_plane_only_refuses_solids(model, factory):
-    with pytest.raises(RefusalError, match="surface in space"):
-        factory(Scene(model=model))

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from hand_paths import damped, moved
 
 from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import DomainError, InputError, RefusalError
@@ -49,22 +49,6 @@ def start_of(model, offset, seed=1):
     return np.concatenate([foot + offset * normal, 0.5 * way / np.linalg.norm(way) + across * normal])
 
 
-def moved(renderer, state, duration, push=(0.0, 0.0, 0.0), *, sensed=True):
-    """States (n, 6) of the tool m ÿ = F_r + F_o by DOP853, at 60 times (n,)."""
-    push = np.array(push)
-
-    def slope(_, x):
-        if sensed:
-            renderer.observe_force(push)
-        return np.concatenate([x[3:], (renderer.step(x[:3], x[3:], 1e-3).force + push) / MASS])
-
-    renderer.reset(state[:3])
-    time = np.linspace(0.0, duration, 60)
-    made = solve_ivp(slope, (0.0, duration), state, method="DOP853", rtol=1e-12, atol=1e-13, t_eval=time)
-    assert made.success
-    return time, made.y.T
-
-
 def foot_motion(model, states):
     """Foot, its velocity, n and ṅ of states (n, 6), from the frame alone."""
     foot, normal, n, shape = model.surface.closest_point(states[:, :3])
@@ -72,15 +56,6 @@ def foot_motion(model, states):
     rate = np.sum(normal * velocity, axis=1)
     stretch = np.eye(3) + n[:, None, None] * shape
     return foot, np.linalg.solve(stretch, (velocity - rate[:, None] * normal)[..., None])[..., 0], n, rate
-
-
-def damped(time, n, rate):
-    """n and ṅ of n̈ = -K_p n - K_d ṅ from `n` and `rate`, in closed form."""
-    first, second = np.roots([1.0, K_D, K_P]).astype(complex)
-    a = (rate - second * n) / (first - second)
-    b = n - a
-    one, two = a * np.exp(first * time), b * np.exp(second * time)
-    return (one + two).real, (first * one + second * two).real
 
 
 def clairaut(model, foot, velocity):
@@ -95,9 +70,10 @@ def clairaut(model, foot, velocity):
 @pytest.mark.parametrize("offset", [0.0, 0.006, -0.008])
 def test_the_foot_runs_on_a_geodesic_and_the_distance_is_linear(model, offset):
     state = start_of(model, offset)
-    time, states = moved(renderer_of(model), state, 0.6)
+    time = np.linspace(0.0, 0.6, 60)
+    states = moved(renderer_of(model), state, time, MASS, rtol=1e-12)
     foot, velocity, n, rate = foot_motion(model, states)
-    expected, expected_rate = damped(time, offset, 0.1 if offset else 0.0)
+    expected, expected_rate = damped(time, offset, 0.1 if offset else 0.0, K_P, K_D)
     np.testing.assert_allclose(n, expected, atol=1e-12)
     np.testing.assert_allclose(rate, expected_rate, atol=1e-10)
     speed = np.linalg.norm(velocity, axis=1)
@@ -111,7 +87,8 @@ def test_the_foot_runs_on_a_geodesic_and_the_distance_is_linear(model, offset):
 def test_a_sphere_s_geodesic_is_a_great_circle_at_constant_angular_speed(offset):
     model = sphere(0.2)
     state = start_of(model, offset)
-    time, states = moved(renderer_of(model), state, 0.6)
+    time = np.linspace(0.0, 0.6, 60)
+    states = moved(renderer_of(model), state, time, MASS, rtol=1e-12)
     foot, velocity, _, _ = foot_motion(model, states)
     angle = np.linalg.norm(velocity[0]) / 0.1 * time[:, None]
     way = velocity[0] / np.linalg.norm(velocity[0])
@@ -122,9 +99,10 @@ def test_a_sphere_s_geodesic_is_a_great_circle_at_constant_angular_speed(offset)
 def test_viscosity_slows_the_foot_on_the_same_geodesic(model):
     viscosity = 0.3
     state = start_of(model, 0.006)
-    time, states = moved(renderer_of(model, viscosity=viscosity), state, 0.6)
+    time = np.linspace(0.0, 0.6, 60)
+    states = moved(renderer_of(model, viscosity=viscosity), state, time, MASS, rtol=1e-12)
     foot, velocity, n, _ = foot_motion(model, states)
-    np.testing.assert_allclose(n, damped(time, 0.006, 0.1)[0], atol=1e-12)
+    np.testing.assert_allclose(n, damped(time, 0.006, 0.1, K_P, K_D)[0], atol=1e-12)
     speed = np.linalg.norm(velocity, axis=1)
     np.testing.assert_allclose(speed, speed[0] * np.exp(-viscosity / MASS * time), rtol=1e-9)
     kept = clairaut(model, foot, velocity / speed[:, None])
@@ -134,9 +112,10 @@ def test_viscosity_slows_the_foot_on_the_same_geodesic(model):
 @every
 def test_a_push_that_is_sensed_moves_the_foot_as_the_tool_s_mass_and_leaves_the_distance_alone(model):
     push = np.array([0.3, -0.2, 0.25])
-    time, states = moved(renderer_of(model), start_of(model, 0.006), 0.5, push)
+    time = np.linspace(0.0, 0.5, 60)
+    states = moved(renderer_of(model), start_of(model, 0.006), time, MASS, push, rtol=1e-12)
     foot, velocity, n, _ = foot_motion(model, states)
-    np.testing.assert_allclose(n, damped(time, 0.006, 0.1)[0], atol=1e-12)
+    np.testing.assert_allclose(n, damped(time, 0.006, 0.1, K_P, K_D)[0], atol=1e-12)
     # m a = P_T F_o of the foot: its energy in the field of the constant push is kept
     energy = 0.5 * MASS * np.sum(velocity**2, axis=1) - foot @ push
     np.testing.assert_allclose(energy, energy[0], atol=1e-10)
@@ -145,7 +124,9 @@ def test_a_push_that_is_sensed_moves_the_foot_as_the_tool_s_mass_and_leaves_the_
 @every
 def test_a_push_that_is_not_sensed_is_a_disturbance(model):
     push = np.array([0.3, -0.2, 0.25])
-    _, states = moved(renderer_of(model), start_of(model, 0.0), 0.5, push, sensed=False)
+    states = moved(
+        renderer_of(model), start_of(model, 0.0), np.linspace(0.0, 0.5, 60), MASS, push, sensed=False, rtol=1e-12
+    )
     n = foot_motion(model, states)[2]
     # n̈ = -K_p n - K_d ṅ + F_o·ν/m, critically damped: no farther than the largest push, at rest
     assert 1e-4 < np.max(np.abs(n)) < np.linalg.norm(push) / (MASS * K_P)

@@ -551,3 +551,27 @@ def test_a_pen_stroke_goes_through_renderers_stretch_by_stretch(tmp_path):
         found = {verdict.check: verdict.outcome for verdict in judged.verdicts}
         assert found["continuous-contact"] in (Outcome.PASS, Outcome.FAIL, Outcome.INCONCLUSIVE)
         assert answer.contact.any()
+
+
+TAPPED = """
+title = "an effect"
+[[case]]
+name = "tap"
+title = "a tap"
+model = { kind = "line" }
+scene = { effects = [{ kind = "contact-transient", material = "aluminium" }] }
+checks = ["transient-onset", "transient-vibration"]
+trajectory = { kind = "points", points = [[0.0, 0.005], [0.0, -0.002], [0.05, -0.002]], duration = 0.2 }
+"""
+
+
+def test_a_check_of_an_effect_gets_the_force_without_it_on_a_replay_and_not_of_the_run_as_recorded(tmp_path):
+    (tmp_path / "tapped.toml").write_text(TAPPED)
+    list(execute(plan([str(tmp_path / "tapped.toml")], ["minimum-distance"]), tmp_path / "out"))
+    found = replayed(read_recording(file_of(tmp_path / "out", "tap", "minimum-distance")), tmp_path, ["constraint"])
+    for name, *expected in (
+        ("constraint", Outcome.PASS, Level.MUST),
+        (RECORDED, Outcome.INCONCLUSIVE, Level.INFO),
+    ):
+        verdicts = found[name][0].verdicts
+        assert [[each.outcome, each.level] for each in verdicts] == [expected] * 2

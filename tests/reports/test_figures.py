@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
+from functools import partial
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.reports.canvas import THEME
 from hapticeval.reports.comparison import comparison_svg, surface_motion
 from hapticeval.reports.plane import along_path, labels, solid
-from hapticeval.reports.run_figure import Mark, figure_svg, marks_of
+from hapticeval.reports.run_figure import Mark, _page, figure_svg, marks_of
 
 
 def words(svg):
@@ -34,6 +35,17 @@ def test_the_same_recording_gives_the_same_small_themed_figure():
     assert {"HIP", "IHIP", "F₁", "F₂", "|F|", "response force (N)", "time (s)", "y₁ (mm)", "1"} <= set(words(svg))
     assert set(re.findall(r"var\(--fig-(\w+)\)", svg)) <= set(THEME)
     assert not re.findall(r"#[0-9a-f]{6}", svg), "the page gives every colour"
+
+
+def test_nothing_of_a_figure_is_left_in_the_next():
+    marks, model = [Mark(1, 0.001, True), Mark(2, 0.002, False)], make_model("cassinian")
+    others = [partial(figure_svg, tip_recording(), model, marks=marks), partial(figure_svg, tip_recording(), None)]
+    alone = figure_svg(lobe_recording(), model)
+    for other in others:
+        _page.cache_clear()
+        before = other()
+        assert figure_svg(lobe_recording(), model) == alone
+        assert other() == before
 
 
 def test_ids_of_two_figures_do_not_collide_and_every_reference_is_met():

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 
+from hapticeval.discovery import resolve
 from hapticeval.errors import RefusalError, RendererError, described
-from hapticeval.geometry.catalogue import line
+from hapticeval.geometry.catalogue import cassinian, line
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Declaration, Response, abilities_of
 from hapticeval.runner.judging import make_renderer
@@ -225,6 +228,43 @@ def test_a_closer_look_does_not_lead_what_can_be_copied_there_again():
     count = len(renderer.velocities)
     look.closer(90, 92, 64, lag=3).closer(3, 5, 64, lag=3)
     assert len(renderer.velocities) == count
+
+
+class Stepped:
+    """A renderer of which only its steps are shown."""
+
+    def __init__(self, base):
+        self.base, self.reset, self.step = base, base.reset, base.step
+
+    def __deepcopy__(self, memo):
+        return Stepped(deepcopy(self.base, memo))
+
+
+@pytest.mark.parametrize("name", ["constraint", "minimum-distance+pp-d", "set-stabilisation", "conformal+square-root"])
+def test_a_closer_look_in_one_call_is_that_of_single_steps_to_the_last_bit(name):
+    scene = Scene(model=cassinian(), damping=2.0)
+    path = Path(np.array([0.0, 0.3]), np.array([[0.105, 0.002], [0.08, 0.02]]))
+    found = []
+    for renderer in (resolve(name)(scene), Stepped(resolve(name)(scene))):
+        assert abilities_of(renderer).law is not None or abilities_of(renderer).lead or found
+        look = Closeup.of(renderer, play(renderer, path, 1e-3, scene=scene), scene).closer(200, 230, 8, lag=2)
+        found += [look.recording, look.closer(20, 22, 4, lag=2).recording]
+    for one, other in ((found[0], found[2]), (found[1], found[3])):
+        assert np.any(one.force != 0.0)
+        for channel in ("hip", "ihip", "force", "velocity"):
+            np.testing.assert_array_equal(one.channel(channel), other.channel(channel))
+
+
+def test_a_broken_answer_in_one_call_is_named_with_tick_and_hip():
+    class Leading(Echo):
+        def lead(self, hips, velocities, dt):
+            return np.where(hips > 0.0501, np.nan, hips), np.zeros_like(hips)
+
+    renderer = Leading()
+    look = Closeup.of(renderer, play(renderer, PATH, 0.01), Scene(model=line()))
+    with pytest.raises(RendererError, match="not finite") as caught:
+        look.closer(60, 62, 4, lag=2)
+    assert caught.value.tick == 51
 
 
 UP = np.array([0.0, 0.01])

@@ -9,7 +9,6 @@ import pytest
 
 from hapticeval.effects.encoder import Encoder
 from hapticeval.effects.joint_friction import JointFriction
-from hapticeval.effects.viscosity import viscosity_of
 from hapticeval.errors import InputError
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
@@ -233,7 +232,7 @@ def test_a_case_names_a_robot_its_inner_loop_and_a_hand(load):
     case.check_stimulus()
     scene = case.build_scene()
     assert (suite.renderers, scene.robot.name) == (("set-stabilisation",), "parallelogram-2dof")
-    assert (scene.inner_loop, viscosity_of(scene)) == ("linearised", 0.2)
+    assert (scene.inner_loop, scene.viscosity) == ("linearised", 0.2)
     hand = stimulus(case).hand
     assert (hand.stiffness, hand.damping) == (10.0, 1.0)
     np.testing.assert_allclose(hand.desired(np.array([0.05])), [[0.15, 0.0]])

@@ -12,9 +12,10 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
+from hapticeval.recordings.channels import CHANNELS
 from hapticeval.recordings.compare.permutation import LEVEL, needed
 from hapticeval.recordings.quantization import Resolution, resolution
-from hapticeval.recordings.recording import CHANNELS, Recording, runs_of
+from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import LAG, Stretch, joined, stretches
 from hapticeval.types import Array, BoolArray, IntArray
 
@@ -22,6 +23,7 @@ QUARTER = 0.5 * math.pi  # a HIP that turns further about the centre in one step
 MOST_BENT = 0.99  # share of the radius of curvature beyond which the foot is no function of the HIP to be followed
 TINY = 1e-9  # m below which a step of the foot is rounding
 TURN = 2.0 * math.pi
+STEP = 1.0 / 3600.0
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,8 @@ class Abscissa:
     @property
     def unit(self) -> str:
         """The abscissa's unit."""
-        known = CHANNELS.get(self.by.partition(":")[0])
-        return {"angle": "rad", "arc": "m"}.get(self.by) or (known.unit if known is not None else "")
+        units = {"angle": "rad", "arc": "m"} | {name: signal.unit for name, signal in CHANNELS.items()}
+        return units.get(self.by.partition(":")[0], "")
 
     @property
     def period(self) -> float | None:
@@ -204,19 +206,16 @@ def _worded(value: float, unit: str) -> str:
 def _seam(every: Sequence[Segment], period: float) -> float:
     """Return where to cut a closed abscissa: in the middle of the widest stretch that no run visits, or at 0.
 
-    A sector round the origin of the angles then stays in one piece.
+    A sector round the origin of the angles then stays in one piece. `STEP` of a turn unvisited is a step of the hand.
     """
-    bins = 3600
-    seen = np.zeros(bins, dtype=bool)
-    for way in every:
-        low, high = float(way.along.min()), float(way.along.max())
-        if high - low >= period:
-            return 0.0
-        first, last = math.floor(low / period * bins), math.floor(high / period * bins)
-        seen[np.arange(first, last + 1) % bins] = True
-    start = int(np.argmax(seen))
-    first, end = max(runs_of(~np.roll(seen, -start)), key=lambda each: each[1] - each[0], default=(0, 0))
-    return float((start + 0.5 * float(first + end)) / bins * period % period) - period if end else 0.0
+    spans = sorted((float(way.along.min()) % period, float(np.ptp(way.along))) for way in every)
+    reached = max(spans[0][0], max(begin + length for begin, length in spans) - period)
+    widest, cut = STEP * period, None
+    for begin, length in [*spans, (spans[0][0] + period, 0.0)]:
+        if begin - reached > widest:
+            widest, cut = begin - reached, 0.5 * (begin + reached)
+        reached = max(reached, begin + length)
+    return 0.0 if cut is None else cut % period - period
 
 
 def _range(every: Sequence[Segment], period: float | None) -> tuple[float, float]:
@@ -338,7 +337,7 @@ def _advice(runs: Sequence[Run]) -> str:
     """Describe what may be done about a run that turns back, and what that costs."""
     pairs = math.comb(len({run.renderer for run in runs}), 2)
     enough = needed(1, 1, tests=2 * max(pairs, 1), level=LEVEL)
-    cost = "" if enough is None else f", so that it takes {enough[0]} and {enough[1]} runs to tell a difference"
+    cost = "" if enough is None else f", so that it takes {enough[0]} and {enough[1]} runs to detect a difference"
     return (
         "give --split: every way between two turns is then a pass of its own, and forth and back are two tests"
         f"{cost}; or record, or cut out, one way only"
@@ -394,7 +393,7 @@ def _laps(
             continue
         share = np.clip((places - along[right - 1]) / (along[right] - along[right - 1]), 0.0, 1.0)
         columns, bent = _columns(recording, rows[right - 1], rows[right], share, mask, abscissa.curve)
-        # outside there is no force, whose direction nothing tells: no repeat may answer for it
+        # outside there is no force, which has no direction: no repeat may answer for it
         grains = {name: np.where(mask, fine.of(name, columns["magnitude"], bent), 0.0) for name in columns}
         times = recording.time[np.concatenate([rows[right[mask] - 1], rows[right[mask]]])]
         start, end = float(times.min()), float(times.max())

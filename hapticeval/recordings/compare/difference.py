@@ -8,7 +8,6 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.recordings.recording import Recording
-from hapticeval.types import Array, IntArray
 
 
 @dataclass(frozen=True)
@@ -36,36 +35,23 @@ class Difference:
 
 
 def difference(recording: Recording, reference: Recording) -> Difference:
-    """The distance of `recording` from `reference`, sample by sample.
+    """Return the distance of `recording` from `reference`, sample by sample.
 
     Raises `InputError` where they have no samples in common times: nothing is interpolated.
     """
-    rows = _same_times(recording, reference)
-    found: dict[str, Apart | None] = {}
-    for name in ("ihip", "force"):
-        if any(name not in each.channels for each in (recording, reference)):
-            found[name] = None
-            continue
-        values, others = recording.channels[name][rows[0]], reference.channels[name][rows[1]]
-        found[name] = _apart(values, others, reference.time[rows[1]], rows[1])
-    contact = None
-    if all(value is not None for value in found.values()):
-        contact = float(np.mean(recording.contact[rows[0]] != reference.contact[rows[1]]))
-    return Difference(found["ihip"], found["force"], rows[0].size, contact)
-
-
-def _same_times(recording: Recording, reference: Recording) -> tuple[IntArray, IntArray]:
-    _, mine, theirs = np.intersect1d(recording.time, reference.time, assume_unique=True, return_indices=True)
+    time, mine, theirs = np.intersect1d(recording.time, reference.time, assume_unique=True, return_indices=True)
     if mine.size == 0:
         raise InputError(
             "the two recordings have no sample at the same time",
             why="runs are compared sample by sample, and nothing is interpolated",
             todo="compare runs of different hands with `hapticeval compare`, by angle or arc length",
         )
-    return mine, theirs
-
-
-def _apart(values: Array, others: Array, time: Array, rows: IntArray) -> Apart:
-    distance = np.linalg.norm(values - others, axis=1)
-    at = int(np.argmax(distance))
-    return Apart(float(np.sqrt(np.mean(distance**2))), float(distance[at]), float(time[at]), int(rows[at]))
+    found: dict[str, Apart | None] = {"ihip": None, "force": None}
+    for name in found.keys() & recording.channels.keys() & reference.channels.keys():
+        distance = np.linalg.norm(recording.channels[name][mine] - reference.channels[name][theirs], axis=1)
+        at = int(np.argmax(distance))
+        rms = float(np.sqrt(np.mean(distance**2)))
+        found[name] = Apart(rms, float(distance[at]), float(time[at]), int(theirs[at]))
+    both = all(value is not None for value in found.values())
+    contact = float(np.mean(recording.contact[mine] != reference.contact[theirs])) if both else None
+    return Difference(found["ihip"], found["force"], mine.size, contact)

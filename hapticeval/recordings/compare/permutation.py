@@ -76,7 +76,7 @@ def least_p(first: int, second: int) -> float:
 
 def needed(first: int, second: int, *, tests: int, level: float) -> tuple[int, int] | None:
     """The fewest repeats, not below those given and two at least, as even as can be, with which a difference can be
-    told at the `level` where so many `tests` share it; None where no number can, since p is never below that of the
+    detected at the `level` where so many `tests` share it; None where no number can, since p is never below that of the
     `DEALS`."""
     if tests / (DEALS + 1) >= level:
         return None

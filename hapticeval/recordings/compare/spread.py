@@ -151,7 +151,7 @@ def bands(aligned: Aligned) -> tuple[Band, ...]:
 @dataclass(frozen=True)
 class Comparison:
     """Two renderers over what at least two `repeats` of each cover; `basis` says what these are, and `needed` how many
-    of each it takes at the least to tell a difference among all that are compared (None: no number can).
+    of each it takes at the least to detect a difference among all that are compared (None: no number can).
 
     `difference` is the root mean square of the difference of their medians, `spread` that between repeats of one
     renderer, both in the column's unit; `p` of the permutation test over all columns, times the number of pairs and
@@ -183,11 +183,11 @@ class Comparison:
 
     @property
     def outcome(self) -> str:
-        """ "differs", "the runs differ", "within the spread", "the same to rounding", "too few repeats to tell", or
+        """ "differs", "the runs differ", "within the spread", "the same to rounding", "too few repeats", or
         "too little in common".
 
         Laps of one run show how far the hand varies within it, and not whether another run of the same renderer would
-        be as far off: all they can tell is that the runs differ.
+        be as far off: all they show is that the runs differ.
         """
         if math.isnan(self.difference):
             return "too little in common"
@@ -195,7 +195,7 @@ class Comparison:
             return "the same to rounding"
         if self.p < LEVEL:
             return "differs" if self.basis == RUNS else "the runs differ"
-        return "within the spread" if self.least < LEVEL else "too few repeats to tell"
+        return "within the spread" if self.least < LEVEL else "too few repeats"
 
 
 def compare(aligned: Aligned, *, seed: int = 0) -> tuple[Comparison, ...]:
@@ -244,7 +244,7 @@ def _single(renderer: str, most: Mapping[str, int], *, tests: int) -> InputError
     todo = "compare fewer renderers at once"
     if enough is not None:
         takes = f"{enough[0]} of '{renderer}' and {enough[1]} of '{other}'"
-        todo = f"record more: to tell a difference takes {takes} at the least"
+        todo = f"record more: to detect a difference takes {takes} at the least"
     why = "without repeats the hand's own variation is not known, and any difference could be the hand's"
     return InputError(what, why=why, todo=todo)
 

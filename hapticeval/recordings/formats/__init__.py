@@ -22,25 +22,22 @@ from __future__ import annotations
 
 import inspect
 import sys
-import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from importlib.metadata import entry_points
-from pathlib import Path, PurePath
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hapticeval.errors import HapticevalError, InputError, UnknownNameError, described
+from hapticeval.errors import HapticevalError, InputError, UnknownNameError, described, origin
 from hapticeval.recordings.importing.units import parse_unit
 from hapticeval.recordings.memory import FOLDER, HEAD, first_bytes, reserve
-
-__all__ = ["Format", "Table", "formats", "importer", "read_table"]
 
 GROUP = "hapticeval.formats"
 """Entry points of this group are functions of other packages, marked with `importer`."""
@@ -95,15 +92,17 @@ class Table:
     units: Mapping[str, str] = field(default_factory=dict)
     notes: Mapping[str, str] = field(default_factory=dict)
     attributes: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
+    warnings: Sequence[str] = ()
+    remarks: Sequence[str] = ()
     format: str = ""
-    cells: tuple[str, ...] = ()
+    cells: Sequence[str] = ()
     topics: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         reserve(8 * sum(np.size(values) for values in self.columns.values()), "the columns of the file")
-        object.__setattr__(self, "columns", {name: _column(name, values) for name, values in self.columns.items()})
+        self.__dict__["columns"] = {name: _column(name, values) for name, values in self.columns.items()}
+        for name in ("warnings", "remarks", "cells"):
+            self.__dict__[name] = tuple(self.__dict__[name])
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Return a column, (n,). Raises `UnknownNameError`, which suggests the closest, for one that is not there."""
@@ -228,11 +227,8 @@ def importer(
     def register(read: Read) -> Read:
         known = KNOWN.get(name)
         if known is not None and called(known.read) != called(read):
-            raise InputError(
-                f"the format '{name}' is there already",
-                why=f"{known.read.__module__} registered it",
-                todo="choose another name",
-            )
+            why = f"{known.read.__module__} registered it"
+            raise InputError(f"the format '{name}' is there already", why=why, todo="choose another name")
         KNOWN[name] = Format(name, about, read, tuple(suffix.lower() for suffix in suffixes), recognises)
         return read
 
@@ -332,25 +328,12 @@ def blaming(what: str, function: Any = None) -> Iterator[None]:
     try:
         yield
     except (Exception, SystemExit) as error:
-        place = _place(error, function)
+        code = getattr(inspect.unwrap(function), "__code__", None) if callable(function) else None
+        place = origin(error, code and code.co_filename)
         if isinstance(error, HapticevalError):
             why = "; ".join(filter(None, (error.why, place)))
             raise InputError(f"{what}: {error.what}", why=why, todo=error.todo) from error
         raise InputError(f"{what} raised {described(error)}", why=place, todo="mend it there") from error
-
-
-def _place(error: BaseException, function: Any) -> str:
-    """Return where an error came from: the innermost line in the file of `function`, else the innermost of all."""
-    frames = [
-        frame
-        for frame in traceback.extract_tb(error.__traceback__)
-        if frame.filename != __file__ and "importlib" not in frame.filename
-    ]
-    code = getattr(inspect.unwrap(function), "__code__", None) if callable(function) else None
-    own = [frame for frame in frames if code is not None and frame.filename == code.co_filename]
-    for last in (own or frames)[-1:]:
-        return f"in {PurePath(last.filename).name}, line {last.lineno}, in {last.name}: {last.line}"
-    return ""
 
 
 def _check(table: Any, who: str) -> None:
@@ -363,24 +346,18 @@ def _check(table: Any, who: str) -> None:
         )
     rows = {name: table.rows(name) for name in table.columns}
     sizes = Counter(rows.values())
-    for name, size in reversed(rows.items()):
-        if not isinstance(name, str):
-            raise InputError(f"{who} named a column {name!r}", why="a name is a text")
-        if sizes[size] == 1 < len(rows):
-            raise InputError(
-                f"{who} gave a column '{name}' of {size} rows that no other column fits",
-                why=f"the others have {', '.join(str(each) for each in sorted(sizes) if each != size)} rows",
-                todo="give a number in each row, nan where there is none; of signals on several clocks each its clock",
-            )
-    if rows and not any(sizes):
-        raise InputError(f"{who} gave no row", why="a recording has at least one")
-    for name in (*table.units, *table.notes):
-        if name not in rows:
-            raise InputError(
-                f"{who} gave a unit or a note of the column '{name}', which is not there",
-                why=f"its columns are: {', '.join(rows)}",
-                todo="check the name",
-            )
+    odd = [name for name, size in reversed(rows.items()) if sizes[size] == 1 < len(rows)]
+    strange = [name for name in (*table.units, *table.notes) if name not in rows]
+    unnamed = [name for name in rows if not isinstance(name, str)]
+    if unnamed or (rows and not any(sizes)):
+        raise InputError(f"{who} named a column {unnamed[0]!r}" if unnamed else f"{who} gave no row")
+    if odd or strange:
+        what = f"{who} gave a unit or a note of the column '{strange[0]}', which is not there" if strange else ""
+        raise InputError(
+            what or f"{who} gave a column '{odd[0]}' of {rows[odd[0]]} rows that no other column fits",
+            why=f"its columns have these rows: {rows}",
+            todo="give a number in each row, nan where there is none; of signals on several clocks each its clock",
+        )
     for name, unit in table.units.items():
         with blaming(f"{who}, unit of the column '{name}'"):
             parse_unit(str(unit))

@@ -75,14 +75,7 @@ class Arrays:
 
     def table(self) -> Table:
         """Return all of them as a table."""
-        return Table(
-            self.columns,
-            units=self.units,
-            notes=self.notes,
-            attributes=self.attributes,
-            warnings=tuple(self.warnings),
-            remarks=tuple(self.remarks),
-        )
+        return Table(self.columns, self.units, self.notes, self.attributes, self.warnings, self.remarks)
 
 
 # HDF5
@@ -91,13 +84,12 @@ class Arrays:
 class Nodes:
     """The groups and data sets of an HDF5 file, as far as they lie in the file itself.
 
-    `elsewhere` collects what does not. Raises `InputError` for a file that is nested too deep, has too many parts, or
+    What does not is named in `warnings`. Raises `InputError` for a file that is nested too deep, has too many parts, or
     whose numbers take more memory than is allowed.
     """
 
-    def __init__(self, path: Path, file: Any) -> None:
-        self.path, self.file = path, file
-        self.elsewhere: list[str] = []
+    def __init__(self, path: Path, file: Any, warnings: list[str]) -> None:
+        self.path, self.file, self.warnings = path, file, warnings
         self._count = self._size = 0
 
     def members(self, group: Any, depth: int) -> Iterator[tuple[str, Any]]:
@@ -106,7 +98,7 @@ class Nodes:
 
         for name in group:
             if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
-                self.elsewhere.append(f"{group.name}/{name}".lstrip("/"))
+                self._leave_out(f"{group.name}/{name}".lstrip("/"))
                 continue
             node = group.get(name)
             if node is not None:
@@ -127,43 +119,37 @@ class Nodes:
     def read(self, node: Any, name: str, parts: list[str] | None = None) -> Any:
         """Return the numbers of a data set, or those of its fields `parts`; none where they lie in another file."""
         if lies_elsewhere(node):
-            self.elsewhere.append(name)
+            self._leave_out(name)
             return np.empty(0)
         self._size += max(8, node.dtype.itemsize) * math.prod(node.shape or ())
         reserve(self._size, str(self.path))
         return node.fields(parts)[()] if parts else node[()]
 
-    def warnings(self) -> list[str]:
-        """Return what was left out for lying in another file."""
-        return [f"'{name}' lies in another file, which is not opened: it is left out" for name in self.elsewhere]
+    def _leave_out(self, name: str) -> None:
+        self.warnings.append(f"'{name}' lies in another file, which is not opened: it is left out")
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Nodes]:
+def opened(path: Path, warnings: list[str]) -> Iterator[Nodes]:
     """Open an HDF5 file; whatever h5py raises for one that is cut short or damaged becomes an `InputError`."""
     import h5py
 
     try:
         with h5py.File(path, "r") as file:
-            yield Nodes(path, file)
+            yield Nodes(path, file, warnings)
     except HapticevalError:
         raise
     except H5_DAMAGE as error:
         raise damaged(path, str(error)) from error
 
 
-@importer(
-    "hdf5",
-    about="an HDF5 file",
-    suffixes=(".h5", ".hdf5", ".hdf"),
-    recognises=lambda head: head.startswith(SIGNATURE),
-)
+@importer("hdf5", about="an HDF5 file", recognises=lambda head: head.startswith(SIGNATURE))
 def read_hdf5(path: Path) -> Table:
     """Return columns `group/dataset`, with the unit of the attribute `unit` or `units`; attributes as `path@name`."""
     import h5py
 
     found = Arrays()
-    with opened(path) as nodes:
+    with opened(path, found.warnings) as nodes:
         seen = {hash(nodes.file["/"].id)}
 
         def walk(place: str, node: Any, depth: int) -> None:
@@ -181,7 +167,6 @@ def read_hdf5(path: Path) -> Table:
                         walk(f"{place}/{name}".lstrip("/"), part, depth + 1)
 
         walk("", nodes.file, 1)
-        found.warnings += nodes.warnings()
         return found.table()
 
 
@@ -206,12 +191,11 @@ def _plain(value: Any) -> Any:
 # NumPy
 
 
-@importer(
-    "npz",
-    about="NumPy arrays (.npz)",
-    suffixes=(".npz",),
-    recognises=lambda head: head.startswith(b"PK\x03\x04") and b".npy" in head[:300],
-)
+def _is_npz(head: bytes) -> bool:
+    return head.startswith(b"PK\x03\x04") and b".npy" in head[:300]
+
+
+@importer("npz", about="NumPy arrays (.npz)", recognises=_is_npz)
 def read_npz(path: Path) -> Table:
     """Return columns by the arrays' names; single numbers and texts as attributes; the unit of `x` is text `unit:x`."""
     found = Arrays()
@@ -315,7 +299,6 @@ COMPRESSED, MATRIX, OPAQUE = 15, 14, 17
 @importer(
     "matlab5",
     about="a MATLAB 5 to 7.2 file (.mat)",
-    suffixes=(".mat",),
     recognises=lambda head: head[124:128] in (b"\x00\x01IM", b"\x01\x00MI"),
 )
 def read_matlab5(path: Path) -> Table:
@@ -437,12 +420,7 @@ def _name5(matrix: bytes, order: str) -> tuple[str, str]:
 NUMERIC = {"", "double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
 
 
-@importer(
-    "matlab73",
-    about="a MATLAB 7.3 file (.mat)",
-    suffixes=(".mat",),
-    recognises=lambda head: head.startswith(b"MATLAB 7.3 MAT-file"),
-)
+@importer("matlab73", about="a MATLAB 7.3 file (.mat)", recognises=lambda head: head.startswith(b"MATLAB 7.3 MAT-file"))
 def read_matlab73(path: Path) -> Table:
     """Return what `read_matlab5` does, with the same names of columns.
 
@@ -451,7 +429,7 @@ def read_matlab73(path: Path) -> Table:
     import h5py
 
     found = Variables()
-    with opened(path) as nodes:
+    with opened(path, found.warnings) as nodes:
 
         def refers(node: Any) -> bool:
             return isinstance(node, h5py.Dataset) and h5py.check_ref_dtype(node.dtype) is not None
@@ -489,5 +467,4 @@ def read_matlab73(path: Path) -> Table:
         for name, node in nodes.members(nodes.file, 1):
             if not name.startswith("#"):
                 add(name, node, 1)
-        found.warnings += nodes.warnings()
         return found.table()

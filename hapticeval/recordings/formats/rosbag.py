@@ -26,7 +26,7 @@ def _recognises(head: bytes) -> bool:
     return head.startswith(b"#ROSBAG V") or (head.startswith(FOLDER) and b"metadata.yaml" in head.split(b"\n"))
 
 
-@importer("rosbag", about="a ROS 1 or ROS 2 bag", suffixes=(".bag",), recognises=_recognises)
+@importer("rosbag", about="a ROS 1 or ROS 2 bag", recognises=_recognises)
 def read_rosbag(path: Path) -> Table:
     """Columns `topic.field`; numbers in arrays as `topic.field[0]`. Raises `HapticevalError` without `rosbags`."""
     try:

@@ -124,12 +124,14 @@ def _dialect(lines: Sequence[str]) -> _Dialect:
 def _recognises(head: bytes) -> bool:
     if not is_text(head):
         return False
-    lines = _content(decoded(head).splitlines())
-    return any(map(_dialect(lines[:HEAD]).is_row, lines))
+    lines = decoded(head).splitlines()
+    content = [lines[place] for place in _content(lines)]
+    return any(map(_dialect(content[:HEAD]).is_row, content))
 
 
-def _content(lines: Sequence[str]) -> list[str]:
-    return [line for line in lines if line.strip() and not line.startswith(COMMENTS)]
+def _content(lines: Sequence[str]) -> list[int]:
+    """Return the numbers of the lines that hold more than blanks or a comment."""
+    return [place for place, line in enumerate(lines) if line.strip() and not line.startswith(COMMENTS)]
 
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
@@ -143,9 +145,9 @@ def read_delimited(path: Path) -> Table:
     column without any number is left out. Raises `InputError`, naming the line, for a row with too many cells.
     """
     lines, cut = whole_lines(path)
-    content = _content(lines[: 2 * HEAD])
-    dialect = _dialect(content[len(content) // 2 :] or content)
-    names, units, first = _header(path, lines, dialect)
+    rows = _content(lines[: 2 * HEAD])
+    dialect = _dialect([lines[place] for place in rows[len(rows) // 2 :]])
+    names, units, first = _header(path, lines, rows, dialect)
     frame = _frame(path, lines, first, names, dialect)
     remarks: list[str] = []
     if names == _plain(len(names)) and lies(frame.shape):
@@ -220,9 +222,8 @@ def _plain(width: int) -> list[str]:
     return [f"c{k}" for k in range(width)]
 
 
-def _header(path: Path, lines: list[str], dialect: _Dialect) -> tuple[list[str], dict[str, str], int]:
-    """Return names, units, and the number of the line with the first row."""
-    rows = [place for place, line in enumerate(lines[: 2 * HEAD]) if line.strip() and not line.startswith(COMMENTS)]
+def _header(path: Path, lines: list[str], rows: list[int], dialect: _Dialect) -> tuple[list[str], dict[str, str], int]:
+    """Return names, units, and the number of the line with the first row, one of `rows`."""
     first = next((place for place in rows if dialect.is_row(lines[place])), None)
     if first is None:
         raise InputError(
@@ -233,9 +234,8 @@ def _header(path: Path, lines: list[str], dialect: _Dialect) -> tuple[list[str],
     width = len(dialect.cells(lines[first]))
     comments = [line.lstrip("#% ") for line in lines[:first] if line.startswith(COMMENTS)]  # as numpy.savetxt has it
     words = [lines[place] for place in rows if place < first]
-    above = [cells for line in words if len(cells := dialect.cells(line)) == width] or [
-        cells for line in comments[-1:] if len(cells := dialect.cells(line)) == width
-    ]
+    above, remarked = ([c for c in map(dialect.cells, each) if len(c) == width] for each in (words, comments[-1:]))
+    above = above or remarked
     if not above:
         return _plain(width), {}, first
     names = [cell or f"c{k}" for k, cell in enumerate(above[0])]
@@ -246,11 +246,8 @@ def _header(path: Path, lines: list[str], dialect: _Dialect) -> tuple[list[str],
         units |= {name: cell for name, cell in zip(names, second, strict=True) if cell}
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise InputError(
-            f"{path} has two columns named '{twice[0]}'",
-            why="a mapping could not tell them apart",
-            todo="rename one of them",
-        )
+        why = "a mapping could not name one of them"
+        raise InputError(f"{path} has two columns named '{twice[0]}'", why=why, todo="rename one of them")
     return names, units, first
 
 
@@ -327,7 +324,7 @@ def _is_svc(head: bytes) -> bool:
     return bool(re.fullmatch(rb"\s*\d+\s*", first)) and len(second) == len(SVC_NOTES)
 
 
-@importer("svc", about="handwriting of a pen tablet (.svc)", suffixes=(".svc",), recognises=_is_svc)
+@importer("svc", about="handwriting of a pen tablet (.svc)", recognises=_is_svc)
 def read_svc(path: Path) -> Table:
     """Return the seven columns that follow the number of rows; a warning where there are fewer rows.
 

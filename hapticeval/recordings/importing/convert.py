@@ -19,13 +19,13 @@ from hapticeval.recordings.hdf5 import (
     DamagedError,
     metadata_json,
     read_recording,
+    salvage,
     write_recording,
 )
 from hapticeval.recordings.importing.mapping import FileMapping, Source, TimeBase, read_mapping
 from hapticeval.recordings.journal import MAGIC, MARK, recover
 from hapticeval.recordings.memory import first_bytes
 from hapticeval.recordings.recording import Clock, Recording, columns_of
-from hapticeval.recordings.salvage import salvage
 from hapticeval.types import Array, BoolArray, IntArray
 
 
@@ -131,19 +131,19 @@ def convert(table: Table, mapping: FileMapping, *, file: str = "") -> Recording:
         valid &= ~gap
     if not valid.any():
         raise InputError("not one row is valid", why=str(counts), todo="look at the columns: hapticeval inspect FILE")
-    notes: dict[str, Any] = {
-        "format": table.format,
-        "mapping": document.title,
-        "rows": int(stamps.size),
-        "left out": {key: count for key, count in counts.items() if count},
-        "columns": {name: list(source.columns) for name, source in mapping.channels.items()},
-    }
     more = {
         "warnings": [text for text in table.warnings if text not in table.cells],
         "cells": list(table.cells),
         "resampled": {name: source.resample for name, source in mapping.channels.items() if source.resample},
     }
-    notes |= {key: value for key, value in more.items() if value}
+    notes = {
+        "format": table.format,
+        "mapping": document.title,
+        "rows": int(stamps.size),
+        "left out": {key: count for key, count in counts.items() if count},
+        "columns": {name: list(source.columns) for name, source in mapping.channels.items()},
+        **{key: value for key, value in more.items() if value},
+    }
     meta = {"source": "file", **({"file": file} if file else {}), **document.meta, "import": notes}
     if document.device is not None:
         known = {key: value for key, value in document.device.items() if key != "kind"}
@@ -257,26 +257,11 @@ def export(path: Path | str, recording: Recording) -> Path:
     write = WRITERS.get(path.suffix.lower())
     if write is None:
         raise UnknownNameError("file ending", path.suffix, WRITERS)
-    refuse_existing(path)
-    if write is write_recording:
-        write(path, recording)  # which itself gives the file whole or not at all
-        return path
     try:
-        with creating(path) as temporary:
-            write(temporary, recording)
+        write(path, recording)
     except OSError as error:
         raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
     return path
-
-
-def refuse_existing(path: Path) -> None:
-    """Raise `InputError` where something stands at `path`: a recording is never written over."""
-    if path.exists() or path.is_symlink():
-        raise InputError(
-            f"{path} is there already",
-            why="nothing is written over a recording",
-            todo="choose another name, or move it",
-        )
 
 
 def _exported(recording: Recording) -> dict[str, tuple[Array, str]]:
@@ -290,7 +275,7 @@ def _exported(recording: Recording) -> dict[str, tuple[Array, str]]:
 
 def _csv(path: Path, recording: Recording) -> None:
     columns = _exported(recording)
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with creating(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join(f"{name} [{unit}]" for name, (_, unit) in columns.items()) + "\n")
         for row in zip(*(values.tolist() for values, _ in columns.values()), strict=True):
             file.write(",".join(map(repr, row)) + "\n")
@@ -300,7 +285,7 @@ def _npz(path: Path, recording: Recording) -> None:
     arrays: dict[str, Any] = {"hapticeval": np.array(metadata_json(recording.meta))}
     for name, (values, unit) in _exported(recording).items():
         arrays |= {name: values, f"unit:{name}": np.array(unit)}
-    with path.open("wb") as file:
+    with creating(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **arrays)
 
 
@@ -320,7 +305,7 @@ def _mat(path: Path, recording: Recording) -> None:
         fields["valid"] = recording.valid.astype(np.uint8)[:, None]
     units = {"time": "s", **{name: recording.signals[name].unit for name in recording.channels}}
     contents = {"recording": fields, "units": units, "hapticeval": metadata_json(recording.meta)}
-    with path.open("wb") as file:
+    with creating(path) as temporary, temporary.open("wb") as file:
         stream: Any = file
         savemat(stream, contents, do_compression=True, oned_as="column")
 

@@ -206,8 +206,9 @@ def _source(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> So
 def _factor(unit: str, wanted: str, *, scale: Quantity | None = None, divide: Quantity | None = None) -> float:
     """Return the factor from a unit, scaled and divided, to another. Raises `InputError` if the dimensions differ."""
     made = parse_unit(unit)
-    made = made if scale is None else made * parse_quantity(scale)
-    return (made if divide is None else made / parse_quantity(divide)).to(wanted)
+    for quantity, power in ((scale, 1), (divide, -1)):
+        made = made if quantity is None else made.times(parse_quantity(quantity), power)
+    return made.to(wanted)
 
 
 def _signal(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> Signal:
@@ -257,7 +258,7 @@ RULES: tuple[tuple[str, str], ...] = (
 """Words in names and labels, and the channel that they may mean; the first that fits."""
 
 DIRECTED = {"force", "operator_force", "measured_force", "joint_torque"}
-"""Channels whose sign depends on who pushes whom, which no name tells."""
+"""Channels whose sign depends on who pushes whom, which no name states."""
 
 
 def propose(table: Table, *, file: str = "FILE") -> str:

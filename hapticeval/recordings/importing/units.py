@@ -30,12 +30,6 @@ TABLE: tuple[tuple[tuple[int, ...], Mapping[str, float]], ...] = (
     ((0, 0, 0, 0, 0, 1), {"V": 1.0, "mV": 1e-3}),
 )
 
-UNITS = {name: (factor, dimension) for dimension, factors in TABLE for name, factor in factors.items()}
-"""Factor to SI and powers of each unit; products (`N m`), quotients (`mm/s`) and powers (`s^2`) are made of these.
-
-pint was tried: degrees are pure numbers to it, so that they would pass for radians and ratios.
-"""
-
 WORD = re.compile(r"([^\d\s^][^\s^]*|1)(?:\^(-?\d+))?")
 LEADING = re.compile(r"([+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s+(?=\S)")
 
@@ -48,13 +42,10 @@ class Unit:
     factor: float
     dimension: tuple[int, ...]
 
-    def __mul__(self, other: Unit) -> Unit:
-        powers = tuple(a + b for a, b in zip(self.dimension, other.dimension, strict=True))
-        return Unit(f"{self.text} {other.text}", self.factor * other.factor, powers)
-
-    def __truediv__(self, other: Unit) -> Unit:
-        powers = tuple(a - b for a, b in zip(self.dimension, other.dimension, strict=True))
-        return Unit(f"{self.text} / ({other.text})", self.factor / other.factor, powers)
+    def times(self, other: Unit, power: int = 1) -> Unit:
+        """Return the product with a power of another unit."""
+        powers = tuple(a + power * b for a, b in zip(self.dimension, other.dimension, strict=True))
+        return Unit(f"{self.text} {other.text}^{power}", self.factor * other.factor**power, powers)
 
     def to(self, wanted: str) -> float:
         """Return the factor to the SI unit `wanted`. Raises `InputError` where the dimensions differ."""
@@ -66,6 +57,13 @@ class Unit:
                 todo='give the factor between them with its unit, as in scale = "0.075 m/rad" or divide = "0.075 m"',
             )
         return self.factor / target.factor
+
+
+UNITS = {name: Unit(name, factor, powers) for powers, factors in TABLE for name, factor in factors.items()}
+"""Every unit by its name; products (`N m`), quotients (`mm/s`) and powers (`s^2`) are made of these.
+
+pint was tried: degrees are pure numbers to it, so that they would pass for radians and ratios.
+"""
 
 
 def parse_unit(text: str) -> Unit:
@@ -88,9 +86,7 @@ def parse_unit(text: str) -> Unit:
             found = WORD.fullmatch(word)
             if found is None or found[1] not in UNITS:
                 raise UnknownNameError("unit", word, UNITS)
-            power = int(found[2] or 1) * (-1 if place else 1)
-            factor, dimension = UNITS[found[1]]
-            made = made * Unit("", factor**power, tuple(power * each for each in dimension))
+            made = made.times(UNITS[found[1]], int(found[2] or 1) * (-1 if place else 1))
     if not math.isfinite(made.factor) or made.factor <= 0.0:
         raise InputError(f"the unit '{text}' has the factor {made.factor}", why="it must be positive and finite")
     return Unit(text, made.factor, made.dimension)

@@ -18,7 +18,7 @@ import numpy as np
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.integrity.issue import Issue, found
 from hapticeval.recordings.provenance import declared_floor, is_bilateral
-from hapticeval.recordings.quantization import quantization_step
+from hapticeval.recordings.quantization import coarsest
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import LAG, joined
 from hapticeval.types import Array, IntArray
@@ -26,7 +26,7 @@ from hapticeval.types import Array, IntArray
 QUANTA = 3.0
 """Residuals of so many quanta still come from encoders: one each for rounding, filtering and a tick of lag.
 
-A quantum is what the numbers of all channels involved resolve: see `quantization_step`.
+A quantum is what the numbers of all channels involved resolve: see `coarsest`.
 """
 
 ROUNDING = 1e-9
@@ -35,24 +35,14 @@ ROUNDING = 1e-9
 KINEMATICS, TORQUE, SPRING, SURFACE = "forward kinematics", "torque", "spring", "surface"
 IMPLIED, CONTACT = "spring and surface", "contact"
 RELATIONS = {
-    KINEMATICS: "HIP = FK(q) (2.28)",
-    TORQUE: "tau = J^T F (2.8)",
-    SPRING: "F = K_p (IHIP - HIP) (6.1)",
-    SURFACE: "IHIP on the model in contact",
-    IMPLIED: "HIP + F / K_p on the model in contact (6.1)",
-    CONTACT: "force where the HIP goes into the model, none outside",
+    KINEMATICS: ("HIP = FK(q) (2.28)", ("hip", "joint_position")),
+    TORQUE: ("tau = J^T F (2.8)", ("joint_position", "joint_torque", "force")),
+    SPRING: ("F = K_p (IHIP - HIP) (6.1)", ("hip", "ihip", "force")),
+    SURFACE: ("IHIP on the model in contact", ("hip", "ihip")),
+    IMPLIED: ("HIP + F / K_p on the model in contact (6.1)", ("hip", "force")),
+    CONTACT: ("force where the HIP goes into the model, none outside", ("hip", "force")),
 }
-"""What should hold by each check."""
-
-NEEDS = {
-    KINEMATICS: ("hip", "joint_position"),
-    TORQUE: ("joint_position", "joint_torque", "force"),
-    SPRING: ("hip", "ihip", "force"),
-    SURFACE: ("hip", "ihip"),
-    IMPLIED: ("hip", "force"),
-    CONTACT: ("hip", "force"),
-}
-"""The channels that each check reads."""
+"""What should hold by each check, and the channels that it reads."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +65,7 @@ class ConsistencyTest:
     @property
     def relation(self) -> str:
         """What should hold, in symbols."""
-        return RELATIONS[self.name]
+        return RELATIONS[self.name][0]
 
     @property
     def made(self) -> bool:
@@ -118,7 +108,7 @@ def inverse_checks(
         makers[CONTACT] = partial(contact, recording, rows, model)
     checks = []
     for name, make in makers.items():
-        missing = [channel for channel in NEEDS[name] if channel not in recording.channels]
+        missing = [channel for channel in RELATIONS[name][1] if channel not in recording.channels]
         why = "" if rows.size else "not one row is valid"
         why = f"the log has no {' and no '.join(missing)}" if missing else why
         checks.append(ConsistencyTest(name, why=why) if why else make())
@@ -129,8 +119,8 @@ def forward_kinematics(recording: Recording, rows: IntArray, device: Kinematics)
     """Check the HIP against the forward kinematics of the joints (2.28); residual in m."""
     joints, hip = recording.channels["joint_position"][rows], recording.hip[rows]
     residual = hip - np.array([device.position(row) for row in joints])
-    reach = max(float(np.abs([device.jacobian(row) for row in joints]).sum(axis=2).max()), 0.0)
-    step = reach * _coarsest(joints) + _coarsest(hip)
+    reach = float(np.abs([device.jacobian(row) for row in joints]).sum(axis=2).max())
+    step = reach * coarsest(joints) + coarsest(hip)
     return _checked(recording, rows, KINEMATICS, "hip", "m", np.linalg.norm(residual, axis=1), step)
 
 
@@ -142,8 +132,8 @@ def transposed_jacobian(recording: Recording, rows: IntArray, device: Kinematics
     force, torque = recording.force[rows], recording.channels["joint_torque"][rows]
     jacobians = np.array([device.jacobian(row) for row in recording.channels["joint_position"][rows]])
     residual = torque - np.einsum("nij,ni->nj", jacobians, force)
-    lever = max(float(np.abs(jacobians).sum(axis=1).max()), 0.0)
-    step = _coarsest(torque) + lever * _coarsest(force)
+    lever = float(np.abs(jacobians).sum(axis=1).max())
+    step = coarsest(torque) + lever * coarsest(force)
     return _checked(recording, rows, TORQUE, "joint_torque", "N m", np.linalg.norm(residual, axis=1), step)
 
 
@@ -152,7 +142,7 @@ def spring(recording: Recording, rows: IntArray, stiffness: float) -> Consistenc
     hip, ihip, force = recording.hip[rows], recording.ihip[rows], recording.force[rows]
     reach = ihip - hip
     residual = np.linalg.norm(force - stiffness * reach, axis=1)
-    step = stiffness * (_coarsest(hip) + _coarsest(ihip)) + _coarsest(force)
+    step = stiffness * (coarsest(hip) + coarsest(ihip)) + coarsest(force)
     check = _checked(recording, rows, SPRING, "force", "N", residual, step)
     return _fitted(check, stiffness, float(np.sum(force * reach)), float(np.sum(reach * reach)))
 
@@ -168,7 +158,7 @@ def on_the_model(recording: Recording, rows: IntArray, model: Model) -> Consiste
     if rows.size == 0:
         return ConsistencyTest(SURFACE, why="the IHIP is the HIP throughout: there is no contact")
     tool = recording.ihip[rows]
-    residual, step = np.abs(model.boundary.closest_point(tool).distance), _coarsest(tool) + _blurred(recording)
+    residual, step = np.abs(model.boundary.closest_point(tool).distance), coarsest(tool) + _blurred(recording)
     return _checked(recording, rows, SURFACE, "ihip", "m", residual, step, size=model.size)
 
 
@@ -178,14 +168,14 @@ def implied_tool(recording: Recording, rows: IntArray, model: Model, stiffness: 
     Findings name the stiffness that fits best: the least squares of d + n . F / K_p, which is the distance to first
     order. What the renderer declares of its own representation is allowed.
     """
-    quantum = _coarsest(recording.force[rows])
+    quantum = coarsest(recording.force[rows])
     floor = max(QUANTA * quantum, declared_floor(recording) or 0.0)
     rows = rows[np.linalg.norm(recording.force[rows], axis=1) > floor]
     if rows.size == 0:
         return ConsistencyTest(IMPLIED, why="the log has no force beyond its resolution")
     hip, force = recording.hip[rows], recording.force[rows]
     residual = np.abs(model.boundary.closest_point(hip + force / stiffness).distance)
-    step = _coarsest(hip) + quantum / stiffness + _blurred(recording)
+    step = coarsest(hip) + quantum / stiffness + _blurred(recording)
     check = _checked(recording, rows, IMPLIED, "force", "m", residual, step, size=model.size)
     frame = model.boundary.closest_point(hip)
     along = np.sum(frame.normal * force, axis=1)
@@ -207,24 +197,22 @@ def contact(recording: Recording, rows: IntArray, model: Model) -> ConsistencyTe
     place = recording.channels.get("measured_hip", recording.hip)  # the renderer acts on what the sensors gave it
     distance = np.full(len(recording), np.nan)
     distance[rows] = model.boundary.closest_point(place[rows]).distance
-    allowed = QUANTA * _coarsest(place[rows]) + recording.standoff + recording.resolution
+    allowed = QUANTA * coarsest(place[rows]) + recording.standoff + recording.resolution
     size = np.linalg.norm(recording.force, axis=1)
-    floor = max(QUANTA * _coarsest(recording.force[rows]), declared_floor(recording) or 0.0)
+    floor = max(QUANTA * coarsest(recording.force[rows]), declared_floor(recording) or 0.0)
     nearest, farthest = _through(recording, distance, np.minimum), _through(recording, distance, np.maximum)
     deeper = np.concatenate([[0.0], np.diff(distance) <= 0.0])
     bare = (size <= floor) & (_through(recording, deeper, np.minimum) > 0.0) & (farthest < -allowed)
     away = (size > floor) & (nearest > allowed) & (not is_bilateral(recording))
     off = np.where(bare, -farthest, np.where(away, nearest, 0.0))
     faults = []
-    for wrong, words in (
-        (bare, "no force though the HIP goes deeper inside the model"),
-        (away, "a force though the HIP is outside the model"),
+    for words, at in (
+        ("no force though the HIP goes deeper inside the model", np.flatnonzero(bare)),
+        ("a force though the HIP is outside the model", np.flatnonzero(away)),
     ):
-        at = np.flatnonzero(wrong)
         if at.size:
-            largest = float(off[at].max())
+            largest, span = float(off[at].max()), (int(at[0]), int(at[-1]) + 1)
             message = f"{words}, by up to {1e3 * largest:.3g} mm, at {at.size} rows"
-            span = int(at[0]), int(at[-1]) + 1
             faults.append(found(recording, CONTACT, message, "force", span, residual=largest, rows=int(at.size)))
     off = off[rows]
     most, median = float(off.max(initial=0.0)), float(np.median(off))
@@ -240,11 +228,6 @@ def _through(recording: Recording, values: Array, extreme: np.ufunc) -> Array:
         out = extreme(out, before)
         out[np.convolve(broken, np.ones(back))[: values.size] > 0.0] = np.nan
     return out
-
-
-def _coarsest(values: Array) -> float:
-    """Return the coarsest grain of the columns of `values` (n, N)."""
-    return max((quantization_step(column) for column in values.T), default=0.0)
 
 
 def _checked(

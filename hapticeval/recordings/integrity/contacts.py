@@ -30,7 +30,7 @@ BEFORE = 10e-3  # s before the touch over which the sensor's own reading is take
 SHARE = 0.1  # of the largest force: where a contact begins, if the recording does not state its `force_floor`
 TOUCH = 0.05  # of the peak: a contact lasts while the press is above it
 LOADING = (0.1, 0.9)  # shares of the peak between which the slope is taken: beyond, the sensor wanders or contact turns
-HAND = 0.1  # s; a longer contact is pushed by the hand, which reacts by then, and its speeds tell no restitution
+HAND = 0.1  # s; a longer contact is pushed by the hand, which reacts by then, and its speeds give no restitution
 CONFIDENCE = 0.95  # of the interval about the mean of the contacts, by Student's t
 LEAST_ROWS = 4  # a slope needs so many rows
 
@@ -96,7 +96,7 @@ def impacts(recording: Recording) -> Impacts:
     if recording.dimension != 1:
         raise InputError(
             f"a recording in {recording.dimension} dimensions",
-            why="impulse and restitution are told apart from sliding in one dimension only",
+            why="impulse and restitution can be separated from sliding in one dimension only",
             todo="take the checks of a suite: hapticeval replay",
         )
     pushing = wall_channel(recording)
@@ -176,8 +176,5 @@ def _slope(x: Array, y: Array) -> tuple[float, float]:
     """Return the slope of y over x by least squares, and its standard error; NaN where x does not move."""
     if x.size < LEAST_ROWS or np.ptp(x) == 0.0:
         return math.nan, math.nan
-    centred = x - x.mean()
-    square = float(np.dot(centred, centred))
-    slope = float(np.dot(centred, y)) / square
-    off = y - y.mean() - slope * centred
-    return slope, math.sqrt(float(np.dot(off, off)) / (x.size - 2) / square)
+    line, covariance = np.polyfit(x, y, 1, cov=True)
+    return float(line[0]), math.sqrt(float(covariance[0, 0]))

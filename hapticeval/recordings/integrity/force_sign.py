@@ -6,8 +6,8 @@ Nothing here changes a sign, and nothing but physics is taken for granted: that 
 1.  Energy decides where it can: one sign is of a passive environment, and the other is not.
 2.  Else, of a recording with an IHIP: a rigid surface pushes outwards, and so does friction on it (at an angle to that)
     and damping (which may not pull). So F . (IHIP - HIP) >= 0 in all of contact, and with the wrong sign it is negative
-    in all of it. A sum within a twentieth of either extreme, -|F| |IHIP - HIP| or the other, tells. (The tool of a
-    teleoperator that lags or leads is no such IHIP, and its sum is in between, unless its energy has told already. A
+    in all of it. A sum within a twentieth of either extreme, -|F| |IHIP - HIP| or the other, decides. (The tool of a
+    teleoperator that lags or leads is no such IHIP, and its sum is in between, unless its energy has decided already. A
     surface that holds from both sides may pull, too: a scene that is `bilateral` is left out.)
 3.  Of the wall of `contacts`, whose sensor may read as much in free motion as to hide its energy: a force can rise only
     while the tool moves in. Were the sign left to chance, each rise would come in either way with the same
@@ -34,7 +34,7 @@ W is the trapezoid: over a linear spring that is exact, so that what a sampled w
 (half a step's worth) does not count as the environment's. A force may come up to `LAG` ticks late, as a proxy's does:
 it is judged at every such lag, and all must agree.
 
-What is beyond these bounds has to be beyond what the numbers tell, too:
+What is beyond these bounds has to be beyond what the numbers resolve, too:
 
     position    a rounding of q / 2 makes (q / 2) (sum of |dF| + |F0| + |F1|), by summation by parts
     force       a rounding of f / 2 makes (f / 2) times the path; white noise of deviation s makes `SURE` s sqrt(sum of
@@ -46,7 +46,7 @@ What is beyond these bounds has to be beyond what the numbers tell, too:
 
 Now hold both signs against that. Where one of them makes the environment give energy, and the other does not, the
 environment is passive with the other. Where both do, it is active (a motor or another hand is in it); where neither
-does, it is lossless, or too little happened, and energy does not tell.
+does, it is lossless, or too little happened, and energy does not decide.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ from hapticeval.errors import InputError
 from hapticeval.recordings.integrity.contacts import impacts, wall_channel
 from hapticeval.recordings.integrity.issue import SIGN, Issue, found
 from hapticeval.recordings.provenance import declared_floor, is_bilateral
-from hapticeval.recordings.quantization import quantization_step, resolution
+from hapticeval.recordings.quantization import coarsest, resolution
 from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.recordings.stretches import LAG, stretches
 from hapticeval.types import Array, IntArray
@@ -122,7 +122,7 @@ def balance(place: Array, force: Array, time: Array, *, floor: float = 0.0) -> t
     """
     if len(time) < 2:
         return ()
-    steps = max(map(quantization_step, place.T)), max(map(quantization_step, force.T))
+    steps = coarsest(place), coarsest(force)
     rests, share = _resting(place, time, steps[0])
     free = [end - 1 for first, end in runs_of(~np.any(force != 0.0, axis=1)) if end - first >= FREE_ROWS]
     free = free[:: max(1, -(-len(free) // MOST))]
@@ -277,7 +277,7 @@ def _energy(recording: Recording, channel: str, place: str, sense: float) -> Jud
     if not decided:
         return Sign(channel, 0, _unclear(unclear)), None
     if len({each.sign for _, each in decided}) > 1:
-        return Sign(channel, 0, "energy tells one sign in one part of the run and the other in another"), None
+        return Sign(channel, 0, "energy shows one sign in one part of the run and the other in another"), None
     begin, best = max(decided, key=lambda each: each[1].active.excess)
     active, span = best.active, (begin + best.active.first, begin + best.active.last + 1)
     who, to = ("the wall", "tool") if channel == "wall_force" else ("the environment", "hand")
@@ -288,28 +288,35 @@ def _energy(recording: Recording, channel: str, place: str, sense: float) -> Jud
     )
     if best.sign > 0:
         return Sign(channel, 1, f"right: with the opposite sign {would} {where}"), None
-    words = f"with it {would} {where}; with the opposite sign it takes energy"
     todo = f"{SIGN}. A motor, a magnet or another hand behind it may give energy, too"
-    fault = _wrong(recording, channel, words, span, todo, energy=active.energy, open=active.open)
-    return Sign(channel, -1, f"seems wrong: {would}"), fault
+    rest, measures = f" {where}; with the opposite sign it takes energy", {"energy": active.energy, "open": active.open}
+    return _suspected(recording, channel, would, rest, span, todo, **measures)
 
 
-def _wrong(
-    recording: Recording, channel: str, words: str, span: tuple[int, int] | None, todo: str = SIGN, **measures: Any
-) -> Issue:
-    message = f"the sign seems wrong: {words}"
-    return found(recording, "force sign", message, channel, span, todo=todo, **measures)
+def _suspected(
+    recording: Recording,
+    channel: str,
+    words: str,
+    detail: str,
+    span: tuple[int, int] | None,
+    todo: str = SIGN,
+    **measures: Any,
+) -> Judged:
+    """Return a sign that seems wrong, in `words`, and the finding, with the `detail`."""
+    message = f"the sign seems wrong: {words}{detail}"
+    fault = found(recording, "force sign", message, channel, span, todo=todo, **measures)
+    return Sign(channel, -1, f"seems wrong: {words}"), fault
 
 
 def _unclear(balances: list[PassivityTest]) -> str:
     if not balances:
-        return "not told: the hand is not at rest twice, and was never free of force for long"
+        return "undecided: the hand is not at rest twice, and was never free of force for long"
     best = max(balances, key=lambda each: max(each.given.energy, each.turned.energy))
     if not best.given.passive and not best.turned.passive:
-        return "not told: with either sign the environment gives energy"
+        return "undecided: with either sign the environment gives energy"
     larger = max(best.given, best.turned, key=lambda each: each.energy)
     return (
-        f"not told: with neither sign would the environment give energy beyond doubt: {max(larger.energy, 0.0):.2g} J "
+        f"undecided: with neither sign would the environment give energy beyond doubt: {max(larger.energy, 0.0):.2g} J "
         f"at most, and noise, rounding and delay explain up to {larger.open:.2g} J"
     )
 
@@ -334,26 +341,22 @@ def _pointing(recording: Recording) -> Judged | None:
         f"it points away from the IHIP, into what is touched, in {np.sum(along < 0.0)} of {along.size} rows of contact"
     )
     span, todo = (int(rows[0]), int(rows[-1]) + 1), f"{SIGN}. It is to be the force on the hand"
-    return Sign("force", -1, f"seems wrong: {words}"), _wrong(recording, "force", words, span, todo, share=share)
+    return _suspected(recording, "force", words, "", span, todo, share=share)
 
 
 def _approach(recording: Recording, channel: str) -> Judged | None:
     """Decide by when the force that `contacts` takes for the wall's rises: rule 3."""
+    from scipy.special import bdtr
+
     try:
         touches = impacts(recording)
     except InputError:
         return None
     into, out = len(touches.contacts), len(touches.retreats)
-    if _chance(out, into + out) < LEVEL:
+    if bdtr(out, into + out, 0.5) < LEVEL:  # so few heads or fewer in so many tosses of a coin
         return Sign(channel, 1, f"right: {into} of {into + out} pushes begin as the tool moves in"), None
-    if not _chance(into, into + out) < LEVEL:
+    if not bdtr(into, into + out, 0.5) < LEVEL:
         return None
     words = f"{out} of {into + out} pushes begin as the tool moves away from what pushes it"
-    places = ", ".join(f"{each:.4g} s" for each in touches.retreats[:8])
-    fault = _wrong(recording, channel, f"{words}, at {places}", None, into=into, out=out)
-    return Sign(channel, -1, f"seems wrong: {words}"), fault
-
-
-def _chance(few: int, count: int) -> float:
-    """Return the probability of so few heads or fewer in `count` tosses of a coin."""
-    return sum(math.comb(count, k) for k in range(few + 1)) / 2.0**count
+    places = ", at " + ", ".join(f"{each:.4g} s" for each in touches.retreats[:8])
+    return _suspected(recording, channel, words, places, None, into=into, out=out)

@@ -40,7 +40,7 @@ ALIKE = 1.1  # lags that leave up to so many times as much unexplained as the be
 SLOPE = 0.2  # how far the ratio of a velocity to the derivative may be from one; a wrong unit is further off by far
 
 NOISY = 3.0
-"""Increments that vary by less than so many times their encoder noise, q / sqrt(6), tell nothing. Of a position that is
+"""Increments that vary by less than so many times their encoder noise, q / sqrt(6), show nothing. Of a position that is
 made of several encoders q is the usual step from row to row, where it steps at all: at rest that is their dither."""
 
 
@@ -305,15 +305,10 @@ SPEED = (1e-5, 10.0)
 """m/s, of a hand while it moves. One that tries to be still trembles by about 0.05 mm at 10 Hz, which is 2 mm/s: the
 lower limit leaves a factor of 200 for hands that are held or simulated. The fastest throws reach the upper one."""
 
-FACTORS = {
-    1e-3: "are these milliseconds taken for seconds, or microseconds for milliseconds?",
-    1e-6: "are these microseconds taken for seconds?",
-    1e-9: "are these nanoseconds taken for seconds?",
-    1e3: "are these seconds taken for milliseconds, or milliseconds for microseconds?",
-    1e6: "are these seconds taken for microseconds?",
-    1e9: "are these seconds taken for nanoseconds?",
-}
-"""What the times would have to be multiplied by, and which units were mixed up then."""
+SMALLER = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+FACTORS = {size: (unit, "s") for unit, size in SMALLER.items()}
+FACTORS |= {1.0 / size: ("s", unit) for unit, size in SMALLER.items()}
+"""What the times would have to be multiplied by where numbers in the first unit were taken for the second."""
 
 
 def time_unit(recording: Recording) -> Iterator[Issue]:
@@ -326,27 +321,23 @@ def time_unit(recording: Recording) -> Iterator[Issue]:
         return
     rate, speed = 1.0 / step, _speed(recording)
 
-    def fits(factor: float) -> bool:
-        within = RATE[0] <= rate / factor <= RATE[1]
-        return within and (speed is None or SPEED[0] <= speed / factor <= SPEED[1])
+    def described(factor: float) -> str:
+        """Return rate and speed with times multiplied, in words; empty where no device and hand have them."""
+        moves = "" if speed is None else f", and a hand that moves at {1e3 * speed / factor:.3g} mm/s"
+        within = RATE[0] <= rate / factor <= RATE[1] and (speed is None or SPEED[0] <= speed / factor <= SPEED[1])
+        return f"{rate / factor:.4g} Hz{moves}" if within else ""
 
-    def moves(factor: float, words: str) -> str:
-        now = 0.0 if speed is None else speed / factor
-        return "" if speed is None else words + (f"{now:.3g} m/s" if now >= 0.1 else f"{1e3 * now:.3g} mm/s")
-
-    if fits(1.0):
+    if described(1.0):
         return
-    clock = f"{rate:.4g} Hz{moves(1.0, ', and a hand that moves at ')}"
+    now = f"{rate:.4g} Hz" + ("" if speed is None else f", and a hand that moves at {1e3 * speed:.3g} mm/s")
     others = [
-        f"with times {round(max(factor, 1.0 / factor))} times {'longer' if factor > 1.0 else 'shorter'} it would be "
-        f"{rate / factor:.4g} Hz{moves(factor, ' and ')}: {question}"
-        for factor, question in FACTORS.items()
-        if fits(factor)
+        f"were the times in {unit}, and taken for {taken}, it would be {words}"
+        for factor, (unit, taken) in FACTORS.items()
+        if (words := described(factor))
     ]
-    message = "; ".join([clock, *others]) if others else f"{clock}: no haptic device has that"
-    yield found(
-        recording, "unit", message, "time", todo="see the unit of [time] in the mapping", rate=rate, speed=speed
-    )
+    message = "; ".join([now, *others]) if others else f"{now}: no haptic device has that"
+    todo = "see the unit of [time] in the mapping"
+    yield found(recording, "unit", message, "time", todo=todo, rate=rate, speed=speed)
 
 
 def _speed(recording: Recording) -> float | None:

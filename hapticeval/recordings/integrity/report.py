@@ -17,11 +17,10 @@ from hapticeval.recordings.integrity.contacts import Impact, Impacts
 from hapticeval.recordings.integrity.force_sign import Sign, force_signs
 from hapticeval.recordings.integrity.issue import Issue, Severity, plural
 from hapticeval.recordings.integrity.timing import Timing, examine_timing
-from hapticeval.recordings.provenance import LINE, before_the_wall
+from hapticeval.recordings.provenance import LINE, before_the_wall, describe_losses, describe_warnings
 from hapticeval.recordings.quantization import numeric_step
 from hapticeval.recordings.recording import Recording, columns_of, runs_of
-from hapticeval.recordings.salvage import describe_losses, describe_warnings
-from hapticeval.recordings.stretches import stretches
+from hapticeval.recordings.stretches import Stretch, stretches
 from hapticeval.types import BoolArray
 
 LEFT_OUT = ("stuck", "spike", "jump")
@@ -47,26 +46,19 @@ class ColumnFacts(NamedTuple):
     quantum: float | None
 
 
-class Interval(NamedTuple):
-    """Rows [first, end) and their times, s."""
-
-    first: int
-    end: int
-    time: tuple[float, float]
-
-
 @dataclass(frozen=True)
 class Soundness:
-    """What checks may use, and what was left out and why."""
+    """What checks may use of a recording, and what was left out and why."""
 
-    sound: tuple[Interval, ...]
-    left_out: tuple[tuple[Interval, str], ...]
+    recording: Recording
+    sound: tuple[Stretch, ...]
+    left_out: tuple[tuple[Stretch, str], ...]
 
     def rows(self, count: int) -> BoolArray:
         """Return a mask, True where a row is sound, (count,)."""
         mask = np.zeros(count, dtype=bool)
-        for interval in self.sound:
-            mask[interval.first : interval.end] = True
+        for stretch in self.sound:
+            mask[stretch.rows] = True
         return mask
 
 
@@ -139,17 +131,11 @@ def sound_intervals(recording: Recording, report: Integrity | None = None) -> So
         if fault.kind in LEFT_OUT and fault.first is not None and keep[fault.first : fault.end].any():
             keep[fault.first : fault.end] = False
             left.append(((fault.first, fault.end or 0), f"{fault.kind} in {fault.channel}"))
-    sound = [(stretch.first, stretch.end) for stretch in stretches(recording, keep)]
-    for first, end in sound:
-        keep[first:end] = False
+    sound = stretches(recording, keep)
+    for each in sound:
+        keep[each.rows] = False
     left += [(span, "a row by itself") for span in runs_of(keep)]
-
-    def interval(first: int, end: int) -> Interval:
-        return Interval(first, end, (float(recording.time[first]), float(recording.time[end - 1])))
-
-    return Soundness(
-        tuple(interval(*span) for span in sound), tuple((interval(*span), why) for span, why in sorted(left))
-    )
+    return Soundness(recording, sound, tuple((Stretch(*span), why) for span, why in sorted(left)))
 
 
 MOST = 5
@@ -165,7 +151,7 @@ def summary(report: Integrity, soundness: Soundness, *, title: str) -> str:
         f"clock: {timing.rate:.6g} Hz, median step {1e3 * timing.step:.6g} ms, between gaps off by {jitter} us "
         "(50, 95, 99, 100 % of the steps)"
         if timing.step > 0.0
-        else "clock: no two rows follow each other, which tell no rate",
+        else "clock: no two rows follow each other, so it has no known rate",
     ]
     if timing.missing:
         lines.append(f"       in gaps about {plural(timing.missing, 'row')} missing, {timing.missing_seconds:.4g} s")
@@ -182,7 +168,7 @@ def summary(report: Integrity, soundness: Soundness, *, title: str) -> str:
 def _faults(report: Integrity) -> list[str]:
     if not report.faults:
         open_ = sum(not check.made for check in report.checks)
-        return ["nothing found" + f"; what {open_} of the inverse checks would tell is open: see below" * (open_ > 0)]
+        return ["nothing found" + f"; what {open_} of the inverse checks would find is open: see below" * (open_ > 0)]
     lines = []
     counts: dict[tuple[str, str], int] = {}
     advised: set[tuple[str, str, str]] = set()
@@ -209,22 +195,22 @@ def _checks(report: Integrity) -> list[str]:
            "contradicted" if check.faults else "holds") for check in made),
     ]) if made else []  # fmt: skip
     lines += [f"not checked: {check.name}: {check.why}" for check in report.checks if not check.made]
-    return lines or ["inverse checks: none, as no device, model or stiffness is given or told by the recording"]
+    return lines or ["inverse checks: none, as no device, model or stiffness is given or stated by the recording"]
 
 
 def _intervals(report: Integrity, soundness: Soundness) -> list[str]:
     spans = soundness.sound
-    shown = ", ".join(f"{span.time[0]:.6g} to {span.time[1]:.6g} s{_lacking(report, span)}" for span in spans[:MOST])
+    shown = ", ".join(f"{span.times(soundness.recording)}{_lacking(report, span)}" for span in spans[:MOST])
     more = f" and {len(spans) - MOST} more, shown in the picture" if len(spans) > MOST else ""
     reasons: dict[str, list[int]] = {}
     for span, why in soundness.left_out:
-        reasons.setdefault(why, []).append(span.end - span.first)
+        reasons.setdefault(why, []).append(len(span))
     return [f"sound: {shown}{more}" if spans else "sound: nothing"] + [
         f"left out: {plural(sum(rows), 'row')} in {plural(len(rows), 'place')}: {why}" for why, rows in reasons.items()
     ]
 
 
-def _lacking(report: Integrity, span: Interval) -> str:
+def _lacking(report: Integrity, span: Stretch) -> str:
     """Describe how many rows a sound stretch lacks in gaps that checks go across."""
     gaps = (fault for fault in report.faults if fault.kind == "gap" and fault.first is not None)
     counts = [int(gap.measures["missing"]) for gap in gaps if span.first <= (gap.first or 0) < span.end - 1]
@@ -256,7 +242,7 @@ def contacts(impacts: Impacts) -> str:
         lines[0] += f"; at {times} a force rose though the tool was not moving into the wall"
     if not impacts.contacts:
         return lines[0]
-    rows = [[tell(each) for tell in CONTACT_COLUMNS.values()] for each in impacts.contacts]
+    rows = [[shown(each) for shown in CONTACT_COLUMNS.values()] for each in impacts.contacts]
     lines += aligned([list(CONTACT_COLUMNS), *rows])
     lines.append("peak, impulse and stiffness are above what the sensor read just before each touch")
     for measure, unit in (("impulse", " N s"), ("stiffness", " N/m"), ("restitution", "")):

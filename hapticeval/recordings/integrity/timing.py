@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticeval.recordings.integrity.issue import ADVICE, Issue, Severity, found
+from hapticeval.recordings.provenance import describe_losses, describe_warnings
 from hapticeval.recordings.recording import Recording
-from hapticeval.recordings.salvage import describe_losses, describe_warnings
 from hapticeval.recordings.stretches import GAP_STEPS, joined
 from hapticeval.types import IntArray
 

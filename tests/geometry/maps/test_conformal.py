@@ -1,7 +1,5 @@
 """The conformal map: against closed forms, its analytic properties, its convergence, and where it must give up."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -22,7 +22,7 @@ from hapticeval.geometry.maps.flow import (
 SMALL = FlowSettings(cells=60)
 
 
-def radius_after(velocity: str, radius: float, time: float) -> float:
+def radius_after(velocity, radius, time):
     """The radius of a circle under each velocity function."""
     if velocity in ("curvature", "cap"):  # K_cap is the average curvature, and a circle's is nowhere below it
         return math.sqrt(radius**2 - 2.0 * time)
@@ -63,7 +63,7 @@ def test_curvature_flow_loses_area_at_two_pi():
     assert rates[0] == pytest.approx(-2.0 * math.pi, rel=0.02)
 
 
-def roughness(share_of_bound: float, *, printed: bool) -> float:
+def roughness(share_of_bound, *, printed):
     """How far the front of a circle of radius 20, with cells of 1, strays from its radius under curvature flow."""
     n, radius = 61, 20.0
     x = np.arange(n) - 30.0

@@ -1,0 +1,110 @@
+"""`hapticeval effects`: what scenes call for, what was assembled of it, and what that costs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hapticeval.commands.arguments import argument, option
+from hapticeval.commands.terminal import Terminal, lines, paragraphs, say, wrote
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hapticeval.study.effects.document import Cost, EffectsDocument, SceneEntry
+
+MEASURED = """\b
+Exit codes:
+  0  measured
+  2  wrong usage or input: the message says what, why, and what to do
+  4  nothing is selected
+"""
+
+STAGES = {"renderer": "renderer", "sense": "sensors", "feel": "force sensor", "answer": "answer", "command": "motors"}
+"""What the table calls the stages of a tick; another by its name."""
+
+
+def effects(
+    suites: Annotated[
+        list[str] | None,
+        argument(metavar="SUITE", help="Suites, groups of suites or suite files; without one: effects."),
+    ] = None,
+    renderer: Annotated[
+        str, typer.Option("-r", "--renderer", metavar="NAME", help="As in `run -r`, one.")
+    ] = "minimum-distance",
+    select: Annotated[
+        list[str] | None, option("-k", "--select", metavar="GLOB", help="As in `run -k`; may be repeated.")
+    ] = None,
+    directory: Annotated[
+        Path | None, option("-o", "--output", metavar="DIR", help="Write effects.json there, which `report` draws.")
+    ] = None,
+) -> None:
+    """Measure what the effects of scenes cost: the time of a tick with and without, and the compiled code.
+
+    A scene is timed as it is and without its effects, in turns, 30 times each; the shortest counts. The code is the
+    machine code of the loop, or of what changes the answers along a path, and of all that it calls of ours. A scene
+    that calls for no effect runs the renderer itself in the same loop.
+
+    \b
+    Examples:
+      hapticeval effects
+      hapticeval effects dynamics-line -r set-stabilisation
+      hapticeval effects mine.toml -k '*texture*' -o results
+    """
+    from hapticeval.runner.folder import prepare
+    from hapticeval.runner.planning import plan
+    from hapticeval.study.effects.document import write_costs
+    from hapticeval.study.effects.measure import measure
+
+    jobs = plan(suites or ["effects"], [renderer], select=select or ()).jobs
+    if directory is not None:
+        prepare(directory)
+    with Terminal() as terminal:
+        document = measure(jobs, terminal.working)
+    written = [] if directory is None else [write_costs(directory, document)]
+    say(paragraphs(lines(_table(document)), lines(_ladder(document)), lines(_problems(document)), wrote(written)))
+
+
+def _table(document: EffectsDocument) -> Iterator[str]:
+    from hapticeval.quantity import aligned
+
+    head = ["scene", "effects, by where they take part", "ticks", "without", "with", "more", "code without", "with"]
+    rows = [_row(each, each.cost) for each in document.scenes if each.cost is not None]
+    yield f"{document.scenes[0].renderer}: a tick, ns, and machine code, bytes"
+    yield from aligned([head, *rows], left=2)
+
+
+def _row(scene: SceneEntry, cost: Cost) -> list[str]:
+    plain = scene.plain or cost
+    more = f"{1e9 * (cost.tick - plain.tick):+.0f}" if scene.plain else "0"
+    where = "; ".join(f"{STAGES.get(stage, stage)}: {', '.join(kinds)}" for stage, kinds in scene.assembled.items())
+    numbers = [f"{scene.ticks}", _ns(plain), _ns(cost), more, _bytes(plain), _bytes(cost)]
+    return [f"{scene.suite}/{scene.case}", where or "none", *numbers]
+
+
+def _ns(cost: Cost) -> str:
+    return f"{1e9 * cost.tick:.0f}"
+
+
+def _bytes(cost: Cost) -> str:
+    return "-" if cost.code is None else f"{cost.code}"
+
+
+def _ladder(document: EffectsDocument) -> Iterator[str]:
+    from hapticeval.quantity import aligned
+
+    ladder = document.ladder
+    if ladder is None:
+        return
+    rows = [
+        [rung.kinds[-1] if rung.kinds else "none", f"{1e9 * rung.composed:.0f}", f"{1e9 * rung.tested:.0f}"]
+        for rung in ladder.rungs
+    ]
+    yield f"{ladder.suite}/{ladder.case} effect by effect: an answer, ns, composed, and of an engine that tests flags"
+    yield from aligned([["up to", "composed", "tested"], *rows], left=1)
+
+
+def _problems(document: EffectsDocument) -> Iterator[str]:
+    yield from (f"{each.suite}/{each.case}: {each.problem}" for each in document.scenes if each.problem)

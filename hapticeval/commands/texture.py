@@ -1,0 +1,77 @@
+"""`hapticeval texture`: what a texture holds, and a model file of the public toolkit as one of ours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from hapticeval.commands.arguments import argument, option
+from hapticeval.commands.terminal import lines, say, wrote
+
+SHOWN = """\b
+Exit codes:
+  0  shown, or written
+  2  wrong usage or input: the message says what, why, and what to do
+"""
+
+
+def texture(
+    file: Annotated[
+        str,
+        argument(metavar="TEXTURE", help="One of ours by its name, a TOML file of one, or a toolkit's .xml file."),
+    ],
+    output: Annotated[
+        Path | None, option("-o", "--output", metavar="FILE", help="The texture as a TOML file, which suites may name.")
+    ] = None,
+    rate: Annotated[
+        float | None,
+        option("--rate", metavar="HZ", help="Samples a second that an .xml file's frequencies are for."),
+    ] = None,
+) -> None:
+    """Show the filters of a texture, and write it as the TOML file that a suite's stochastic-texture may name.
+
+    Model files of the Penn Haptic Texture Toolkit are read too. They do not say for which rate their frequencies were
+    computed: 10000 as measured, or what they were resampled to, which has to be the scene's. Their licence forbids to
+    pass them on, and so what is made of them.
+
+    \b
+    Examples:
+      hapticeval texture ribbed
+      hapticeval texture "Models_ABS Plastic.xml" --rate 1000 -o abs.toml
+    """
+    import math
+
+    from hapticeval.effects.texture import as_toml, autocovariance, named, read_texture
+    from hapticeval.effects.texture_toolkit import read_toolkit
+    from hapticeval.errors import InputError
+    from hapticeval.files import creating
+
+    path = Path(file)
+    if path.suffix == ".xml":
+        if rate is None:
+            raise InputError(
+                f"{file} does not give its rate",
+                why="line spectral frequencies are angles a sample",
+                todo="give --rate: 10000 as measured, or what the model was resampled to",
+            )
+        found = read_toolkit(path, rate=rate)
+    elif rate is not None:
+        raise InputError("--rate with a texture of ours", why="it holds its own", todo="leave --rate out")
+    else:
+        found = read_texture(path) if path.suffix == ".toml" else named(file)
+    first = found.filters[0]
+    friction = "no friction" if found.friction is None else f"friction {found.friction:g}"
+    say(
+        f"{found.title}: {len(found.filters)} filters of {len(first.ar)} poles and {len(first.ma)} zeros for "
+        f"{found.rate:g} Hz, in {len(found.corners())} triangles; {friction}"
+    )
+    say(
+        lines(
+            f"{each.speed:8.4g} m/s {each.force:8.4g} N   rms {math.sqrt(autocovariance(each, 1)[0]):.4g} m/s^2"
+            for each in sorted(found.filters, key=lambda each: (each.speed, each.force))
+        )
+    )
+    if output is not None:
+        with creating(output) as temporary:
+            temporary.write_text(as_toml(found), encoding="utf-8")
+        say(wrote([output]))

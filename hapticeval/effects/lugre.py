@@ -1,0 +1,171 @@
+"""LuGre friction: bristles that bend before they slide, with a state, a Stribeck curve and viscous friction.
+
+Canudas de Wit, Olsson, Astrom, Lischinsky: A new model for control of systems with friction, IEEE Trans. Automatic
+Control 40 (1995). The thesis names no such model. With v the hand's velocity along the surface and z, m, the bristles'
+mean deflection, a vector along the surface:
+
+    z' = v - sigma0 |v| z / g(v),   g(v) = F_n (mu_k + (mu_s - mu_k) exp(-(v / v_s)^2)),
+    F_t = -(sigma0 z + sigma1(v) z' + sigma2 v),   sigma1(v) = sigma1 exp(-(v / fade)^2).
+
+The paper's F_s and F_c are forces. Here they are mu_s F_n and mu_k F_n, as a hand presses as it likes; F_n is the
+renderer's force along its error. sigma0, sigma1 and sigma2 stay those of the paper, N/m and N s/m. A form with all
+three proportional to F_n, as in tyre models, would store sigma0 F_n z^2 / 2, which grows at a bent bristle when the
+hand presses harder: it gives energy. With a stiffness that does not depend on F_n the bristles store sigma0 z^2 / 2.
+Where the hand presses less than before they slip, to |z| <= mu_s F_n / sigma0, which takes energy out.
+
+**The step** is exact for a speed that is held over the tick: z(dt) = z_ss + (z - z_ss) exp(-sigma0 |v| dt / g), z_ss =
+g v / (sigma0 |v|). An explicit Euler step has the factor 1 - sigma0 |v| dt / g in its place, and diverges above the
+speed 2 g / (sigma0 dt): 20 mm/s at 1 kHz for sigma0 = 1e5 N/m and g = 1 N.
+
+**Passivity.** With sigma0 z^2 / 2 stored and |z| <= mu_s F_n / sigma0, F_t.v <= -(stored)' - v^2 (sigma2 - sigma1(v)
+(mu_s F_n / g(v) - 1)). So it is passive if sigma1(v) (mu_s F_n / g(v) - 1) <= sigma2 at every speed: F_n cancels.
+Without `fade` that is sigma2 >= sigma1 (mu_s - mu_k) / mu_k, which parameters in textbooks do not keep. With a fade
+short against v_s the damping is gone before g has fallen (Olsson, Control systems with friction, Lund 1996, section
+3.5).
+
+All of this is of continuous time. What a force that is held for a tick adds is that of a spring sigma0 and of a damper
+sigma1 + sigma2: a loop with a light tool takes neither at the stiffness of steel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hapticeval.effects.catalogue import FRICTION, VISCOUS_FRICTION
+from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
+from hapticeval.errors import InputError
+from hapticeval.types import Array
+
+SPEEDS = np.logspace(-6.0, 3.0, 4096)
+"""Speeds, in v_s, at which a damping that fades is held against sigma2: 0.5 % apart, so to 1e-5 at its maximum."""
+
+
+@dataclass(frozen=True)
+class LuGre(Effect):
+    """Friction of bristles: `stiffness` sigma0 (N/m), `damping` sigma1 and `viscosity` sigma2 (N s/m); see the module.
+
+    `mu_s` and `mu_k` are shares of the normal force, `stribeck` is v_s (m/s). With `fade` (m/s) the damping is
+    sigma1 exp(-(v / fade)^2). Raises `InputError` for numbers out of range and mu_k > mu_s.
+    """
+
+    mu_s: float = number("")
+    mu_k: float = number("")
+    stribeck: float = number("m/s")
+    stiffness: float = number("N/m")
+    damping: float = number("N s/m", at=True)
+    viscosity: float = number("N s/m", at=True)
+    fade: float | None = number("m/s", default=None)
+
+    kind: ClassVar[str] = "lugre"
+    stage: ClassVar[Stage] = Stage.ANSWER
+    linear: ClassVar[bool] = False
+    words: ClassVar[str] = (
+        "LuGre friction with mu_s {mu_s}, mu_k {mu_k}, v_s {stribeck}, sigma0 {stiffness}, sigma1 {damping} and sigma2 "
+        "{viscosity}"
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.mu_k > self.mu_s:
+            raise InputError(
+                f"the lugre's mu_k = {self.mu_k!r} is above mu_s = {self.mu_s!r}",
+                why="g(v) falls from mu_s F_n to mu_k F_n with the speed (Stribeck)",
+                todo="give mu_k <= mu_s",
+            )
+
+    def fits(self, scene: Calling) -> None:
+        """Raise `InputError` in a scene that calls for another friction."""
+        for each in scene.effects:
+            if each.kind in (FRICTION, VISCOUS_FRICTION):
+                raise InputError(
+                    f"the scene calls for '{self.kind}' and '{each.kind}'",
+                    why="LuGre is a whole model of friction, dry and viscous, and both would count it twice",
+                    todo="leave one out",
+                )
+
+    def limit(self, speed: Array) -> Array:
+        """Return g(v) / F_n at speeds (n,), m/s."""
+        return np.asarray(self.mu_k + (self.mu_s - self.mu_k) * np.exp(-((speed / self.stribeck) ** 2)))
+
+    def damping_at(self, speed: Array) -> Array:
+        """Return sigma1(v), N s/m, at speeds (n,), m/s."""
+        return self.damping * np.exp(-((speed / (self.fade or np.inf)) ** 2))
+
+    @property
+    def needed(self) -> float:
+        """The sigma2, N s/m, from which on it is passive: the largest sigma1(v) (mu_s F_n / g(v) - 1)."""
+        if self.fade is None:
+            return self.damping * (self.mu_s - self.mu_k) / self.mu_k
+        speed = self.stribeck * SPEEDS
+        return float(np.max(self.damping_at(speed) * (self.mu_s / self.limit(speed) - 1.0)))
+
+    def active(self, damping: float) -> str | None:  # noqa: ARG002 - a renderer's damper need not be along the surface
+        """Return that the bristles' damping may drive the hand, where their viscosity does not outweigh it."""
+        if self.viscosity >= self.needed:
+            return None
+        return (
+            f"LuGre friction with sigma2 = {self.viscosity:g} N s/m is active: it is passive for sigma2 >= "
+            + ("sigma1 (mu_s - mu_k) / mu_k" if self.fade is None else "the largest sigma1(v) (mu_s F_n / g(v) - 1)")
+            + f" = {self.needed:.4g} N s/m"
+        )
+
+    def change(self, scene: Calling) -> Part:
+        """Assemble the bristles."""
+        params = [
+            self.stiffness,
+            self.damping,
+            self.viscosity,
+            self.mu_s,
+            self.mu_k,
+            self.stribeck,
+            self.fade or np.inf,
+            float(scene.bilateral),
+        ]
+        return Part(bend, np.array(params), state=np.zeros((3, scene.model.dimension)))
+
+
+def bend(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: Any, force: Any) -> int:
+    """Bend the bristles by one tick and add their force: see `Effect.change`.
+
+    `params` are sigma0, sigma1, sigma2, mu_s, mu_k, v_s, fade, and whether the surface is bilateral. Rows of `state`
+    are z, m, and place and normal of the IHIP.
+    """
+    stiffness, damping, viscosity, static, kinetic = numbers.params[:5]
+    z, normal, size = numbers.state[0], numbers.state[2], hip.shape[0]
+    error, strength = 0.0, 0.0
+    for i in range(size):
+        error += (ihip[i] - hip[i]) ** 2
+        strength += force[i] ** 2
+    if strength == 0.0:
+        z[:] = 0.0
+        return 0
+    closest.function(closest.data, ihip, numbers.state[1:3])
+    press, across, sliding, bent, lifted = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(size):
+        press += force[i] * (ihip[i] - hip[i])
+        across += force[i] * normal[i]
+        sliding += velocity[i] * normal[i]
+        lifted += z[i] * normal[i]
+        bent += z[i] ** 2
+    # The force along the error or along the normal, whichever it is more along.
+    press = abs(press) / np.sqrt(error) if error > 0.0 else 0.0
+    press = max(press, abs(across)) if across > 0.0 or numbers.params[7] == 1.0 else 0.0
+    # The bristles turn with the surface, and keep their length, but for what the press does not hold.
+    laid, speed = 0.0, 0.0
+    for i in range(size):
+        laid += (z[i] - lifted * normal[i]) ** 2
+        speed += (velocity[i] - sliding * normal[i]) ** 2
+    laid, speed, bent = np.sqrt(laid), np.sqrt(speed), min(np.sqrt(bent), static * press / stiffness)
+    limit = press * (kinetic + (static - kinetic) * np.exp(-((speed / numbers.params[5]) ** 2)))
+    damping *= np.exp(-((speed / numbers.params[6]) ** 2))
+    rate = stiffness * speed / limit if limit > 0.0 else 0.0
+    for i in range(size):
+        along = velocity[i] - sliding * normal[i]
+        z[i] = (z[i] - lifted * normal[i]) * (bent / laid if laid > 0.0 else 0.0)
+        if limit > 0.0 and speed > 0.0:
+            z[i] += (limit * along / (stiffness * speed) - z[i]) * -np.expm1(-rate * dt)
+        force[i] -= stiffness * z[i] + damping * (along - rate * z[i] if limit > 0.0 else 0.0) + viscosity * along
+    return 0

@@ -1,0 +1,236 @@
+"""Force shading: the force follows normals interpolated between the vertices of a polygon or a mesh (thesis 4.3.1)."""
+
+# ruff: noqa: ARG001, ARG002 - every effect, and every change of an answer, has these arguments
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
+from hapticeval.errors import InputError, RefusalError
+from hapticeval.geometry.boundary import Boundary
+from hapticeval.geometry.curve import as_curve
+from hapticeval.geometry.mesh import Mesh
+from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from hapticeval.compiled import Closest, Numbers
+
+START, LENGTH, FACE, FIRST, LAST, COLUMNS = 0, 1, 2, 4, 6, 8
+"""Columns of a facet: the arc length (m) at which it starts, its length (m), its own unit normal, and those of its two
+corners."""
+
+ALONG, ROWS = 4, 5
+"""Row of the arc length in a frame of `hapticeval.compiled.CLOSEST` in the plane, and how many rows that needs."""
+
+AT_VERTEX = 1e-12
+"""Share of the outline by which a point may be off a vertex and still be on it: rounding of the arc length."""
+
+
+ROUNDING = 1e-9
+"""Share of the crease angle by which an edge that turns as much may seem to turn more."""
+
+
+@dataclass(frozen=True)
+class Shading(Effect):
+    """Turn the force by as much as the interpolated normal is turned from the facet's own.
+
+    At a vertex the unit normal is halfway between those of the facets that meet there, in space their mean by the
+    angles that they have there, and on a facet it is unit(sum of a_i n_i), (4.15) renormalised, with a_i the shares of
+    its corners at the IHIP. An edge that turns by more than `crease` (degrees) is meant to be sharp: facets keep their
+    own normals there.
+
+    The magnitude is the base's, whatever damps it: of a spring F = K d n, and a part across the spring, as a damper's
+    along the surface, stays across it. It is not passive: n is the gradient of no potential.
+    """
+
+    crease: float = number("degrees", default=60.0)
+
+    kind: ClassVar[str] = "shading"
+    stage: ClassVar[Stage] = Stage.ANSWER
+    words: ClassVar[str] = "force shading of edges up to {crease}"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.crease > 180.0:
+            raise InputError(
+                f"{self.named('crease')} = {self.crease!r} degrees",
+                why="no edge turns by more than 180 degrees",
+                todo="leave it out for 60, or give 180 to shade all edges",
+            )
+
+    def change(self, scene: Calling) -> Part:
+        """Assemble the shading: `samples` are the facets, `params` the rounding of the arc length in the plane.
+
+        Raises `RefusalError` for a boundary that has no facets.
+        """
+        if isinstance(scene.model.boundary, Mesh):
+            from hapticeval.effects import shading_kernels as kernels
+
+            corners = mesh_corners(scene.model.boundary, self.crease)
+            return Part(kernels.shade_mesh, np.empty(0), corners, np.zeros((kernels.ROWS, 3)))
+        found = facets(scene.model.boundary, self.crease)
+        if found is None:
+            raise RefusalError(
+                f"shading on model '{scene.model.name}', which has no facets",
+                why="normals are interpolated between the vertices of a polygon or a mesh",
+                todo="give the model as one; a renderer that shades facets of its own declares that in supports",
+            )
+        ends = found[-1, START] + found[-1, LENGTH]
+        return Part(shade, np.array([AT_VERTEX * ends]), samples=found, state=np.zeros((ROWS, 2)))
+
+    def active(self, damping: float) -> str | None:
+        """Give energy away on some loops always."""
+        return "shaded normals are the gradient of no potential: round a loop whose depth changes they give energy away"
+
+
+def facets(boundary: Boundary, crease: float) -> Array | None:
+    """Return a row of `COLUMNS` for each edge of a polygon, in order; None where there are none.
+
+    `crease` is in degrees.
+    """
+    curve = as_curve(boundary)
+    if curve is None or not (curve.closed and curve.straight):
+        return None
+    start = curve.pieces[:, 3:5]
+    edge = np.roll(start, -1, axis=0) - start
+    length = np.hypot(edge[:, 0], edge[:, 1])
+    face = np.column_stack([edge[:, 1], -edge[:, 0]]) / length[:, np.newaxis]
+    before = np.roll(face, 1, axis=0)
+    across = before[:, 0] * face[:, 1] - before[:, 1] * face[:, 0]
+    turn = np.degrees(np.arctan2(np.abs(across), np.sum(before * face, axis=1)))
+    smooth = (turn <= crease * (1.0 + ROUNDING))[:, np.newaxis]
+    halfway = _unit(before + face)
+    first, after = np.where(smooth, halfway, face), np.where(smooth, halfway, before)
+    along = np.asarray(curve.pieces[:, 1] - curve.pieces[0, 1])
+    return np.column_stack([along, length, face, first, np.roll(after, -1, axis=0)])
+
+
+def mesh_corners(mesh: Mesh, crease: float) -> Array:
+    """Return a row of `shading_kernels.COLUMNS` for each triangle of a mesh; `crease` is in degrees.
+
+    Corners at one vertex share a normal where smooth edges join their triangles: the mean of these triangles' normals
+    by their angles there, which no cutting of a face into triangles changes.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    triangles, normals, neighbours = mesh.triangles, mesh.normals, mesh.neighbours
+    count = len(triangles)
+    cosine = np.sum(normals[:, np.newaxis] * normals[neighbours], axis=2)
+    smooth = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))) <= crease * (1.0 + ROUNDING)
+    here, edge = np.nonzero(smooth)
+    there = neighbours[here, edge]
+    joined = []
+    for corner in (edge, (edge + 1) % 3):
+        beside = np.argmax(triangles[there] == triangles[here, corner][:, np.newaxis], axis=1)
+        joined.append(np.column_stack([3 * here + corner, 3 * there + beside]))
+    rows, columns = np.concatenate(joined).T
+    graph = coo_array((np.ones(rows.size), (rows, columns)), shape=(3 * count, 3 * count))
+    parts, part = connected_components(graph, directed=False)
+    sides = mesh.vertices[np.roll(triangles, -1, axis=1)] - mesh.vertices[triangles]
+    back = -np.roll(sides, 1, axis=1)
+    angle = np.arctan2(np.linalg.norm(np.cross(sides, back), axis=2), np.sum(sides * back, axis=2))
+    sums = np.zeros((parts, 3))
+    np.add.at(sums, part, (angle[..., np.newaxis] * normals[:, np.newaxis]).reshape(-1, 3))
+    return np.column_stack([_unit(sums)[part].reshape(count, 9), smooth.astype(np.float64)])
+
+
+class Normals(NamedTuple):
+    """Normals at n points, each (n, N): the boundary's own, from which the force is turned, and the shaded ones."""
+
+    own: Array
+    shaded: Array
+
+
+def normals_at(boundary: Boundary, crease: float, ihips: ArrayLike, hips: ArrayLike) -> Normals:
+    """Return the normals at IHIPs (n, N), m, of HIPs (n, N), m, as `shade` has them; both the same without facets."""
+    ihips, hips = (np.array(each, dtype=np.float64, order="C") for each in (ihips, hips))
+    if isinstance(boundary, Mesh):
+        return _on_mesh(boundary, crease, ihips, hips)
+    table, curve = facets(boundary, crease), as_curve(boundary)
+    if table is None or curve is None:
+        own = boundary.closest_point(ihips).normal
+        return Normals(own, own)
+    along = curve.arc_length(curve.nearest(ihips))
+    row = table[np.searchsorted(table[:, START], along, side="right") - 1]
+    since = along - row[:, START]
+    share = (since / row[:, LENGTH])[:, np.newaxis]
+    own, first, last = row[:, FACE:FIRST], row[:, FIRST:LAST], row[:, LAST:]
+    shaded = _unit((1.0 - share) * first + share * last)
+    near = AT_VERTEX * curve.length
+    begins, ends = since <= near, row[:, LENGTH] - since <= near
+    corner = np.where(begins[:, np.newaxis], first, last)
+    error = ihips - hips
+    size = np.hypot(error[:, 0], error[:, 1])
+    there = (begins | ends) & (size > 0.0)
+    with np.errstate(invalid="ignore"):
+        aside = np.where(there[:, np.newaxis], error / size[:, np.newaxis], own)
+    sharp = there & np.all(corner == own, axis=1)
+    return Normals(aside, np.where(sharp[:, np.newaxis], aside, shaded))
+
+
+def _on_mesh(mesh: Mesh, crease: float, ihips: Array, hips: Array) -> Normals:
+    from hapticeval.effects import shading_kernels as kernels
+
+    table, closest, frame = mesh_corners(mesh, crease), mesh.compiled_closest, np.zeros((kernels.ROWS, 3))
+    faces, vertices, _ = mesh.tables
+    found = np.empty((2, *ihips.shape))
+    for row, (ihip, hip) in enumerate(zip(ihips, hips, strict=True)):
+        closest.function(closest.data, ihip, frame)
+        kernels.lean(faces, vertices, table, int(closest.data.state[0]), ihip, hip, frame)
+        found[:, row] = frame[kernels.OWN], frame[kernels.SHADED]
+    return Normals(*found)
+
+
+def turned(forces: Array, normals: Normals) -> Array:
+    """Return vectors (n, N), turned as each own normal is turned on to the shaded one."""
+    own, shaded = normals
+    both = own + shaded
+    along = np.sum(forces * own, axis=1)
+    share = np.sum(forces * both, axis=1) / (1.0 + np.sum(own * shaded, axis=1))
+    return np.asarray(forces - share[:, np.newaxis] * both + 2.0 * along[:, np.newaxis] * shaded)
+
+
+def _unit(vectors: Array) -> Array:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1)[:, np.newaxis])
+
+
+def shade(
+    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
+) -> int:  # fmt: skip
+    """Turn `force`, see `Shading`: `normals_at` and `turned` for one answer."""
+    if force[0] == 0.0 and force[1] == 0.0:
+        return 0
+    near, frame, table = numbers.params[0], numbers.state, numbers.samples
+    closest.function(closest.data, ihip, frame)
+    along = frame[ALONG, 0]
+    k = max(np.searchsorted(table[:, START], along, side="right") - 1, 0)
+    since = along - table[k, START]
+    share = since / table[k, LENGTH]
+    x = (1.0 - share) * table[k, FIRST] + share * table[k, LAST]
+    y = (1.0 - share) * table[k, FIRST + 1] + share * table[k, LAST + 1]
+    size = math.hypot(x, y)
+    x, y = x / size, y / size
+    own_x, own_y = table[k, FACE], table[k, FACE + 1]
+    begins = since <= near
+    if begins or table[k, LENGTH] - since <= near:
+        # In a notch the tool rests on both facets, and a spring's force is anywhere between their normals.
+        corner = FIRST if begins else LAST
+        if table[k, corner] == own_x and table[k, corner + 1] == own_y:
+            return 0
+        aside_x, aside_y = ihip[0] - hip[0], ihip[1] - hip[1]
+        size = math.hypot(aside_x, aside_y)
+        if size > 0.0:
+            own_x, own_y = aside_x / size, aside_y / size
+    pressed = force[0] * own_x + force[1] * own_y
+    both_x, both_y = own_x + x, own_y + y
+    share = (force[0] * both_x + force[1] * both_y) / (1.0 + own_x * x + own_y * y)
+    force[0] += 2.0 * pressed * x - share * both_x
+    force[1] += 2.0 * pressed * y - share * both_y
+    return 0

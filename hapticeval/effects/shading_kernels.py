@@ -1,0 +1,83 @@
+"""Force shading on a triangle mesh: the normals at a point of it, and the change of an answer by them."""
+
+from __future__ import annotations
+
+import math
+
+from hapticeval.compiled import FOOT, Closest, Numbers, borrowing
+from hapticeval.geometry.mesh_kernels import CORNER, NORMAL
+from hapticeval.types import Array
+
+# ruff: noqa: ARG001 - every change of an answer has these arguments
+
+OWN, SHADED, ROWS = 2, 3, 4
+"""Rows of a frame of N = 3 beside those of a closest point: the normal that is turned, and what it is turned to."""
+
+SMOOTH, COLUMNS = 9, 12
+"""A triangle's row has the normals of its three corners, and from here on whether its three edges are smooth."""
+
+ON_EDGE = 1e-10
+"""Share of a corner below which a point is on the edge across from it."""
+
+
+@borrowing
+def lean(faces: Array, vertices: Array, table: Array, k: int, ihip: Array, hip: Array, frame: Array) -> None:
+    """Write the rows `OWN` and `SHADED` of a frame whose foot is that of the IHIP, on triangle k.
+
+    `table` is that of `shading.mesh_corners`. On a smooth edge the tool rests on both faces, and the own normal is the
+    direction from the hand to it, as in a notch in the plane.
+    """
+    edge, size, normal = -1, 0.0, faces[k, NORMAL : NORMAL + 3]
+    whole = 0.0
+    for axis in range(3):
+        frame[OWN, axis], frame[SHADED, axis] = normal[axis], 0.0
+        y, z = (axis + 1) % 3, (axis + 2) % 3
+        a, b, c = int(faces[k, CORNER]), int(faces[k, CORNER + 1]), int(faces[k, CORNER + 2])
+        whole += normal[axis] * (
+            (vertices[b, y] - vertices[a, y]) * (vertices[c, z] - vertices[a, z])
+            - (vertices[b, z] - vertices[a, z]) * (vertices[c, y] - vertices[a, y])
+        )
+    for i in range(3):
+        on, last = int(faces[k, CORNER + (i + 1) % 3]), int(faces[k, CORNER + (i + 2) % 3])
+        share = 0.0
+        for axis in range(3):
+            y, z = (axis + 1) % 3, (axis + 2) % 3
+            share += normal[axis] * (
+                (vertices[on, y] - frame[FOOT, y]) * (vertices[last, z] - frame[FOOT, z])
+                - (vertices[on, z] - frame[FOOT, z]) * (vertices[last, y] - frame[FOOT, y])
+            )
+        share = max(share / whole, 0.0)
+        for axis in range(3):
+            frame[SHADED, axis] += share * table[k, 3 * i + axis]
+        if share <= ON_EDGE and table[k, SMOOTH + (i + 1) % 3] == 1.0:
+            edge = i
+    for i in range(3):
+        size += frame[SHADED, i] ** 2
+    size = math.sqrt(size)
+    for i in range(3):
+        frame[SHADED, i] /= size
+    if edge >= 0:
+        size = math.sqrt((ihip[0] - hip[0]) ** 2 + (ihip[1] - hip[1]) ** 2 + (ihip[2] - hip[2]) ** 2)
+        if size > 0.0:
+            for i in range(3):
+                frame[OWN, i] = (ihip[i] - hip[i]) / size
+
+
+def shade_mesh(
+    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
+) -> int:  # fmt: skip
+    """Turn `force` on a mesh, see `shading.Shading`: code of its closest point keeps the triangle in `data.state`."""
+    if force[0] == 0.0 and force[1] == 0.0 and force[2] == 0.0:
+        return 0
+    frame, data = numbers.state, closest.data
+    closest.function(data, ihip, frame)
+    lean(data.segments, data.vertices, numbers.samples, int(data.state[0]), ihip, hip, frame)
+    pressed, both, cosine = 0.0, 0.0, 0.0
+    for i in range(3):
+        pressed += force[i] * frame[OWN, i]
+        both += force[i] * (frame[OWN, i] + frame[SHADED, i])
+        cosine += frame[OWN, i] * frame[SHADED, i]
+    both /= 1.0 + cosine
+    for i in range(3):
+        force[i] += 2.0 * pressed * frame[SHADED, i] - both * (frame[OWN, i] + frame[SHADED, i])
+    return 0

@@ -1,0 +1,212 @@
+"""Compiled stochastic textures: counter-based noise, interpolated line spectra, and the change of an answer by them."""
+
+from __future__ import annotations
+
+import math
+
+from hapticeval.compiled import NORMAL, Closest, Numbers, borrowing
+from hapticeval.types import Array
+
+MASS, RATE, SEED, POLES, ZEROS, FILTERS, WAY = range(7)
+"""Numbers in `params`: the mass (kg) that is shaken, the filters' rate (Hz), the noise's seed, the orders of both
+filters, the number of filters in `samples`, and the direction, `ALONG` or one after it."""
+
+ALONG, ACROSS, NORMALLY = 0.0, 1.0, 2.0
+
+SPEED, PRESS, VARIANCE, GAIN, LINES = range(5)
+"""Columns of a filter's row in `samples`; the frequencies begin with the last."""
+
+SHARES, HULL, SCALE = 3, 9, 12
+"""Columns of a triangle's row: after its corners its shares, which sides are of the hull, and the plane's scale."""
+
+CLOCK, KEPT, SMOOTH, LAST, BEFORE = 2, 3, 4, 5, 6
+"""Rows of `state` after the frame: phase (samples) and number of the next noise; triangle and vibration (m/s^2); speed
+and force as low-passed, negative before a contact; the direction of the vibration; and from the last on what was:
+vibrations in column 0, excitations in column 1, and behind them the scratch of `tail`."""
+
+HALF = 0xFFFF
+WORD = 0xFFFFFFFF
+MULTIPLIER, WEYL, ROUNDS = 0xD256D193, 0x9E3779B9, 10
+
+LONGEST_WORK = 36
+"""Rows of scratch: more than the largest order and two."""
+
+CUTOFF = 20.0
+"""Frequency (Hz) above which speed and force do not change the filter, as in the published toolkit's programs. A filter
+that jumps with each reading of an encoder may run away, though each of those that it jumps between is stable."""
+
+INSIDE = -1e-12
+"""Least share of a corner at a point inside of a triangle: rounding."""
+
+ON_TIME = 1e-6
+"""Samples by which a tick may be early."""
+
+
+@borrowing
+def philox(low: int, high: int, key: int) -> tuple[int, int]:
+    """Return two random 32-bit words of a counter of two words and a key: philox2x32-10 of Salmon et al. (2011)."""
+    for _ in range(ROUNDS):
+        small, large = MULTIPLIER * (low & HALF), MULTIPLIER * (low >> 16)
+        product = (((large & HALF) << 16) + small) & WORD
+        low, high = ((large + (small >> 16)) >> 16) ^ key ^ high, product
+        key = (key + WEYL) & WORD
+    return low, high
+
+
+@borrowing
+def normal_noise(number: int, seed: int) -> float:
+    """Return the `number`-th sample of white noise with variance 1: Box and Muller's of two uniform words."""
+    one, two = philox(number & WORD, number >> 32, seed)
+    return math.sqrt(-2.0 * math.log((one + 0.5) / 4294967296.0)) * math.cos(2.0 * math.pi * (two / 4294967296.0))
+
+
+@borrowing
+def look_up(rows: Array, count: int, speed: float, force: float, guess: int) -> tuple[int, float, float, float]:
+    """Return the triangle that holds a speed and force, looked for from `guess` on, and its corners' shares.
+
+    Outside of all of them the nearest point of their hull stands for it.
+    """
+    triangles = rows.shape[0] - count
+    for step in range(triangles):
+        k = (guess + step) % triangles
+        row = count + k
+        one = rows[row, SHARES] + rows[row, SHARES + 1] * speed + rows[row, SHARES + 2] * force
+        two = rows[row, SHARES + 3] + rows[row, SHARES + 4] * speed + rows[row, SHARES + 5] * force
+        three = 1.0 - one - two
+        if one >= INSIDE and two >= INSIDE and three >= INSIDE:
+            return k, one, two, three
+    nearest, best, side, share = math.inf, 0, 0, 0.0
+    for k in range(triangles):
+        row = count + k
+        for i in range(3):
+            if rows[row, HULL + i] == 0.0:
+                continue
+            a, b = int(rows[row, (i + 1) % 3]), int(rows[row, (i + 2) % 3])
+            x, y = speed / rows[row, SCALE], force / rows[row, SCALE + 1]
+            ax, ay = rows[a, SPEED] / rows[row, SCALE], rows[a, PRESS] / rows[row, SCALE + 1]
+            bx, by = rows[b, SPEED] / rows[row, SCALE] - ax, rows[b, PRESS] / rows[row, SCALE + 1] - ay
+            along = min(max(((x - ax) * bx + (y - ay) * by) / (bx * bx + by * by), 0.0), 1.0)
+            away = (x - ax - along * bx) ** 2 + (y - ay - along * by) ** 2
+            if away < nearest:
+                nearest, best, side, share = away, k, i, along
+    first = 1.0 - share if side == 2 else (share if side == 1 else 0.0)
+    second = 1.0 - share if side == 0 else (share if side == 2 else 0.0)
+    return best, first, second, 1.0 - first - second
+
+
+@borrowing
+def weighted(
+    rows: Array, count: int, found: tuple[int, float, float, float], column: int
+) -> float:  # fmt: skip
+    """Return the mean of a column of filters over a triangle's corners, by their shares."""
+    row = count + found[0]
+    total = 0.0
+    for i in range(3):
+        share = found[1] if i == 0 else (found[2] if i == 1 else found[3])
+        total += share * rows[int(rows[row, i]), column]
+    return total
+
+
+@borrowing
+def tail(
+    rows: Array, count: int, found: tuple[int, float, float, float], first: int, order: int, work: Array, column: int
+) -> float:  # fmt: skip
+    """Return a_1 x_1 + ... + a_p x_p for the filter whose frequencies begin in column `first`, of order p.
+
+    x_1, ... are in a column of `work`; in its last rows the sums S and D of `line_spectra` are formed. Ascending
+    frequencies make a stable filter, and so does their mean.
+    """
+    if order == 0:
+        return 0.0
+    base = work.shape[0] - LONGEST_WORK
+    for part in range(2):
+        work[base, part] = 1.0
+        size = 0
+        for k in range(part, order, 2):
+            middle = -2.0 * math.cos(weighted(rows, count, found, first + k))
+            work[base + size + 1, part], work[base + size + 2, part] = 0.0, 0.0
+            size += 2
+            for i in range(size, 0, -1):
+                before = work[base + i - 2, part] if i > 1 else 0.0
+                work[base + i, part] += middle * work[base + i - 1, part] + before
+        if order % 2 == 0:
+            sign = 1.0 if part == 0 else -1.0
+            work[base + size + 1, part] = 0.0
+            size += 1
+            for i in range(size, 0, -1):
+                work[base + i, part] += sign * work[base + i - 1, part]
+        elif part == 1:
+            work[base + size + 1, part], work[base + size + 2, part] = 0.0, 0.0
+            size += 2
+            for i in range(size, 1, -1):
+                work[base + i, part] -= work[base + i - 2, part]
+    total = 0.0
+    for i in range(1, order + 1):
+        total += 0.5 * (work[base + i, 0] + work[base + i, 1]) * work[i - 1, column]
+    return total
+
+
+@borrowing
+def sample(params: Array, rows: Array, found: tuple[int, float, float, float], number: int, work: Array) -> float:
+    """Return the next vibration, m/s^2, y = gain (w + b_1 w_1 + ...) - a_1 y_1 - ..., and keep it in `work`."""
+    poles, zeros, count = int(params[POLES]), int(params[ZEROS]), int(params[FILTERS])
+    excited = math.sqrt(max(weighted(rows, count, found, VARIANCE), 0.0)) * normal_noise(number, int(params[SEED]))
+    value = excited + tail(rows, count, found, LINES + poles, zeros, work, 1)
+    value = weighted(rows, count, found, GAIN) * value - tail(rows, count, found, LINES, poles, work, 0)
+    for i in range(work.shape[0] - LONGEST_WORK - 1, 0, -1):
+        work[i, 0], work[i, 1] = work[i - 1, 0], work[i - 1, 1]
+    work[0, 0], work[0, 1] = value, excited
+    return value
+
+
+def vibrate(
+    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
+) -> int:
+    """Shake an answer as `StochasticTexture` has it: see `Effect.change`."""
+    params, rows, state, count = numbers.params, numbers.samples, numbers.state, hip.shape[0]
+    frame, work, way = state[:2], state[BEFORE:], state[LAST]
+    press = 0.0
+    for i in range(count):
+        press += abs(force[i])
+    if press > 0.0:
+        closest.function(closest.data, ihip, frame)
+        press, across = 0.0, 0.0
+        for i in range(count):
+            press += force[i] * frame[NORMAL, i]
+            across += velocity[i] * frame[NORMAL, i]
+    if press <= 0.0:  # what rings is gone by the next contact
+        for i in range(work.shape[0]):
+            work[i, 0], work[i, 1] = 0.0, 0.0
+        state[KEPT, 1], state[SMOOTH, 0] = 0.0, -1.0
+        return 0
+    speed = 0.0
+    for i in range(count):
+        speed += (velocity[i] - across * frame[NORMAL, i]) ** 2
+    speed = math.sqrt(speed)
+    if params[WAY] == NORMALLY:
+        for i in range(count):
+            way[i] = frame[NORMAL, i]
+    elif speed > 0.0:
+        for i in range(count):
+            way[i] = (velocity[i] - across * frame[NORMAL, i]) / speed
+        if params[WAY] == ACROSS:
+            x, y, z = way[0], way[1], way[2]
+            way[0] = y * frame[NORMAL, 2] - z * frame[NORMAL, 1]
+            way[1] = z * frame[NORMAL, 0] - x * frame[NORMAL, 2]
+            way[2] = x * frame[NORMAL, 1] - y * frame[NORMAL, 0]
+    state[CLOCK, 0] += dt * params[RATE]
+    share = 1.0 if state[SMOOTH, 0] < 0.0 else -math.expm1(-2.0 * math.pi * CUTOFF / params[RATE])
+    while state[CLOCK, 0] >= 1.0 - ON_TIME:
+        state[SMOOTH, 0] += share * (speed - state[SMOOTH, 0])
+        state[SMOOTH, 1] += share * (press - state[SMOOTH, 1])
+        found = look_up(rows, int(params[FILTERS]), state[SMOOTH, 0], state[SMOOTH, 1], int(state[KEPT, 0]))
+        state[KEPT, 0] = found[0]
+        state[KEPT, 1] = sample(params, rows, found, int(state[CLOCK, 1]), work)
+        state[CLOCK, 0] -= 1.0
+        state[CLOCK, 1] += 1.0
+    push = params[MASS] * state[KEPT, 1]
+    if params[WAY] == NORMALLY:
+        push = max(push, -press)
+    for i in range(count):
+        force[i] += push * way[i]
+    return 0

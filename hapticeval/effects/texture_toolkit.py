@@ -1,0 +1,122 @@
+"""Model files of the Penn Haptic Texture Toolkit (Culbertson, Lopez Delgado and Kuchenbecker, 2014) as textures.
+
+An XML file holds one texture: a `modelSet` of `mu`; of `numMod` models, each a `model` with line spectral frequencies
+`ARlsf` and `MAlsf` (lists of `value`), `var`, `gain` where there is an `MAlsf`, `speedMod` (mm/s) and `forceMod` (N);
+and of `numTri` triangles `tri`, each three `value`s, which count models from 1 in the order of `speedList` and
+`forceList`. The rate for which the frequencies were computed is not in it. The toolkit's licence forbids to pass its
+files on: none is here, and what is made of one is the user's own.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from xml.etree.ElementTree import Element, ParseError, fromstring
+
+from hapticeval.effects.texture import Filter, Texture
+from hapticeval.errors import InputError, at
+
+LARGEST = 4 * 2**20
+"""Bytes of a model file at the most: theirs have some 100 kB."""
+
+
+def read_toolkit(file: Path, *, rate: float) -> Texture:
+    """Read a model file whose frequencies are for samples at `rate` (Hz): 10,000 as measured, or as it was resampled.
+
+    Speeds become m/s. Raises `InputError`, naming file and entry, for what cannot be read, is no model file, or is no
+    sound texture.
+    """
+    try:
+        if file.stat().st_size > LARGEST:
+            raise InputError(f"{file} has {file.stat().st_size} bytes", why=f"a model file has {LARGEST} at the most")
+        text = file.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot read {file}", why=error.strerror or str(error)) from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{file.name}: it is no text in UTF-8", why=str(error)) from error
+    with at(file.name):
+        if "<!" in text.replace("<!--", ""):
+            raise InputError(
+                "it declares a document type", why="a model file has none, and entities may expand without end"
+            )
+        try:
+            root = fromstring(text)
+        except ParseError as error:
+            raise InputError("it is not XML", why=str(error)) from error
+        if root.tag != "modelSet":
+            raise InputError(f"its root is '{root.tag}'", why="that of a model file is 'modelSet'")
+        models = root.findall("model")
+        speeds, forces = _numbers(root, "speedList"), _numbers(root, "forceList")
+        counts = {"numMod": len(models), "numTri": len(root.findall("tri"))}
+        for name, count in counts.items():
+            if round(_number(root, name)) != count:
+                raise InputError(f"{name} is {_number(root, name):g}, and it has {count}")
+        filters = tuple(_filter(each, number) for number, each in enumerate(models, 1))
+        order = _order(filters, speeds, forces)
+        triangles = [_triangle(each, number) for number, each in enumerate(root.findall("tri"), 1)]
+        return Texture(
+            title=file.stem.removeprefix("Models_"),
+            rate=rate,
+            friction=_number(root, "mu"),
+            filters=tuple(filters[k] for k in order),
+            triangles=tuple(triangles),
+        )
+
+
+def _filter(model: Element, number: int) -> Filter:
+    with at(f"model {number}"):
+        ma = _numbers(model, "MAlsf") if model.find("MAlsf") is not None else ()
+        return Filter(
+            speed=1e-3 * _number(model, "speedMod"),
+            force=_number(model, "forceMod"),
+            variance=_number(model, "var"),
+            ar=_numbers(model, "ARlsf"),
+            ma=ma,
+            gain=_number(model, "gain") if ma else 1.0,
+        )
+
+
+def _order(filters: tuple[Filter, ...], speeds: tuple[float, ...], forces: tuple[float, ...]) -> list[int]:
+    """Return the models in the order of the two lists, which is what triangles count in."""
+    order = []
+    for speed, force in zip(speeds, forces, strict=False):
+        near = [math.hypot(each.speed - 1e-3 * speed, each.force - force) for each in filters]
+        order.append(near.index(min(near)))
+    if not len(speeds) == len(forces) == len(filters) or sorted(order) != list(range(len(filters))):
+        raise InputError(
+            f"its lists have {len(speeds)} speeds and {len(forces)} forces for {len(filters)} models",
+            why="each model is at one speed and force of the lists",
+        )
+    return order
+
+
+def _triangle(entry: Element, number: int) -> tuple[int, int, int]:
+    with at(f"tri {number}"):
+        corners = [_float(each.text) for each in entry.findall("value")]
+        if len(corners) != 3 or not all(each == round(each) for each in corners):
+            raise InputError(f"it has the values {corners}", why="a triangle is three models, counted from 1")
+        one, two, three = (round(each) - 1 for each in corners)
+        return one, two, three
+
+
+def _numbers(entry: Element, name: str) -> tuple[float, ...]:
+    found = entry.find(name)
+    if found is None:
+        raise InputError(f"it has no {name}")
+    with at(name):
+        return tuple(_float(each.text) for each in found.findall("value"))
+
+
+def _number(entry: Element, name: str) -> float:
+    found = entry.find(name)
+    if found is None:
+        raise InputError(f"it has no {name}")
+    with at(name):
+        return _float(found.text)
+
+
+def _float(text: str | None) -> float:
+    try:
+        return float(text or "")
+    except ValueError:
+        raise InputError(f"{text!r} is not a number") from None

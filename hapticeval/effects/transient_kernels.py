@@ -1,0 +1,148 @@
+"""What is added to the force when a contact begins: changes of answers, of signature `hapticeval.compiled.CHANGE`.
+
+All keep the same state (STATE, N), and end with the contact: in free space there is no force. What a cap holds back
+goes into the ticks that follow.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hapticeval.compiled import NORMAL, Closest, Numbers, borrowing
+from hapticeval.devices.inertia_kernels import linkage_mass
+from hapticeval.types import Array
+
+DIRECTION, CONTACT, PULSE, STATE = 2, 3, 4, 5
+"""Rows of a state beside those of a closest point's frame: the normal along which the contact began; whether there is
+one and the seconds since it began; what a cap holds back (N s) and the speed (m/s) of the approach."""
+
+UNKNOWN, FREE, TOUCHES = 0.0, 1.0, 2.0
+"""Values of state[CONTACT, 0]. A run that begins in contact has no beginning of it."""
+
+CAP = 0
+"""Where the params of all hold the cap (N)."""
+
+SPENT = 40.0
+"""Decay times after which a vibration is below the rounding of its integral."""
+
+SAME = 1e-9
+"""Share by which two sampling times may differ and be the same."""
+
+
+@borrowing
+def meet(state: Array, closest: Closest, hip: Array, velocity: Array, ihip: Array, force: Array) -> float:
+    """Return UNKNOWN where there is no contact, FREE in the tick in which one begins, and else TOUCHES.
+
+    Contact is a force, or a tool apart from a hand that is inside: one that lags behind it in free space is not. When
+    it begins direction, time and speed are written, the speed zero where the hand does not approach.
+    """
+    touches, apart = False, False
+    for i in range(hip.shape[0]):
+        touches = touches or force[i] != 0.0
+        apart = apart or ihip[i] != hip[i]
+    if apart and not touches:
+        touches = closest.function(closest.data, hip, state[:DIRECTION]) < 0.0
+    before = state[CONTACT, 0]
+    state[CONTACT, 0] = TOUCHES if touches else FREE
+    if not touches:
+        return UNKNOWN
+    if before == TOUCHES:
+        return TOUCHES
+    speed = 0.0
+    state[CONTACT, 1], state[PULSE, 0] = 0.0, 0.0
+    if before == FREE:
+        closest.function(closest.data, ihip, state[:DIRECTION])
+        for i in range(hip.shape[0]):
+            state[DIRECTION, i] = state[NORMAL, i]
+            speed -= state[NORMAL, i] * velocity[i]
+    state[PULSE, 1] = max(speed, 0.0)
+    return FREE
+
+
+@borrowing
+def give(numbers: Numbers, asked: float, dt: float, force: Array) -> None:
+    """Add `asked` (N) and what was held back to `force`, along the direction, up to the cap."""
+    state, cap = numbers.state, numbers.params[CAP]
+    wanted = asked + state[PULSE, 0] / dt
+    given = min(max(wanted, -cap), cap)
+    state[PULSE, 0] = (wanted - given) * dt
+    for i in range(force.shape[0]):
+        force[i] += given * state[DIRECTION, i]
+
+
+def strike(
+    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
+) -> int:
+    """Give the impulse (1 + e) m v of (4.21).
+
+    Params are the cap, 1 + e, and a point's mass or a parallelogram's constants.
+    """
+    state, params = numbers.state, numbers.params
+    found = meet(state, closest, hip, velocity, ihip, force)
+    if found == UNKNOWN:
+        return 0
+    asked = 0.0
+    if found == FREE and state[PULSE, 1] > 0.0:
+        mass = params[2] if params.shape[0] == 3 else linkage_mass(params[2:], hip, state[DIRECTION])
+        if not mass > 0.0:
+            return 1
+        asked = params[1] * mass * state[PULSE, 1] / dt
+    give(numbers, asked, dt, force)
+    return 0
+
+
+@borrowing
+def rung(decay: float, omega: float, time: float) -> float:
+    """Return the integral of e^(-Bt) sin(wt), s, up to `time` less that over all time."""
+    turning = decay * math.sin(omega * time) + omega * math.cos(omega * time)
+    return -math.exp(-decay * time) * turning / (decay * decay + omega * omega)
+
+
+def ring(numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:
+    """Give the tick's mean of L v e^(-Bt) sin(wt): params are the cap, L, B and w."""
+    state, params = numbers.state, numbers.params
+    if meet(state, closest, hip, velocity, ihip, force) == UNKNOWN:
+        return 0
+    time, decay, omega = state[CONTACT, 1], params[2], params[3]
+    asked = 0.0
+    if decay * time < SPENT and state[PULSE, 1] > 0.0:
+        area = rung(decay, omega, time + dt) - rung(decay, omega, time)
+        asked = params[1] * state[PULSE, 1] * area / dt
+    state[CONTACT, 1] = time + dt
+    give(numbers, asked, dt, force)
+    return 0
+
+
+@borrowing
+def given_until(pulse: Array, step: float, time: float) -> float:
+    """Return the impulse (N s) of samples held for `step` s each, `pulse` row 0, up to `time`; row 1 are their sums."""
+    whole = int(np.floor(time / step))
+    last = pulse.shape[1] - 1
+    if whole >= last:
+        return float(pulse[1, last] * step)
+    return float((pulse[1, whole] + (time / step - whole) * pulse[0, whole]) * step)
+
+
+def replay(
+    numbers: Numbers, closest: Closest, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array
+) -> int:
+    """Give a pulse: params are the cap and its sampling time, samples it, and a zero at the end, over its sums.
+
+    At that sampling time it is given sample by sample, and at another one by its mean over each tick.
+    """
+    state, pulse, step = numbers.state, numbers.samples, numbers.params[1]
+    if meet(state, closest, hip, velocity, ihip, force) == UNKNOWN:
+        return 0
+    time = state[CONTACT, 1]
+    asked = 0.0
+    if state[PULSE, 1] > 0.0:
+        tick = int(np.rint(time / step))
+        if abs(dt - step) <= SAME * step and abs(time - tick * step) <= SAME * (time + step):
+            asked = pulse[0, min(tick, pulse.shape[1] - 1)]
+        else:
+            asked = (given_until(pulse, step, time + dt) - given_until(pulse, step, time)) / dt
+    state[CONTACT, 1] = time + dt
+    give(numbers, asked, dt, force)
+    return 0

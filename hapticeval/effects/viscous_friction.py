@@ -1,0 +1,52 @@
+"""Viscous friction: a force against the hand's motion along the surface, as large as its speed, F_t = -b v_t."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hapticeval.effects.effect import Calling, Effect, Part, Stage, number
+
+
+@dataclass(frozen=True)
+class ViscousFriction(Effect):
+    """Brake the hand along the surface with b = `coefficient` (N s/m) while there is contact.
+
+    v_t is the part of the hand's velocity along the surface at the IHIP. Of `viscosity`, the b_d of (7.18), it differs
+    in that it is put on any renderer's answers. A damper that is held for a tick gives at most (b/dt) sum of |dHIP|^2.
+    """
+
+    coefficient: float = number("N s/m", at=True)
+
+    kind: ClassVar[str] = "viscous-friction"
+    stage: ClassVar[Stage] = Stage.ANSWER
+    words: ClassVar[str] = "viscous friction {coefficient}"
+
+    @property
+    def off(self) -> bool:
+        """Whether there is none."""
+        return self.coefficient == 0.0
+
+    def change(self, scene: Calling) -> Part:
+        """Assemble the brake."""
+        return Part(
+            brake, np.array([self.coefficient, float(scene.bilateral)]), state=np.zeros((2, scene.model.dimension))
+        )
+
+
+def brake(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: Any, force: Any) -> int:  # noqa: ARG001 - an effect's
+    """Add -b v_t to the force where there is contact: see `Effect.change`. `params` are b, and whether always is."""
+    touching = numbers.params[1] == 1.0
+    for i in range(hip.shape[0]):
+        touching = touching or force[i] != 0.0
+    if not touching:
+        return 0
+    closest.function(closest.data, ihip, numbers.state)
+    across = 0.0
+    for i in range(hip.shape[0]):
+        across += velocity[i] * numbers.state[1, i]
+    for i in range(hip.shape[0]):
+        force[i] -= numbers.params[0] * (velocity[i] - across * numbers.state[1, i])
+    return 0

@@ -1,0 +1,1 @@
+"""Checks of how a renderer shows the effects that a scene calls for, whoever shows them."""

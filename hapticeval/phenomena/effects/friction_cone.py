@@ -1,0 +1,64 @@
+"""Friction cone: the force along the surface is never above mu_s times the force across it (4.18)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.effects.catalogue import FRICTION
+from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.effects.friction_load import load_of, unjudged
+from hapticeval.phenomena.sampling import TELLS, evidence_at
+from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.scene import Scene
+
+CLOSE = 1e-12
+"""Share of the cone by which rounding may leave it beside that of the coordinates."""
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Compare |F_t| with mu_s F_n at every tick."""
+    base, friction = runs.base, scene.effect(FRICTION)
+    reason = unjudged(base, scene)
+    if reason is not None:
+        return reason
+    load = load_of(base, scene)
+    beyond = np.maximum(load.size - load.other, 0.0)
+    limit = friction.mu_s * np.maximum(load.normal, 0.0)
+    shares = np.divide(beyond, limit, out=np.where(beyond > 0.0, np.inf, 0.0), where=limit > 0.0)
+    worst = int(np.argmax(shares))
+    share = float(shares[worst])
+    if share < TELLS:
+        return undecided("the tool is hardly pulled along the surface: less than a tenth of what the friction holds")
+    return compared(
+        Metric(CHECK.metric, share, ""),
+        1.0 + CLOSE,
+        {**evidence_at(base, worst), "normal_N": float(load.normal[worst]), "tangential_N": float(load.size[worst])},
+        passes=f"the force stays in the cone of mu_s = {friction.mu_s:g}, and fills it to {share:.4g}",
+        fails=(
+            f"leaves the cone: {load.size[worst]:.4g} N along the surface at t = {base.time[worst]:.4g} s "
+            f"(tick {worst}), where mu_s = {friction.mu_s:g} holds {limit[worst]:.4g} N of {load.normal[worst]:.4g} N "
+            "across it"
+        ),
+    )
+
+
+CHECK = Check(
+    id="friction-cone",
+    phenomenon="none of the six: static friction, thesis 4.3.3",
+    asks="Is the force along the surface never more than the friction can hold?",
+    formula="|F_t| <= mu_s F_n at every tick, with F_n = n.F at the IHIP and F_t = F - F_n n",
+    citation="thesis (4.17)-(4.19), Figure 4.9",
+    channels=("hip", "ihip", "force"),
+    reads_also=("velocity",),
+    metric="force along the surface as a share of mu_s times that across it",
+    unit="",
+    bound=(
+        "One, and 1e-12 of it. Friction is a cone, whatever the hand does. Of the force along the surface is taken off "
+        "what the scene's dampers may give, (K_d + b) |v_t|, and 8 roundings of K times the largest coordinate, of "
+        "double numbers, or of single ones where every IHIP is one. Ticks with a force above the floor count. At a "
+        "corner F_t is what is beyond the fan of the normals that meet there. A tool that is pulled along by less than "
+        "a tenth of the cone throughout shows nothing."
+    ),
+    judge=judge,
+    effects=(FRICTION,),
+)

@@ -1,0 +1,85 @@
+"""Energy of friction: a hand gets no more out of it than holding the force of a spring for a tick gives."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.effects.catalogue import FRICTION, VISCOUS_FRICTION
+from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.effects.friction_load import judged_late, load_of, unjudged, viscous
+from hapticeval.phenomena.sampling import evidence_at, touching
+from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.scene import Scene
+
+STEEPER = 1.001
+"""Stiffness, in the scene's, from which on a law is steeper across the surface than its spring."""
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Compare the work that the hand gets since free space with what holding the force may give."""
+    base = runs.base
+    return unjudged(base, scene) or judged_late(base, lambda recording: _judge(recording, scene))
+
+
+def _judge(base: Recording, scene: Scene) -> Finding:
+    load = load_of(base, scene)
+    free = ~touching(base, scene)
+    begins = np.flatnonzero(free[:-1] & ~free[1:])
+    if not begins.size:
+        return undecided("the hand never comes from free space: what is stored is not known")
+    moved = np.diff(base.hip, axis=0)
+    length = np.linalg.norm(moved, axis=1)
+    damping = scene.damping + viscous(scene)
+    # Across the surface a law may be steeper than the scene's spring: of any that grows with the depth a force that is
+    # held gives no more than its change times the way.
+    across = np.max([np.abs(np.sum(moved * each, axis=1)) for each in (load.normals[:-1], load.normals[1:])], axis=0)
+    change = np.abs(np.diff(load.normal))
+    steep = np.where(change > STEEPER * scene.stiffness * across, change * across, 0.0)
+    before = np.concatenate([[0.0], length[:-1]])
+    strength = np.linalg.norm(base.force[:-1], axis=1)
+    allowed = 0.5 * scene.stiffness * length**2 + steep + damping / base.dt * length * before
+    allowed += 4.0 * SINGLE * strength * length
+    gained = np.sum(base.force[:-1] * moved, axis=1)
+    worst, given = None, (0.0, 0.0)
+    for begin in begins:
+        later = np.flatnonzero(free[begin + 1 :])
+        stop = int(begin + 1 + later[0]) if later.size else len(base) - 1
+        work, bound = np.cumsum(gained[begin:stop]), np.cumsum(allowed[begin:stop])
+        row = int(np.argmax(work - bound))
+        if worst is None or work[row] - bound[row] > given[0] - given[1]:
+            worst, given = (int(begin), int(begin) + row + 1), (float(work[row]), float(bound[row]))
+    assert worst is not None
+    span = f"from t = {base.time[worst[0]]:.4g} s to {base.time[worst[1]]:.4g} s"
+    what = f"{1e3 * given[0]:.4g} mJ {span}, where holding the force for a tick may give {1e3 * given[1]:.4g} mJ"
+    return compared(
+        Metric(CHECK.metric, given[0], "J"),
+        given[1],
+        {**evidence_at(base, worst[1]), "from_time": float(base.time[worst[0]])},
+        passes=f"the hand gets no more than a held spring gives: {what}",
+        fails=f"gives energy away: the hand gets {what}",
+    )
+
+
+CHECK = Check(
+    id="friction-energy",
+    phenomenon="none of the six: friction takes energy, and gives none",
+    asks="Does the hand get no more than holding the force of a spring for a tick gives?",
+    formula="sum of F . dx <= K sum of |dx|^2 / 2 since free space, at every tick",
+    citation="thesis 2.6.1, 4.3.3",
+    channels=("hip", "ihip", "force"),
+    reads_also=("velocity",),
+    metric="work that the hand has got since free space",
+    unit="J",
+    bound=(
+        "With the tool at s a spring stores S = K |s - HIP|^2 / 2, and a force that is held over dx gives exactly "
+        "S(before) - S(after) + K |dx|^2 / 2. A tool that moves towards the hand takes energy out, and in free space "
+        "S = 0: so the sum is at most K sum of |dx|^2 / 2, at any sampling rate and with no fitting. To that come "
+        "single precision of force times way; the scene's dampers, held, (K_d + b) / dt sum of |dx[i]| |dx[i-1]|; and"
+        " across the surface |dF_n| |dx_n| in ticks where the law is steeper there than K, by a thousandth or more. "
+        "The row that is furthest beyond counts. A force that is up to three ticks late is held against the HIP of "
+        "then."
+    ),
+    judge=judge,
+    effects=(FRICTION, VISCOUS_FRICTION),
+)

@@ -1,0 +1,116 @@
+"""What presses a tool on a surface with friction and what pulls it along, as a recording's forces and IHIPs tell it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
+from hapticeval.effects.effect import Stage
+from hapticeval.phenomena.sampling import LAG_TICKS, NO_IHIP, above_force_floor, lacks_ihip
+from hapticeval.phenomena.verdict import Finding, Outcome, undecided
+from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
+from hapticeval.scene import Scene
+from hapticeval.types import Array, BoolArray
+
+FRICTIONS = (FRICTION, VISCOUS_FRICTION, LUGRE)
+"""The effects that brake a tool along the surface."""
+
+DOUBLE = float(np.finfo(np.float64).eps)
+
+
+def viscous(scene: Scene) -> float:
+    """Return the coefficient (N s/m) of the scene's viscous friction; zero where it calls for none."""
+    found = scene.effect(VISCOUS_FRICTION)
+    return 0.0 if found is None else float(found.coefficient)
+
+
+@dataclass(frozen=True)
+class Load:
+    """The force of each tick, (n,), as parts across and along the surface at the IHIP.
+
+    `pressed` is where the force is above the floor. `normal` (n,), N, is positive where the surface pushes, and on a
+    bilateral one also where it pulls. `tangential` (n, N), N, is the part along the surface; `size` (n,) is its length,
+    and at a corner what is beyond the fan of its normals. `velocity` (n, N), m/s, is the hand's along the surface, and
+    `normals` (n, N) are the outward ones. `other` (n,), N, is what the scene's dampers may add, and rounding.
+    """
+
+    pressed: BoolArray
+    normal: Array
+    tangential: Array
+    size: Array
+    velocity: Array
+    normals: Array
+    other: Array
+
+
+def load_of(base: Recording, scene: Scene) -> Load:
+    """Return the load of every tick; zero where the force is not above the floor."""
+    pressed = above_force_floor(base, scene)
+    velocity = base.velocity if "velocity" in base.channels else backward_difference(base.hip, base.time)
+    rows = np.flatnonzero(pressed)
+    ihip, force = base.ihip[rows], base.force[rows]
+    normals = scene.model.boundary.closest_point(ihip).normal
+    across = np.sum(force * normals, axis=1)
+    push = np.where((across < 0.0) & scene.bilateral, -1.0, 1.0)[:, np.newaxis] * force
+    if scene.model.boundary.corners:
+        angle = scene.model.boundary.normal_cone(ihip, np.zeros(rows.size))(push)
+        strength = np.linalg.norm(force, axis=1)
+        normal, size = strength * np.cos(angle), strength * np.sin(angle)
+    else:
+        normal = np.sum(push * normals, axis=1)
+        size = np.linalg.norm(force - across[:, np.newaxis] * normals, axis=1)
+    moving = velocity[rows] - np.sum(velocity[rows] * normals, axis=1)[:, np.newaxis] * normals
+    damping = scene.damping + viscous(scene)
+    reach = scene.stiffness * float(np.max(np.abs(base.hip))) + np.linalg.norm(force, axis=1)
+    parts = (
+        normal,
+        force - across[:, np.newaxis] * normals,
+        size,
+        moving,
+        normals,
+        damping * np.linalg.norm(moving, axis=1) + 8.0 * precision(base) * reach,
+    )
+    filled = []
+    for part in parts:
+        whole = np.zeros((len(base), *part.shape[1:]))
+        whole[rows] = part
+        filled.append(whole)
+    return Load(pressed, *filled)
+
+
+def precision(base: Recording) -> float:
+    """Return the relative precision of the recorded IHIPs: that of single numbers where all of them are such."""
+    return SINGLE if np.array_equal(base.ihip, base.ihip.astype(np.float32)) else DOUBLE
+
+
+def judged_late(base: Recording, judge: Callable[[Recording], Finding]) -> Finding:
+    """Judge a recording, and where it fails, against the HIP of up to three ticks before: a lag is granted.
+
+    A renderer that is late gives and takes energy for that alone: see `passivity`. Where all fail the first is found.
+    """
+    found = judge(base)
+    for lag in range(1, LAG_TICKS + 1):
+        if found.outcome is not Outcome.FAIL:
+            break
+        rows = np.maximum(np.arange(len(base)) - lag, 0)
+        led = {name: base.channels[name][rows] for name in ("hip", "velocity") if name in base.channels}
+        again = judge(Recording(base.time, {**base.channels, **led}, base.meta))
+        if again.outcome is Outcome.PASS:
+            return replace(again, message=f"{again.message}; the force is {lag} ticks late")
+    return found
+
+
+def unjudged(base: Recording, scene: Scene) -> Finding | None:
+    """Return why a check of friction has no question, or no answer, here; None where it can be judged."""
+    others = [each.kind for each in scene.effects if each.stage is Stage.ANSWER and each.kind not in FRICTIONS]
+    if others:
+        message = f"the scene calls for {' and '.join(others)} too, whose force along the surface is no friction"
+        return Finding(Outcome.NOT_APPLICABLE, message)
+    if not above_force_floor(base, scene).any():
+        return undecided("no force above the floor: the tool never presses on the surface")
+    if lacks_ihip(base, scene):
+        return undecided(NO_IHIP)
+    return None

@@ -1,0 +1,97 @@
+"""Sliding friction: a tool that slides is braked by mu_k times the normal force, against its motion (4.20)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.effects.catalogue import FRICTION
+from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.effects.friction_load import load_of, precision, unjudged
+from hapticeval.phenomena.sampling import TELLS, evidence_at
+from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+ENOUGH = 10
+"""Ticks of sliding without which nothing is shown."""
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Compare F_t at every tick in which the IHIP moves with mu_k F_n against that motion."""
+    base, friction = runs.base, scene.effect(FRICTION)
+    reason = unjudged(base, scene)
+    if reason is not None:
+        return reason
+    load = load_of(base, scene)
+    step = np.diff(base.ihip, axis=0, prepend=base.ihip[:1])
+    step -= np.sum(step * load.normals, axis=1)[:, np.newaxis] * load.normals
+    length = np.linalg.norm(step, axis=1)
+    asked = friction.mu_k * load.normal
+    shape = scene.model.boundary.closest_point(base.ihip).shape
+    bend, twist = _curvature(shape)
+    place = 8.0 * precision(base) * np.max(np.abs(base.hip))
+    lag = length + (load.size + np.maximum(load.normal, 0.0)) / scene.stiffness
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        off = np.linalg.norm(load.tangential + asked[:, np.newaxis] * step / length[:, np.newaxis], axis=1) / asked
+        turned = twist * lag + (bend * lag) ** 2
+        allowed = load.other / asked + turned + place / length + CLOSE
+    slides = load.pressed & np.roll(load.pressed, 1) & (length > place) & (asked > 0.0) & (allowed <= TELLS)
+    slides[0] = False
+    for corner in scene.model.boundary.corners:
+        slides &= np.linalg.norm(base.ihip - corner.position, axis=1) > length + place
+    ticks = np.flatnonzero(slides)
+    if ticks.size < ENOUGH:
+        return undecided(f"the tool slides in {ticks.size} ticks only, away from corners")
+    worst = int(ticks[np.argmax((off - allowed)[ticks])])
+    against = -float(np.sum(load.tangential[worst] * step[worst])) / float(length[worst])
+    found = f"{against:.4g} N against its motion, where mu_k = {friction.mu_k:g} makes {asked[worst]:.4g} N"
+    return compared(
+        Metric(CHECK.metric, float(off[worst]), ""),
+        float(allowed[worst]),
+        {
+            **evidence_at(base, worst),
+            "against_N": against,
+            "asked_N": float(asked[worst]),
+            "normal_N": float(load.normal[worst]),
+            "ticks": int(ticks.size),
+        },
+        passes=f"a tool that slides is braked by mu_k F_n in {ticks.size} ticks; at the worst {found}",
+        fails=f"a tool that slides at t = {base.time[worst]:.4g} s (tick {worst}) feels {found}",
+    )
+
+
+def _curvature(shape: Array) -> tuple[Array, Array]:
+    """Return the largest curvatures (n,), 1/m, of operators (n, N, N), and half of what the principal ones differ by.
+
+    In the plane there is but one, and no way aside.
+    """
+    largest = np.abs(np.linalg.eigvalsh(shape)).max(axis=1)
+    if shape.shape[1] == 2:
+        return largest, np.zeros_like(largest)
+    apart = 2.0 * np.sum(shape**2, axis=(1, 2)) - np.trace(shape, axis1=1, axis2=2) ** 2
+    return largest, 0.5 * np.sqrt(np.maximum(apart, 0.0))
+
+
+CLOSE = 1e-9
+"""Share of mu_k F_n that rounding of normals and roots may make."""
+
+CHECK = Check(
+    id="friction-sliding",
+    phenomenon="none of the six: kinetic friction, thesis 4.3.3",
+    asks="Does a tool that slides feel mu_k times the normal force, against its motion?",
+    formula="F_t = -mu_k F_n ds/|ds| at every tick in which the IHIP moves by ds along the surface",
+    citation="thesis (4.20), Figure 4.9",
+    channels=("hip", "ihip", "force"),
+    reads_also=("velocity",),
+    metric="what F_t is off mu_k F_n against the motion, as a share of it",
+    unit="",
+    bound=(
+        "After a slide the hand is at the edge of the kinetic cone (4.20), pulled back along the way. On a surface in"
+        " space the normal at the tool turns aside from that way by half the difference of the principal curvatures "
+        "times the lag L = |ds| + (F_t + F_n) / K, and in second order by (W L)^2. Beside that 1e-9, 8 roundings of "
+        "the largest coordinate over |ds|, and what the scene's dampers may give. Ticks where that is more than a "
+        "tenth, and those in which the tool passes a corner, are not judged."
+    ),
+    judge=judge,
+    effects=(FRICTION,),
+)

@@ -1,0 +1,80 @@
+"""Sticking friction: a tool that is pulled by less than the friction holds stays where it is, for however long."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.effects.catalogue import FRICTION
+from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.effects.friction_load import load_of, unjudged
+from hapticeval.phenomena.sampling import TELLS, evidence_at, listed
+from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.scene import Scene
+
+HELD = 0.6
+"""Share of the kinetic cone within which no friction slides, however it goes from sliding to sticking."""
+
+CREEP = 1e-7
+"""How fast a tool that sticks may creep, m/s: 1 um in 10 s."""
+
+LONG = 1.0
+"""Seconds that a tool must be held for, to tell a creep from the bending of a soft contact."""
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Measure how far the IHIP moves while the force along the surface is small."""
+    base, friction = runs.base, scene.effect(FRICTION)
+    reason = unjudged(base, scene)
+    if reason is not None:
+        return reason
+    load = load_of(base, scene)
+    pulled = load.size / np.where(load.normal > 0.0, friction.mu_k * load.normal, np.inf)
+    held = load.pressed & (load.normal > 0.0) & (pulled <= HELD)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]).astype(int)))
+    found = []
+    for first, stop in zip(edges[::2], edges[1::2], strict=True):
+        seconds = float(base.time[stop - 1] - base.time[first])
+        if seconds >= LONG and float(np.median(pulled[first:stop])) >= TELLS:
+            away = np.linalg.norm(base.ihip[first:stop] - base.ihip[first], axis=1)
+            found.append((float(away.max()) / seconds, first, stop, float(away.max()), seconds))
+    if not found:
+        return undecided(f"the tool is nowhere held for {LONG:g} s by a tenth to {HELD:g} of what the friction holds")
+    worst, first, stop, away, seconds = max(found)
+    share = float(np.median(pulled[first:stop]))
+    what = (
+        f"{1e6 * away:.3g} um in {seconds:.4g} s at {share:.2f} of the kinetic cone, from t = {base.time[first]:.4g} s"
+    )
+    return compared(
+        Metric(CHECK.metric, worst, "m/s"),
+        CREEP,
+        {
+            **evidence_at(base, int(first)),
+            "to_time": float(base.time[stop - 1]),
+            "to_ihip": listed(base.ihip[stop - 1]),
+            "drift_m": away,
+            "share": share,
+        },
+        passes=f"a tool that sticks stays: {what}",
+        fails=f"a tool that should stick creeps: {what}",
+    )
+
+
+CHECK = Check(
+    id="friction-sticking",
+    phenomenon="none of the six: static friction, thesis 4.3.3",
+    asks="Does a tool that sticks stay where it is?",
+    formula="|ihip(t) - ihip(t0)| <= 1 um in 10 s while |F_t| <= 0.6 mu_k F_n",
+    citation="thesis (4.18), (4.19)",
+    channels=("hip", "ihip", "force"),
+    reads_also=("velocity",),
+    metric="how fast the IHIP creeps while it is held",
+    unit="m/s",
+    bound=(
+        "1 um in 10 s, which is the resolution of a good encoder, and a thousandth of what a friction that needs a "
+        "speed to have a force makes: F_t = mu F_n tanh(v / v_0) creeps at 0.6 v_0 or more at 0.6 of the limit, with "
+        "v_0 above mu F_n dt / (2 m), which its explicit step needs. Stretches count that last a second or longer, "
+        "with a force along the surface of a tenth to 0.6 of the kinetic cone: within that a tool sticks by any rule."
+    ),
+    judge=judge,
+    effects=(FRICTION,),
+)

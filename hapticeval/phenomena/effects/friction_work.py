@@ -1,0 +1,177 @@
+"""Work of friction: what the hand puts into a closed lap is what the friction's law takes from the tool's slips."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
+from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.effects.friction_load import Load, judged_late, load_of, unjudged, viscous
+from hapticeval.phenomena.passivity import laps
+from hapticeval.phenomena.sampling import evidence_at
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+if TYPE_CHECKING:
+    from hapticeval.effects.lugre import LuGre
+
+CLOSE = 1e-3
+"""Share of the work by which a lap may be off: a tenth of a per cent."""
+
+FINER = 8
+"""Parts of a tick over which the bristles' speed is taken to go straight from one sample to the next."""
+
+LEAST = 1e-9
+"""Work, J, of a lap under which nothing slips: a micronewton over a millimetre."""
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Compare the hand's work over each lap after the first with the work of the friction's law."""
+    base = runs.base
+    reason = unjudged(base, scene)
+    if reason is not None:
+        return reason
+    if scene.damping > 0.0:
+        return Finding(Outcome.NOT_APPLICABLE, f"a damper of {scene.damping:g} N s/m takes energy too")
+    return judged_late(base, lambda recording: _judge(recording, scene))
+
+
+def _judge(base: Recording, scene: Scene) -> Finding:
+    load = load_of(base, scene)
+    spans = [
+        (first + lap * period, first + (lap + 1) * period)
+        for first, period, number in laps(base.hip, scene.model.size)
+        for lap in range(1, number)
+        if first + (lap + 1) * period < len(base)
+    ]
+    spans = [(start, stop) for start, stop in spans if load.pressed[start : stop + 1].all()]
+    if not spans:
+        return undecided("the hand goes round no closed lap twice in contact")
+    moved = np.diff(base.hip, axis=0)
+    mean = 0.5 * (base.force[1:] + base.force[:-1])
+    given = -np.sum(mean * moved, axis=1)
+    taken, unknown = _taken(base, load, scene, moved)
+    stored = _stored(base, load, scene)
+    found = []
+    for start, stop in spans:
+        law = float(taken[start:stop].sum())
+        work = float(given[start:stop].sum() - (stored[stop] - stored[start]))
+        if law >= LEAST:
+            allowed = CLOSE + abs(float(unknown[start:stop].sum())) / law
+            found.append((abs(work - law) / law, allowed, work, law, start, stop))
+    if not found:
+        return undecided("the tool does not slip in any closed lap")
+    off, allowed, work, law, start, stop = max(found, key=lambda each: each[0] - each[1])
+    what = (
+        f"{1e3 * work:.5g} mJ in a lap from t = {base.time[start]:.4g} s to {base.time[stop]:.4g} s, where the "
+        f"friction takes {1e3 * law:.5g} mJ"
+    )
+    return compared(
+        Metric(CHECK.metric, off, ""),
+        allowed,
+        {
+            **evidence_at(base, stop),
+            "from_time": float(base.time[start]),
+            "work_J": work,
+            "law_J": law,
+            "laps": len(found),
+        },
+        passes=f"the hand puts in what the friction takes: {what}",
+        fails=f"the hand does not put in what the friction takes: {what}",
+    )
+
+
+def _taken(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Array, Array]:
+    """Return the work (n - 1,), J, that the laws take over each step of the hand `moved` (n - 1, N), and its doubt."""
+    taken, unknown = np.zeros((2, len(moved)))
+    friction, bristles = scene.effect(FRICTION), scene.effect(LUGRE)
+    if friction is not None:
+        slip = np.diff(base.ihip, axis=0)
+        after = load.normals[1:]
+        across = np.sum(slip * after, axis=1)
+        along = np.linalg.norm(slip - across[:, np.newaxis] * after, axis=1)
+        normal = load.normal[1:]
+        # The law's force after the slip and what a law across the surface differs by from the scene's spring, times the
+        # slip, and what the spring falls by while the hand moves on.
+        taken += normal * (friction.mu_k * along - across)
+        taken -= np.sum((scene.stiffness * (base.ihip - base.hip) - base.force)[1:] * slip, axis=1)
+        taken += 0.5 * scene.stiffness * np.sum(slip * (slip - moved), axis=1)
+    taken += 0.5 * viscous(scene) * np.sum((load.velocity[1:] + load.velocity[:-1]) * moved, axis=1)
+    if bristles is not None:
+        held, straight = (_bristles(bristles, load, base.dt, parts) for parts in (1, FINER))
+        work = [0.5 * np.sum((each[1:] + each[:-1]) * moved, axis=1) for each in (held, straight)]
+        taken += work[1]
+        unknown += work[1] - work[0]
+    return taken, unknown
+
+
+def _stored(base: Recording, load: Load, scene: Scene) -> Array:
+    """Return what a tool that lags behind the hand stores at each tick, (n,), J."""
+    if scene.effect(FRICTION) is None:
+        return np.zeros(len(base))
+    pull = load.tangential + viscous(scene) * load.velocity
+    return np.asarray((load.normal**2 + np.sum(pull**2, axis=1)) / (2.0 * scene.stiffness))
+
+
+def _bristles(law: LuGre, load: Load, dt: float, parts: int) -> Array:
+    """Return -F_t of LuGre friction at each tick, (n, N), N: a speed that is held over each of `parts` of a tick.
+
+    With one part that is the speed of the tick, else it goes straight from the last to that of the tick.
+    """
+    force, z = np.zeros_like(load.velocity), np.zeros(load.velocity.shape[1])
+    for k in range(len(force)):
+        press = float(load.normal[k])
+        if not press > 0.0:
+            z[:] = 0.0
+            continue
+        size = float(np.linalg.norm(z))
+        z = z - (z @ load.normals[k]) * load.normals[k]
+        z *= min(size, law.mu_s * press / law.stiffness) / max(float(np.linalg.norm(z)), np.finfo(float).tiny)
+        now, before = load.velocity[k], load.velocity[max(k - 1, 0)]
+        for part in range(parts):
+            velocity = now if parts == 1 else before + (part + 0.5) / parts * (now - before)
+            z = _bent(law, z, velocity, press, dt / parts)
+        speed = float(np.linalg.norm(now))
+        rate = now - law.stiffness * speed / (press * float(law.limit(speed))) * z
+        force[k] = law.stiffness * z + float(law.damping_at(speed)) * rate + law.viscosity * now
+    return force
+
+
+def _bent(law: LuGre, z: Array, velocity: Array, press: float, dt: float) -> Array:
+    """Return z (N,), m, after `dt` s at a velocity (N,) that is held."""
+    speed = float(np.linalg.norm(velocity))
+    if speed == 0.0:
+        return z
+    limit = press * float(law.limit(speed))
+    settled = limit / (law.stiffness * speed) * velocity
+    return settled + (z - settled) * np.exp(-law.stiffness * speed * dt / limit)
+
+
+CHECK = Check(
+    id="friction-work",
+    phenomenon="none of the six: friction, thesis 4.3.3",
+    asks="Does the hand put as much work into a closed lap as the friction takes?",
+    formula="-sum of F . dx = sum of mu_k F_n |ds| + K ds.(ds - dx) / 2 over a lap; b v_t . dx; or that of LuGre's F_t",
+    citation="thesis (4.20)",
+    channels=("hip", "ihip", "force"),
+    reads_also=("velocity",),
+    metric="work of the hand less that of the friction's law, as a share of it",
+    unit="",
+    bound=(
+        "A tenth of a per cent. Over a lap on the same points a frictionless renderer takes nothing, and what the "
+        "spring stores is the same but for K^-1 F^2 / 2 of a tool that lags otherwise. Dry friction takes mu_k F_n "
+        "over each slip ds of the IHIP, and in a jump that begins at mu_s the spring's fall, K ds.(ds - dx) / 2, with"
+        " trapezoids on both sides: exact for a spring from IHIP to HIP, at any sampling rate. Where the law across "
+        "the surface is another, its difference from that spring, K (ihip - hip) - F, times ds comes off. On a plane,"
+        " pressed to d and led A cos, that is 4 mu K d (A - mu d) a cycle for mu_s = mu_k. Viscous friction takes b "
+        "v_t . dx. LuGre's law is solved for the recorded velocity and normal force, in eighths of a tick, exactly "
+        "for a speed that is held; what that differs by from whole ticks is allowed. The lap after the first that is "
+        "furthest off counts. A force that is up to three ticks late is held against the HIP of then."
+    ),
+    judge=judge,
+    effects=(FRICTION, VISCOUS_FRICTION, LUGRE),
+)

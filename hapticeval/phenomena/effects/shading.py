@@ -1,0 +1,285 @@
+"""Force shading (4.15): the force keeps its magnitude, turns without a jump, and gives the work of its closed form."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.passivity import laps
+from hapticeval.phenomena.sampling import (
+    LAG_TICKS,
+    NO_IHIP,
+    TELLS,
+    above_force_floor,
+    evidence_at,
+    force_floor,
+    lacks_ihip,
+)
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array, BoolArray
+
+SHADING = "shading"
+"""The kind of effect that these checks are of."""
+
+OTHER_WEIGHTS = 2.0
+"""Vertex normals of other weights turn along a facet by all that its two edges turn, ours by half of that."""
+
+
+class Shaded(NamedTuple):
+    """What a recording is held against, tick by tick: the force (n, N), N, without shading, and that force shaded.
+
+    `contact` (n,) is where both the recorded force and that without shading are above the floor; `rounding` (n,), N, is
+    what single precision leaves open of a force.
+    """
+
+    plain: Array
+    force: Array
+    contact: BoolArray
+    rounding: Array
+
+
+def shaded(runs: Runs, scene: Scene) -> Shaded | Finding:
+    """Return what the recorded force is held against, or why there is nothing."""
+    from hapticeval.effects.effect import Stage
+    from hapticeval.effects.shading import Shading, normals_at, turned
+
+    base, shading = runs.base, scene.effect(Shading)
+    assert shading is not None
+    assert runs.without is not None
+    others = [each.kind for each in scene.effects if each.stage is Stage.ANSWER and each.kind != SHADING]
+    if others:
+        message = f"the scene calls for {' and '.join(others)} too, whose force is not turned: shading is judged alone"
+        return Finding(Outcome.NOT_APPLICABLE, message)
+    if lacks_ihip(base, scene):
+        return undecided(NO_IHIP)
+    plain = runs.without(SHADING)
+    normals = normals_at(scene.model.boundary, shading.crease, plain.ihip, plain.hip)
+    contact = above_force_floor(base, scene) & above_force_floor(plain, scene)
+    if not contact.any():
+        return undecided("no force above the floor: the tool never presses on the surface")
+    size = np.maximum(*(np.linalg.norm(each.force, axis=1) for each in (base, plain)))
+    rounding = 4.0 * SINGLE * (size + scene.stiffness * float(np.max(np.abs(base.hip))))
+    return Shaded(plain.force, turned(plain.force, normals), contact, rounding)
+
+
+def angles(first: Array, second: Array) -> Array:
+    """Return the angles (n,), rad, between vectors (n, N); zero where one is zero."""
+    unit, other = (_unit(each) for each in (first, second))
+    return np.asarray(2.0 * np.arctan2(np.linalg.norm(unit - other, axis=1), np.linalg.norm(unit + other, axis=1)))
+
+
+def _unit(vectors: Array) -> Array:
+    size = np.linalg.norm(vectors, axis=1)[:, np.newaxis]
+    return np.asarray(np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0.0))
+
+
+def judge_direction(runs: Runs, scene: Scene) -> Finding:
+    """Compare how far the force turns from each tick to the next with how far the shaded normal does."""
+    found = shaded(runs, scene)
+    if isinstance(found, Finding):
+        return found
+    base = runs.base
+    pressed = found.contact[1:] & found.contact[:-1]
+    if not pressed.any():
+        return undecided("no two ticks of contact in a row")
+    turn, flat, smooth = (angles(each[1:], each[:-1]) for each in (base.force, found.plain, found.force))
+    open_ = np.divide(found.rounding, np.linalg.norm(base.force, axis=1), where=found.contact, out=np.zeros(len(base)))
+    allowed = OTHER_WEIGHTS * _widest(np.where(pressed, smooth, 0.0)) + open_[1:] + open_[:-1]
+    shows = pressed & (flat > allowed)
+    if not shows.any():
+        message = "the tool crosses no edge at which an unshaded force would turn farther: nothing to be smoothed"
+        return undecided(message)
+    excess = np.where(pressed, turn - allowed, -np.inf)
+    worst = int(np.argmax(excess)) if excess.max() > 0.0 else int(np.argmax(np.where(pressed, turn, -1.0)))
+    evidence = {
+        **evidence_at(base, worst + 1),
+        "turns_without_rad": float(flat[pressed].max()),
+        "edges_crossed": int(np.count_nonzero(shows)),
+    }
+    return compared(
+        Metric(DIRECTION.metric, float(turn[worst]), "rad"),
+        float(allowed[worst]),
+        evidence,
+        passes=(
+            f"turns by {_degrees(turn[pressed].max())} between two ticks at the most, where it would by "
+            f"{_degrees(flat[pressed].max())} without shading"
+        ),
+        fails=(
+            f"the force jumps: it turns by {_degrees(turn[worst])} in the tick before t = {base.time[worst + 1]:.4g} s "
+            f"(tick {worst + 1}), and shaded normals there by no more than {_degrees(allowed[worst])}"
+        ),
+    )
+
+
+def _widest(values: Array) -> Array:
+    """Return the largest of `values` (n,) within the granted lag of each."""
+    padded = np.pad(values, LAG_TICKS, mode="edge")
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * LAG_TICKS + 1).max(axis=1))
+
+
+def _degrees(angle: float) -> str:
+    return f"{np.degrees(angle):.3g} degrees"
+
+
+def judge_magnitude(runs: Runs, scene: Scene) -> Finding:
+    """Compare the force's magnitude with that without shading, at every tick."""
+    found = shaded(runs, scene)
+    if isinstance(found, Finding):
+        return found
+    base = runs.base
+    size, plain = (np.linalg.norm(each, axis=1) for each in (base.force, found.plain))
+    off = np.abs(size - plain)
+    share = off / np.maximum(plain, force_floor(scene))
+    allowed = found.rounding / np.maximum(plain, force_floor(scene))
+    clear = allowed <= TELLS
+    if not (clear & found.contact).any():
+        return undecided("rounding may make a tenth of the force throughout: its size cannot be measured")
+    judged = clear & (found.contact | (off > force_floor(scene)))
+    worst = int(np.argmax(np.where(judged, share - allowed, -np.inf)))
+    evidence = {**evidence_at(base, worst), "force_N": float(size[worst]), "without_N": float(plain[worst])}
+    return compared(
+        Metric(MAGNITUDE.metric, float(share[worst]), ""),
+        float(allowed[worst]),
+        evidence,
+        passes="the force is as large as without shading",
+        fails=(
+            f"the force is {size[worst]:.4g} N at t = {base.time[worst]:.4g} s (tick {worst}), and {plain[worst]:.4g} "
+            "N without shading: its normals are not of unit length"
+        ),
+    )
+
+
+def judge_work(runs: Runs, scene: Scene) -> Finding:
+    """Compare the work that shading adds once round a loop with that of interpolated unit normals."""
+    found = shaded(runs, scene)
+    if isinstance(found, Finding):
+        return found
+    base = runs.base
+    loops = [
+        (first + lap * period, first + (lap + 1) * period)
+        for first, period, number in laps(base.hip, scene.model.size)
+        for lap in range(1, number)
+    ]
+    loops = [(first, last) for first, last in loops if found.contact[first:last].any()]
+    if not loops:
+        return undecided("the hand goes round no closed loop twice: the work of a loop cannot be measured")
+    sums = [_work(base, each) for each in (base.force, found.force, found.plain)]
+    measured, expected, plain = (np.array([each[last] - each[first] for first, last in loops]) for each in sums)
+    length = np.linalg.norm(np.diff(base.hip, axis=0), axis=1)
+    rounding = np.concatenate([[0.0], np.cumsum(0.5 * (found.rounding[1:] + found.rounding[:-1]) * length)])
+    allowed = np.array([rounding[last] - rounding[first] for first, last in loops])
+    off = np.abs(measured - expected)
+    worst, most = int(np.argmax(off - allowed)), int(np.argmax(np.abs(measured - plain)))
+    added = float((measured - plain)[most])
+    evidence = {
+        **evidence_at(base, loops[worst][1]),
+        "from_time": float(base.time[loops[worst][0]]),
+        "work_J": float(measured[worst]),
+        "work_of_unit_normals_J": float(expected[worst]),
+        "shading_adds_J": added,
+        "loops": len(loops),
+    }
+    where = f"round the loop that ends at t = {base.time[loops[worst][1]]:.4g} s"
+    return compared(
+        Metric(WORK.metric, float(off[worst]), "J"),
+        float(allowed[worst]),
+        evidence,
+        passes=(
+            f"shading is not passive: once round this loop it gives the hand {1e3 * abs(added):.4g} mJ, or takes as "
+            "much the other way round"
+            if abs(added) > float(allowed[most])
+            else "shading does no work round this loop"
+        ),
+        fails=(
+            f"{where} the hand gets {1e3 * measured[worst]:.4g} mJ, and shaded by unit normals it would "
+            f"{1e3 * expected[worst]:.4g} mJ"
+        ),
+    )
+
+
+def _work(base: Recording, force: Array) -> Array:
+    """Return the work (n,), J, that a force (n, N) gives to the hand from the first tick on, by the trapezoid."""
+    steps = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(base.hip, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+WITHOUT = {Sibling.WITHOUT: "the same path in the scene without shading"}
+NEEDS = {
+    Sibling.WITHOUT: undecided("the force without shading is not known: the hand is not led along a path that we give")
+}
+HELD_AGAINST = (
+    "Held against the force that the renderer gives on the same path in the scene without shading, turned as the "
+    "normal is turned: at a vertex the unit normal halfway between its facets', unless the edge turns by more than the "
+    "scene's crease; along a facet unit(sum of a_i n_i) at the IHIP. Not asked in a scene with other effects of the "
+    "surface. "
+)
+DIRECTION = Check(
+    id="shading-direction",
+    phenomenon="none of the six: force shading, thesis 4.3.1",
+    asks="Does the force turn from facet to facet without a jump?",
+    formula="angle(F[i], F[i+1]) <= 2 max over i +- 3 of angle(n_e[j], n_e[j+1]), n_e = unit(sum of a_i n_i)",
+    citation="thesis (4.15)",
+    channels=("hip", "ihip", "force"),
+    siblings=WITHOUT,
+    needs=NEEDS,
+    effects=(SHADING,),
+    metric="turn of the force from a tick to the next",
+    unit="rad",
+    bound=HELD_AGAINST
+    + (
+        "Between two ticks that turns by less than 2 tan(w / 2) / L of the IHIP's way, with w what the normals at both "
+        "ends of a facet of length L differ by, and by as much as the IHIP leaps. Allowed is twice the largest such "
+        "turn within three ticks, the lag that is granted: vertex normals of other weights turn along a facet by all "
+        "that its two edges turn, ours by half of that. Single precision comes on top, 4 * 2^-23 of the force and of K "
+        "times the coordinates. It is inconclusive where an unshaded force would not turn by more than that either."
+    ),
+    judge=judge_direction,
+)
+MAGNITUDE = Check(
+    id="shading-magnitude",
+    phenomenon="none of the six: force shading, thesis 4.3.1",
+    asks="Is the shaded force as large as the force without shading?",
+    formula="|F| = |F without shading| at every tick: |n_e| = 1",
+    citation="thesis (4.15), renormalised",
+    channels=("hip", "ihip", "force"),
+    siblings=WITHOUT,
+    needs=NEEDS,
+    effects=(SHADING,),
+    metric="force less that without shading, as a share of it",
+    unit="",
+    bound=HELD_AGAINST
+    + (
+        "A turn changes no length, so that nothing is allowed but single precision, 4 * 2^-23 of the force and of K "
+        "times the coordinates. (4.15) as it is printed, without renormalising, is cos(pi/n) in the middle of a facet "
+        "of an n-gon: 7.6 % soft for n = 8 and .31 % for n = 40. Ticks at which rounding is a tenth are not judged."
+    ),
+    judge=judge_magnitude,
+)
+WORK = Check(
+    id="shading-work",
+    phenomenon="none of the six: what force shading gives to the hand, thesis 4.3.1",
+    asks="How much energy does shading give the hand round this loop, and is it as much as that of unit normals?",
+    formula="W = sum of F.dx once round = K (d2 - d1)(L/2) tan(theta/2) - K/2 (d2^2 - d1^2)(1 - cos theta), by path",
+    citation="thesis 4.3.1, (4.15)",
+    channels=("hip", "ihip", "force"),
+    siblings=WITHOUT,
+    needs=NEEDS,
+    effects=(SHADING,),
+    metric="work once round a loop less that of interpolated unit normals",
+    unit="J",
+    bound=HELD_AGAINST
+    + (
+        "Shading is not passive: from the middle of a facet of length L to its end at depth d1, down to d2 and back, "
+        "the hand gets or gives the formula's work, theta being half of what the edge turns (n-gon: pi/n). The check "
+        "sums both forces by the trapezoid over each closed lap after the first, so that its error cancels; single "
+        "precision of the force times the way is allowed. A pass says what shading gives or takes there, and that it "
+        "is what unit normals make of it."
+    ),
+    judge=judge_work,
+)
+CHECKS = (DIRECTION, MAGNITUDE, WORK)
+"""The checks of this module."""

@@ -1,0 +1,365 @@
+"""Stochastic textures: vibrations with the spectrum that the scene's texture has at that speed and force."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.sampling import above_force_floor, evidence_at
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.recordings.recording import Recording, backward_difference
+from hapticeval.scene import Scene
+from hapticeval.types import Array, BoolArray
+
+TEXTURE = "stochastic-texture"
+"""The kind of effect that these checks are of."""
+
+STEADY = 0.01
+"""Share by which speed and force may differ within a stretch: less than a tenth of a decibel in texture models."""
+
+SETTLES = 0.25
+"""Seconds that the vibrations of a stretch have to settle: twelve time constants of a low-pass at 10 Hz."""
+
+WINDOW = 256
+"""Samples of a window of Welch's estimate; half of them are shared with the next."""
+
+CLEAR = 1.0
+"""Decibels that a check has to tell apart: a stretch so short that chance makes as much decides nothing."""
+
+PARTS = 8
+"""Parts of a stretch whose power is compared."""
+
+APART = 3.0
+"""Decibels by which stretches are to differ, to tell whether the amplitude follows speed and force."""
+
+SHORTEST = 1.5
+"""Seconds of a stretch, settled, from which its power is compared with that of others."""
+
+CHANCE = 1e-3
+"""Probability with which a right texture exceeds a bound by chance."""
+
+DECIBELS = 10.0 / math.log(10.0)
+
+
+class Stretch(NamedTuple):
+    """Vibrations (n,), m/s^2, a sample of the texture each, at one speed (m/s) and press (N), from row `first` on."""
+
+    first: int
+    speed: float
+    press: float
+    vibration: Array
+
+
+def stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
+    """Return the stretches of steady speed and force, longest first, or why there is none."""
+    from hapticeval.effects.effect import Stage
+    from hapticeval.effects.stochastic_texture import StochasticTexture
+
+    base, effect = runs.base, scene.effect(StochasticTexture)
+    assert effect is not None
+    assert runs.without is not None
+    others = [each.kind for each in scene.effects if each.stage is Stage.ANSWER and each.kind != TEXTURE]
+    if others:
+        message = f"the scene calls for {' and '.join(others)} too, which answer vibrations: texture is judged alone"
+        return Finding(Outcome.NOT_APPLICABLE, message)
+    every = 1.0 / (effect.model.rate * base.dt)
+    if abs(every - round(every)) > STEADY:
+        return undecided(f"the recording has {every:.4g} ticks a sample of the texture: no whole number")
+    plain = runs.without(TEXTURE)
+    normal = scene.model.boundary.closest_point(plain.ihip).normal
+    press = np.sum(plain.force * normal, axis=1)
+    velocity = backward_difference(base.hip, base.time)
+    slide = velocity - np.sum(velocity * normal, axis=1)[:, np.newaxis] * normal
+    speed = np.linalg.norm(slide, axis=1)
+    way = np.divide(slide, speed[:, np.newaxis], out=np.zeros_like(slide), where=speed[:, np.newaxis] > 0.0)
+    if effect.direction != "along":
+        way = normal if effect.direction == "normal" else np.cross(way, normal)
+    shaken = np.sum((base.force - plain.force) * way, axis=1) / effect.mass
+    settles = math.ceil(SETTLES / base.dt)
+    pressed = above_force_floor(plain, scene)
+    found = []
+    for first, last in _steady(speed, press, pressed & (speed > 0.0)):
+        rows = slice(first + settles, last, round(every))
+        if last - first > settles + 1:
+            means = float(speed[first + 1 : last].mean()), float(press[first + 1 : last].mean())
+            found.append(Stretch(first + settles, *means, shaken[rows]))
+    if not found:
+        message = f"the hand never slides for {SETTLES:g} s at a steady speed and force: nothing to be measured"
+        return undecided(message)
+    return sorted(found, key=lambda each: -each.vibration.size)
+
+
+def _steady(speed: Array, press: Array, where: BoolArray) -> list[tuple[int, int]]:
+    """Return first and last row, exclusive, of stretches in which both stay within `STEADY` of what they begin with."""
+    found, row = [], 0
+    while row < speed.size:
+        if not where[row]:
+            row += 1
+            continue
+        near = where[row:].copy()
+        for each in (speed, press):
+            near &= np.abs(each[row:] - each[row]) <= STEADY * each[row]
+        count = int(np.argmin(near)) if not near.all() else near.size
+        found.append((row, row + count))
+        row += count
+    return found
+
+
+def _asked(scene: Scene, stretch: Stretch, count: int) -> Array:
+    """Return the covariance (count,), (m/s^2)^2, that the scene's texture has in a stretch."""
+    from hapticeval.effects.stochastic_texture import StochasticTexture
+    from hapticeval.effects.texture import autocovariance
+
+    effect = scene.effect(StochasticTexture)
+    assert effect is not None
+    return autocovariance(effect.model.between(stretch.speed, stretch.press), count)
+
+
+def _spread(covariance: Array, count: int) -> float:
+    """Return the variance of the mean square of `count` samples, as a share of its mean squared: Isserlis's theorem."""
+    lags = np.arange(1, min(covariance.size, count))
+    share = (covariance[lags] / covariance[0]) ** 2 * (1.0 - lags / count)
+    return float(2.0 / count * (1.0 + 2.0 * share.sum()))
+
+
+def _told(scene: Scene, stretch: Stretch, base: Recording) -> dict[str, object]:
+    """Return as evidence where a stretch is and what its power is and should be."""
+    covariance = _asked(scene, stretch, 2)
+    return {
+        **evidence_at(base, stretch.first),
+        "seconds": float(stretch.vibration.size * base.dt),
+        "speed_m_s": stretch.speed,
+        "force_N": stretch.press,
+        "rms_m_s2": float(np.sqrt(np.mean(stretch.vibration**2))),
+        "rms_of_the_texture_m_s2": math.sqrt(float(covariance[0])),
+    }
+
+
+def welch_of(covariance: Array) -> Array:
+    """Return what Welch's estimate of a process tends to, (129,), by its `covariance` (256,), a sample a unit of time.
+
+    The sum of the covariance times the window's correlation with itself.
+    """
+    from scipy.signal import get_window
+
+    window = get_window("hann", WINDOW)
+    lags = covariance[:WINDOW] * np.correlate(window, window, "full")[WINDOW - 1 :] / (window @ window)
+    both = np.concatenate([lags, [0.0], lags[:0:-1]])
+    return np.asarray(2.0 * np.fft.rfft(both).real[::2])
+
+
+def spectrum_bound(count: int) -> float:
+    """Return the 99.9 % quantile (dB) of the rms over bins by which Welch's estimate of `count` samples is off.
+
+    Of K windows that overlap by half, a bin's power has the variance v = (1 + 2 (1 - 1/K) / 36) / K as a share of its
+    mean squared, for Hann's window correlates by 1/6 with itself half a window later; its logarithm that of a gamma
+    distribution's, trigamma(1/v). Powers of neighbouring bins correlate by 4/9 and those beyond by 1/36, so that the
+    mean of 126 squares has the freedom of 126 / (1 + 2 (4/9)^2 + 2 (1/36)^2) = 90 of them.
+    """
+    from scipy.special import polygamma
+    from scipy.stats import chi2
+
+    windows = max((count - WINDOW // 2) // (WINDOW // 2), 1)
+    share = (1.0 + 2.0 * (1.0 - 1.0 / windows) / 36.0) / windows
+    freedom = (WINDOW // 2 - 2) / (1.0 + 2.0 * (4.0 / 9.0) ** 2 + 2.0 * (1.0 / 36.0) ** 2)
+    deviation = DECIBELS * math.sqrt(float(polygamma(1, 1.0 / share)))
+    return deviation * math.sqrt(float(chi2.ppf(1.0 - CHANCE, freedom)) / freedom)
+
+
+def judge_spectrum(runs: Runs, scene: Scene) -> Finding:
+    """Compare Welch's estimate over the longest stretch with what it tends to for the texture."""
+    from scipy.signal import welch
+
+    found = stretches(runs, scene)
+    if isinstance(found, Finding):
+        return found
+    longest = found[0]
+    covariance = _asked(scene, longest, WINDOW)
+    if not covariance[0] > 0.0:
+        return undecided("the texture is at rest at the speed and force of the longest steady stretch")
+    count = longest.vibration.size
+    bound = spectrum_bound(count)
+    if bound > CLEAR or count < 2 * WINDOW:
+        return undecided(
+            f"the longest steady stretch has {count} samples: by chance its spectrum is off by {bound:.3g} dB, and "
+            f"{CLEAR:g} dB is to be told"
+        )
+    frequency, power = welch(longest.vibration, 1.0, nperseg=WINDOW)
+    with np.errstate(divide="ignore"):
+        error = DECIBELS * np.log(power / welch_of(covariance))[2:-1]
+    error = np.maximum(error, -1e3)
+    rms, mean, worst = float(np.sqrt(np.mean(error**2))), float(error.mean()), int(np.argmax(np.abs(error)))
+    rate = 1.0 / (runs.base.dt * max(round(1.0 / (_rate(scene) * runs.base.dt)), 1))
+    evidence = _told(scene, longest, runs.base) | {
+        "mean_error_dB": mean,
+        "worst_error_dB": float(error[worst]),
+        "worst_at_Hz": float(rate * frequency[2 + worst]),
+    }
+    where = f"at {longest.speed:.3g} m/s and {longest.press:.3g} N, over {count / rate:.3g} s"
+    return compared(
+        Metric(SPECTRUM.metric, rms, "dB"),
+        bound,
+        evidence,
+        passes=f"{where} the spectrum is the texture's, {rms:.2g} dB off in the rms",
+        fails=(
+            f"{where} the spectrum is {rms:.3g} dB off in the rms, {mean:+.2g} dB in the mean, and {error[worst]:+.3g} "
+            f"dB near {rate * frequency[2 + worst]:.3g} Hz; chance makes {bound:.2g} dB"
+        ),
+    )
+
+
+def _rate(scene: Scene) -> float:
+    from hapticeval.effects.stochastic_texture import StochasticTexture
+
+    effect = scene.effect(StochasticTexture)
+    assert effect is not None
+    return effect.model.rate
+
+
+def judge_stationary(runs: Runs, scene: Scene) -> Finding:
+    """Compare the power in parts of the longest stretch with that in all of it."""
+    from scipy.stats import gamma
+
+    found = stretches(runs, scene)
+    if isinstance(found, Finding):
+        return found
+    longest = found[0]
+    size = longest.vibration.size // PARTS
+    covariance = _asked(scene, longest, WINDOW)
+    if size < WINDOW or not covariance[0] > 0.0:
+        message = f"the longest steady stretch has {longest.vibration.size} samples: its parts are too short to compare"
+        return undecided(message)
+    power = np.mean(longest.vibration[: PARTS * size].reshape(PARTS, size) ** 2, axis=1)
+    if not power.mean() > 0.0:
+        return undecided("the longest steady stretch has no vibrations")
+    share = 1.0 / _spread(covariance, size)
+    tail = 0.5 * CHANCE / PARTS
+    bound = max(abs(DECIBELS * math.log(float(gamma.ppf(p, share)) / share)) for p in (tail, 1.0 - tail))
+    with np.errstate(divide="ignore"):
+        off = np.maximum(DECIBELS * np.log(power / power.mean()), -1e3)
+    worst = int(np.argmax(np.abs(off)))
+    evidence = _told(scene, longest, runs.base) | {"parts_dB": [float(each) for each in off]}
+    part = f"the {('first', 'second', 'third', 'fourth', 'fifth', 'sixth', 'seventh', 'last')[worst]} eighth"
+    return compared(
+        Metric(STATIONARY.metric, abs(float(off[worst])), "dB"),
+        bound,
+        evidence,
+        passes=f"at a steady speed and force the power stays the same, within {abs(off[worst]):.2g} dB",
+        fails=f"{part} of the stretch has {off[worst]:+.3g} dB of the mean power, and chance makes {bound:.2g} dB",
+    )
+
+
+def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
+    """Compare the powers of stretches of other speeds and forces with each other, as the texture's compare."""
+    from scipy.special import polygamma
+    from scipy.stats import norm
+
+    found = stretches(runs, scene)
+    if isinstance(found, Finding):
+        return found
+    least = SHORTEST * _rate(scene)
+    asked = [(each, _asked(scene, each, WINDOW)) for each in found if each.vibration.size >= least]
+    asked = [(each, covariance) for each, covariance in asked if covariance[0] > 0.0]
+    level = np.array([DECIBELS * math.log(float(covariance[0])) for _, covariance in asked])
+    if level.size < 2 or np.ptp(level) < APART:
+        return undecided(
+            f"{level.size} steady stretches of {SHORTEST:g} s whose rms should differ by "
+            f"{float(np.ptp(level)) if level.size else 0.0:.2g} dB: {APART:g} dB show if it follows speed and force"
+        )
+    with np.errstate(divide="ignore"):
+        power = np.array([np.mean(each.vibration**2) for each, _ in asked])
+        error = np.maximum(DECIBELS * np.log(power), -1e3) - level
+    own = np.array([polygamma(1, 1.0 / _spread(covariance, each.vibration.size)) for each, covariance in asked])
+    count = level.size
+    deviation = DECIBELS * np.sqrt(own * (1.0 - 2.0 / count) + own.sum() / count**2)
+    allowed = float(norm.ppf(1.0 - 0.5 * CHANCE / count)) * deviation
+    off = error - error.mean()
+    worst = int(np.argmax(np.abs(off) / allowed))
+    stretch = asked[worst][0]
+    evidence = _told(scene, stretch, runs.base) | {
+        "stretches": [
+            {"speed_m_s": each.speed, "force_N": each.press, "off_dB": float(gap)}
+            for (each, _), gap in zip(asked, off, strict=True)
+        ]
+    }
+    return compared(
+        Metric(AMPLITUDE.metric, abs(float(off[worst])), "dB"),
+        float(allowed[worst]),
+        evidence,
+        passes=(
+            f"over {count} stretches, whose rms should differ by {np.ptp(level):.3g} dB, it follows speed and force "
+            f"within {abs(off[worst]):.2g} dB"
+        ),
+        fails=(
+            f"at {stretch.speed:.3g} m/s and {stretch.press:.3g} N the rms is {off[worst]:+.3g} dB from what the other "
+            f"stretches make of it, and chance makes {allowed[worst]:.2g} dB"
+        ),
+    )
+
+
+MADE = (
+    "Vibrations are the force less that on the same path in the scene without the texture, along the texture's "
+    "direction, over its mass, a sample of the texture each; in stretches in which speed and normal force stay within "
+    "1 %, after 0.25 s in which they settle. The texture's are those of the filter that its line spectral frequencies "
+    "give at that speed and force. Not asked in a scene with other effects of the surface. "
+)
+SHARED = {
+    "phenomenon": "none of the six: stochastic textures, thesis 4.3.2",
+    "citation": "thesis 4.3.2 [99]",
+    "channels": ("hip", "ihip", "force"),
+    "siblings": {Sibling.WITHOUT: "the same path in the scene without the texture"},
+    "needs": {
+        Sibling.WITHOUT: undecided("the force without texture is not known: the hand is not led along a given path")
+    },
+    "effects": (TEXTURE,),
+    "unit": "dB",
+}
+SPECTRUM = Check(
+    id="texture-spectrum",
+    asks="Do the vibrations have the spectrum that the texture has at that speed and force?",
+    formula="rms over bins of 10 lg(P / E P) with P of Welch's method, windows of 256 samples",
+    metric="rms error of the spectrum",
+    bound=MADE
+    + (
+        "E P is the texture's spectrum as the window smears it: the transform of its covariance times the window's own "
+        "correlation. The bound is the 99.9 % quantile of the error of a right texture: a bin's power over K windows "
+        "that overlap by half has the variance 1.06 / K of its mean squared, and 126 bins, of which neighbours "
+        "correlate by 4/9, the freedom of 90: .63 dB for 10 s at 1 kHz, where 1 dB too much throughout is 1.12 dB. "
+        "Inconclusive where chance makes 1 dB: under 4 s of steady speed and force."
+    ),
+    judge=judge_spectrum,
+    **SHARED,  # type: ignore[arg-type]
+)
+STATIONARY = Check(
+    id="texture-stationary",
+    asks="Do the vibrations stay as strong as they are while speed and force do?",
+    formula="max over eighths i of |10 lg(P_i / mean P)|, P the mean square",
+    metric="power of an eighth against the mean",
+    bound=MADE
+    + (
+        "The mean square of m samples with covariance r has the variance 2 / m sum of (r_k / r_0)^2 of its mean "
+        "squared, and nearly a gamma distribution: the bound is its quantile that one of eight exceeds on either side "
+        "in one run of a thousand."
+    ),
+    judge=judge_stationary,
+    **SHARED,  # type: ignore[arg-type]
+)
+AMPLITUDE = Check(
+    id="texture-amplitude",
+    asks="Do the vibrations grow with speed and force as those of the texture do?",
+    formula="max over stretches j of |e_j - mean e|, e_j = 10 lg(P_j / r_0 of the texture at v_j and F_j)",
+    metric="power of a stretch against the others",
+    bound=MADE
+    + (
+        "A level that is off throughout is the spectrum's; here stretches of 1.5 s or more are compared with each "
+        "other. The bound is the quantile that one of them exceeds in one run of a thousand, by the variance of their "
+        "mean squares. Inconclusive unless the texture makes 3 dB of difference between them."
+    ),
+    judge=judge_amplitude,
+    **SHARED,  # type: ignore[arg-type]
+)
+CHECKS = (SPECTRUM, STATIONARY, AMPLITUDE)
+"""The checks of this module."""

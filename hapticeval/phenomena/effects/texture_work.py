@@ -1,0 +1,103 @@
+"""The work that a relief of the surface gives the hand round a loop: none for a potential, and how much otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.passivity import FINEST, Sampled, laps
+from hapticeval.phenomena.sampling import above_force_floor, evidence_at
+from hapticeval.phenomena.verdict import Finding, Level, Metric, compared, undecided
+from hapticeval.recordings.recording import SINGLE
+from hapticeval.scene import Scene
+
+HEIGHT, BUMP = "height-map", "bump-map"
+"""The kinds of effects that this check is of."""
+
+KNOWN = 1e-3
+"""Share of the work that crosses in a lap up to which what is open of it may stay so."""
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Sum the work of each lap in contact after the first, and judge the one in which the hand gains most."""
+    from hapticeval.effects.height_map import Relief
+
+    assert runs.refine is not None
+    base = runs.base
+    relief = next(each for each in scene.effects if each.kind in CHECK.effects)
+    assert isinstance(relief, Relief)
+    pressed = above_force_floor(base, scene)
+    loops = [
+        (first + lap * period, first + (lap + 1) * period)
+        for first, period, number in laps(base.hip, scene.model.size)
+        for lap in range(1, number)
+    ]
+    loops = [(first, last) for first, last in loops if pressed[first:last].all() and last < len(base)]
+    if not loops:
+        return undecided("the hand goes round no closed loop in contact twice: the work of a loop cannot be measured")
+    first, last = np.array(loops).T
+    largest = float(np.max(np.abs(base.hip)))
+    for finest in FINEST:
+        half, whole = (Sampled(runs.refine(factor), factor, scene) for factor in (finest // 2, finest))
+        before, work, error, crossed, path, effort = (
+            each[last] - each[first]
+            for each in (half.smooth, whole.smooth, whole.error, whole.crossed, whole.path, whole.effort)
+        )
+        allowed = np.abs(work - before) + error + 4.0 * SINGLE * (scene.stiffness * largest * path + effort)
+        gains = work > allowed
+        if gains.any() or np.all(allowed <= KNOWN * crossed):
+            break
+    else:
+        return undecided("refinement does not settle the work of a lap")
+    worst = int(np.argmax(work - allowed))
+    gain = float(work[worst])
+    limit = relief.fastest(base.dt)
+    evidence = {
+        **evidence_at(base, int(last[worst])),
+        "from_time": float(base.time[first[worst]]),
+        "crossed_J": float(crossed[worst]),
+        "laps": len(loops),
+        "aliases_above_m_s": limit,
+    }
+    what = f"waves of {1e3 * relief.finest:.4g} mm, which alias above {limit:.4g} m/s"
+    by = f"{1e3 * gain:.4g} mJ of the {1e3 * crossed[worst]:.3g} mJ that cross"
+    finding = compared(
+        Metric(CHECK.metric, gain, "J"),
+        float(allowed[worst]),
+        evidence,
+        passes=f"{what}: a lap gives the hand nothing ({1e3 * gain:.2g} mJ, {1e3 * allowed[worst]:.2g} mJ open)",
+        fails=f"{what}: in the lap that ends at t = {base.time[last[worst]]:.4g} s the hand gets {by}",
+    )
+    why = relief.active(scene.damping)
+    if why is None:
+        return finding
+    return replace(finding, level=Level.INFO, message=f"{finding.message}; shown only, for {why}")
+
+
+CHECK = Check(
+    id="texture-work",
+    phenomenon="none of the six: what a relief of the surface gives to the hand, thesis 4.3.2",
+    asks="Does a lap along the relief, and in and out of it, give the hand no work?",
+    formula="W = sum of F.dx over a closed lap <= 0 as h -> 0; of a potential U = K (d + h)^2 / 2 it is 0",
+    citation="thesis 4.3.2, (4.16)",
+    channels=("hip", "force"),
+    siblings={Sibling.REFINE: "the same stimulus at 2 and 4, and while undecided 8 and 16 times the sampling rate"},
+    needs={Sibling.REFINE: undecided("the recording cannot be refined: the sampling's share in the work is not known")},
+    effects=(HEIGHT, BUMP),
+    metric="work that the hand gets in a lap",
+    unit="J",
+    bound=(
+        "The lap after the first, in contact throughout, in which the hand gains most; the work is the trapezoid's at "
+        "four times the base rate, and at more while that does not decide. Allowed is what is open: the last change "
+        "with the rate, which is all of what a late renderer seems to give; the trapezoid's error, (1/2) sum of "
+        "|(F[i-1] - 2 F[i] + F[i+1]) . dx|; and single precision. It passes where that is at most a thousandth of "
+        "what crosses. A relief along which only the normal is turned, as (4.16) has it, is no potential: between "
+        "depths d1 and d2, a quarter of a wave long, K (d2 - d1)(wavelength / 2 pi) atan a - K/2 (d2^2 - d1^2)"
+        "(1 - cos atan a) with a = 2 pi amplitude / wavelength, .0106 mJ for 20 um every .5 mm. What that gives is "
+        "shown, at level info, for it is what is in print. Without 1 / (1 - kappa d) a height map on a circle of 20 mm "
+        "gives .004 mJ."
+    ),
+    judge=judge,
+)

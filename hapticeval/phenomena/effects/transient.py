@@ -1,0 +1,348 @@
+"""What begins with a contact: on time, with the impulse that it should have, and ringing as it should."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.effects.vibration import NOISE, SURE, fit
+from hapticeval.phenomena.sampling import TELLS, evidence_at, force_floor, touching
+from hapticeval.phenomena.sampling import rounding as rounding_of
+from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+IMPULSE, RINGING, RECORDED = "contact-impulse", "contact-transient", "recorded-impulse"
+KINDS = (IMPULSE, RINGING, RECORDED)
+"""The kinds of effects that these checks are of."""
+
+CLOSE = 1e-9
+"""Share by which an impulse may be off: e^-21, of what a vibration still has to give after 21 decay times."""
+
+TAIL = 21.0
+"""Decay times after which a vibration has given its impulse but for `CLOSE` of it."""
+
+LATE = 1
+"""Ticks after the one in which a contact begins, in which what it starts may begin."""
+
+DOUBLE = 2.0**-52
+"""Spacing of double-precision numbers around 1."""
+
+
+class Struck(NamedTuple):
+    """One contact: its ticks [begin, end), and the force (n,), N, added along the normal in these ticks.
+
+    `across` (N s) is the impulse that is added along the surface. `speed` (m/s) is that of the approach, `expected`
+    (N s) the impulse that the effect gives it in `needs` seconds, and `rounding` (n,), N, what number formats leave
+    open of the added force.
+    """
+
+    begin: int
+    end: int
+    added: Array
+    across: float
+    speed: float
+    expected: float
+    needs: float
+    rounding: Array
+
+    @property
+    def late(self) -> int | None:
+        """Ticks until a force is added; None where none is."""
+        starts = np.flatnonzero(np.abs(self.added) > self.rounding)
+        return int(starts[0]) if starts.size else None
+
+
+def impulse_of(effect: Any, scene: Scene, place: Array, normal: Array, speed: float) -> tuple[float, float]:
+    """Return the impulse (N s) that a contact at `place` (N,) is given, and the seconds until it has it."""
+    from hapticeval.devices.device import apparent_mass
+
+    if effect.kind == IMPULSE:
+        given = (1.0 + scene.restitution) * apparent_mass(scene.robot, place, normal) * speed
+        effort, lasts = given, scene.sampling_time
+    elif effect.kind == RINGING:
+        omega = 2.0 * math.pi * effect.frequency
+        given = effect.amplitude * speed * omega / (effect.decay**2 + omega**2)
+        effort, lasts = effect.amplitude * speed / effect.decay, TAIL / effect.decay
+    else:
+        given = math.fsum(effect.pulse) * effect.step
+        effort, lasts = math.fsum(map(abs, effect.pulse)) * effect.step, (len(effect.pulse) + 1) * effect.step
+    return given, lasts + (0.0 if math.isinf(effect.cap) else effort / effect.cap)
+
+
+def contacts(base: Recording, plain: Recording, scene: Scene, effect: Any) -> list[Struck]:
+    """Return the contacts that begin with an approach, by a recording of the scene without the effect.
+
+    A hand that is on the surface to single precision may be in contact or not: one that adds a force there begins it.
+    """
+    dt, boundary = base.dt, scene.model.boundary
+    touches = touching(plain, scene)
+    edges = np.flatnonzero(np.diff(touches.astype(np.int8))) + 1
+    velocity = base.velocity if "velocity" in base.channels else backward_difference(base.hip, base.time)
+    added = base.force - plain.force
+    single = bool(np.all(base.force.astype(np.float32) == base.force))
+    largest = np.maximum(*(np.linalg.norm(each.force, axis=1) for each in (base, plain)))
+    rounding = 4.0 * (SINGLE if single else DOUBLE) * largest
+    found = []
+    for touch in edges[touches[edges]].tolist():
+        end = int(min(edges[edges > touch], default=len(base)))
+        grazes = boundary.signed_distance(base.hip[touch - 1 : touch])[0] <= rounding_of(scene)
+        begin = touch - 1 if grazes and np.linalg.norm(added[touch - 1]) > rounding[touch - 1] else touch
+        rows = slice(begin, end)
+        normal = boundary.closest_point(plain.ihip[touch : touch + 1]).normal[0]
+        along = added[rows] @ normal
+        across = float(np.linalg.norm((added[rows] - along[:, np.newaxis] * normal).sum(axis=0))) * dt
+        given = float(np.sum(along)) * dt
+        # One that answers a tick late may know speed and place of that tick.
+        may = range(begin, min(begin + LATE + 1, end))
+        speeds = [max(-float(velocity[tick] @ normal), 0.0) for tick in may]
+        totals = [
+            (*impulse_of(effect, scene, base.hip[tick], normal, speed), speed)
+            for tick, speed in zip(may, speeds, strict=True)
+        ]
+        expected, needs, speed = min(totals, key=lambda each: abs(each[0] - given))
+        if speeds[0] > 0.0:
+            found.append(Struck(begin, end, along, across, speed, expected, needs + LATE * dt, rounding[rows]))
+    return found
+
+
+def _effects(scene: Scene, kinds: tuple[str, ...]) -> list[Any]:
+    return [each for each in scene.effects if each.kind in kinds]
+
+
+def judge_each(
+    judge: Callable[[Runs, Scene, Any, Recording], Finding], kinds: tuple[str, ...], runs: Runs, scene: Scene
+) -> Finding:
+    """Judge each effect of `kinds` that the scene calls for; return the worst finding."""
+    assert runs.without is not None
+    findings = [judge(runs, scene, each, runs.without(each.kind)) for each in _effects(scene, kinds)]
+    return max(findings, key=lambda each: _severity(each))
+
+
+def _severity(finding: Finding) -> tuple[int, float]:
+    order = ("not-applicable", "pass", "inconclusive", "fail", "error")
+    margin = finding.margin
+    return order.index(finding.outcome), -margin if margin is not None else 0.0
+
+
+NONE = "no contact begins: the hand does not come from free space, or never touches"
+
+
+def judge_onset(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Finding:
+    """Measure the ticks from the one in which a contact begins to the first force that is added."""
+    base = runs.base
+    found = contacts(base, plain, scene, effect)
+    if not found:
+        return undecided(NONE)
+    # Without a force, and out of the surface by more than single precision.
+    free = ~touching(plain, scene) & ~plain.force.any(axis=1)
+    free &= scene.model.boundary.signed_distance(plain.hip) > rounding_of(scene)
+    stray = np.where(free, np.linalg.norm(base.force - plain.force, axis=1), 0.0)
+    if stray.max() > force_floor(scene):
+        tick = int(np.argmax(stray > force_floor(scene)))
+        off = min(max(each.begin - tick, tick - each.end + 1) for each in found)
+        message = (
+            f"the {effect.kind} acts in free space: {stray[tick]:.3g} N at t = {base.time[tick]:.4g} s (tick {tick})"
+        )
+        metric = Metric("ticks from a contact to a force without one", float(off), "ticks")
+        return compared(metric, 0.0, evidence_at(base, tick), passes="", fails=message)
+    if all(each.end - each.begin <= LATE for each in found):
+        return undecided("no contact lasts longer than what it starts may be late")
+    late = [each.end - each.begin if each.late is None else each.late for each in found]
+    worst = int(np.argmax(late))
+    begin = found[worst].begin
+    contact = f"the contact that begins at t = {base.time[begin]:.4g} s (tick {begin}) starts"
+    return compared(
+        Metric(ONSET.metric, float(late[worst]), "ticks"),
+        float(LATE),
+        {**evidence_at(base, begin), "contacts": len(found)},
+        passes=f"{len(found)} contacts start a {effect.kind} each, {late[worst]} ticks after they begin at the latest",
+        fails=f"{contact} no {effect.kind}" if found[worst].late is None else f"{contact} it {late[worst]} ticks late",
+    )
+
+
+def judge_impulse(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Finding:
+    """Compare the impulse that is added in each contact with the effect's."""
+    base, dt = runs.base, runs.base.dt
+    every = contacts(base, plain, scene, effect)
+    if not every:
+        return undecided(NONE)
+    found = [each for each in every if (each.end - each.begin) * dt >= each.needs * (1.0 - CLOSE)]
+    if not found:
+        longest = max(every, key=lambda each: each.end - each.begin)
+        return undecided(
+            f"no contact lasts as long as the {effect.kind} needs: {longest.needs:.3g} s, and the longest is "
+            f"{(longest.end - longest.begin) * dt:.3g} s"
+        )
+    given = np.array([float(np.sum(each.added)) * dt for each in found])
+    expected, across = np.array([each.expected for each in found]), np.array([each.across for each in found])
+    off = np.maximum(np.abs(given - expected), across)
+    allowed = np.array([CLOSE * abs(each.expected) + float(np.sum(each.rounding)) * dt for each in found])
+    peak = max(float(np.max(np.abs(each.added))) for each in found)
+    worst = int(np.argmax(off - allowed))
+    if allowed[worst] > TELLS * abs(expected[worst]):
+        return undecided("rounding may make a tenth of the impulse")
+    each = found[worst]
+    evidence = {
+        **evidence_at(base, each.begin),
+        "speed_m_s": each.speed,
+        "impulse_N_s": float(given[worst]),
+        "expected_N_s": float(expected[worst]),
+        "peak_N": peak,
+        "contacts": len(found),
+    }
+    if peak > effect.cap * (1.0 + CLOSE) + float(max(np.max(every.rounding) for every in found)):
+        message = f"the {effect.kind} reaches {peak:.4g} N, and its cap is {effect.cap:.4g} N"
+        metric = Metric("force that is added", peak, "N")
+        return compared(metric, effect.cap, evidence, passes="", fails=message)
+    times = given[worst] / expected[worst] if expected[worst] != 0.0 else math.nan
+    return compared(
+        Metric(TOTAL.metric, float(off[worst]), "N s"),
+        float(allowed[worst]),
+        evidence,
+        passes=(
+            f"a contact at {each.speed:.4g} m/s is given {1e3 * given[worst]:.5g} mN s, as it should be, and "
+            f"{peak:.4g} N at the most"
+        ),
+        fails=(
+            f"the contact that begins at t = {base.time[each.begin]:.4g} s at {each.speed:.4g} m/s is given "
+            f"{1e3 * given[worst]:.5g} mN s for {1e3 * expected[worst]:.5g} mN s, {times:.4g} times as much"
+            + (f", and {1e3 * across[worst]:.3g} mN s along the surface" if across[worst] > allowed[worst] else "")
+        ),
+    )
+
+
+def judge_vibration(runs: Runs, scene: Scene, effect: Any, plain: Recording) -> Finding:
+    """Fit a decaying sinusoid to the force that the longest contact adds, and compare its frequency and decay."""
+    base = runs.base
+    found = contacts(base, plain, scene, effect)
+    if not found:
+        return undecided(NONE)
+    if not math.isinf(effect.cap):
+        peak = max(float(np.max(np.abs(each.added))) for each in found)
+        if peak >= effect.cap * (1.0 - CLOSE):
+            return undecided(f"the cap of {effect.cap:.4g} N holds the vibration back: it is no decaying sinusoid")
+    longest = max(found, key=lambda each: each.end - each.begin)
+    if longest.late is None:
+        return undecided("no force is added that could ring")
+    wave = longest.added[longest.late :][: math.ceil(TAIL / effect.decay / base.dt)]
+    fitted = fit(wave, base.dt, effect.decay, effect.frequency)
+    if fitted is None:
+        return undecided("the contact is too short for a decaying sinusoid to be fitted to it")
+    shares = {
+        "decay": (fitted.decay / effect.decay - 1.0, fitted.decay_open / effect.decay),
+        "frequency": (fitted.frequency / effect.frequency - 1.0, fitted.frequency_open / effect.frequency),
+    }
+    evidence = {
+        **evidence_at(base, longest.begin),
+        "decay_1_s": fitted.decay,
+        "decay_open_1_s": fitted.decay_open,
+        "frequency_Hz": fitted.frequency,
+        "frequency_open_Hz": fitted.frequency_open,
+        "samples": int(wave.size),
+        "residual_share": fitted.residual,
+    }
+    heard = (
+        f"rings at {fitted.frequency:.5g} Hz (known to {fitted.frequency_open:.2g}) and decays at {fitted.decay:.5g} "
+        f"(known to {fitted.decay_open:.2g}) 1/s"
+    )
+    if any(open_ > TELLS for _, open_ in shares.values()):
+        return undecided(f"{heard}: the fit leaves more than a tenth open", evidence=evidence)
+    name, (off, open_) = max(shares.items(), key=lambda each: abs(each[1][0]) / each[1][1])
+    return compared(
+        Metric(f"{name} less the scene's, as a share of it", abs(off), ""),
+        open_,
+        evidence,
+        passes=heard,
+        fails=f"{heard}, where the scene has {effect.frequency:.5g} Hz and {effect.decay:.5g} 1/s",
+    )
+
+
+WITHOUT = {Sibling.WITHOUT: "the same path in the scene without that effect"}
+NEEDS = {
+    Sibling.WITHOUT: undecided(
+        "the force without the effect is not known: the hand is not led along a path that we give"
+    )
+}
+ADDED = (
+    "What is added is the force less that which the renderer gives on the same path in the scene without the effect; a "
+    "contact begins in the first tick in which that renderer touches. "
+)
+ONSET = Check(
+    id="transient-onset",
+    phenomenon="none of the six: what a contact starts, thesis 3.2.2 and 4.3.4",
+    asks="Does each contact start its impulse or vibration at once, and nothing without a contact?",
+    formula="first tick with a force added - first tick of contact <= 1, and none added in free space",
+    citation="thesis 4.3.4",
+    channels=("hip", "ihip", "force"),
+    reads_also=("velocity",),
+    siblings=WITHOUT,
+    needs=NEEDS,
+    effects=KINDS,
+    metric="ticks from the contact to the force that it adds",
+    unit="ticks",
+    bound=ADDED
+    + (
+        "One tick: a renderer may find the contact in a tick and answer it in the next, and the first sample of a "
+        "sinusoid taken at the tick is zero. In free space what is added stays below the force floor."
+    ),
+    judge=partial(judge_each, judge_onset, KINDS),
+)
+TOTAL = Check(
+    id="transient-impulse",
+    phenomenon="none of the six: what a contact starts, thesis 3.2.2 and 4.3.4",
+    asks="Is each contact given the impulse that its effect has, along the normal and once?",
+    formula=(
+        "sum of F dt = (1 + c_r) v / (n' J M^-1 J' n), or L v w / (B^2 + w^2) over 21/B s, or that of the pulse; "
+        "|F| <= cap"
+    ),
+    citation="thesis (4.21) with J_n = n' J, 4.3.4",
+    channels=("hip", "ihip", "force"),
+    reads_also=("velocity",),
+    siblings=WITHOUT,
+    needs=NEEDS,
+    effects=KINDS,
+    metric="impulse less the effect's",
+    unit="N s",
+    bound=ADDED
+    + (
+        "1e-9 of the impulse: after 21 decay times a vibration still has e^-21 = 7.6e-10 of it to give, and a held "
+        "force whose ticks are means has the integral of what it stands for exactly. Samples taken at the ticks have "
+        "not: at 1 kHz 3.4 % are lost of 100 Hz and 31.6 % of 300 Hz with B = 90 1/s. Rounding of both forces comes on "
+        "top, four spacings of double numbers, or of single ones where every force is one. What is added along the "
+        "surface counts as well. With a cap no tick exceeds it, and contacts are judged that last so much longer as "
+        "the cap makes it. A contact that gets its impulse twice has twice as much. Shorter contacts are not judged."
+    ),
+    judge=partial(judge_each, judge_impulse, KINDS),
+)
+VIBRATION = Check(
+    id="transient-vibration",
+    phenomenon="none of the six: how a struck surface rings, thesis 4.3.4",
+    asks="Does a contact ring with the frequency and the decay of its material?",
+    formula="F = L v e^(-Bt) sin(2 pi f t + p): B and f of the least squares fit, with 99 % confidence",
+    citation="thesis 4.3.4",
+    channels=("hip", "ihip", "force"),
+    reads_also=("velocity",),
+    siblings=WITHOUT,
+    needs=NEEDS,
+    effects=(RINGING,),
+    metric="frequency or decay less the scene's, as a share of it",
+    unit="",
+    bound=ADDED
+    + (
+        f"The half width of the fit's {SURE:.0%} confidence interval: with J the derivative of the model by a, b, B "
+        "and w at the ticks, the covariance is s^2 (J'J)^-1, s being the residual's, and no less than "
+        f"{NOISE:.1%} of the peak: what a sensor leaves. Means over ticks of a decaying sinusoid, and samples of it, "
+        "are decaying sinusoids of the same B and f, so that either way of taking them is judged alike, and a late "
+        "start is a phase. The worse of the two is shown. A fit that leaves a tenth open decides nothing."
+    ),
+    judge=partial(judge_each, judge_vibration, (RINGING,)),
+)
+CHECKS = (ONSET, TOTAL, VIBRATION)
+"""The checks of this module."""

@@ -1,0 +1,96 @@
+"""A decaying sinusoid fitted to samples, and how well its decay and frequency are known."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hapticeval.types import Array
+
+SURE = 0.99
+"""Probability with which the true numbers lie within what a fit leaves open."""
+
+WIDTHS = 2.5758293035489004
+"""Standard deviations to either side that hold this share of a normal distribution."""
+
+NOISE = 1e-3
+"""Least noise of a force, as a share of its peak: what a sensor leaves."""
+
+FEWEST = 8
+"""Fewer samples are no fit of four numbers."""
+
+
+class Vibration(NamedTuple):
+    """A fitted sinusoid: decay (1/s), frequency (Hz), what is open of each, and the residual as a share of the peak."""
+
+    decay: float
+    decay_open: float
+    frequency: float
+    frequency_open: float
+    residual: float
+
+
+def fit(values: Array, dt: float, decay: float, frequency: float) -> Vibration | None:
+    """Fit e^(-Bt)(a cos wt + b sin wt) to `values` (n,), taken every `dt` s; None for too few.
+
+    By least squares, from Prony's estimate and from the given numbers: the better of both. What is open is the half
+    width of the interval that holds the true number with probability `SURE`, by the covariance s^2 (J'J)^-1.
+    """
+    from scipy.optimize import least_squares
+
+    peak = float(np.max(np.abs(values), initial=0.0))
+    if values.size < FEWEST or peak == 0.0:
+        return None
+    time, scaled = dt * np.arange(values.size), values / peak
+
+    def both(found: Array) -> tuple[Array, Array]:
+        """Return the model (n,) and its derivative (n, 4) by a, b, B and w."""
+        a, b, rate, omega = found
+        fading = np.exp(-rate * time)
+        cosine, sine = fading * np.cos(omega * time), fading * np.sin(omega * time)
+        wave = a * cosine + b * sine
+        return wave, np.column_stack([cosine, sine, -time * wave, time * (b * cosine - a * sine)])
+
+    def off(found: Array) -> Array:
+        return both(found)[0] - scaled
+
+    def slopes(found: Array) -> Array:
+        return both(found)[1]
+
+    best = None
+    for start in (prony(scaled, dt), (decay, 2.0 * math.pi * frequency)):
+        if start is None:
+            continue
+        columns = slopes(np.array([0.0, 0.0, *start]))[:, :2]
+        amplitudes = np.linalg.lstsq(columns, scaled, rcond=None)[0]
+        begin = np.array([*amplitudes, *start])
+        found = least_squares(off, begin, jac=slopes, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+        if best is None or found.cost < best.cost:
+            best = found
+    assert best is not None
+    residual = math.sqrt(2.0 * best.cost / (values.size - 4))
+    steep = slopes(best.x)
+    size = np.linalg.norm(steep, axis=0)
+    if not np.all(size > 0.0):
+        return None
+    spread = max(residual, NOISE) * np.sqrt(np.diag(np.linalg.pinv((steep / size).T @ (steep / size)))) / size
+    turn = 2.0 * math.pi
+    return Vibration(
+        float(best.x[2]),
+        WIDTHS * float(spread[2]),
+        abs(float(best.x[3])) / turn,
+        WIDTHS * float(spread[3]) / turn,
+        residual,
+    )
+
+
+def prony(values: Array, dt: float) -> tuple[float, float] | None:
+    """Return decay (1/s) and w (rad/s) of the least squares x[k+2] = p x[k+1] + q x[k]; None where nothing rings."""
+    columns = np.column_stack([values[1:-1], values[:-2]])
+    p, q = np.linalg.lstsq(columns, values[2:], rcond=None)[0]
+    root = complex(0.5 * p, math.sqrt(max(-q - 0.25 * p * p, 0.0)))
+    if root.imag == 0.0:
+        return None
+    return -math.log(abs(root)) / dt, math.atan2(root.imag, root.real) / dt

@@ -1,0 +1,1 @@
+"""The search for the smallest path that breaks a renderer: draw, judge, shrink, keep, replay."""

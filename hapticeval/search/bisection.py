@@ -1,0 +1,64 @@
+"""Where an IHIP jumps, to a nanometre of the hand's way: a jump stays there, and a steep way is crossed in steps."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.phenomena.sampling import LAG_TICKS
+from hapticeval.renderer import Renderer
+from hapticeval.runner.judging import make_renderer
+from hapticeval.runner.work import seed_all
+from hapticeval.search.trial import Fault, factory_of
+from hapticeval.simulation.playback import run_path
+from hapticeval.stimulus.stimulus import Path
+from hapticeval.suite.case import Case
+from hapticeval.types import Array
+
+FINEST = 1e-9
+"""Metres of the hand's way to which a jump is placed."""
+
+STAYS = 0.5
+"""Share of the jump between two samples that has to be there between HIPs a nanometre apart."""
+
+
+def jump_between(renderer: str, seed: int, case: Case, fault: Fault) -> tuple[Array, Array, float] | None:
+    """Return the HIPs (N,), m, on either side of the jump that `fault` names, and the IHIP's jump, m.
+
+    The hand is led along the path to the sample before the jump each time, then to a point between that and the next
+    one, where it rests until a proxy that lags has come: bisection finds on which side of the jump that is. None where
+    the renderer answers a stimulus whole, where the case is no path, and where nothing of at least half the jump is
+    left.
+    """
+    scene = case.build_scene()
+    made = make_renderer(factory_of(renderer), scene)
+    path = case.build_stimulus(scene, made)
+    if fault.time is None or not isinstance(made, Renderer) or not isinstance(path, Path):
+        return None
+    hips = path.sampled(scene.sampling_time)[1]
+    tick = round(fault.time / scene.sampling_time)
+
+    def answer(before: int, hip: Array) -> Array:
+        seed_all(seed)
+        way = np.vstack([hips[: before + 1], np.tile(hip, (LAG_TICKS + 1, 1))])
+        velocity = np.diff(way, axis=0, prepend=way[:1]) / scene.sampling_time
+        return run_path(made, way, velocity, scene.sampling_time, scene=scene)[0][-1]
+
+    # Of a proxy that lags the hand has made the step before the IHIP jumps.
+    for last in range(min(tick, len(hips) - 1), max(tick - LAG_TICKS - 1, 0), -1):
+        low, high = hips[last - 1], hips[last]
+        near, far = answer(last - 1, low), answer(last - 1, high)
+        jump = float(np.linalg.norm(far - near))
+        if fault.value is None or jump < STAYS * fault.value:
+            continue
+        while np.linalg.norm(high - low) > FINEST:
+            middle = 0.5 * (low + high)
+            if np.array_equal(middle, low) or np.array_equal(middle, high):
+                break
+            there = answer(last - 1, middle)
+            if np.linalg.norm(there - near) < np.linalg.norm(there - far):
+                low, near = middle, there
+            else:
+                high, far = middle, there
+        left = float(np.linalg.norm(far - near))
+        return (low, high, left) if left >= STAYS * jump else None
+    return None

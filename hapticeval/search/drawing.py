@@ -1,0 +1,95 @@
+"""Which cases a search tries, in which order: that depends on models, checks and seed, and on no clock."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from hypothesis import strategies as st
+
+from hapticeval import strategies
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.geometry.model import Model
+from hapticeval.phenomena.check import Check, Situation
+from hapticeval.phenomena.registry import CHECKS
+from hapticeval.suite.case import Case
+
+MODELS: tuple[dict[str, Any], ...] = (
+    {"kind": "star"},
+    {"kind": "ellipse", "ratio": 20.0, "size": 0.05},
+    {"kind": "cassinian"},
+    {"kind": "ellipse"},
+    {"kind": "circle"},
+    {"kind": "dumbbell"},
+)
+"""Models that are tried first: with corners, and smooth. The medial axis of the sharp ellipse comes to a sixteenth of a
+millimetre of its surface, so that a path that crosses it may be short."""
+
+PATHS, PUSHES = 8, 4
+"""Paths and experiments that are drawn at a time on one model."""
+
+MORE = 4
+"""Models that are drawn beside those in each round after the first."""
+
+GAINS = {
+    "stiffness": st.sampled_from([1000.0, 4000.0, 200.0]),
+    "damping": st.sampled_from([0.0, 4.0, 20.0]),
+    "mass": st.sampled_from([0.1, 0.3, 1.0]),
+    "bilateral": st.booleans(),
+}
+"""What experiments vary of a scene."""
+
+
+def led(check: Check) -> bool:
+    """Whether the check has a question for a hand that is led along a path."""
+    return not check.holds and Situation.PLAYBACK not in check.not_for
+
+
+def judgeable() -> tuple[str, ...]:
+    """Return the ids of the checks that are asked where none is named: not those that only a case can ask for."""
+    return tuple(name for name, check in CHECKS.items() if not check.needs_closed_form and not check.holds)
+
+
+def drawn(models: Sequence[Model], checks: Sequence[str], seed: int) -> Iterator[Case]:
+    """Yield cases without end, by turns on each model; without `models` on those of the catalogue, and on drawn ones.
+
+    `checks` is looked at each time, so that what has been found need not be looked for any more. Paths are for those of
+    them that a led hand shows, and experiments for those that need a closed loop.
+    """
+    fixed = tuple(models) or tuple(make_model(**each) for each in MODELS)
+    number = 0
+    while True:
+        more = [] if models or number == 0 else _examples(strategies.plane_models(), MORE, seed, "models", number)
+        for at, model in enumerate((*fixed, *more)):
+            yield from _on(model, checks, seed, number, at)
+        number += 1
+
+
+def _on(model: Model, checks: Sequence[str], seed: int, number: int, at: int) -> Iterator[Case]:
+    for_paths = [name for name in checks if led(CHECKS[name])]
+    if for_paths:
+        for moves in _examples(strategies.hand_paths(model), PATHS, seed, "paths", number, at):
+            asked = tuple(name for name in for_paths if name in checks)
+            if asked:
+                yield _case(model, asked, trajectory=moves)
+    if any(not led(CHECKS[name]) for name in checks):
+        pushed = st.fixed_dictionaries(GAINS).flatmap(
+            lambda scene: st.tuples(st.just(scene), strategies.pushes(model, bilateral=scene["bilateral"]))
+        )
+        for scene, push in _examples(pushed, PUSHES, seed, "pushes", number, at):
+            asked = tuple(name for name in checks if not led(CHECKS[name]))
+            if asked:
+                yield _case(model, asked, experiment=push, scene=scene)
+
+
+def _examples(strategy: st.SearchStrategy[Any], count: int, seed: int, *where: object) -> list[Any]:
+    """Return examples with a seed of their own, made of the search's and of what they are for."""
+    text = json.dumps([seed, *map(str, where)])
+    own = int.from_bytes(hashlib.sha256(text.encode()).digest()[:4])
+    return strategies.examples(strategy, count, seed=own)
+
+
+def _case(model: Model, checks: tuple[str, ...], **entries: Any) -> Case:
+    return Case(name="drawn", title=f"Drawn on model '{model.name}'", model=model.table, checks=checks, **entries)

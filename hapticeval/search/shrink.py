@@ -1,0 +1,375 @@
+"""A case that fails, made smaller step by step while it fails in the same way.
+
+In this order: fewer moves, a shorter way, coordinates on 1 mm, 0.1 mm, 10 um or 1 um, a round speed, and a path in the
+first quadrant; of a polygon also fewer vertices. A hand that started in free space still does. A smaller path need not
+be a hand's any more: its moves are even, straight and at constant speed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from msgspec.structs import replace
+
+from hapticeval.errors import InputError
+from hapticeval.search.trial import Fault
+from hapticeval.stimulus.experiments import ExperimentTable
+from hapticeval.stimulus.moves import Moves
+from hapticeval.suite.case import Case
+from hapticeval.types import Array
+
+GRIDS = (1e-3, 1e-4, 1e-5, 1e-6)
+"""Metres to which coordinates are rounded, the coarsest first that the fault survives."""
+
+ROUNDED = 6
+"""Coordinates of a path that are rounded in all ways that there are: those of three points in the plane."""
+
+SPEEDS = (0.05, 0.1, 0.02, 0.01, 0.2, 0.5)
+"""Round speeds (m/s) of even moves, the first that the fault survives: at 1 kHz 50 um a tick and so on."""
+
+WORTH = 0.98
+"""A way counts as shorter below this share of the one before."""
+
+PULLS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.03)
+"""Shares by which a point of a path is pulled towards another."""
+
+SHORTEST = 1e-4
+"""Length (m) below which no path is shrunk: ten steps of the finest grid, on which it has to be told."""
+
+ALONG = 8
+"""Places to either side of where a path leads, from above which it is tried to start there."""
+
+TOUCH = 1e-3
+"""How far from the surface a hand starts that is put close to it, as a share of the model's size: 0.2 mm of 200 mm."""
+
+MOST = 600
+"""Cases that a shrink tries at the most: no clock decides how small a case gets, unless it stops the search."""
+
+Fails = Callable[[Case], Fault | None]
+
+
+class Shrink:
+    """The shrink of one case: `case` and its `fault` are the smallest found so far, `tried` how many were looked at.
+
+    `fails` returns a case's fault where that is the same as `fault`, and None otherwise.
+    """
+
+    def __init__(self, case: Case, fault: Fault, fails: Fails) -> None:
+        self.case = case
+        self.fault = fault
+        self.tried = 0
+        self._fails = fails
+        self._outside = self._starts_outside(case)
+        self._seen: set[str] = set()
+
+    def run(self) -> None:
+        """Shrink until nothing makes it smaller, or `MOST` cases were tried."""
+        if isinstance(self.case.trajectory, Moves):
+            self._fixpoint(_steady, _cut(self), _fewer, _even, self._shorter)
+            self._fixpoint(_fewer_vertices, _fewer, self._shorter)
+            self._first(_on_grid)
+            self._first(_points_on_grid)
+            self._first(_paced)
+            self._first(_mirrored)
+        else:
+            self._fixpoint(_plainer_scene, _less_push, _fewer_vertices)
+
+    def _fixpoint(self, *passes: Callable[[Case], Iterator[Case]]) -> None:
+        while True:
+            before = self.case
+            for each in passes:
+                while self._first(each):
+                    pass
+            if self.case is before or self.tried >= MOST:
+                return
+
+    def _first(self, pass_: Callable[[Case], Iterator[Case]]) -> bool:
+        """Take the first smaller case of a pass that still fails; whether there was one."""
+        for case in pass_(self.case):
+            if self.tried >= MOST:
+                return False
+            if self._take(case):
+                return True
+        return False
+
+    def _take(self, case: Case) -> bool:
+        key = repr((case.model, case.scene, case.trajectory, case.experiment))
+        if key in self._seen:
+            return False
+        self._seen.add(key)
+        try:
+            if self._outside and not self._starts_outside(case):
+                return False
+        except InputError:  # a polygon that is none any more
+            return False
+        self.tried += 1
+        fault = self._fails(case)
+        if fault is None:
+            return False
+        self.case, self.fault = case, fault
+        return True
+
+    def _starts_outside(self, case: Case) -> bool:
+        if not isinstance(case.trajectory, Moves):
+            return True
+        boundary = case.build_scene().model.boundary
+        return bool(boundary.signed_distance(np.array([case.trajectory.start]))[0] > 0.0)
+
+    def _shorter(self, case: Case) -> Iterator[Case]:
+        """Pull single points, and all of the path together, to where the way is shorter."""
+        moves = _moves(case)
+        points = _points(moves)
+        scene = case.build_scene()
+        boundary, size = scene.model.boundary, scene.model.size
+        length = _length(points)
+        feet = boundary.closest_point(points)
+        step = TOUCH * size
+        options: list[Array] = []
+        # Straight in from above the surface beside where the first move ends, nearest first.
+        reach = min(length, boundary.girth / 4.0)
+        lengths = reach * np.array(sorted(range(-ALONG, ALONG + 1), key=abs)) / ALONG
+        for foot in (feet.foot[1], feet.foot[0]):
+            beside = boundary.walk(foot, lengths)
+            for start in beside.foot + step * beside.normal:
+                moved = points.copy()
+                moved[0] = start
+                options.append(moved)
+        end = self._where(case)
+        if end is not None:
+            options.append(np.vstack([points[:-1], end]))
+        ends = [(0, 1), (len(points) - 1, len(points) - 2)]
+        for pull in PULLS[1:] if len(points) == 2 else PULLS:
+            for at, towards in ends:
+                moved = points.copy()
+                moved[at] += pull * (points[towards] - points[at])
+                options.append(moved)
+            for at in range(1, len(points) - 1):
+                moved = points.copy()
+                moved[at] += pull * (0.5 * (points[at - 1] + points[at + 1]) - points[at])
+                options.append(moved)
+        corners = sorted(
+            boundary.corners, key=lambda corner: float(np.linalg.norm(points - corner.position, axis=1).min())
+        )
+        centres = [corner.position for corner in corners[:3]] + [points[0], *feet.foot[1:]]
+        for pull in PULLS[1:]:
+            for centre in centres:
+                options.append(points + pull * (centre - points))
+        for moved in options:
+            if SHORTEST <= _length(moved) < WORTH * length:
+                yield _with_points(case, moved)
+
+    def _where(self, case: Case) -> Array | None:
+        """Return where the hand is two ticks after the time of the evidence; None where that names no time."""
+        if self.fault.time is None:
+            return None
+        path = _moves(case).path()
+        at = self.fault.time + 2.0 * case.build_scene().sampling_time
+        return np.array([np.interp(at, path.time, column) for column in path.points.T])
+
+
+def _moves(case: Case) -> Moves:
+    assert isinstance(case.trajectory, Moves)
+    return case.trajectory
+
+
+def _points(moves: Moves) -> Array:
+    return np.array([moves.start, *(move.to for move in moves.moves)])
+
+
+def _length(points: Array) -> float:
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+
+def _led(case: Case, moves: Moves) -> Case:
+    return replace(case, trajectory=moves)
+
+
+def _with_points(case: Case, points: Array) -> Case:
+    """Return the case along other points, each even move at its pace before; others keep their time."""
+    moves = _moves(case)
+    before = _points(moves)
+    made = []
+    for move, a, b, c, d in zip(moves.moves, before[:-1], before[1:], points[:-1], points[1:], strict=True):
+        seconds = move.seconds
+        if move.even and math.dist(a, b) > 0.0 and math.dist(c, d) > 0.0:
+            seconds = _ticks(seconds * math.dist(c, d) / math.dist(a, b))
+        made.append(replace(move, to=_listed(d), seconds=seconds))
+    return _led(case, replace(moves, start=_listed(points[0]), moves=tuple(made)))
+
+
+def _listed(point: Array) -> list[float]:
+    """Return a point as what a case holds, to the nanometre: no coordinate needs more."""
+    return [round(float(x), 9) + 0.0 for x in point]
+
+
+def _ticks(seconds: float) -> float:
+    """Return a duration in whole milliseconds, two at least."""
+    return max(round(seconds, 3), 2e-3)
+
+
+def _steady(case: Case) -> Iterator[Case]:
+    moves = _moves(case)
+    if moves.tremor is not None:
+        yield _led(case, replace(moves, tremor=None))
+
+
+def _cut(shrink: Shrink) -> Callable[[Case], Iterator[Case]]:
+    """Return the pass that ends a path where the evidence points."""
+
+    def cut(case: Case) -> Iterator[Case]:
+        moves, at = _moves(case), shrink.fault.time
+        if at is None:
+            return
+        ends = np.cumsum([move.seconds for move in moves.moves])
+        last = int(np.searchsorted(ends, at)) + 1
+        if last < len(moves.moves):
+            yield _led(case, replace(moves, moves=moves.moves[:last]))
+        if last + 1 < len(moves.moves):
+            yield _led(case, replace(moves, moves=moves.moves[: last + 1]))
+
+    return cut
+
+
+def _fewer(case: Case) -> Iterator[Case]:
+    """Leave moves out, many at once first; without the first ones the path starts where they have led."""
+    moves = _moves(case)
+    count = len(moves.moves)
+    width = count - 1
+    while width >= 1:
+        for first in range(count - width + 1):
+            rest = moves.moves[:first] + moves.moves[first + width :]
+            if not rest:
+                continue
+            yield _led(case, replace(moves, moves=rest))
+            if first == 0:
+                yield _led(case, replace(moves, start=moves.moves[width - 1].to, moves=rest))
+        width = width // 2 if width > 4 else width - 1
+
+
+def _even(case: Case) -> Iterator[Case]:
+    """Make moves even, all or one: at the round speeds, and at the mean speed that they have."""
+    moves = _moves(case)
+    if all(move.even for move in moves.moves):
+        return
+    points = _points(moves)
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    for speed in (*SPEEDS, None):
+        made = tuple(
+            replace(
+                move,
+                even=True,
+                seconds=move.seconds if speed is None or length == 0.0 else _ticks(length / speed),
+            )
+            for move, length in zip(moves.moves, lengths.tolist(), strict=True)
+        )
+        yield _led(case, replace(moves, moves=made))
+
+
+def _on_grid(case: Case) -> Iterator[Case]:
+    """Round all coordinates, of a short path also up and down instead of to the nearest."""
+    points = _points(_moves(case))
+    for grid in GRIDS:
+        near = np.round(points / grid)
+        yield _with_points(case, near * grid)
+        if points.size <= ROUNDED:
+            low = np.floor(points / grid)
+            ways = [low + np.reshape(up, points.shape) for up in np.ndindex(*(2,) * points.size)]
+            off = [float(np.abs(way * grid - points).sum()) for way in ways]
+            for at in np.argsort(off, kind="stable"):
+                yield _with_points(case, ways[at] * grid)
+
+
+def _points_on_grid(case: Case) -> Iterator[Case]:
+    """Round the coordinates of one point more coarsely than they are."""
+    points = _points(_moves(case))
+    for grid in GRIDS:
+        for at in range(len(points)):
+            moved = points.copy()
+            moved[at] = np.round(points[at] / grid) * grid
+            if not np.array_equal(moved, points) and _length(moved) < _length(points) + grid:
+                yield _with_points(case, moved)
+
+
+def _paced(case: Case) -> Iterator[Case]:
+    """Give all even moves one round speed."""
+    moves = _moves(case)
+    points = _points(moves)
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1).tolist()
+    if not all(move.even for move in moves.moves):
+        return
+    for speed in SPEEDS:
+        made = tuple(
+            replace(move, seconds=_ticks(length / speed)) if length else move
+            for move, length in zip(moves.moves, lengths, strict=True)
+        )
+        if made == moves.moves:
+            return
+        yield _led(case, replace(moves, moves=made))
+
+
+def _mirrored(case: Case) -> Iterator[Case]:
+    """Mirror the path so that more of its coordinates are positive: models have symmetries."""
+    points = _points(_moves(case))
+    negative = int(np.sum(points < 0.0))
+    dimension = points.shape[1]
+    for signs in sorted(np.ndindex(*(2,) * dimension), key=sum):
+        moved = points * (1.0 - 2.0 * np.array(signs))
+        if int(np.sum(moved < 0.0)) < negative:
+            yield _with_points(case, moved)
+
+
+def _fewer_vertices(case: Case) -> Iterator[Case]:
+    """Leave vertices of a polygon out."""
+    vertices = case.model.get("vertices")
+    if case.model.get("kind") != "polygon" or not isinstance(vertices, list):
+        return
+    count = len(vertices)
+    width = max(count // 2, 1)
+    while width >= 1:
+        for first in range(0, count, width):
+            rest = vertices[:first] + vertices[first + width :]
+            if len(rest) >= 3:
+                yield replace(case, model={**case.model, "vertices": rest})
+        width //= 2
+
+
+def _plainer_scene(case: Case) -> Iterator[Case]:
+    """Leave entries of the scene at their defaults."""
+    for name in case.scene:
+        yield replace(case, scene={key: value for key, value in case.scene.items() if key != name})
+
+
+def _less_push(case: Case) -> Iterator[Case]:
+    """Shorten an experiment; push less often, or not at all; and round its numbers."""
+    push = case.experiment
+    assert push is not None
+    rows = push.force or []
+    for share in (0.25, 0.5, 0.75):
+        if (duration := _ticks(share * push.duration)) < push.duration:
+            yield replace(case, experiment=replace(push, duration=duration))
+    if rows:
+        yield replace(case, experiment=replace(push, force=None))
+    for at in range(len(rows)):
+        if len(rows) > 1:
+            yield replace(case, experiment=replace(push, force=rows[:at] + rows[at + 1 :]))
+    for digits in (1, 2, 3):
+        for name in ("velocity", "position"):
+            values: Sequence[float] | None = getattr(push, name)
+            if values is not None:
+                made: dict[str, Any] = {name: [round(x, digits + 2 * (name == "position")) + 0.0 for x in values]}
+                if made[name] != values:
+                    yield replace(case, experiment=replace(push, **made))
+        rounded = [[row[0], *(round(x, digits - 1) + 0.0 for x in row[1:])] for row in rows]
+        if rounded != rows:
+            yield replace(case, experiment=replace(push, force=rounded))
+
+
+def size_of(case: Case) -> float:
+    """Return how large a case is, m or s: the length of its path, or how long its experiment lasts."""
+    if isinstance(case.trajectory, Moves):
+        return case.trajectory.length
+    assert isinstance(case.experiment, ExperimentTable)
+    return case.experiment.duration

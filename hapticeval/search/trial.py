@@ -1,0 +1,197 @@
+"""A case tried on a renderer, in a process of its own: what it broke, and whether the process lived through it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from msgspec import Struct
+
+from hapticeval.discovery import resolve
+from hapticeval.errors import RendererError
+from hapticeval.phenomena.verdict import Level, Outcome
+from hapticeval.recordings.recording import Recording
+from hapticeval.renderer import RendererFactory
+from hapticeval.runner.judging import judge
+from hapticeval.runner.work import seed_all
+from hapticeval.suite.case import Case
+from hapticeval.types import Array
+from hapticeval.workers import Ended, Workers
+
+RENDERER = "renderer"
+"""What stands for a check's id where the renderer itself broke: it raised, answered nonsense, died or hung."""
+
+SUITE = "search"
+
+FIRST, LATER = 60.0, 20.0
+"""Seconds that a renderer may take for the first case on a model, which it may prepare, and for any other."""
+
+FEWEST = 2.0
+"""Seconds that it gets at least once it is known how long it takes."""
+
+SLOWER = 20.0
+"""How much longer than for any case before a renderer takes that hangs."""
+
+POLL = 0.1
+
+
+class Fault(Struct, frozen=True):
+    """What a case breaks: the `check`, of what `kind`, in what words, with the metric's `value` and `unit`.
+
+    Of one kind are faults of the same severity: mini or major pop-throughs, contacts let go or not met, errors of one
+    type. `time` (s) is where the evidence points, if anywhere; `level` what the verdict weighs.
+    """
+
+    check: str
+    kind: str
+    message: str
+    value: float | None = None
+    unit: str = ""
+    time: float | None = None
+    level: str = Level.MUST
+
+    def same(self, other: Fault) -> bool:
+        """Whether it is the same fault, by check and kind."""
+        return (self.check, self.kind) == (other.check, other.kind)
+
+
+class Tried(Struct, frozen=True):
+    """What came of a case: its faults, `outcomes` by check, and `refused` where it is not for that renderer."""
+
+    faults: tuple[Fault, ...] = ()
+    outcomes: dict[str, str] = {}
+    refused: str | None = None
+
+
+class Stopped(Exception):
+    """The time is over, or the user has stopped the search, before the case was answered."""
+
+
+class Bench:
+    """A process in which one renderer is tried; another takes its place when it dies or hangs. A context manager.
+
+    `over` returns whether there is no time left; it is asked a few times a second, and a case that has begun is then
+    given up with `Stopped`.
+    """
+
+    def __init__(self, renderer: str, seed: int, over: Callable[[], bool]) -> None:
+        self._renderer = renderer
+        self._seed = seed
+        self._over = over
+        self._workers: Workers[Any] | None = None
+        self._known: set[str] = set()
+        self._slowest = 0.0
+        self.tried = 0
+
+    def __enter__(self) -> Bench:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._end()
+
+    def __call__(self, case: Case) -> Tried:
+        """Return what comes of a case. Raises `Stopped`, and whatever stops the search itself."""
+        self.tried += 1
+        return self._asked(case, _try, case) or Tried()
+
+    def _asked(self, case: Case, function: Callable[..., Any], *arguments: Any) -> Any:
+        model = repr(case.model)
+        patience = FIRST
+        if model in self._known:
+            patience = min(LATER, max(FEWEST, SLOWER * self._slowest)) if self._slowest else LATER
+        if self._workers is None:
+            self._workers = Workers(_called, 1)
+        begun = time.monotonic()
+        self._workers.begin(0, function, self._renderer, self._seed, *arguments)
+        while True:
+            for answer in self._workers.answers(POLL):
+                if isinstance(answer.error, Ended):
+                    self._end()
+                    return Tried((Fault(RENDERER, "dies", "the renderer ends the process that it runs in"),))
+                if answer.error is not None:
+                    raise answer.error
+                took = time.monotonic() - begun
+                if model in self._known:
+                    self._slowest = max(self._slowest, took)
+                self._known.add(model)
+                return answer.value
+            if time.monotonic() - begun > patience:
+                self._end()
+                return Tried((Fault(RENDERER, "hangs", f"the renderer gives no answer in {patience:.3g} s"),))
+            if self._over():
+                self._end()
+                raise Stopped
+
+    def pair(self, case: Case, fault: Fault) -> tuple[Array, Array, float] | None:
+        """Return two HIPs (N,), m, at most 1 nm apart, and how far the IHIP jumps between them, m; None for no jump."""
+        from hapticeval.search.bisection import jump_between
+
+        found = self._asked(case, jump_between, case, fault)
+        return None if isinstance(found, Tried) else found
+
+    def recorded(self, case: Case) -> Recording | None:
+        """Return what the renderer does in a case; None where it breaks."""
+        found = self._asked(case, _record, case)
+        return None if isinstance(found, Tried) else found
+
+    def _end(self) -> None:
+        if self._workers is not None:
+            self._workers.__exit__(None, None, None)
+            self._workers = None
+            self._known.clear()
+
+
+def _called(function: Callable[..., Any], *arguments: Any) -> Any:
+    return function(*arguments)
+
+
+@lru_cache(maxsize=4)
+def factory_of(renderer: str) -> RendererFactory:
+    """Return the factory of a renderer's name, looked up once."""
+    return resolve(renderer)
+
+
+def _try(renderer: str, seed: int, case: Case) -> Tried:
+    seed_all(seed)
+    judged = judge(factory_of(renderer), renderer, SUITE, case)
+    if judged.refusal is not None:
+        return Tried(refused=judged.refusal.what)
+    faults = []
+    if isinstance(judged.error, RendererError):
+        faults.append(_broken(judged.error, case))
+    for verdict in judged.verdicts if judged.error is None else ():
+        finding = verdict.finding
+        if verdict.outcome not in (Outcome.FAIL, Outcome.ERROR):
+            continue
+        kind = str(finding.evidence.get("severity") or finding.evidence.get("kind") or "")
+        if verdict.outcome is Outcome.ERROR:
+            kind = "the check itself failed"
+        time_ = finding.evidence.get("time")
+        metric = finding.metric
+        faults.append(
+            Fault(
+                verdict.check,
+                kind,
+                finding.message,
+                None if metric is None or not np.isfinite(metric.value) else float(metric.value),
+                "" if metric is None else metric.unit,
+                float(time_) if isinstance(time_, int | float) else None,
+                str(verdict.level),
+            )
+        )
+    return Tried(tuple(faults), {verdict.check: str(verdict.outcome) for verdict in judged.verdicts})
+
+
+def _record(renderer: str, seed: int, case: Case) -> Recording | None:
+    seed_all(seed)
+    return judge(factory_of(renderer), renderer, SUITE, case).recording
+
+
+def _broken(error: RendererError, case: Case) -> Fault:
+    """Return the fault of a renderer that broke: errors are of one kind where they begin with the same words."""
+    kind = error.what.split(" at tick ")[0].split(":")[0]
+    time_ = None if error.tick is None else error.tick * case.build_scene().sampling_time
+    return Fault(RENDERER, kind, error.what, time=time_)

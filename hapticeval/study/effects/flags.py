@@ -1,0 +1,84 @@
+"""An engine that tests at each tick which effects are on, for comparison with one that is composed of them.
+
+It holds every effect and calls each by name, inlined where the compiler likes, behind a test of its flag.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+
+from hapticeval.compiled import Closest, Composed, LawData, Numbers, borrowing
+from hapticeval.renderer import CompiledStep
+from hapticeval.types import Array
+
+
+class Flagged(NamedTuple):
+    """What the engine's step works on: a renderer's `law`, and the numbers of all effects with their `flags` (n,)."""
+
+    law: Callable[..., int]
+    data: LawData
+    numbers: tuple[Numbers, ...]
+    flags: Array
+    closest: Closest
+
+
+def flagged(composed: Composed) -> tuple[CompiledStep, Array]:
+    """Return a step that shows those effects of a composed law whose flag is not 0, and the flags (n,), all 0."""
+    functions: list[Any] = [each.function for each in composed.changes]
+    chain = _chain([each.kernel for each in functions])
+
+    @_inlining
+    def answer(data: Flagged, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array) -> int:
+        refusal = data.law(data.data, hip, velocity, push, dt, ihip, force)
+        if refusal != 0:
+            return refusal
+        return chain(data, hip, velocity, dt, ihip, force)
+
+    flags = np.zeros(len(functions))
+    numbers = tuple(each.numbers for each in composed.changes)
+    data: Any = Flagged(composed.law, composed.data, numbers, flags, composed.closest)
+    return CompiledStep(answer, data, {}), flags
+
+
+def _chain(functions: Sequence[Callable[..., int]]) -> Callable[..., int]:
+    """Return a kernel that calls each change, in order, whose flag is not 0."""
+    if not functions:
+        return _nothing
+    before, change, last = _chain(functions[:-1]), functions[-1], len(functions) - 1
+
+    @_inlining
+    def all_of(data: Flagged, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:
+        refusal = before(data, hip, velocity, dt, ihip, force)
+        if refusal != 0:
+            return refusal
+        if data.flags[last] != 0.0:
+            return change(data.numbers[last], data.closest, hip, velocity, dt, ihip, force)
+        return 0
+
+    return all_of
+
+
+def _inlining(function: Callable[..., int]) -> Callable[..., int]:
+    """Compile a function that names other kernels as they are now: no cache would know it again."""
+    return numba.njit(error_model="numpy", _nrt=False)(function)  # type: ignore[no-any-return]
+
+
+@borrowing
+def _nothing(data: Flagged, hip: Array, velocity: Array, dt: float, ihip: Array, force: Array) -> int:  # noqa: ARG001
+    return 0
+
+
+@borrowing
+def ask(
+    law: Callable[..., int], data: Any, hips: Array, velocities: Array, push: Array, dt: float, ihips: Array,
+    forces: Array,
+) -> int:  # fmt: skip
+    """Ask a compiled step for every row of `hips` (n, N); return how many it answered."""
+    for row in range(hips.shape[0]):
+        if law(data, hips[row], velocities[row], push, dt, ihips[row], forces[row]) != 0:
+            return row
+    return hips.shape[0]

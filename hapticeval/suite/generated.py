@@ -1,0 +1,47 @@
+"""Trajectories that hypothesis draws: `trajectory = { kind = "generated", strategy = "hand", seed = 3 }`."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path as FilePath
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from hapticeval.geometry.boundary import Boundary
+from hapticeval.geometry.model import Model
+from hapticeval.stimulus.moves import Move, Moves, shortest
+from hapticeval.stimulus.paths import Trajectory
+from hapticeval.stimulus.stimulus import Path
+
+
+class Generated(Trajectory, frozen=True, kw_only=True, tag="generated"):
+    """`examples` hand paths of `hapticeval.strategies.hand_paths`, one after the other, drawn with a `seed`.
+
+    From the end of one to the start of the next the hand goes straight, through the model where that is on its way.
+    `parts` are those that paths are made of, all if none are given, and `most` how many of them a path has at the most.
+    The same seed gives the same path with the same version of hypothesis. In space as in the plane.
+    """
+
+    seed: Annotated[int, Meta(ge=0)]
+    strategy: Literal["hand", "hand-with-tremor"] = "hand"
+    examples: Annotated[int, Meta(ge=1, le=10_000)] = 20
+    parts: tuple[str, ...] = ()
+    most: int = 3
+
+    def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
+        """Return the path; see `Trajectory.path` and `hand_paths`."""
+        from hapticeval import strategies
+
+        model = Model(surface.name, {}, surface)
+        drawn = strategies.hand_paths(
+            model, parts=self.parts or strategies.PARTS, most=self.most, tremor=self.strategy == "hand-with-tremor"
+        )
+        paths = strategies.examples(drawn, self.examples, seed=self.seed)
+        moves = list(paths[0].moves)
+        for before, after in pairwise(paths):
+            length = math.dist(before.moves[-1].to, after.start)
+            moves += [Move(to=after.start, seconds=shortest(length)), *after.moves] if length else after.moves
+        tremor = next((each.tremor for each in paths if each.tremor is not None), None)
+        return Moves(start=paths[0].start, moves=tuple(moves), tremor=tremor).path()

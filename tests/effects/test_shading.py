@@ -1,0 +1,239 @@
+"""Force shading: interpolated unit normals on polygons, put on the answers of any renderer (4.15)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hapticeval.discovery import resolve
+from hapticeval.effects.shading import Shading, facets, normals_at, turned
+from hapticeval.errors import InputError, RefusalError
+from hapticeval.geometry.boundary import spiral
+from hapticeval.geometry.catalogue import make_model, star
+from hapticeval.geometry.solids import icosphere, prism
+from hapticeval.recordings.recording import backward_difference
+from hapticeval.renderer import Response
+from hapticeval.runner.judging import make_renderer
+from hapticeval.scene import Scene
+from hapticeval.simulation.closed_loop import simulate_closed_loop
+from hapticeval.stimulus.stimulus import Experiment
+
+RADIUS, STIFFNESS = 0.1, 1000.0
+
+
+def regular(n):
+    angle = 2.0 * np.pi * np.arange(n) / n
+    return make_model("polygon", vertices=(RADIUS * np.column_stack([np.cos(angle), np.sin(angle)])).tolist())
+
+
+def shaded(model, crease=180.0, **more):
+    return Scene(model=model, effects=(Shading(crease),), stiffness=STIFFNESS, **more)
+
+
+class OfOneFacet:
+    """A spring to the line of the first facet, whatever is nearer: the renderer of the closed form."""
+
+    def __init__(self, scene):
+        first, second = scene.model.boundary.pieces[:2, 3:5]
+        self.tangent = (second - first) / np.linalg.norm(second - first)
+        self.normal = np.array([self.tangent[1], -self.tangent[0]])
+        self.first, self.stiffness = first, scene.stiffness
+
+    def reset(self, hip):
+        pass
+
+    def step(self, hip, velocity, dt):
+        ihip = hip - ((hip - self.first) @ self.normal) * self.normal
+        return Response(ihip, self.stiffness * (ihip - hip))
+
+    def at(self, along, depth):
+        """Points `along` (k,), m, from the start of the facet and `depth` (k,), m, under it."""
+        return self.first + np.outer(along, self.tangent) - np.outer(depth, self.normal)
+
+
+def way_round(length, shallow, deep, each=400):
+    """From the facet's middle to its end at `shallow`, down to `deep`, back, and up: (along, depth)."""
+    share = np.linspace(0.0, 1.0, each)[:-1]
+    middle, end = 0.5 * length, length * (1.0 - 1e-9)
+    ways = [(middle, end, shallow, shallow), (end, end, shallow, deep), (end, middle, deep, deep)]
+    ways.append((middle, middle, deep, shallow))
+    along = np.concatenate([a + share * (b - a) for a, b, *_ in ways] + [[middle]])
+    depth = np.concatenate([c + share * (d - c) for *_, c, d in ways] + [[shallow]])
+    return along, depth
+
+
+def work(force, hips):
+    return float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(hips, axis=0)))
+
+
+@pytest.mark.parametrize(("n", "mj"), [(3, 49.5), (8, 7.536), (20, 1.219), (40, 0.3052), (80, 0.0763)])
+def test_a_loop_gives_the_work_of_the_closed_form(n, mj):
+    """K (d2 - d1)(L/2) tan(theta/2) - K/2 (d2^2 - d1^2)(1 - cos theta), theta = pi/n: once round and back."""
+    scene = shaded(regular(n))
+    base = OfOneFacet(scene)
+    theta, length = math.pi / n, 2.0 * RADIUS * math.sin(math.pi / n)
+    shallow, deep = 0.5e-3, 1.5e-3
+    hips = base.at(*way_round(length, shallow, deep))
+    there, back = (make_renderer(OfOneFacet, scene).run(each, 1e-3)[1] for each in (hips, hips[::-1]))
+    closed = STIFFNESS * (deep - shallow) * 0.5 * length * math.tan(0.5 * theta)
+    closed -= 0.5 * STIFFNESS * (deep**2 - shallow**2) * (1.0 - math.cos(theta))
+    assert closed == pytest.approx(1e-3 * mj, rel=1e-3)
+    assert abs(work(there, hips)) == pytest.approx(closed, rel=2e-5)
+    assert work(back, hips[::-1]) == pytest.approx(-work(there, hips), rel=1e-9)
+
+
+def test_a_facet_crossed_at_constant_depth_gives_nothing():
+    scene = shaded(regular(8))
+    base = OfOneFacet(scene)
+    along = np.linspace(1e-6, 2.0 * RADIUS * math.sin(math.pi / 8) - 1e-6, 2001)
+    hips = base.at(along, np.full(along.size, 1e-3))
+    assert work(make_renderer(OfOneFacet, scene).run(hips, 1e-3)[1], hips) == pytest.approx(0.0, abs=1e-12)
+
+
+@given(
+    angles=st.lists(st.floats(0.15, 1.0), min_size=4, max_size=12),
+    place=st.floats(0.0, 1.0, exclude_max=True),
+    depth=st.floats(1e-5, 3e-3),
+    crease=st.floats(1.0, 180.0),
+)
+def test_the_force_is_as_large_as_without_and_along_the_interpolated_normal(angles, place, depth, crease):
+    turn = 2.0 * np.pi * np.cumsum(angles) / np.sum(angles)
+    model = make_model("polygon", vertices=(RADIUS * np.column_stack([np.cos(turn), np.sin(turn)])).tolist())
+    curve = model.curve
+    foot, normal = (each(curve.parameter(place * curve.length)) for each in (curve.position, curve.normal))
+    hip = foot - depth * normal
+    scene = shaded(model, crease)
+    plain = resolve("minimum-distance")(Scene(model=model, stiffness=STIFFNESS))
+    renderer = make_renderer(resolve("minimum-distance"), scene)
+    for each in (plain, renderer):
+        each.reset(hip)
+    ihip, force = plain.step(hip, np.zeros(2), 1e-3)
+    same, found = renderer.step(hip, np.zeros(2), 1e-3)
+    size = np.linalg.norm(force)
+    normals = normals_at(curve, crease, ihip[np.newaxis], hip[np.newaxis])
+    assert np.array_equal(same, ihip)
+    assert np.linalg.norm(found) == pytest.approx(size, rel=1e-12)
+    assert np.linalg.norm(normals.shaded[0]) == pytest.approx(1.0, rel=1e-14)
+    np.testing.assert_allclose(found, size * normals.shaded[0], atol=1e-9 * size)
+    np.testing.assert_allclose(turned(force[np.newaxis], normals)[0], found, atol=1e-9 * size)
+
+
+def test_the_interpolated_normal_is_unit():
+    """A golden number: 3/4 (-1/2, s) + 1/4 (1/2, s) with s = sqrt(3)/2, of which (4.15) keeps the norm of .9013878."""
+    model = regular(6)
+    foot = np.array([[-0.025, 0.1 * math.sqrt(0.75)]])
+    row = facets(model.curve, 180.0)[1]
+    assert np.linalg.norm(0.25 * row[4:6] + 0.75 * row[6:8]) == pytest.approx(0.901387818866, rel=1e-11)
+    found = normals_at(model.curve, 180.0, foot, foot - [0.0, 1e-3])
+    np.testing.assert_allclose(found.shaded[0], [-0.277350098113, 0.960768922831], atol=1e-11)
+    np.testing.assert_allclose(turned(np.array([[0.0, 1.0]]), found)[0], found.shaded[0], atol=1e-15)
+
+
+def test_edges_that_turn_more_than_the_crease_stay_sharp():
+    """A star: its tips turn by 120 degrees, its notches by 48."""
+    model = star()
+    turns = np.degrees([abs(corner.turn) for corner in model.boundary.corners])
+    assert set(np.round(turns)) == {48.0, 120.0}
+    table = facets(model.curve, 60.0)
+    sharp = [np.array_equal(row[2:4], row[first : first + 2]) for row in table for first in (4, 6)]
+    assert sum(sharp) == 10
+    assert np.array_equal(facets(model.curve, 10.0)[:, 4:], np.tile(table[:, 2:4], 2))
+    assert facets(model.curve, 48.0)[:, 4:] == pytest.approx(table[:, 4:]), "an edge that turns as much is smooth"
+
+
+@pytest.mark.parametrize("crease", [30.0, 60.0, 180.0])
+def test_the_force_turns_without_a_jump_through_a_notch(crease):
+    """Round a notch of the star the base's force turns where it stands; shaded or sharp, it does so no faster."""
+    model = star()
+    corner = next(each for each in model.boundary.corners if not each.convex)
+    angle = np.linspace(0.0, 2.0 * np.pi, 4001)
+    inwards = -(corner.normal_pre + corner.normal_post)
+    centre = corner.position + 0.002 * inwards / np.linalg.norm(inwards)
+    hips = centre + 0.0015 * np.column_stack([np.cos(angle), np.sin(angle)])
+    force = make_renderer(resolve("minimum-distance"), shaded(model, crease)).run(hips, 1e-3)[1]
+    unit = force / np.linalg.norm(force, axis=1)[:, np.newaxis]
+    turn = np.arccos(np.clip(np.sum(unit[1:] * unit[:-1], axis=1), -1.0, 1.0))
+    assert turn.max() < 0.02
+
+
+@pytest.mark.parametrize("name", ["minimum-distance", "constraint", "minimum-distance+pp-pd"])
+def test_run_step_and_a_closed_loop_give_the_same_bits(name):
+    scene = shaded(regular(8), 60.0, damping=1.0, mass=0.3)
+    hips = np.column_stack([np.linspace(0.11, 0.088, 200), np.linspace(-0.03, 0.03, 200)])
+    renderer = make_renderer(resolve(name), scene)
+    ihips, forces = renderer.run(hips, 1e-3)
+    renderer.reset(hips[0])
+    velocity = backward_difference(hips, 1e-3 * np.arange(len(hips)))
+    for k, (hip, speed) in enumerate(zip(hips, velocity, strict=True)):
+        ihip, force = renderer.step(hip, speed, 1e-3)
+        assert np.array_equal(ihip, ihips[k])
+        assert np.array_equal(force, forces[k]), k
+    trial = Experiment(0.2, np.array([0.0, 0.0925]), np.array([0.1, 0.0]), np.array([0.0]), np.array([[0.0, -1.0]]))
+    loops = []
+    for whole in (True, False):
+        made = make_renderer(resolve(name), scene)
+        made.law = made.law if whole else None
+        loops.append(simulate_closed_loop(made, trial, scene, 1e-3))
+    for channel, values in loops[0].channels.items():
+        assert np.array_equal(values, loops[1].channels[channel]), channel
+    assert np.abs(loops[0].force[:, 0]).max() > 0.0
+
+
+@pytest.mark.parametrize("kind", ["circle", "line", "dumbbell", "sphere"])
+def test_a_boundary_without_facets_is_refused_by_name(kind):
+    scene = Scene(model=make_model(kind), effects=(Shading(),))
+    with pytest.raises(RefusalError, match=f"shading on model '{kind}', which has no facets"):
+        make_renderer(resolve("minimum-distance"), scene)
+
+
+@pytest.mark.parametrize("crease", [0.0, -1.0, math.nan, math.inf, 181.0, "60"])
+def test_a_crease_that_is_no_angle_is_refused(crease):
+    with pytest.raises(InputError, match="crease"):
+        Shading(crease)
+
+
+# Triangle meshes
+
+
+def prism_of(n):
+    outline = regular(n).boundary.pieces[:, 3:5]
+    vertices, triangles = prism(outline, 0.1)
+    return make_model("mesh", vertices=vertices.tolist(), triangles=triangles.tolist())
+
+
+@pytest.mark.parametrize("n", [5, 8])
+def test_a_prism_is_shaded_as_its_cross_section_is(n):
+    """Its sides are cut into triangles, which changes no normal, and its caps are sharp."""
+    hips = np.column_stack([np.linspace(0.11, 0.07, 120), np.linspace(-0.04, 0.05, 120)])
+    flat = make_renderer(resolve("minimum-distance"), shaded(regular(n), 75.0)).run(hips, 1e-3)
+    there = np.column_stack([hips, np.linspace(-0.011, 0.013, 120)])
+    found = make_renderer(resolve("minimum-distance"), shaded(prism_of(n), 75.0)).run(there, 1e-3)
+    assert np.abs(flat[1]).max() > 5.0
+    np.testing.assert_allclose(found[1][:, :2], flat[1], atol=1e-9)
+    assert np.abs(found[1][:, 2]).max() < 1e-9
+
+
+def test_a_mesh_of_a_sphere_is_shaded_towards_the_sphere():
+    """Vertices lie on it: shaded normals are a third as far off the sphere's as the triangles' own, or less."""
+    vertices, triangles = icosphere(2, RADIUS)
+    model = make_model("mesh", vertices=vertices.tolist(), triangles=triangles.tolist())
+    feet = 0.98 * spiral(60) * RADIUS
+    scene = shaded(model, 60.0)
+    plain = resolve("minimum-distance")(Scene(model=model, stiffness=STIFFNESS))
+    renderer = make_renderer(resolve("minimum-distance"), scene)
+    off = []
+    for made in (plain, renderer):
+        made.reset(1.2 * feet[0])
+        forces = np.array([made.step(hip, np.zeros(3), 1e-3).force for hip in feet])
+        unit = forces / np.linalg.norm(forces, axis=1)[:, np.newaxis]
+        off.append(np.arccos(np.clip(np.sum(unit * feet, axis=1) / np.linalg.norm(feet, axis=1), -1.0, 1.0)))
+    assert off[1].max() < off[0].max() / 3.0
+    ihips = np.array([renderer.step(hip, np.zeros(3), 1e-3).ihip for hip in feet])
+    base = STIFFNESS * (ihips - feet)
+    expected = turned(base, normals_at(model.boundary, 60.0, ihips, feet))
+    np.testing.assert_allclose(forces, expected, atol=1e-10)
+    np.testing.assert_allclose(np.linalg.norm(forces, axis=1), np.linalg.norm(base, axis=1), rtol=1e-12)

@@ -1,0 +1,40 @@
+"""An effect of the surface that no catalogue knows, and its entry for tests that add it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from hapticeval.effects.catalogue import Entry
+from hapticeval.effects.effect import Effect, Part, Stage, number
+
+
+@dataclass(frozen=True)
+class Suction(Effect):
+    """Pull the hand inwards with `force`, and less so from tick to tick; refuse beyond `deepest`."""
+
+    force: float = number("N")
+    deepest: float = number("m", default=1.0)
+
+    kind: ClassVar[str] = "suction"
+    stage: ClassVar[Stage] = Stage.ANSWER
+    refusals: ClassVar[dict[int, str]] = {1: "no suction so deep inside"}
+
+    def change(self, scene):
+        return Part(suck, np.array([self.force, self.deepest]), state=np.ones((3, scene.model.dimension)))
+
+
+def suck(numbers, closest, hip, velocity, dt, ihip, force):
+    distance = closest.function(closest.data, hip, numbers.state[:2])
+    if distance < -numbers.params[1]:
+        return 1
+    if distance < 0.0:
+        for i in range(hip.shape[0]):
+            force[i] -= numbers.params[0] * numbers.state[2, 0] * numbers.state[1, i]
+        numbers.state[2, 0] *= 0.99
+    return 0
+
+
+ENTRY = Entry("suction:Suction", "the surface sucks")

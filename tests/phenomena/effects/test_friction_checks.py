@@ -1,0 +1,144 @@
+"""Checks of friction: honest renderers pass them, and what a wrong law does is seen; the rest is in the kill matrix."""
+
+from __future__ import annotations
+
+import honest
+import numpy as np
+import pytest
+import rubbing
+from made import FAIL, NO, PASS, UNDECIDED, changed, recorded
+
+from hapticeval.discovery import resolve
+from hapticeval.effects.friction import Friction
+from hapticeval.effects.lugre import LuGre
+from hapticeval.effects.viscous_friction import ViscousFriction
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.registry import OWN
+from hapticeval.renderer import Response
+from hapticeval.runner.judging import judge, make_renderer
+from hapticeval.scene import Scene
+from hapticeval.simulation.closed_loop import simulate_closed_loop
+from hapticeval.simulation.playback import play
+from hapticeval.stimulus.stimulus import Experiment, Hand, Path
+
+FRICTION = [name for name in OWN if name.startswith("friction-")]
+QUICK = ("plane-to-and-fro", "plane-press", "viscous-plane")
+SCENE = Scene(model=make_model("line"), effects=(Friction(0.5, 0.3),))
+
+
+def laps(depth=1e-3, reach=0.01, laps=3):
+    """Into a plane and `laps` times to and fro at 40 mm/s: a path in whole ticks."""
+    points = [[0.0, depth], [0.0, -depth], *([[reach, -depth], [-reach, -depth]] * laps), [-reach, depth]]
+    length = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    return Path(np.concatenate([[0.0], np.cumsum(length / 0.04)]), np.array(points))
+
+
+def led(scene, path=None, renderer="minimum-distance"):
+    made = make_renderer(resolve(renderer), scene)
+    return play(made, path or laps(), scene.sampling_time, scene=scene)
+
+
+def outcome(check, run, scene=SCENE):
+    return OWN[check](Runs(run), scene).outcome
+
+
+@pytest.mark.parametrize("name", [name for name in honest.HONEST if name != "force-only"])
+def test_no_honest_renderer_is_blamed(name):
+    """Late by up to three ticks, in single precision, at a distance: friction is what the scene's law makes it."""
+    for case in map(rubbing.CASES.get, QUICK):
+        found = judge(honest.factory(name, rubbing.Rubbing), name, "effects-friction", case)
+        assert {v.check: v.outcome for v in found.verdicts} == dict.fromkeys(case.checks, PASS), case.name
+
+
+def test_a_force_without_an_ihip_decides_nothing():
+    found = judge(honest.factory("force-only", rubbing.Rubbing), "", "", rubbing.CASES["plane-to-and-fro"])
+    assert {verdict.outcome for verdict in found.verdicts} == {UNDECIDED}
+
+
+@pytest.mark.parametrize("check", FRICTION)
+def test_a_scene_without_friction_is_not_asked(check):
+    plain = Scene(model=make_model("line"))
+    assert outcome(check, led(plain), plain) is NO
+
+
+@pytest.mark.parametrize("check", FRICTION)
+def test_a_hand_that_never_touches_or_only_presses_decides_nothing(check):
+    away = recorded(np.full((50, 2), 0.01))
+    assert outcome(check, away) is UNDECIDED
+    press = Path(np.array([0.0, 0.05, 2.0]), np.array([[0.0, 1e-3], [0.0, -1e-3], [0.0, -1e-3]]))
+    assert outcome(check, led(SCENE, press)) is (PASS if check == "friction-energy" else UNDECIDED)
+
+
+def test_a_frictionless_renderer_that_claims_friction_is_found():
+    plain = led(Scene(model=make_model("line")))
+    assert outcome("friction-sliding", plain) is FAIL
+    assert outcome("friction-work", plain) is FAIL
+
+
+@pytest.mark.parametrize("factor", [0.998, 1.002])
+@pytest.mark.parametrize("effect", [Friction(0.5, 0.5), Friction(0.5, 0.3), ViscousFriction(4.0)])
+def test_two_thousandths_of_the_work_are_found(effect, factor):
+    """The same run in a scene whose friction is 0.2 % off."""
+    scene = Scene(model=make_model("line"), effects=(effect,))
+    run = led(scene)
+    assert outcome("friction-work", run, scene) is PASS
+    if isinstance(effect, Friction):
+        other = Friction(effect.mu_s * max(factor, 1.0), effect.mu_k * factor)
+    else:
+        other = ViscousFriction(effect.coefficient * factor)
+    assert outcome("friction-work", run, scene.with_effects(other)) is FAIL
+
+
+def test_the_work_of_bristles_is_found():
+    law = {"stribeck": 5e-3, "stiffness": 5e3, "damping": 2.0, "viscosity": 2.0}
+    scene = Scene(model=make_model("line"), effects=(LuGre(0.5, 0.3, **law),))
+    run = led(scene)
+    assert outcome("friction-work", run, scene) is PASS
+    assert outcome("friction-work", run, scene.with_effects(LuGre(0.5, 0.305, **law))) is FAIL
+
+
+@pytest.mark.parametrize("angle", [1e-3, -1e-3])
+def test_a_brake_that_points_aside_is_found(angle):
+    scene = Scene(model=make_model("sphere"), effects=(Friction(0.5, 0.3),))
+    path = Path(np.array([0.0, 0.1, 1.1]), np.array([[0.101, 0.0, 0.0], [0.0985, 0.0, 0.0], [0.09, 0.03, 0.01]]))
+    run = led(scene, path)
+    assert outcome("friction-sliding", run, scene) is PASS
+    normal = scene.model.boundary.closest_point(run.ihip).normal
+    turned = run.force * np.cos(angle) + np.cross(normal, run.force) * np.sin(angle)
+    across = np.sum(run.force * normal, axis=1)[:, np.newaxis] * normal * (1.0 - np.cos(angle))
+    assert outcome("friction-sliding", changed(run, force=turned + across), scene) is FAIL
+
+
+class Creeping:
+    """F_t = -mu F_n tanh(v / v_0), the friction that needs a speed to have a force."""
+
+    supports = frozenset({"friction"})
+
+    def __init__(self, scene):
+        self.scene, self.boundary = scene, scene.model.boundary
+
+    def reset(self, hip):
+        pass
+
+    def step(self, hip, velocity, dt):
+        at = self.boundary.closest_point(hip[np.newaxis])
+        if at.distance[0] >= 0.0:
+            return Response(hip, np.zeros_like(hip))
+        press = -self.scene.stiffness * at.distance[0]
+        return Response(at.foot[0], press * at.normal[0] - 0.3 * press * np.tanh(velocity / 5e-3) * [1.0, 0.0])
+
+
+def test_a_friction_that_needs_a_speed_creeps():
+    """At 0.57 of the limit by v_0 atanh(0.57), 3.2 mm/s; the tool with a cone stays."""
+    rest = Hand(path=Path(np.array([0.0, 1.0]), np.zeros((2, 2))), stiffness=0.0, damping=4.0)
+    pushes = np.array([[0.0, 0.0], [0.0, -1.0], [0.17, -1.0]])
+    trial = Experiment(3.0, np.array([0.0, 5e-4]), np.zeros(2), np.array([0.0, 0.4, 0.8]), pushes, rest)
+    runs = [
+        simulate_closed_loop(make_renderer(factory, SCENE), trial, SCENE, 1e-3)
+        for factory in (Creeping, resolve("minimum-distance"))
+    ]
+    assert outcome("friction-sticking", runs[1]) is PASS
+    found = OWN["friction-sticking"](Runs(runs[0]), SCENE)
+    assert found.outcome is FAIL
+    assert found.metric.value > 1e-4

@@ -1,0 +1,95 @@
+"""The report's section on effects: what its panels are drawn from, and the page with and without it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from made import recorded
+
+from hapticeval.cli import main
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.reports.effects_figure import PANELS, contacts, effect_svg, given, slip
+from hapticeval.reports.write import write_reports
+from hapticeval.study.effects.document import Cost, EffectsDocument, Ladder, Rung, SceneEntry, write_costs
+
+SUITE = """
+title = "Rung"
+[[case]]
+name = "wood"
+title = "A tap on wood"
+model = { kind = "line" }
+scene = { effects = [{ kind = "contact-transient", material = "wood" }] }
+checks = ["contact-normal-force"]
+trajectory = { kind = "points", duration = 0.2, points = [[0.0, 0.01], [0.0, -0.01]] }
+"""
+
+
+def rubbed(dimension=2, ratio=0.4):
+    """A hand that goes 1 cm along a flat surface and back, 1 mm deep, with Coulomb friction."""
+    way = np.concatenate([np.linspace(0.0, 0.01, 51), np.linspace(0.01, 0.0, 51)[1:]])
+    sense = np.where(np.arange(way.size) <= 50, 1.0, -1.0)
+    hip, force = np.zeros((2, way.size, dimension))
+    hip[:, 0], hip[:, 1] = way, -1e-3
+    force[:, 1], force[:, 0] = 1.0, -ratio * sense
+    return recorded(hip, force=force)
+
+
+def test_friction_is_a_loop_of_the_force_along_over_the_force_across():
+    recording = rubbed()
+    way, along, across = slip(recording, make_model("line"))
+    np.testing.assert_allclose(way, recording.hip[:, 0], atol=1e-15)
+    np.testing.assert_allclose(along, recording.force[:, 0])
+    np.testing.assert_allclose(across, 1.0)
+
+
+@pytest.mark.parametrize("kind", ["circle", "sphere"])
+def test_the_way_along_a_round_surface_goes_round_it_and_back(kind):
+    angle = 0.8 * np.sin(np.linspace(0.0, np.pi, 801))
+    model = make_model(kind)
+    hip = np.zeros((801, model.dimension))
+    hip[:, 0], hip[:, 1] = 0.09 * np.cos(angle), 0.09 * np.sin(angle)
+    way, _, across = slip(recorded(hip, force=hip), model)
+    np.testing.assert_allclose(way, 0.09 * angle, rtol=1e-3, atol=1e-6)
+    np.testing.assert_allclose(across, 0.09)
+
+
+def test_work_is_what_the_hand_gets():
+    """Against 0.4 N over 2 cm; the tick at which the hand turns counts half for either sense."""
+    assert given(rubbed())[-1] == pytest.approx(-0.4 * 0.02, rel=2e-2)
+
+
+def test_contacts_are_where_there_is_a_force():
+    recording = rubbed()
+    force = recording.force.copy()
+    force[10:20] = 0.0
+    assert contacts(recorded(recording.hip, force=force)) == [(0, 10), (20, 101)]
+
+
+@pytest.mark.parametrize("kind", PANELS)
+def test_every_panel_is_drawn_the_same_twice(kind):
+    svg = [effect_svg(kind, rubbed(), make_model("line"), prefix="e", title=kind) for _ in range(2)]
+    assert svg[0] == svg[1]
+    assert svg[0].startswith("<svg")
+
+
+def test_the_page_shows_effects_and_costs_where_there_are_any(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "rung.toml").write_text(SUITE)
+    main(["run", "rung.toml", "-r", "minimum-distance", "-o", "results"])
+    page = (tmp_path / "results" / "report.html").read_text()
+    assert '<section class="wide" id="effects">' in page
+    assert "<b>contact-transient</b>" in page
+    assert "What effects cost" not in page
+    called = ["contact-transient"]
+    costs = Cost(1e-6, 1000), Cost(5e-7, None)
+    scene = SceneEntry("rung", "wood", "minimum-distance", called, {"answer": called}, 200, *costs)
+    ladder = Ladder("rung", "wood", "minimum-distance", [Rung([], 1e-7, 2e-7), Rung(called, 2e-7, 2.5e-7)])
+    environment = json.loads((tmp_path / "results" / "results.json").read_text())["environment"]
+    write_costs(tmp_path / "results", EffectsDocument([scene], ladder, 30, environment, {"processor": "a <fast> one"}))
+    write_reports(tmp_path / "results", workers=0)
+    page = (tmp_path / "results" / "report.html").read_text()
+    assert "What effects cost" in page
+    assert "answer: contact-transient" in page
+    assert "a &lt;fast&gt; one" in page

@@ -1,0 +1,61 @@
+"""Renderers in a file of the user's own, as `-r mine:Renderer` names them."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+MINE = '''
+import os, time
+import numpy as np
+from hapticeval import Response
+
+class Nearest:
+    """A spring to the nearest point of the surface."""
+    def __init__(self, scene):
+        self.scene, self.closest = scene, scene.model.boundary.closest_point
+    def reset(self, hip):
+        pass
+    def step(self, hip, velocity, dt):
+        found = self.closest(hip[np.newaxis])
+        if found.distance[0] >= 0.0:
+            return Response(hip, np.zeros_like(hip))
+        return Response(found.foot[0], self.scene.stiffness * (found.foot[0] - hip))
+
+class Raises(Nearest):
+    """Raises where the hand is deeper than 3 mm."""
+    def step(self, hip, velocity, dt):
+        answer = super().step(hip, velocity, dt)
+        if np.linalg.norm(answer.ihip - hip) > 3e-3:
+            self.bad(hip)
+        return answer
+    def bad(self, hip):
+        raise ZeroDivisionError(f"at {hip}")
+
+class Dies(Raises):
+    def bad(self, hip):
+        os._exit(9)
+
+class Hangs(Raises):
+    def bad(self, hip):
+        time.sleep(3600)
+
+class Refuses:
+    def __init__(self, scene):
+        from hapticeval import RefusalError
+        raise RefusalError("no model is good enough")
+    def reset(self, hip): ...
+    def step(self, hip, velocity, dt): ...
+'''
+
+
+@pytest.fixture
+def mine(tmp_path, monkeypatch):
+    """Put `mine.py` into the current directory, which is a folder of the test's own."""
+    (tmp_path / "mine.py").write_text(MINE)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    sys.modules.pop("mine", None)
+    yield tmp_path
+    sys.modules.pop("mine", None)

@@ -1,0 +1,213 @@
+"""The search: what it finds is small, of the same kind, on disk, tried again, and the same for the same seed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hapticeval import cli
+from hapticeval.discovery import resolve
+from hapticeval.errors import InputError
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.runner.judging import judge
+from hapticeval.search import trial
+from hapticeval.search.counterexample import kept, line, notes, read_all, write
+from hapticeval.search.drawing import drawn, judgeable, led
+from hapticeval.search.hunt import Search
+from hapticeval.search.trial import RENDERER, Bench, Fault, Stopped
+from hapticeval.suite.reading import load_suite
+
+JUMP = "continuous-contact"
+
+
+def searched(renderer, checks, *, models=(), most=30, seed=0, over=lambda: False, known=()):
+    """A search that no clock ends."""
+    with Bench(renderer, seed, over) as bench:
+        made = Search(bench, checks, seed, [make_model(each) for each in models], known, most)
+        made.run()
+    return made
+
+
+@pytest.fixture(scope="module")
+def jump():
+    """What a search finds of the nearest-point projection's pop-through."""
+    return searched("minimum-distance", [JUMP]).found[JUMP]
+
+
+def test_a_pop_through_is_shrunk_to_a_move_of_less_than_three_millimetres(jump):
+    moves = jump.case.trajectory
+    assert len(moves.moves) <= 2
+    assert moves.length <= 3e-3
+    assert jump.complete
+    assert jump.fault.kind == "major"
+
+
+def test_its_coordinates_are_round_and_its_hand_starts_in_free_space(jump):
+    moves = jump.case.trajectory
+    points = np.array([moves.start, *(move.to for move in moves.moves)])
+    assert np.allclose(points, np.round(points, 5), atol=1e-12)
+    model = make_model(**jump.case.model)
+    assert model.boundary.signed_distance(points[:1])[0] > 0.0
+
+
+def test_a_bisection_places_the_jump_to_a_nanometre(jump):
+    low, high, left = jump.pair
+    assert np.linalg.norm(high - low) <= 1e-9
+    assert left == pytest.approx(jump.fault.value, rel=0.05)
+    assert "between HIPs" in notes(kept(jump, "minimum-distance", 0))[0]
+
+
+def test_one_line_says_what_breaks_on_how_small_a_path(jump):
+    said = line(kept(jump, "minimum-distance", 0))
+    assert said.startswith("pop-through of ")
+    assert " on a path of " in said
+    assert said.endswith(f"after {jump.examples} examples")
+
+
+def test_what_is_written_fails_without_hypothesis_in_the_same_way(jump, tmp_path):
+    files = write(kept(jump, "minimum-distance", 0), tmp_path)
+    case = load_suite(str(files[0])).cases[0]
+    judged = judge(resolve("minimum-distance"), "minimum-distance", "found", case)
+    finding = judged.verdicts[0].finding
+    assert finding.outcome == "fail"
+    assert finding.message == jump.fault.message
+    assert read_all(tmp_path)[0].case.trajectory == jump.case.trajectory
+
+
+def test_the_same_seed_gives_the_same_bytes_and_knows_nothing_of_time(jump, tmp_path):
+    again = searched("minimum-distance", [JUMP]).found[JUMP]
+    files = [write(kept(each, "minimum-distance", 0), tmp_path / str(at)) for at, each in enumerate((jump, again))]
+    for one, other in zip(*files, strict=True):
+        assert one.read_bytes() == other.read_bytes()
+
+
+def test_what_is_known_is_tried_first(jump):
+    made = searched("minimum-distance", [JUMP], known=[(jump.case, jump.examples)])
+    assert made.tried == 0
+    assert made.found[JUMP].case.trajectory == jump.case.trajectory
+    assert made.found[JUMP].examples == jump.examples
+
+
+def test_a_search_that_is_stopped_keeps_the_smallest_so_far():
+    counts = {"left": 10**9}
+
+    def told(text):
+        counts["left"] = 40  # polls and trials from the first failure on
+
+    def over():
+        counts["left"] -= 1
+        return counts["left"] < 0
+
+    with Bench("minimum-distance", 0, over) as bench:
+        inner = bench.__class__.__call__
+
+        def counted(case):
+            if over():
+                raise Stopped
+            return inner(bench, case)
+
+        made = Search(counted, [JUMP], 0, told=told)
+        made.run()
+    assert not made.finished
+    assert not made.found[JUMP].complete
+    assert "the time was over" in " ".join(notes(kept(made.found[JUMP], "minimum-distance", 0)))
+
+
+def test_cases_come_in_the_same_order_whatever_checks_are_found_meanwhile():
+    left = list(judgeable())
+    cases = drawn([], left, 0)
+    first = [next(cases) for _ in range(12)]
+    left[:] = [JUMP]
+    assert next(cases).checks == (JUMP,)
+    whole = drawn([], list(judgeable()), 0)
+    assert [case.trajectory for case in first] == [next(whole).trajectory for _ in range(12)]
+
+
+def test_checks_of_a_closed_loop_get_experiments():
+    looped = [name for name in judgeable() if name in ("impulsive-collision", "centripetal-force")]
+    cases = drawn([], looped, 0)
+    assert all(next(cases).experiment is not None for _ in range(10))
+    from hapticeval.phenomena.registry import CHECKS
+
+    assert not any(led(CHECKS[name]) for name in looped)
+    assert led(CHECKS["passivity"])
+
+
+def test_the_impulse_that_a_spring_does_not_take_out_is_found():
+    made = searched("minimum-distance", ["impulsive-collision"])
+    found = made.found["impulsive-collision"]
+    assert found.case.experiment.duration <= 0.05
+    assert len(found.case.experiment.force or []) <= 1
+
+
+@pytest.mark.parametrize(("name", "kind"), [("Raises", "ZeroDivisionError"), ("Dies", "dies"), ("Hangs", "hangs")])
+def test_a_renderer_that_breaks_is_a_counterexample_and_shrinks(mine, monkeypatch, name, kind):
+    monkeypatch.setattr(trial, "FIRST", 1.0)
+    monkeypatch.setattr(trial, "LATER", 0.5)
+    monkeypatch.setattr(trial, "FEWEST", 0.2)
+    monkeypatch.setattr("hapticeval.search.shrink.MOST", 25)
+    found = searched(f"mine:{name}", ["contact-kept"]).found[RENDERER]
+    assert kind in found.fault.kind
+    assert len(found.case.trajectory.moves) <= 2
+
+
+def test_a_renderer_that_refuses_every_model_is_not_said_to_pass(mine):
+    made = searched("mine:Refuses", [JUMP], most=8)
+    assert made.refused == "no model is good enough"
+    assert made.found == {}
+
+
+def test_faults_are_the_same_by_check_and_kind():
+    one = Fault(JUMP, "mini", "a")
+    assert one.same(Fault(JUMP, "mini", "b", 1.0))
+    assert not one.same(Fault(JUMP, "major", "a"))
+
+
+def run(*arguments):
+    return cli.main(["search", *map(str, arguments)])
+
+
+def test_the_command_writes_tells_and_replays(mine, capsys):
+    out = mine / "found"
+    assert run("-r", "mine:Nearest", "--check", JUMP, "--model", "star", "--examples", 8, "-o", out) == 1
+    said = capsys.readouterr().out
+    assert "mine:Nearest: pop-through of" in said
+    place = next(out.glob("*/continuous-contact.toml")).parent
+    assert {file.suffix for file in place.iterdir()} == {".toml", ".csv", ".json", ".svg", ".png"}
+    assert run("--replay", out, "-r", "mine:Nearest", "-r", "ideal") == 1
+    rows = capsys.readouterr().out
+    assert "STILL FAILS" in rows
+    assert "FIXED" in rows
+    assert run("--replay", out, "-r", "ideal") == 0
+    assert run("--replay", out) == 2, "a file never names code to run"
+    assert cli.main(["run", str(place / "continuous-contact.toml"), "-r", "mine:Nearest", "-o", str(mine / "r")]) == 1
+
+
+def test_exit_codes(mine, capsys):
+    assert run("-r", "ideal", "--check", JUMP, "--model", "circle", "--examples", 2, "-o", mine / "none") == 0
+    assert "no failure of: continuous-contact" in capsys.readouterr().out
+    assert run("-r", "mine:Refuses", "--check", JUMP, "--examples", 2, "-o", mine / "none") == 2
+    assert run("-r", "mine:Raises", "--check", JUMP, "--examples", 2, "-o", mine / "broke") == 3
+    assert run("--replay", mine / "broke", "-r", "mine:Raises") == 3
+    assert run("--check", JUMP) == 2
+    assert run("-r", "ideal", "--check", "continuos-contact") == 2
+    assert run("-r", "ideal", "--check", "closed-form") == 2
+    assert run("--replay", mine / "nothing") == 2
+    assert run("-r", "ideal", "--seconds", 0) == 2
+
+
+def test_a_file_that_is_none_of_ours_is_refused_by_name(tmp_path):
+    (tmp_path / "a.toml").write_text("")
+    (tmp_path / "a.json").write_text(json.dumps({"renderer": "x"}))
+    with pytest.raises(InputError, match=r"a\.json"):
+        read_all(Path(tmp_path))
+
+
+@pytest.mark.slow
+def test_the_ideal_contact_fails_in_none_of_ten_thousand_examples():
+    made = searched("ideal", list(judgeable()), most=10_000)
+    assert made.tried == 10_000
+    assert {name: found.fault.message for name, found in made.found.items()} == {}

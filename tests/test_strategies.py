@@ -1,0 +1,206 @@
+"""Public strategies: what is drawn is a hand's, reaches what it is for, can be pasted as it prints, and repeats."""
+
+from __future__ import annotations
+
+import itertools
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+from hapticeval import Scene, make_model
+from hapticeval.effects.viscosity import Viscosity
+from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.geometry.catalogue import MODELS
+from hapticeval.stimulus.experiments import ExperimentTable
+from hapticeval.stimulus.moves import ACCELERATION, SPEED, Move, Moves, Tremor
+from hapticeval.strategies import PARTS, PLANE_MODELS, effects, examples, hand_paths, plane_models, pushes, scenes
+
+NAMES = {"Moves": Moves, "Move": Move, "Tremor": Tremor, "ExperimentTable": ExperimentTable, "make_model": make_model}
+MODEL = {kind: make_model(kind) for kind in ("star", "cassinian", "ellipse", "line", "sphere", "torus")}
+COUNT = 200
+
+
+@pytest.mark.parametrize("tremor", [False, True])
+@pytest.mark.parametrize("kind", list(MODEL))
+def test_paths_keep_to_what_a_hand_can_do_and_begin_in_free_space(kind, tremor):
+    for moves in examples(hand_paths(MODEL[kind], tremor=tremor), 20, seed=5):
+        hips = moves.path().sampled(1e-3)[1]
+        velocity = np.diff(hips, axis=0) / 1e-3
+        acceleration = np.diff(velocity, axis=0) / 1e-3
+        assert np.linalg.norm(velocity, axis=1).max() <= SPEED
+        assert np.linalg.norm(acceleration, axis=1).max() <= ACCELERATION
+        assert MODEL[kind].boundary.signed_distance(hips[:1])[0] > 0.0
+        steady = replace(moves, tremor=None).path().sampled(1e-3)[1]
+        acceleration = np.diff(np.pad(steady, ((2, 2), (0, 0)), mode="edge"), n=2, axis=0)
+        power = np.sum(np.abs(np.fft.rfft(acceleration, n=2**15, axis=0)) ** 2, axis=1)
+        frequency = np.fft.rfftfreq(2**15, 1e-3)
+        assert power[frequency > 10.0].sum() <= 1e-3 * power.sum()
+
+
+def reached(moves, model):
+    """Return which of the compositions a path contains, by where it leads and not by how it was drawn."""
+    hips = moves.path().sampled(1e-3)[1]
+    frame = model.boundary.closest_point(hips)
+    inside = frame.distance < 0.0
+    step = np.linalg.norm(np.diff(hips, axis=0), axis=1)
+    foot = np.linalg.norm(np.diff(frame.foot, axis=0), axis=1)
+    pressed = inside[1:] & inside[:-1]
+    slides = np.where(pressed & (foot < 4.0 * step + 1e-9), foot, 0.0)
+    found = {
+        "approach": not inside[0] and inside.any(),
+        "contact": inside.sum() > 10,
+        "slide": slides.sum() > 0.05 * model.size,
+        "rest": longest(pressed & (step == 0.0)) >= 90,
+        "release": bool(np.any(inside) and np.any(~inside[int(np.argmax(inside)) :])),
+        "medial-axis": bool(np.any(pressed & (foot > 20.0 * step + 1e-3 * model.size))),
+    }
+    edges = np.flatnonzero(np.diff(inside.astype(int)))
+    stays = [(a + 1, b) for a, b in itertools.pairwise(edges) if inside[a + 1]]
+    found["graze"] = any(
+        -frame.distance[a : b + 1].min() < 5e-3 * model.size and np.linalg.norm(hips[b] - hips[a]) > 0.01 * model.size
+        for a, b in stays
+    )
+    bend = np.linalg.eigvalsh(frame.shape).max(axis=1)
+    found["focal-point"] = bool(np.any(inside & (1.0 + frame.distance * bend < 0.15)))
+    for convex in (True, False):
+        along = [c for c in model.boundary.corners if c.convex == convex]
+        found["convex corner" if convex else "concave corner"] = any(passes(hips, c, model.size) for c in along)
+    return found
+
+
+def longest(flags):
+    """The number of true values in the longest run of them."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))
+
+
+def passes(hips, corner, size):
+    """Whether the hand goes past a corner, under one of its faces before it, and not far from it."""
+    near = np.linalg.norm(hips - corner.position, axis=1) < 0.1 * size
+    for ahead, normal in ((corner.tangent_pre, corner.normal_pre), (-corner.tangent_post, corner.normal_post)):
+        along, under = (hips - corner.position) @ ahead, -(hips - corner.position) @ normal
+        over = near[1:] & near[:-1] & (along[:-1] <= 0.0) & (along[1:] > 0.0) & (under[1:] > 0.0)
+        if np.any(over):
+            return True
+    return False
+
+
+@pytest.mark.parametrize(
+    ("kind", "lacks"),
+    [
+        ("star", {"focal-point"}),  # flat faces have no centre of curvature
+        ("cassinian", {"convex corner", "concave corner"}),
+        ("ellipse", {"convex corner", "concave corner"}),
+    ],
+)
+def test_each_composition_is_reached_in_a_twentieth_of_the_examples(kind, lacks):
+    counts = dict.fromkeys(reached(examples(hand_paths(MODEL[kind]), 1)[0], MODEL[kind]), 0)
+    for moves in examples(hand_paths(MODEL[kind]), COUNT, seed=1):
+        for what, there in reached(moves, MODEL[kind]).items():
+            counts[what] += there
+    rare = {what: count for what, count in counts.items() if count < COUNT / 20}
+    assert set(rare) == lacks, counts
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_a_part_can_be_asked_for_alone(part):
+    found = examples(hand_paths(MODEL["star"], parts=[part], most=1), 10)
+    assert all(moves.length > 0.0 for moves in found)
+
+
+@settings(max_examples=30)
+@given(hand_paths(MODEL["cassinian"], tremor=True))
+def test_a_hand_path_prints_as_what_makes_it(moves):
+    assert eval(repr(moves), NAMES) == moves
+
+
+@settings(max_examples=30)
+@given(st.data(), plane_models())
+def test_models_and_pushes_print_as_what_makes_them(data, model):
+    assert eval(repr(model), NAMES).table == model.table
+    push = data.draw(pushes(model))
+    assert eval(repr(push), NAMES) == push
+
+
+@pytest.mark.parametrize("kind", list(PLANE_MODELS))
+def test_models_of_each_kind_are_sound_and_centimetres_in_size(kind):
+    drawn = examples(plane_models(kinds=[kind]), 15, seed=2)
+    assert len({str(model.table) for model in drawn}) >= 4
+    for model in drawn:
+        assert 0.01 < model.size < 0.8
+        assert model.table["kind"] in MODELS
+        assert model.boundary.signed_distance(model.boundary.points(50)) == pytest.approx(np.zeros(50), abs=1e-12)
+
+
+@pytest.mark.parametrize("bilateral", [False, True])
+@pytest.mark.parametrize("kind", ["star", "cassinian", "sphere"])
+def test_pushes_start_where_they_may(kind, bilateral):
+    for push in examples(pushes(MODEL[kind], bilateral=bilateral), 20):
+        start = push.experiment(None).position
+        off = MODEL[kind].boundary.signed_distance(start[np.newaxis])[0]
+        assert off == pytest.approx(0.0, abs=1e-9) if bilateral else off > -1e-9
+
+
+@settings(max_examples=20)
+@given(scenes(called=st.tuples(effects("viscosity", coefficient=st.sampled_from([0.1, 1.0])))))
+def test_scenes_have_the_effects_that_are_called_for(scene):
+    assert isinstance(scene, Scene)
+    assert scene.effect(Viscosity).coefficient in (0.1, 1.0)
+
+
+def test_the_examples_of_a_seed_are_the_same_whatever_is_loaded(tmp_path):
+    """In processes of their own: nothing that the tests have set takes part."""
+    script = (
+        "from hapticeval import make_model\n"
+        "from hapticeval.strategies import *\n"
+        "print(examples(plane_models(), 12, seed=4), examples(hand_paths(make_model('star')), 12, seed=4))\n"
+        "print(examples(hand_paths(make_model('star')), 12, seed=5))\n"
+    )
+    (tmp_path / "mine.py").write_text("HERE = (" + ", ".join(f"{k}, {k}.5" for k in range(1, 4000, 7)) + ")\n")
+    answers = []
+    for before in ("", "import mine\n"):
+        done = subprocess.run(
+            [sys.executable, "-c", before + script], cwd=tmp_path, capture_output=True, text=True, check=True
+        )
+        answers.append(done.stdout.splitlines())
+    assert answers[0] == answers[1]
+    assert answers[0][0].split("] [")[1] != answers[0][1], "another seed gives other examples"
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: hand_paths("star"),
+        lambda: hand_paths(MODEL["star"], parts="slide"),
+        lambda: hand_paths(MODEL["star"], parts=[]),
+        lambda: hand_paths(MODEL["star"], most=0),
+        lambda: hand_paths(MODEL["star"], most=True),
+        lambda: hand_paths(MODEL["cassinian"], parts=["corner"]),
+        lambda: pushes(None),
+        lambda: plane_models(kinds=[]),
+        lambda: plane_models(kinds="star"),
+        lambda: scenes(models=MODEL["star"]),
+        lambda: examples(st.none(), 0),
+    ],
+)
+def test_arguments_that_mean_nothing_are_refused_at_once(wrong):
+    with pytest.raises(InputError):
+        wrong()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: hand_paths(MODEL["star"], parts=["slide", "silde"]),
+        lambda: plane_models(kinds=["stars"]),
+        lambda: effects("viscocity"),
+    ],
+)
+def test_names_that_are_not_known_get_the_closest(wrong):
+    with pytest.raises(UnknownNameError, match="unknown"):
+        wrong()
