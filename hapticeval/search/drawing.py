@@ -18,10 +18,10 @@ from hapticeval.suite.case import Case
 
 MODELS: tuple[dict[str, Any], ...] = (
     {"kind": "star"},
+    {"kind": "circle"},
     {"kind": "ellipse", "ratio": 20.0, "size": 0.05},
     {"kind": "cassinian"},
     {"kind": "ellipse"},
-    {"kind": "circle"},
     {"kind": "dumbbell"},
 )
 """Models that are tried first: with corners, and smooth. The medial axis of the sharp ellipse comes to a sixteenth of a
