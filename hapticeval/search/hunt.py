@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from msgspec.structs import replace
 
 from hapticeval.geometry.model import Model
-from hapticeval.search.drawing import drawn
+from hapticeval.search.drawing import drawn, first_models
 from hapticeval.search.shrink import Shrink, size_of
 from hapticeval.search.trial import RENDERER, Bench, Fault, Stopped
 from hapticeval.suite.case import Case
@@ -77,8 +77,9 @@ class Search:
         left = list(self.checks)
         taken = False
         refusing: set[str] = set()
+        models = len(first_models(self.models))
         try:
-            for case, before in self._cases(left):
+            for case, before in self._cases(left, refusing):
                 model = repr(case.model)
                 if model in refusing:
                     continue
@@ -87,6 +88,8 @@ class Search:
                 if answer.refused is not None:
                     refusing.add(model)
                     self.refused = answer.refused
+                    if not taken and len(refusing) >= models:
+                        break
                     continue
                 taken = True
                 for fault in answer.faults:
@@ -101,13 +104,13 @@ class Search:
         if taken:
             self.refused = None
 
-    def _cases(self, left: Sequence[str]) -> Iterator[tuple[Case, int | None]]:
+    def _cases(self, left: Sequence[str], refusing: set[str]) -> Iterator[tuple[Case, int | None]]:
         """Yield cases that are known, with their number of examples, and then drawn ones."""
         for case, examples in self.known:
             asked = tuple(name for name in case.checks if name in left)
             if asked:
                 yield replace(case, checks=asked), examples
-        yield from ((case, None) for case in drawn(self.models, left, self.seed))
+        yield from ((case, None) for case in drawn(self.models, left, self.seed, refusing))
 
     def _enough(self, name: str) -> bool:
         """Whether a check need not be looked for any more."""
