@@ -255,8 +255,8 @@ def _draw_cost(axes: Axes, ladder: Ladder) -> None:
         axes.plot(counts, [1e9 * each for each in times], marker=marker, markersize=4, color=drawn(role), label=label)
     axes.set_xticks(list(counts), [f"+ {rung.kinds[-1]}" if rung.kinds else "none" for rung in ladder.rungs])
     axes.tick_params(axis="x", labelsize=6.5, labelrotation=25.0)
-    for label in axes.get_xticklabels():
-        label.set(ha="right", rotation_mode="anchor")
+    for text in axes.get_xticklabels():
+        text.set(ha="right", rotation_mode="anchor")
     axes.set_ylabel("an answer (ns)")
     axes.set_ylim(bottom=0.0)
     axes.grid(True)
