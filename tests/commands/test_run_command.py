@@ -176,8 +176,8 @@ def test_there_is_a_list_of_everything(capsys: pytest.CaptureFixture[str], what:
 
 
 COMMANDS = [
-    "run", "list", "explain", "report", "record", "inspect", "convert", "replay", "compare", "bench", "field", "flow",
-    "device", "limits", "integrators",
+    "run", "list", "explain", "report", "record", "inspect", "convert", "replay", "compare", "search", "bench", "field",
+    "flow", "device", "limits", "integrators",
 ]  # fmt: skip
 
 
