@@ -18,8 +18,8 @@ from hapticeval.suite.case import Case
 
 MODELS: tuple[dict[str, Any], ...] = (
     {"kind": "star"},
-    {"kind": "circle"},
     {"kind": "ellipse", "ratio": 20.0, "size": 0.05},
+    {"kind": "circle"},
     {"kind": "cassinian"},
     {"kind": "ellipse"},
     {"kind": "dumbbell"},

@@ -23,8 +23,8 @@ from hapticeval.types import Array
 SMALL = 3e-3
 """A path of this length (m) is small enough: a longer one is looked for again on other models."""
 
-AGAIN = 3
-"""How many further failures of a check are shrunk, each on another model, in search of a smaller one."""
+AGAIN = 5
+"""How many further failures of a check are shrunk, on other models or of another kind, in search of a smaller one."""
 
 JUMPS = "continuous-contact"
 """The check whose faults are jumps of the IHIP, which a bisection confirms."""
@@ -93,7 +93,7 @@ class Search:
                     continue
                 taken = True
                 for fault in answer.faults:
-                    self._meet(case, fault, self.tried if before is None else before)
+                    self._meet(case, fault, before)
                 for name in [name for name in left if self._enough(name)]:
                     left.remove(name)
                 if not left or (self.most is not None and self.tried >= self.most) or RENDERER in self.found:
@@ -119,13 +119,14 @@ class Search:
             return False
         return found.case.experiment is not None or found.size <= SMALL or len(found.models) > AGAIN
 
-    def _meet(self, case: Case, fault: Fault, examples: int) -> None:
-        """Shrink a failure, unless one of that check is known on that model, and keep it if it is the smallest."""
-        model = repr(case.model)
+    def _meet(self, case: Case, fault: Fault, before: int | None) -> None:
+        """Shrink a failure, unless one of that check and kind is known on that model; keep it if it is the smallest."""
+        model = repr((case.model, fault.kind))
         best = self.found.get(fault.check)
         if best is not None and (model in best.models or self._enough(fault.check)):
             return
         asked = case.checks if fault.check == RENDERER else (fault.check,)
+        examples = self.tried if before is None else before
         made = Found(replace(case, checks=asked), fault, examples)
         made.models = (set() if best is None else best.models) | {model}
         self._tell(f"{fault.check} fails after {examples} example{'s' * (examples != 1)}; shrinking")
@@ -133,7 +134,8 @@ class Search:
         try:
             if best is None:
                 self.found[fault.check] = made
-            shrink.run()
+            if before is None or (case.experiment is None and made.size > SMALL):
+                shrink.run()  # what is known and small stays as it was found
             made.case, made.fault = shrink.case, shrink.fault
             if fault.check == JUMPS:
                 made.pair = self.bench.pair(made.case, made.fault)
