@@ -12,7 +12,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 .PHONY: run test fuzz bench study lint clean
 
 run: .venv/run.stamp .venv/kernels.stamp
-	@$(BIN)/hapticeval run thesis dynamics generated -o results || { code=$$?; \
+	@$(BIN)/hapticeval run thesis dynamics generated effects -o results || { code=$$?; \
 	  echo "hapticeval ended with exit code $$code, see 'Exit codes' in the README; what was written is in results/" >&2; \
 	  exit $$code; }
 

@@ -15,6 +15,9 @@ import pytest
 from hapticeval.geometry import mesh_kernels as kernels
 from hapticeval.geometry import solids
 from hapticeval.geometry.mesh import Mesh
+from hapticeval.geometry.model import Model
+from hapticeval.renderers import constraint, minimum_distance
+from hapticeval.scene import Scene
 
 SUBDIVISIONS = (1, 4, 6)
 STEP = 1e-4
@@ -56,7 +59,7 @@ QUERIES = {"along a path": path(20_000), "anywhere": scattered(2_000)}
 def keep(benchmark, way: str, subdivisions: int, count: int, yardstick: str = "") -> None:
     if benchmark.stats is None:  # --benchmark-disable
         return
-    per_query[way, subdivisions] = benchmark.stats.stats.median / count
+    per_query[way, subdivisions] = benchmark.stats.stats.min / count  # what other work disturbs least
     benchmark.extra_info["microseconds"] = per_query[way, subdivisions] * 1e6
     if (yardstick, subdivisions) in per_query:
         benchmark.extra_info["times faster than libigl"] = (
@@ -95,6 +98,19 @@ def test_crossing(benchmark, subdivisions):
     starts, ends = points * 1.01, points
     benchmark.pedantic(lambda: kernels.crossed_many(*mesh.tables, starts, ends, mesh.touch), rounds=5, warmup_rounds=1)
     keep(benchmark, "crossing", subdivisions, len(points))
+
+
+@pytest.mark.parametrize("subdivisions", SUBDIVISIONS)
+@pytest.mark.parametrize("base", [minimum_distance, constraint], ids=["minimum-distance", "constraint"])
+def test_tick(benchmark, base, subdivisions):
+    """A tick of a renderer whose hand is led along the path, a millimetre below the surface."""
+    name = "minimum-distance" if base is minimum_distance else "constraint"
+    benchmark.group = f"a tick, {20 * 4**subdivisions} triangles"
+    renderer = base.variant(representation="curve")(Scene(model=Model("bumpy", {}, bumpy(subdivisions))))
+    below = bumpy(subdivisions).closest_point(path(20_000))
+    hips = below.foot - 1e-3 * below.normal
+    benchmark.pedantic(renderer.run, (hips, 1e-3), rounds=5, warmup_rounds=1)
+    keep(benchmark, name, subdivisions, len(hips), "libigl along a path")
 
 
 @pytest.mark.parametrize("subdivisions", SUBDIVISIONS)

@@ -107,7 +107,7 @@ for _command, _epilog, _short in (
     (recordings.convert, recordings.CONVERTED, "Convert foreign files, journals and recordings."),
     (judging.replay, judging.REPLAYED, "Lead renderers along a recorded hand path."),
     (recordings.compare, recordings.COMPARED, "Compare the force of runs that no clock can align."),
-    (search.search, search.EXIT_CODES, "Search for the smallest path that breaks a renderer."),
+    (search.search, search.EXIT_CODES, "Find the smallest path that breaks a renderer."),
     (bench.bench, bench.EXIT_CODES, "Measure what accuracy costs in time."),
     (effects.effects, effects.MEASURED, "Measure what the effects of scenes cost."),
     (texture.texture, texture.SHOWN, "Show a texture, or take over a toolkit's."),

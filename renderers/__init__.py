@@ -36,6 +36,7 @@ constraint = ProjectiveFamily(
     representations=("curve", "polygon"),
     representation="polygon",
     refused="the constraint projection needs a boundary to slide on, and a level set has none",
+    space=True,
     offered_knobs={"polygon": {"vertices": VERTICES_KNOB}},
 )
 """The constraint renderer."""

@@ -87,7 +87,7 @@ class ProjectiveFamily:
     without memory may list, that projection is read from a table. With `bends` the projection knows the curvature where
     it projects to on the exact curve, for the schemes that need it. A model of straight edges is its own polygon: there
     polygon and curve coincide. The line is unbounded and has no finite polygon or grid: there every representation
-    means the exact line. With `space` the exact form is for surfaces in space too.
+    means the exact line. With `space` there is a form for models in space too: a mesh is its own polygon.
     """
 
     summary: str
@@ -113,8 +113,8 @@ class ProjectiveFamily:
         They need no force sensor: what it measures the inner loop gives to the tool (8.6), beside their force.
         Viscosity (7.18) they do not have: no scheme of section 4.2 brakes along the surface alone.
         """
-        exact = self.representation == TABULATED
-        return frozenset({"bilateral", "force-sensor", "plane"} | ({"space"} if self.space and exact else set()))
+        space = self.space and self.representation in (TABULATED, "polygon")
+        return frozenset({"bilateral", "force-sensor", "plane"} | ({"space"} if space else set()))
 
     @property
     def knobs(self) -> Mapping[str, Knob]:

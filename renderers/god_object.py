@@ -10,6 +10,7 @@ the hand, and what it runs into on the way is a new contact.
 from __future__ import annotations
 
 from hapticeval.compiled import LawData, borrowing, inlined
+from hapticeval.geometry.mesh import Mesh
 from hapticeval.renderers.family import VERTICES
 from hapticeval.renderers.law import BILATERAL, ERROR, ROOM, move_on, regulate, release
 from hapticeval.renderers.outline import (
@@ -35,11 +36,15 @@ FLIGHTS = 64
 
 
 def god_object(scene: Scene, representation: str, *, vertices: float = VERTICES) -> CompiledProjection:
-    """Return the constraint projection on a polygon or a curve.
+    """Return the constraint projection on a polygon or a curve, or on a triangle mesh, which is its own polygon.
 
     A run that starts with the hand inside starts in contact at the nearest surface point. In a bilateral scene the tool
     is never released: it follows the same local minimum of the distance with the hand on either side.
     """
+    if isinstance(scene.model.boundary, Mesh):
+        from hapticeval.renderers.god_object_in_space import on_mesh
+
+        return on_mesh(scene, scene.model.boundary)
     shown = representation_of(scene.model, representation, int(vertices))
     return CompiledProjection(
         follow, shown.surface, bilateral=scene.bilateral, memory=5, begin=begin, rows=follow_rows, **shown.tables

@@ -27,20 +27,17 @@ TRIANGLE = ROOM[3]
 
 
 def nearest(scene: Scene, representation: str, *, vertices: float = VERTICES, grid: float = GRID) -> Projection:
-    """Return the projection on a representation of the scene's model; in space on the exact surface."""
+    """Return the projection on a representation of the scene's model; in space on the exact surface.
+
+    A mesh is its own polygon.
+    """
     model = scene.model
+    if isinstance(model.boundary, Mesh) and representation in ("curve", "polygon"):
+        mesh, (faces, corners, tree) = model.boundary, model.boundary.tables
+        return CompiledProjection(
+            on_mesh, mesh, bilateral=scene.bilateral, memory=1, segments=faces, vertices=corners, tree=tree
+        )
     if model.dimension == 3 and representation == "curve":
-        if isinstance(model.boundary, Mesh):
-            faces, corners, tree = model.boundary.tables
-            return CompiledProjection(
-                on_mesh,
-                model.boundary,
-                bilateral=scene.bilateral,
-                memory=1,
-                segments=faces,
-                vertices=corners,
-                tree=tree,
-            )
         row = model.surface.row[np.newaxis]
         return CompiledProjection(in_space, model.surface, bilateral=scene.bilateral, segments=row)
     if representation == "level-set" and model.curve.closed:

@@ -5,13 +5,14 @@ A panel is drawn from the recording of a run whose scene calls for that effect o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import make_effect
 from hapticeval.effects.effect import Effect, Stage
 from hapticeval.errors import HapticevalError
@@ -25,8 +26,13 @@ from hapticeval.types import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+# ruff: noqa: ARG001 - every panel has these arguments
+
 SEGMENT = 256
 """Samples of a segment of Welch's spectra."""
+
+NOTHING = 1e-9
+"""Share of the work to and fro below which what is left of it after a lap is rounding."""
 
 BEFORE, AFTER = 0.005, 0.12
 """Seconds before and after the start of a contact that are drawn of a transient."""
@@ -49,52 +55,55 @@ class EffectPlot:
 
 def effect_plots(directory: Path, results: ResultsDocument) -> list[EffectPlot]:
     """Return a panel for each effect of the surface that a scene of the results calls for alone."""
-    return list(_plots(directory, results))
-
-
-def _plots(directory: Path, results: ResultsDocument) -> Iterator[EffectPlot]:
-    from hapticeval.geometry.catalogue import make_model
     from hapticeval.phenomena.registry import CHECKS
+
+    plots = []
+    for number, (effect, run) in enumerate(shown_alone(results)):
+        verdicts = results.verdicts_of.get(run.key, [])
+        about = [each for each in verdicts if each.check in CHECKS and effect.kind in CHECKS[each.check].effects]
+        words = effect.describe(turning=run.scene.device is not None and run.scene.device.kind != PointMass.name)
+        title = f"{words}: {run.renderer} in {run.suite}/{run.case}"
+        try:
+            svg = effect_svg(effect, *recorded(directory, run), prefix=f"e{number}", title=title)
+        except HapticevalError as error:
+            plots.append(EffectPlot(effect.kind, words, run, about, problem=error.what))
+        else:
+            plots.append(EffectPlot(effect.kind, words, run, about, svg))
+    return plots
+
+
+def shown_alone(results: ResultsDocument) -> list[tuple[Effect, RunEntry]]:
+    """Return each effect of `PANELS` with the first recorded run whose scene calls for no other of the surface."""
+    found: dict[str, tuple[Effect, RunEntry]] = {}
+    for run in results.runs:
+        if not run.scene.effects or run.error or run.refusal or run.recording is None:
+            continue
+        called = [each for each in map(make_effect, run.scene.effects) if each.stage is Stage.ANSWER]
+        if len(called) == 1 and called[0].kind in PANELS:
+            found.setdefault(called[0].kind, (called[0], run))
+    return list(found.values())
+
+
+def recorded(directory: Path, run: RunEntry) -> tuple[Recording, Model]:
+    """Read a run's recording, and make its model. Raises `InputError` as `read_recording` does."""
+    from hapticeval.geometry.catalogue import make_model
     from hapticeval.recordings.hdf5 import read_recording
 
-    drawn_kinds: set[str] = set()
-    for run in results.runs:
-        effect = _alone(run)
-        if effect is None or effect.kind in drawn_kinds or effect.kind not in PANELS or run.recording is None:
-            continue
-        about = [
-            each
-            for each in results.verdicts_of.get(run.key, [])
-            if each.check in CHECKS and effect.kind in CHECKS[each.check].effects
-        ]
-        words = effect.describe(turning=run.scene.device is not None and run.scene.device.kind != "point-mass")
-        drawn_kinds.add(effect.kind)
-        try:
-            recording = read_recording(directory / run.recording)
-            model = make_model(run.model["kind"], **run.model_parameters)
-            title = f"{words}: {run.renderer} in {run.suite}/{run.case}"
-            svg = effect_svg(effect.kind, recording, model, prefix=f"e{len(drawn_kinds)}", title=title)
-        except HapticevalError as error:
-            yield EffectPlot(effect.kind, words, run, about, problem=error.what)
-        else:
-            yield EffectPlot(effect.kind, words, run, about, svg)
+    assert run.recording is not None
+    return read_recording(directory / run.recording), make_model(run.model["kind"], **run.model_parameters)
 
 
-def _alone(run: RunEntry) -> Effect | None:
-    """Return the effect of the surface that a run's scene calls for, where it is one."""
-    if not run.scene.effects or run.error or run.refusal:
-        return None
-    found = [each for each in map(make_effect, run.scene.effects) if each.stage is Stage.ANSWER]
-    return found[0] if len(found) == 1 else None
-
-
-def effect_svg(kind: str, recording: Recording, model: Model, *, prefix: str, title: str) -> str:
+def effect_svg(effect: Effect, recording: Recording, model: Model, *, prefix: str, title: str) -> str:
     """Return the panel of an effect as an SVG element for a page."""
     with figure(WIDTH, HEIGHT, page=True) as made:
-        axes = made.add_axes(PLACE)
-        PANELS[kind](axes, recording, model)
-        axes.grid(True)
+        draw_effect(made.add_axes(PLACE), effect, recording, model)
         return page_svg(made, prefix=prefix, title=title)
+
+
+def draw_effect(axes: Axes, effect: Effect, recording: Recording, model: Model) -> None:
+    """Draw what an effect of `PANELS` does in a recording."""
+    PANELS[effect.kind](axes, recording, model, effect)
+    axes.grid(True)
 
 
 def slip(recording: Recording, model: Model) -> tuple[Array, Array, Array]:
@@ -136,7 +145,7 @@ def given(recording: Recording) -> Array:
     return np.append(0.0, np.cumsum(np.sum(mean * np.diff(recording.hip, axis=0), axis=1)))
 
 
-def _draw_slip(axes: Axes, recording: Recording, model: Model) -> None:
+def _draw_slip(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
     way, along, across = slip(recording, model)
     held = across > 0.0
     ratio = np.where(held, along / np.where(held, across, 1.0), np.nan)
@@ -144,40 +153,57 @@ def _draw_slip(axes: Axes, recording: Recording, model: Model) -> None:
     axes.set(xlabel="way of the hand along the surface (mm)", ylabel="force along over force across")
 
 
-def _draw_drag(axes: Axes, recording: Recording, model: Model) -> None:
+def _draw_drag(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
     way, along, _ = slip(recording, model)
     axes.plot(MM * np.gradient(way, recording.time), along, color=drawn("hip"))
     axes.set(xlabel="speed of the hand along the surface (mm/s)", ylabel="force along (N)")
 
 
-def _draw_spectrum(axes: Axes, recording: Recording, model: Model) -> None:
+def _draw_spectrum(axes: Axes, recording: Recording, model: Model, effect: Any) -> None:
+    """Draw the spectrum of the steadiest force beside what the texture's filter has at the mean speed and force."""
     from scipy.signal import welch
 
-    longest = max(contacts(recording), key=lambda each: each[1] - each[0], default=(0, 0))
-    rows = slice(*longest)
-    _, along, across = slip(recording, model)
-    for values, role, label in ((along, "hip", "along"), (across, "ihip", "across")):
-        if longest[1] - longest[0] < 8 or not np.ptp(values[rows]) > 0.0:
-            continue
-        size = min(SEGMENT, longest[1] - longest[0])
-        frequency, power = welch(values[rows], fs=1.0 / recording.dt, nperseg=size)
-        axes.plot(frequency[1:], 10.0 * np.log10(np.maximum(power[1:], 1e-30)), color=drawn(role), label=label)
+    from hapticeval.effects.texture import power_spectrum
+
+    first, end = max(contacts(recording), key=lambda each: each[1] - each[0], default=(0, 0))
+    way, along, across = slip(recording, model)
+    values = (across if effect.direction == "normal" else along)[first + SEGMENT : end]
+    if values.size < SEGMENT:
+        axes.annotate("too short a contact for a spectrum", (0.5, 0.5), xycoords="axes fraction", ha="center")
+        return
+    rate = 1.0 / recording.dt
+    frequency, power = welch(values, fs=rate, nperseg=SEGMENT)
+    speed = float(np.mean(np.abs(np.gradient(way, recording.time)[first + SEGMENT : end])))
+    model_power = effect.mass**2 * power_spectrum(
+        effect.model.between(speed, float(np.mean(across[first + SEGMENT : end]))), rate, frequency
+    )
+    for found, role, style, label in (
+        (power, "hip", "-", f"the force, Welch of {SEGMENT}"),
+        (model_power, "ihip", (0, (4, 1.2)), "the texture's filter"),
+    ):
+        axes.plot(frequency[1:], 10.0 * np.log10(found[1:]), color=drawn(role), linestyle=style, label=label)
     axes.set(xlabel="frequency (Hz)", ylabel="force (dB of 1 N²/Hz)")
     axes.legend(loc="upper right")
-    low, high = axes.get_ylim()
-    axes.set_ylim(max(low, high - 120.0), high)
 
 
-def _draw_work(axes: Axes, recording: Recording, model: Model) -> None:  # noqa: ARG001 - as every panel
-    work = 1e3 * given(recording)
-    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(recording.hip, axis=0), axis=1)))
+def _draw_work(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
+    """Draw the work over the laps that the hand does one after the other, with a mark at the end of each."""
+    from hapticeval.phenomena.passivity import laps
+
+    work, hip = 1e3 * given(recording), recording.hip
+    first, period, number = next(iter(laps(hip, model.size)), (0, len(recording) - 1, 1))
+    rows = slice(first, first + number * period + 1)
+    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(hip[rows], axis=0), axis=1)))
+    work = work[rows] - work[first]
     axes.plot(MM * way, work, color=drawn("hip"))
-    axes.plot(MM * way[-1], work[-1], "o", color=drawn("mark"), markersize=4)
-    axes.annotate(f"{work[-1]:+.3g} mJ ", (MM * way[-1], work[-1]), ha="right", va="bottom")
+    axes.plot(MM * way[::period], work[::period], "o", color=drawn("mark"), markersize=4)
+    a_lap = (work[-1] - work[0]) / number
+    words = f"{a_lap:+.3g} mJ a lap" if abs(a_lap) > NOTHING * np.ptp(work) else "nothing in a lap"
+    axes.annotate(words, (1.0, 1.0), xycoords="axes fraction", ha="right", va="bottom")
     axes.set(xlabel="way of the hand (mm)", ylabel="work that the hand has got (mJ)")
 
 
-def _draw_transient(axes: Axes, recording: Recording, model: Model) -> None:
+def _draw_transient(axes: Axes, recording: Recording, model: Model, effect: Effect) -> None:
     begins = next((first for first, _ in contacts(recording) if first > 0), 0)
     start = recording.time[begins]
     shown = (recording.time >= start - BEFORE) & (recording.time <= start + AFTER)
@@ -192,15 +218,15 @@ def _draw_transient(axes: Axes, recording: Recording, model: Model) -> None:
     beside.spines["right"].set_visible(True)
     axes.set(xlabel="time since contact (ms)", ylabel="force across (N)")
     handles = [each.get_legend_handles_labels() for each in (axes, beside)]
-    axes.legend(handles[0][0] + handles[1][0], handles[0][1] + handles[1][1], loc="lower right")
+    axes.legend(handles[0][0] + handles[1][0], handles[0][1] + handles[1][1], loc="upper right")
 
 
-PANELS: Mapping[str, Callable[[Axes, Recording, Model], None]] = {
+PANELS: Mapping[str, Callable[[Axes, Recording, Model, Effect], None]] = {
     "friction": _draw_slip,
     "viscous-friction": _draw_drag,
     "lugre": _draw_slip,
-    "height-map": _draw_spectrum,
-    "bump-map": _draw_spectrum,
+    "height-map": _draw_work,
+    "bump-map": _draw_work,
     "stochastic-texture": _draw_spectrum,
     "shading": _draw_work,
     "contact-impulse": _draw_transient,
@@ -214,8 +240,8 @@ def cost_svg(document: EffectsDocument) -> str:
     """Return the cost of an answer by the number of effects called for, as an SVG element; "" without a ladder."""
     if document.ladder is None:
         return ""
-    with figure(WIDTH, HEIGHT, page=True) as made:
-        axes = made.add_axes(PLACE)
+    with figure(6.4, 3.2, page=True) as made:
+        axes = made.add_axes((0.1, 0.24, 0.87, 0.72))
         _draw_cost(axes, document.ladder)
         return page_svg(made, prefix="ec", title="Time of an answer by the number of effects that a scene calls for")
 
@@ -227,12 +253,11 @@ def _draw_cost(axes: Axes, ladder: Ladder) -> None:
         ([each.composed for each in ladder.rungs], "hip", "o", "composed of those called for"),
     ):
         axes.plot(counts, [1e9 * each for each in times], marker=marker, markersize=4, color=drawn(role), label=label)
-    for count, rung in enumerate(ladder.rungs[1:], start=1):
-        axes.annotate(
-            rung.kinds[-1], (count, 1e9 * rung.composed), xytext=(2, -9), textcoords="offset points", fontsize=6.5
-        )
-    axes.set(xlabel="effects of the surface called for", ylabel="an answer (ns)", xticks=list(counts))
+    axes.set_xticks(list(counts), [f"+ {rung.kinds[-1]}" if rung.kinds else "none" for rung in ladder.rungs])
+    axes.tick_params(axis="x", labelsize=6.5, labelrotation=25.0)
+    for text in axes.get_xticklabels():
+        text.set(ha="right", rotation_mode="anchor")
+    axes.set_ylabel("an answer (ns)")
     axes.set_ylim(bottom=0.0)
-    axes.margins(x=0.12)
     axes.grid(True)
     axes.legend(loc="upper left")

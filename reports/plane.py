@@ -189,7 +189,7 @@ def _draw_body(axes: Axes, body: Geometry | None, view: Box, *, linewidth: float
                 rim = shapely.get_coordinates(hole)
                 axes.fill(*rim.T, facecolor=axes.get_facecolor(), edgecolor=drawn("ink"), linewidth=linewidth, zorder=1)
         elif part.geom_type == "MultiLineString":
-            lines = shapely.get_coordinates(part).reshape(-1, 2, 2)
+            lines = list(shapely.get_coordinates(part).reshape(-1, 2, 2))
             axes.add_collection(LineCollection(lines, colors=drawn("ink"), linewidths=0.4 * linewidth, zorder=1))
     axes.set(xlim=view[::2], ylim=view[1::2])
 

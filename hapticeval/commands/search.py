@@ -172,7 +172,8 @@ def _told(renderer: str, made: Search, bench: Bench, took: float) -> str:
     if made.refused is not None:
         return f"{renderer} refuses every model that was tried: {made.refused}"
     missing = [name for name in made.checks if name not in made.found]
-    tried = f"{made.tried} example{'s' * (made.tried != 1)} drawn and {bench.tried} cases tried in {took:.1f} s"
+    ended = "" if made.finished else "; stopped before the end"
+    tried = f"{made.tried} example{'s' * (made.tried != 1)} drawn, {bench.tried} tried in {took:.1f} s{ended}"
     return lines([tried, *([f"no failure of: {', '.join(missing)}"] if missing else [])])
 
 

@@ -50,24 +50,19 @@ EFFECTS: dict[str, Entry] = {
         ".height_map:HeightMap", "the surface has a relief, felt as the potential K (d + h)^2 / 2 (4.3.2)"
     ),
     "bump-map": Entry(".bump_map:BumpMap", "the normal is turned by a relief (4.16)"),
-    "friction": Entry(
+    FRICTION: Entry(
         ".friction:Friction", "the surface holds a tool that sticks, and brakes one that slides (4.18), (4.20)"
     ),
-    "viscous-friction": Entry(
+    VISCOUS_FRICTION: Entry(
         ".viscous_friction:ViscousFriction", "the surface brakes a hand in contact in proportion to its speed along it"
     ),
-    "lugre": Entry(".lugre:LuGre", "the surface holds and brakes the tool by bristles that bend (LuGre)"),
+    LUGRE: Entry(".lugre:LuGre", "the surface holds and brakes the tool by bristles that bend (LuGre)"),
     "stochastic-texture": Entry(
         ".stochastic_texture:StochasticTexture", "the surface shakes the tool that slides along it (4.3.2)"
     ),
     VISCOSITY: Entry(
         ".viscosity:Viscosity", "the surface brakes the tool that slides along it (7.18)", {"viscosity": "coefficient"}
     ),
-    FRICTION: Entry(".friction:Friction", "the surface holds a tool that sticks, and brakes one that slides (4.3.3)"),
-    VISCOUS_FRICTION: Entry(
-        ".viscous_friction:ViscousFriction", "the surface brakes a hand in contact in proportion to its speed along it"
-    ),
-    LUGRE: Entry(".lugre:LuGre", "the surface holds and brakes the tool by bristles that bend (LuGre)"),
     "contact-impulse": Entry(
         ".contact_impulse:ContactImpulse", "a contact begins with a pulse that stops the device (4.21)"
     ),
@@ -92,8 +87,9 @@ EFFECTS: dict[str, Entry] = {
 }
 """Kind -> entry, in the order in which effects take part in a tick."""
 
-LISTED = "effects"
-"""The entry of a scene's table that lists effects, each a table of `kind` and its numbers."""
+LISTED, EACH = "effects", "effect"
+"""The entries of a scene's table that list effects, each a table of `kind` and its numbers: as `effects = [...]`, or
+one after the other as `[[case.scene.effect]]`."""
 
 
 def read_effects(table: Mapping[str, Any], folder: Path = Path()) -> tuple[dict[str, Any], tuple[Effect, ...]]:
@@ -103,7 +99,7 @@ def read_effects(table: Mapping[str, Any], folder: Path = Path()) -> tuple[dict[
     coefficient = 0.3 }]`, see `Entry.short`. Raises `UnknownNameError` for an unknown kind, number or short form, and
     `InputError` for numbers that an effect lacks or cannot have.
     """
-    listed = [dict(each) for each in table.get(LISTED, ())]
+    listed = [dict(each) for entry in (LISTED, EACH) for each in table.get(entry, ())]
     groups = {key.partition(".")[0] for entry in EFFECTS.values() for key in entry.short if "." in key}
     short = {key: value for key, value in table.items() if key not in groups}
     short |= {f"{group}.{key}": value for group in groups for key, value in table.get(group, {}).items()}
@@ -117,7 +113,9 @@ def read_effects(table: Mapping[str, Any], folder: Path = Path()) -> tuple[dict[
             group = key.partition(".")[0]
             names = [each.rpartition(".")[2] for each in known if each.startswith(f"{group}.")]
             raise UnknownNameError(f"entry of {group}", key.removeprefix(f"{group}."), names)
-    rest = {key: value for key, value in short.items() if key not in known and "." not in key and key != LISTED}
+    rest = {
+        key: value for key, value in short.items() if key not in known and "." not in key and key not in (LISTED, EACH)
+    }
     return rest, tuple(make_effect(each, folder) for each in [*listed, *gathered.values()])
 
 

@@ -12,7 +12,8 @@ another effect adds along the surface is no load of the friction's. At its first
 
 - A tool that sticks stays at s while |F_t| <= mu_s |F_n| (4.18).
 - Otherwise it slides along the surface towards p until |F_t| = mu_k |F_n| (4.20). The way is the line to p,
-  projected on to the surface; a corner stops it where it is pulled back from beyond.
+  projected on to the surface; a corner stops it where it is pulled back from beyond. Where the renderer's
+  own force leaves the cone at p, as that of a facet may, it goes on past p.
 - A tool that slides goes on doing so while |F_t| > mu_k |F_n|, and sticks again at |F_t| <= `stick` mu_k |F_n|.
 
 The thesis gives no rule for the last. Its text, taken literally, tests the static cone at every tick: that is `stick` =
@@ -147,7 +148,7 @@ def slide(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: 
         bulge[i] = high_up * (target[1, i] + tool[1, i])
     # Look for the share of the way to p at which the tool is on the kinetic cone: between `low`, where it is pulled on,
     # and `high`; by secants (Illinois), and by halves where these do not come near.
-    low, high, above, below, share, last = 0.0, 1.0, 0.0, 0.0, 0.0, 0
+    low, high, above, below, share, last, past = 0.0, 1.0, 0.0, 0.0, 0.0, 0, False
     for k in range(SEARCH):
         if k == 0:
             trial[:] = tool
@@ -155,7 +156,10 @@ def slide(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: 
             share = 1.0
             trial[:] = target
         else:
-            share = low + (high - low) * (above / (above - below) if k < SECANTS else 0.5)
+            if k > 2 or not past:
+                share = low + (high - low) * (above / (above - below) if k < SECANTS else 0.5)
+            else:
+                share = high
             for i in range(size):
                 point[i] = tool[0, i] + share * (target[0, i] - tool[0, i]) + share * (1.0 - share) * bulge[i]
             closest.function(closest.data, point, trial)
@@ -177,8 +181,12 @@ def slide(numbers: Any, closest: Any, hip: Any, velocity: Any, dt: float, ihip: 
         if abs(excess) <= ON_CONE * kinetic * normal:
             break
         if excess > 0.0:
-            if k == 1:
+            if k == 2 and past:
+                trial[:] = target
                 break
+            if k == 1:  # the renderer's own force leaves the cone at p, as a facet's may: its share of K (s - p) beyond
+                past = True
+                high = 1.0 + 2.0 * tangential / (stiffness * np.sqrt(apart))
             below *= 0.5 if last == 1 else 1.0
             low, above, last = share, excess, 1
         else:

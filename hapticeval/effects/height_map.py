@@ -47,6 +47,7 @@ class Relief(Effect):
     direction: tuple[float, ...] = ()
 
     stage: ClassVar[Stage] = Stage.ANSWER
+    linear: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -86,13 +86,13 @@ class LuGre(Effect):
                     todo="leave one out",
                 )
 
-    def limit(self, speed: Array) -> Array:
+    def limit(self, speed: Array | float) -> Array:
         """Return g(v) / F_n at speeds (n,), m/s."""
         return np.asarray(self.mu_k + (self.mu_s - self.mu_k) * np.exp(-((speed / self.stribeck) ** 2)))
 
-    def damping_at(self, speed: Array) -> Array:
+    def damping_at(self, speed: Array | float) -> Array:
         """Return sigma1(v), N s/m, at speeds (n,), m/s."""
-        return self.damping * np.exp(-((speed / (self.fade or np.inf)) ** 2))
+        return np.asarray(self.damping * np.exp(-((speed / (self.fade or np.inf)) ** 2)))
 
     @property
     def needed(self) -> float:

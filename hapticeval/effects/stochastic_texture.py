@@ -46,6 +46,7 @@ class StochasticTexture(Effect):
 
     kind: ClassVar[str] = "stochastic-texture"
     stage: ClassVar[Stage] = Stage.ANSWER
+    linear: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -19,7 +19,7 @@ from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.curve import Curve
 from hapticeval.geometry.kernels import CASSINIAN, COLUMNS, ELLIPSE, UNBOUNDED
 from hapticeval.geometry.mesh import Mesh
-from hapticeval.geometry.mesh_checks import checked_corners
+from hapticeval.geometry.mesh_checks import checked_corners, checked_triangles
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.solids import Triangles
 from hapticeval.geometry.surface import Surface
@@ -203,16 +203,18 @@ def mesh(
     """
     from hapticeval.geometry.mesh_files import metres, read_mesh
 
-    if (file is None) is (vertices is None and triangles is None) or (vertices is None) is not (triangles is None):
+    inline = vertices is not None and triangles is not None
+    if inline is (file is not None) or (vertices is None) is not (triangles is None):
         raise InputError(
             "a mesh is either a file, or vertices and triangles", todo="give file and unit, or vertices and triangles"
         )
+    given: dict[str, Any] = {"name": name} if unit is None else {"unit": unit, "name": name}
     if file is None:
-        corners, rows = np.asarray(checked_corners(vertices)), triangles
-        given = {"vertices": corners.tolist(), "triangles": np.asarray(rows).tolist()}
-        if unit is not None:
-            corners, given["unit"] = metres(unit) * corners, unit
-        return Model(name, MappingProxyType({**given, "name": name}), Mesh(name, corners, rows))
+        corners = checked_corners(vertices)
+        rows = checked_triangles(triangles, len(corners))
+        given |= {"vertices": corners.tolist(), "triangles": rows.tolist()}
+        made = Mesh(name, corners if unit is None else metres(unit) * corners, rows)
+        return Model(name, MappingProxyType(given), made)
     if unit is None:
         raise InputError(
             f"the mesh file {file} has no unit", why="the format has none", todo="give unit: m, mm, cm or in"
@@ -221,7 +223,7 @@ def mesh(
     with at(str(file)):
         corners, rows = read_mesh(Path(file))
         made = Mesh(name, factor * corners, rows)
-    return Model(name, MappingProxyType({"file": str(file), "unit": unit, "name": name}), made)
+    return Model(name, MappingProxyType({"file": str(file), **given}), made)
 
 
 def cube(size: float = 0.1) -> Model:

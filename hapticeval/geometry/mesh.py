@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.compiled import Closest
+from hapticeval.compiled import Closest, for_kernels
 from hapticeval.geometry import mesh_build as build
 from hapticeval.geometry import mesh_kernels as kernels
 from hapticeval.geometry.boundary import ClosestPoint, InSpace
@@ -20,8 +20,10 @@ from hapticeval.geometry.mesh_checks import (
     checked_triangles,
     refuse,
 )
+from hapticeval.geometry.mesh_walk import walk
 from hapticeval.geometry.motion import Motion
 from hapticeval.geometry.polygon_kernels import ROUNDING, TOUCH
+from hapticeval.geometry.surface_kernels import Triple
 from hapticeval.geometry.validate import answered
 from hapticeval.types import Array, IntArray
 
@@ -73,7 +75,7 @@ class Mesh(InSpace):
         return self.tables[0][:, kernels.NORMAL :]
 
     @cached_property
-    def bounds(self) -> tuple[float, ...]:  # type: ignore[override]
+    def bounds(self) -> tuple[float, ...]:
         """(xmin, ymin, zmin, xmax, ymax, zmax), m."""
         return (*self.vertices.min(axis=0).tolist(), *self.vertices.max(axis=0).tolist())
 
@@ -104,18 +106,23 @@ class Mesh(InSpace):
 
     def first_crossing(self, start: Array, end: Array, *, grain: float) -> Array | None:  # noqa: ARG002 - the protocol's
         """See `Boundary.first_crossing`: exact, so that nothing is too thin."""
-        a, b = (tuple(map(float, point)) for point in (start, end))
-        k, foot, _ = kernels.entered(*self.tables, a, b, self.touch)
-        return None if k < 0 else np.array(foot)
+        inside, _, foot, _ = kernels.entered(*self.tables, _triple(start), _triple(end), self.touch, 0)
+        return np.array(foot) if inside else None
 
     def normal_cone(self, points: Array, reach: Array) -> Callable[[Array], Array]:
         """See `Boundary.normal_cone`: the cone that the normals of all triangles in reach span."""
-        starts, normals = kernels.fans(*self.tables, *(np.require(each, requirements="CW") for each in (points, reach)))
+        starts, normals = kernels.fans(*self.tables, for_kernels(points), for_kernels(reach))
 
         def beyond(directions: Array) -> Array:
-            return kernels.beyond_cones(starts, normals, np.require(directions, requirements="CW"))
+            return kernels.beyond_cones(starts, normals, for_kernels(directions))
 
         return beyond
+
+    def descend(self, start: Array, goal: Array, *, step: float) -> Array:  # noqa: ARG002 - the protocol's
+        """See `Boundary.descend`: exact, over faces and along edges."""
+        k, feature, foot = kernels.landed(*self.tables, _triple(start), 0)
+        _, _, _, foot = walk(*self.tables[:2], False, k, feature, foot, _triple(goal))
+        return np.array(foot, dtype=np.float64)
 
     def points(self, n: int) -> Array:
         """See `Boundary.points`: as many to equal areas."""
@@ -138,3 +145,7 @@ class Mesh(InSpace):
         sharp = (here < beside) & (np.sum(normals[here] * normals[beside], axis=1) < math.cos(angle))
         seen = sharp & (np.maximum(normals[here] @ eye, normals[beside] @ eye) > 0.0)
         return np.stack([self.vertices[first[seen]], self.vertices[last[seen]]], axis=1)
+
+
+def _triple(point: Array) -> Triple:
+    return float(point[0]), float(point[1]), float(point[2])

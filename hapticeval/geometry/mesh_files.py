@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +53,7 @@ def read_mesh(file: Path) -> tuple[Array, IntArray]:
     damaged = f"{file} is no {file.suffix[1:].upper()} file, or a damaged one"
     try:
         with np.errstate(all="ignore"):
-            made = trimesh.load(
+            made: Any = trimesh.load(
                 io.BytesIO(content), file_type=file.suffix[1:].lower(), process=False, force="mesh", skip_materials=True
             )
         vertices, triangles = np.asarray(made.vertices, dtype=np.float64), np.asarray(made.faces, dtype=np.int64)

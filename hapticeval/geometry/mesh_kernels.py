@@ -128,7 +128,7 @@ def _to_box2(tree: Array, i: int, p: Triple) -> float:
     x = max(max(tree[i, 0] - p[0], p[0] - tree[i, 3]), 0.0)
     y = max(max(tree[i, 1] - p[1], p[1] - tree[i, 4]), 0.0)
     z = max(max(tree[i, 2] - p[2], p[2] - tree[i, 5]), 0.0)
-    return x * x + y * y + z * z
+    return float(x * x + y * y + z * z)
 
 
 @compiled
@@ -178,8 +178,7 @@ def place(faces: Array, vertices: Array, tree: Array, p: Triple, start: int) -> 
     pseudonormal.
     """
     k, feature, share, far2 = nearest(faces, vertices, tree, p, start)
-    n = normal_of(faces, k)
-    a = at(vertices, faces[k, CORNER])
+    n, a = normal_of(faces, k), at(vertices, faces[k, CORNER])
     if feature == FACE:
         height = dot(n, _minus(p, a))
         foot = plus(p, -height, n)
@@ -189,22 +188,41 @@ def place(faces: Array, vertices: Array, tree: Array, p: Triple, start: int) -> 
         a, b = at(vertices, faces[k, CORNER + i]), at(vertices, faces[k, CORNER + (i + 1) % 3])
         ab = _minus(b, a)
         foot, q = plus(a, share, ab), plus(_minus(p, a), -share, ab)
-        mean = plus(n, 1.0, normal_of(faces, int(faces[k, ACROSS + i])))
+    else:
+        foot = at(vertices, faces[k, CORNER + feature - VERTEX])
+        q = _minus(p, foot)
+    side, normal = facing(faces, vertices, k, feature, foot, q)
+    return k, foot, normal, side * math.sqrt(far2)
+
+
+@compiled
+def landed(faces: Array, vertices: Array, tree: Array, p: Triple, start: int) -> tuple[int, int, Triple]:
+    """Return the triangle closest to p, the feature of it, and the foot."""
+    k, feature, _, _ = nearest(faces, vertices, tree, p, start)
+    k, foot, _, _ = place(faces, vertices, tree, p, k)
+    return k, feature, foot
+
+
+@compiled
+def facing(faces: Array, vertices: Array, k: int, feature: int, foot: Triple, q: Triple) -> tuple[float, Triple]:
+    """Return on which side of a feature of triangle k the point foot + q lies, 1 or -1 inside, and the normal there."""
+    n = normal_of(faces, k)
+    if feature == FACE:
+        return (-1.0 if dot(n, q) < 0.0 else 1.0), n
+    if feature < VERTEX:
+        mean = plus(n, 1.0, normal_of(faces, int(faces[k, ACROSS + feature - EDGE])))
         mean = _scaled(1.0 / math.sqrt(dot(mean, mean)), mean)
     else:
         row = int(faces[k, CORNER + feature - VERTEX])
-        foot = at(vertices, row)
-        q = _minus(p, foot)
         mean = (vertices[row, PSEUDO], vertices[row, PSEUDO + 1], vertices[row, PSEUDO + 2])
-    distance = math.sqrt(far2)
-    if dot(mean, q) < 0.0:
-        distance = -distance
+    side = -1.0 if dot(mean, q) < 0.0 else 1.0
     bent = _minus(mean, n)
     if dot(bent, bent) <= FLAT:
-        return k, foot, n, distance
-    if abs(distance) > NEAR * (abs(foot[0]) + abs(foot[1]) + abs(foot[2])):
-        return k, foot, _scaled(1.0 / distance, q), distance
-    return k, foot, mean, distance
+        return side, n
+    length = math.sqrt(dot(q, q))
+    if length > NEAR * (abs(foot[0]) + abs(foot[1]) + abs(foot[2])):
+        return side, _scaled(side / length, q)
+    return side, mean
 
 
 @compiled
@@ -348,21 +366,22 @@ def crossing(
 
 @compiled
 def entered(
-    faces: Array, vertices: Array, tree: Array, start: Triple, end: Triple, touch: float
-) -> tuple[int, Triple, float]:
+    faces: Array, vertices: Array, tree: Array, start: Triple, end: Triple, touch: float, k: int
+) -> tuple[bool, int, Triple, float]:
     """Return where the segment from start, outside or on the mesh, to end first goes inside: triangle, foot, share.
 
-    -1 for the triangle if it never does. To be inside means by more than `touch` (m): so a start on the mesh to
-    rounding counts by where the segment goes, and what only grazes an edge or a face is passed. Between two of its
-    crossings with the mesh, which may be several in one vertex, it is inside as a whole or not at all.
+    False in front if it never does; then the triangle is one close to the start. The search begins at triangle `k`. To
+    be inside means by more than `touch` (m): so a start on the mesh to rounding counts by where the segment goes, and
+    what only grazes an edge or a face is passed. Between two of its crossings with the mesh, which may be several in
+    one vertex, it is inside as a whole or not at all.
     """
     way = _minus(end, start)
     length = math.sqrt(dot(way, way))
-    k, foot, _, depth = place(faces, vertices, tree, start, 0)
+    k, foot, _, depth = place(faces, vertices, tree, start, k)
     if length == 0.0 or depth > length + touch:
-        return -1, foot, 0.0
+        return False, k, foot, 0.0
     if depth < -touch:
-        return k, foot, 0.0
+        return True, k, foot, 0.0
     begin, low, near = 0.0, -touch / length, touch / length
     outside = depth > touch
     while True:
@@ -373,9 +392,9 @@ def entered(
             _, _, _, depth = place(faces, vertices, tree, plus(start, begin + 0.25 * quarter * (s - begin), way), k)
             if depth < -touch:
                 k, foot, _, _ = place(faces, vertices, tree, plus(start, begin, way), k)
-                return k, foot, begin
+                return True, k, foot, begin
         if hit < 0:
-            return -1, foot, 0.0
+            return False, k, foot, 0.0
         k, begin, low, outside = hit, max(s, 0.0), s + near, False
 
 
@@ -385,10 +404,11 @@ def crossed_many(
 ) -> tuple[IntArray, Array]:
     """Answer `entered` for segments from starts to ends (n, 3): triangles (n,) and shares (n,)."""
     n = starts.shape[0]
-    hits, shares = np.empty(n, np.int64), np.empty(n)
+    hits, shares, k = np.empty(n, np.int64), np.empty(n), 0
     for row in range(n):
         start, end = (starts[row, 0], starts[row, 1], starts[row, 2]), (ends[row, 0], ends[row, 1], ends[row, 2])
-        hits[row], _, shares[row] = entered(faces, vertices, tree, start, end, touch)
+        inside, k, _, shares[row] = entered(faces, vertices, tree, start, end, touch, k)
+        hits[row] = k if inside else -1
     return hits, shares
 
 

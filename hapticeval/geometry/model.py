@@ -63,8 +63,8 @@ class Model:
             raise RefusalError(
                 f"model '{self.name}' is a surface in space",
                 why="this works on plane curves only, with scene.model.curve",
-                todo="choose a renderer for surfaces: minimum-distance, set-stabilisation; in one of your own use "
-                "scene.model.boundary, whose frame(points) works in the plane and in space",
+                todo="choose a renderer for surfaces: minimum-distance, set-stabilisation, and on meshes constraint; "
+                "in one of your own use scene.model.boundary, whose closest_point works in the plane and in space",
             )
         return curve
 

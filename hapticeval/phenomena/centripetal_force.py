@@ -180,12 +180,12 @@ def _share(error: Array, push: Array, cost: Array) -> tuple[float, float]:
 def _missing_at_zero_error(recording: Recording, scene: Scene) -> float | None:
     """Share of m kappa v^2 that the force lacks at the start, if that lies on a bilateral constraint.
 
-    There the position error is zero, so the force must be the centripetal one alone (3.8). The best of the first
-    counts, as many as a proxy may lag.
+    There the position error is zero, so the force must be the centripetal one alone (3.8): that of the sample, or of
+    some time until the next one, where it is a mean. The best of the first counts, as many as a proxy may lag.
     """
-    if not scene.bilateral:
+    if not scene.bilateral or len(recording) < LAG_TICKS + 2:
         return None
-    ticks = slice(0, LAG_TICKS + 1)
+    ticks = slice(0, LAG_TICKS + 2)
     frame = scene.model.boundary.closest_point(recording.hip[ticks])
     normal = frame.normal
     wanted = scene.mass * _bending(frame, recording.velocity[ticks])[1]
@@ -194,7 +194,10 @@ def _missing_at_zero_error(recording: Recording, scene: Scene) -> float | None:
     given = np.sum(recording.force[ticks] * normal, axis=1)
     if "operator_force" in recording.channels:
         given += np.sum(recording.channels["operator_force"][ticks] * normal, axis=1)
-    missing = 1.0 + given / wanted
+    nearest = np.clip(-given[:-1], *np.sort([wanted[:-1], wanted[1:]], axis=0))
+    if not np.all(np.abs(nearest) > 0.0):
+        return None
+    missing = 1.0 + given[:-1] / nearest
     return float(missing[np.argmin(np.abs(missing))])
 
 

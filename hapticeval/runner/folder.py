@@ -7,7 +7,11 @@ from pathlib import Path
 
 from hapticeval.errors import InputError
 
-DOCUMENTS = {"results.json": {"planned", "verdicts"}, "bench.json": {"settings", "references"}}
+DOCUMENTS = {
+    "results.json": {"planned", "verdicts"},
+    "bench.json": {"settings", "references"},
+    "effects.json": {"scenes", "ladder"},
+}
 """What hapticeval leaves in a folder, and entries by which it is recognised, of whatever version."""
 
 REPORTS = ("table.md", "junit.xml", "report.html")

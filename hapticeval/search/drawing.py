@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from typing import Any
 
 from hypothesis import strategies as st
@@ -19,9 +19,9 @@ from hapticeval.suite.case import Case
 MODELS: tuple[dict[str, Any], ...] = (
     {"kind": "star"},
     {"kind": "ellipse", "ratio": 20.0, "size": 0.05},
+    {"kind": "circle"},
     {"kind": "cassinian"},
     {"kind": "ellipse"},
-    {"kind": "circle"},
     {"kind": "dumbbell"},
 )
 """Models that are tried first: with corners, and smooth. The medial axis of the sharp ellipse comes to a sixteenth of a
@@ -33,7 +33,7 @@ PATHS, PUSHES = 8, 4
 MORE = 4
 """Models that are drawn beside those in each round after the first."""
 
-GAINS = {
+GAINS: dict[str, st.SearchStrategy[Any]] = {
     "stiffness": st.sampled_from([1000.0, 4000.0, 200.0]),
     "damping": st.sampled_from([0.0, 4.0, 20.0]),
     "mass": st.sampled_from([0.1, 0.3, 1.0]),
@@ -52,18 +52,25 @@ def judgeable() -> tuple[str, ...]:
     return tuple(name for name, check in CHECKS.items() if not check.needs_closed_form and not check.holds)
 
 
-def drawn(models: Sequence[Model], checks: Sequence[str], seed: int) -> Iterator[Case]:
+def first_models(models: Sequence[Model]) -> tuple[Model, ...]:
+    """Return the models that are tried in each round: those that are given, or those of `MODELS`."""
+    return tuple(models) or tuple(make_model(**each) for each in MODELS)
+
+
+def drawn(models: Sequence[Model], checks: Sequence[str], seed: int, refused: Container[str] = ()) -> Iterator[Case]:
     """Yield cases without end, by turns on each model; without `models` on those of the catalogue, and on drawn ones.
 
-    `checks` is looked at each time, so that what has been found need not be looked for any more. Paths are for those of
+    `checks` and `refused`, tables of models as text, are looked at each time, so that what has been found need not be
+    looked for any more, and nothing is drawn on a model that the renderer does not take. Paths are for those of
     them that a led hand shows, and experiments for those that need a closed loop.
     """
-    fixed = tuple(models) or tuple(make_model(**each) for each in MODELS)
+    fixed = first_models(models)
     number = 0
     while True:
         more = [] if models or number == 0 else _examples(strategies.plane_models(), MORE, seed, "models", number)
         for at, model in enumerate((*fixed, *more)):
-            yield from _on(model, checks, seed, number, at)
+            if repr(model.table) not in refused:
+                yield from _on(model, checks, seed, number, at)
         number += 1
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from msgspec.structs import replace
 
 from hapticeval.geometry.model import Model
-from hapticeval.search.drawing import drawn
+from hapticeval.search.drawing import drawn, first_models
 from hapticeval.search.shrink import Shrink, size_of
 from hapticeval.search.trial import RENDERER, Bench, Fault, Stopped
 from hapticeval.suite.case import Case
@@ -23,8 +23,8 @@ from hapticeval.types import Array
 SMALL = 3e-3
 """A path of this length (m) is small enough: a longer one is looked for again on other models."""
 
-AGAIN = 3
-"""How many further failures of a check are shrunk, each on another model, in search of a smaller one."""
+AGAIN = 5
+"""How many further failures of a check are shrunk, on other models or of another kind, in search of a smaller one."""
 
 JUMPS = "continuous-contact"
 """The check whose faults are jumps of the IHIP, which a bisection confirms."""
@@ -77,8 +77,9 @@ class Search:
         left = list(self.checks)
         taken = False
         refusing: set[str] = set()
+        models = len(first_models(self.models))
         try:
-            for case, before in self._cases(left):
+            for case, before in self._cases(left, refusing):
                 model = repr(case.model)
                 if model in refusing:
                     continue
@@ -87,10 +88,12 @@ class Search:
                 if answer.refused is not None:
                     refusing.add(model)
                     self.refused = answer.refused
+                    if not taken and len(refusing) >= models:
+                        break
                     continue
                 taken = True
                 for fault in answer.faults:
-                    self._meet(case, fault, self.tried if before is None else before)
+                    self._meet(case, fault, before)
                 for name in [name for name in left if self._enough(name)]:
                     left.remove(name)
                 if not left or (self.most is not None and self.tried >= self.most) or RENDERER in self.found:
@@ -101,13 +104,13 @@ class Search:
         if taken:
             self.refused = None
 
-    def _cases(self, left: Sequence[str]) -> Iterator[tuple[Case, int | None]]:
+    def _cases(self, left: Sequence[str], refusing: set[str]) -> Iterator[tuple[Case, int | None]]:
         """Yield cases that are known, with their number of examples, and then drawn ones."""
         for case, examples in self.known:
             asked = tuple(name for name in case.checks if name in left)
             if asked:
                 yield replace(case, checks=asked), examples
-        yield from ((case, None) for case in drawn(self.models, left, self.seed))
+        yield from ((case, None) for case in drawn(self.models, left, self.seed, refusing))
 
     def _enough(self, name: str) -> bool:
         """Whether a check need not be looked for any more."""
@@ -116,13 +119,14 @@ class Search:
             return False
         return found.case.experiment is not None or found.size <= SMALL or len(found.models) > AGAIN
 
-    def _meet(self, case: Case, fault: Fault, examples: int) -> None:
-        """Shrink a failure, unless one of that check is known on that model, and keep it if it is the smallest."""
-        model = repr(case.model)
+    def _meet(self, case: Case, fault: Fault, before: int | None) -> None:
+        """Shrink a failure, unless one of that check and kind is known on that model; keep it if it is the smallest."""
+        model = repr((case.model, fault.kind))
         best = self.found.get(fault.check)
         if best is not None and (model in best.models or self._enough(fault.check)):
             return
         asked = case.checks if fault.check == RENDERER else (fault.check,)
+        examples = self.tried if before is None else before
         made = Found(replace(case, checks=asked), fault, examples)
         made.models = (set() if best is None else best.models) | {model}
         self._tell(f"{fault.check} fails after {examples} example{'s' * (examples != 1)}; shrinking")
@@ -130,7 +134,8 @@ class Search:
         try:
             if best is None:
                 self.found[fault.check] = made
-            shrink.run()
+            if before is None or (case.experiment is None and made.size > SMALL):
+                shrink.run()  # what is known and small stays as it was found
             made.case, made.fault = shrink.case, shrink.fault
             if fault.check == JUMPS:
                 made.pair = self.bench.pair(made.case, made.fault)

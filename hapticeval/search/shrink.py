@@ -70,6 +70,9 @@ class Shrink:
         if isinstance(self.case.trajectory, Moves):
             self._fixpoint(_steady, _cut(self), _fewer, _even, self._shorter)
             self._fixpoint(_fewer_vertices, _fewer, self._shorter)
+            # Bounds go with the HIP's steps: what is left of a fault on a shorter path, a slower hand shows.
+            self._first(_slow)
+            self._fixpoint(_fewer, self._shorter)
             self._first(_on_grid)
             self._first(_points_on_grid)
             self._first(_paced)
@@ -137,12 +140,20 @@ class Shrink:
                 moved = points.copy()
                 moved[0] = start
                 options.append(moved)
+        if len(points) == 2:  # the same way, planted anew beside there
+            depth = np.linalg.norm(points[1] - feet.foot[1])
+            beside = boundary.walk(feet.foot[1], np.sort(lengths))
+            above, under = beside.foot + step * beside.normal, beside.foot - depth * beside.normal
+            for share in (1.0, 0.5, 0.2):
+                ends = beside.foot + share * (under - beside.foot)
+                options += [np.array(pair) for pair in zip(above[:-1], ends[1:], strict=True)]
+                options += [np.array(pair) for pair in zip(above[1:], ends[:-1], strict=True)]
         end = self._where(case)
         if end is not None:
             options.append(np.vstack([points[:-1], end]))
-        ends = [(0, 1), (len(points) - 1, len(points) - 2)]
+        pulled = [(0, 1), (len(points) - 1, len(points) - 2)]
         for pull in PULLS[1:] if len(points) == 2 else PULLS:
-            for at, towards in ends:
+            for at, towards in pulled:
                 moved = points.copy()
                 moved[at] += pull * (points[towards] - points[at])
                 options.append(moved)
@@ -293,14 +304,23 @@ def _points_on_grid(case: Case) -> Iterator[Case]:
                 yield _with_points(case, moved)
 
 
+def _slow(case: Case) -> Iterator[Case]:
+    """Give all even moves the lowest of the round speeds."""
+    yield from _at_speeds(case, [min(SPEEDS)])
+
+
 def _paced(case: Case) -> Iterator[Case]:
     """Give all even moves one round speed."""
+    yield from _at_speeds(case, SPEEDS)
+
+
+def _at_speeds(case: Case, speeds: Sequence[float]) -> Iterator[Case]:
     moves = _moves(case)
     points = _points(moves)
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1).tolist()
     if not all(move.even for move in moves.moves):
         return
-    for speed in SPEEDS:
+    for speed in speeds:
         made = tuple(
             replace(move, seconds=_ticks(length / speed)) if length else move
             for move, length in zip(moves.moves, lengths, strict=True)

@@ -26,7 +26,7 @@ RENDERER = "renderer"
 
 SUITE = "search"
 
-FIRST, LATER = 60.0, 20.0
+FIRST, LATER = 30.0, 10.0
 """Seconds that a renderer may take for the first case on a model, which it may prepare, and for any other."""
 
 FEWEST = 2.0
@@ -34,6 +34,9 @@ FEWEST = 2.0
 
 SLOWER = 20.0
 """How much longer than for any case before a renderer takes that hangs."""
+
+AGAIN = 3.0
+"""The same, where its process is new, as after a hang, and it has to prepare the model again."""
 
 POLL = 0.1
 
@@ -82,7 +85,8 @@ class Bench:
         self._seed = seed
         self._over = over
         self._workers: Workers[Any] | None = None
-        self._known: set[str] = set()
+        self._prepared: dict[str, float] = {}
+        self._warm: set[str] = set()
         self._slowest = 0.0
         self.tried = 0
 
@@ -100,8 +104,10 @@ class Bench:
     def _asked(self, case: Case, function: Callable[..., Any], *arguments: Any) -> Any:
         model = repr(case.model)
         patience = FIRST
-        if model in self._known:
+        if model in self._warm:
             patience = min(LATER, max(FEWEST, SLOWER * self._slowest)) if self._slowest else LATER
+        elif model in self._prepared:
+            patience = min(FIRST, max(FEWEST, AGAIN * self._prepared[model]))
         if self._workers is None:
             self._workers = Workers(_called, 1)
         begun = time.monotonic()
@@ -114,9 +120,11 @@ class Bench:
                 if answer.error is not None:
                     raise answer.error
                 took = time.monotonic() - begun
-                if model in self._known:
+                if model in self._warm:
                     self._slowest = max(self._slowest, took)
-                self._known.add(model)
+                else:
+                    self._prepared[model] = took
+                    self._warm.add(model)
                 return answer.value
             if time.monotonic() - begun > patience:
                 self._end()
@@ -141,7 +149,7 @@ class Bench:
         if self._workers is not None:
             self._workers.__exit__(None, None, None)
             self._workers = None
-            self._known.clear()
+            self._warm.clear()
 
 
 def _called(function: Callable[..., Any], *arguments: Any) -> Any:

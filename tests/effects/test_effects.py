@@ -119,6 +119,7 @@ def test_documents_and_short_forms_give_the_same_effects():
     }  # fmt: skip
     rest, short = read_effects({"mass": 1.0, "viscosity": 0.3, "imperfections": imperfections})
     listed = read_effects({"mass": 1.0, "effects": documents})
+    assert read_effects({"mass": 1.0, "effects": documents[:3], "effect": documents[3:]}) == listed
     assert (rest, set(short)) == (listed[0], set(listed[1])) == ({"mass": 1.0}, set(ONE_OF_EACH))
     assert Scene(model=line(), effects=short[::-1]).effects == ONE_OF_EACH
 

@@ -391,6 +391,8 @@ def test_an_icosphere_has_its_corners_on_the_sphere(subdivisions):
         ("mesh", {"vertices": [[0, 0, 0]]}, "either a file, or vertices"),
         ("mesh", {"file": "a.stl"}, "has no unit"),
         ("mesh", {"vertices": TETRAHEDRON[0], "triangles": TETRAHEDRON[1], "unit": "ft"}, "unknown unit 'ft'"),
+        ("mesh", {"vertices": TETRAHEDRON[0], "triangles": [[0, 1], [1, 2, 3]]}, "not rows of three whole numbers"),
+        ("mesh", {"vertices": TETRAHEDRON[0], "triangles": [["a", "b", "c"]] * 4}, "not rows of three whole numbers"),
     ],
 )
 def test_bad_parameters_are_refused(kind, parameters, message):

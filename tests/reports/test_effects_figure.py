@@ -9,10 +9,24 @@ import pytest
 from made import recorded
 
 from hapticeval.cli import main
+from hapticeval.effects.catalogue import EFFECTS, make_effect
+from hapticeval.effects.effect import Stage
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.reports.effects_figure import PANELS, contacts, effect_svg, given, slip
 from hapticeval.reports.write import write_reports
 from hapticeval.study.effects.document import Cost, EffectsDocument, Ladder, Rung, SceneEntry, write_costs
+
+NUMBERS = {
+    "friction": {"mu_s": 0.5, "mu_k": 0.3},
+    "viscous-friction": {"coefficient": 1.0},
+    "lugre": {"mu_s": 0.5, "mu_k": 0.3, "stribeck": 0.01, "stiffness": 1e4, "damping": 1.0, "viscosity": 1.0},
+    "height-map": {"wavelength": 1e-3, "amplitude": 1e-5},
+    "bump-map": {"wavelength": 1e-3, "amplitude": 1e-5},
+    "stochastic-texture": {"texture": "ribbed", "mass": 0.05},
+    "contact-transient": {"material": "wood"},
+    "recorded-impulse": {"pulse": [1.0, 2.0], "step": 1e-3},
+}
+"""What an effect needs, by kind."""
 
 SUITE = """
 title = "Rung"
@@ -68,8 +82,13 @@ def test_contacts_are_where_there_is_a_force():
 
 
 @pytest.mark.parametrize("kind", PANELS)
-def test_every_panel_is_drawn_the_same_twice(kind):
-    svg = [effect_svg(kind, rubbed(), make_model("line"), prefix="e", title=kind) for _ in range(2)]
+@pytest.mark.parametrize("laps", [1, 12])
+def test_every_panel_is_drawn_the_same_twice(kind, laps):
+    """Of a short contact, and of one that is long enough for a spectrum."""
+    once = rubbed()
+    recording = recorded(np.tile(once.hip, (laps, 1)), force=np.tile(once.force, (laps, 1)))
+    effect = make_effect({"kind": kind, **NUMBERS.get(kind, {})})
+    svg = [effect_svg(effect, recording, make_model("line"), prefix="e", title=kind) for _ in range(2)]
     assert svg[0] == svg[1]
     assert svg[0].startswith("<svg")
 
@@ -93,3 +112,7 @@ def test_the_page_shows_effects_and_costs_where_there_are_any(tmp_path, monkeypa
     assert "What effects cost" in page
     assert "answer: contact-transient" in page
     assert "a &lt;fast&gt; one" in page
+
+
+def test_every_effect_of_the_surface_has_a_panel():
+    assert set(PANELS) == {kind for kind, entry in EFFECTS.items() if entry.of.stage is Stage.ANSWER}

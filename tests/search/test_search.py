@@ -145,10 +145,10 @@ def test_the_impulse_that_a_spring_does_not_take_out_is_found():
 
 @pytest.mark.parametrize(("name", "kind"), [("Raises", "ZeroDivisionError"), ("Dies", "dies"), ("Hangs", "hangs")])
 def test_a_renderer_that_breaks_is_a_counterexample_and_shrinks(mine, monkeypatch, name, kind):
-    monkeypatch.setattr(trial, "FIRST", 1.0)
-    monkeypatch.setattr(trial, "LATER", 0.5)
-    monkeypatch.setattr(trial, "FEWEST", 0.2)
-    monkeypatch.setattr("hapticeval.search.shrink.MOST", 25)
+    monkeypatch.setattr(trial, "FIRST", 6.0)
+    monkeypatch.setattr(trial, "LATER", 1.0)
+    monkeypatch.setattr(trial, "FEWEST", 0.5)
+    monkeypatch.setattr("hapticeval.search.shrink.MOST", 12)
     found = searched(f"mine:{name}", ["contact-kept"]).found[RENDERER]
     assert kind in found.fault.kind
     assert len(found.case.trajectory.moves) <= 2

@@ -106,6 +106,7 @@ def test_the_command_shows_every_scene(here, capsys):
     assert (led.plain.code, led.cost.code > 0, led.ticks > 100) == (None, True, True)
     assert refused.cost is None
     assert document.ladder is None
+    assert main(["effects", "pushed.toml", "-k", "plain", "-o", "results"]) == 0  # a folder of ours is written again
 
 
 @pytest.mark.parametrize(

@@ -148,7 +148,7 @@ def _bent(law: LuGre, z: Array, velocity: Array, press: float, dt: float) -> Arr
         return z
     limit = press * float(law.limit(speed))
     settled = limit / (law.stiffness * speed) * velocity
-    return settled + (z - settled) * np.exp(-law.stiffness * speed * dt / limit)
+    return np.asarray(settled + (z - settled) * np.exp(-law.stiffness * speed * dt / limit))
 
 
 CHECK = Check(

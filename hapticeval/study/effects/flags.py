@@ -64,7 +64,9 @@ def _chain(functions: Sequence[Callable[..., int]]) -> Callable[..., int]:
 
 def _inlining(function: Callable[..., int]) -> Callable[..., int]:
     """Compile a function that names other kernels as they are now: no cache would know it again."""
-    return numba.njit(error_model="numpy", _nrt=False)(function)  # type: ignore[no-any-return]
+    compile_: Any = numba.njit
+    kernel: Callable[..., int] = compile_(error_model="numpy", _nrt=False)(function)
+    return kernel
 
 
 @borrowing
@@ -81,4 +83,4 @@ def ask(
     for row in range(hips.shape[0]):
         if law(data, hips[row], velocities[row], push, dt, ihips[row], forces[row]) != 0:
             return row
-    return hips.shape[0]
+    return int(hips.shape[0])

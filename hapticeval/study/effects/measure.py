@@ -90,7 +90,7 @@ def measure_scene(job: Job) -> SceneEntry:
         costs = [Cost(each, run.code) for each, run in zip(found, runs, strict=True)]
     except HapticevalError as error:
         return SceneEntry(*named, {}, problem=error.what)
-    return SceneEntry(*named, assembled(renderer, scene), ticks[0], *costs)
+    return SceneEntry(*named, assembled(renderer, scene), ticks[0], costs[0], costs[1] if scene.effects else None)
 
 
 def assembled(renderer: object, scene: Scene) -> dict[str, list[str]]:
@@ -200,7 +200,7 @@ def _path(renderer: Renderer, path: Path, scene: Scene) -> Ready:
     dt = scene.sampling_time
     hips = path.sampled(dt)[1]
     hips = np.vstack([way_in(renderer, hips, scene), hips])
-    velocities = backward_difference(hips, dt * np.arange(len(hips)))
+    velocities = backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
 
     def asked() -> int:
         if abilities_of(renderer).run:

@@ -1,0 +1,175 @@
+"""Compiled walk of a point on a triangle mesh, downhill in distance to a goal: how a rigid tool slides after the hand.
+
+A place on the mesh is a triangle, the feature of it that the point lies on (see `mesh_kernels`), and the point. What
+it may do there depends on the free directions: a half-space on a face, at a convex edge the two half-spaces
+together, at a concave edge what they have in common, and at a vertex what the fan of its triangles leaves free.
+"""
+
+from __future__ import annotations
+
+import math
+
+from hapticeval.compiled import compiled, inner
+from hapticeval.geometry.mesh_kernels import (
+    ACROSS,
+    CORNER,
+    EDGE,
+    FACE,
+    PSEUDO,
+    VERTEX,
+    _cross,
+    _minus,
+    _scaled,
+    at,
+    normal_of,
+)
+from hapticeval.geometry.surface_kernels import Triple, dot, plus
+from hapticeval.types import Array
+
+RESTS, LEAVES = 0, 1
+"""How a walk ends: at a local minimum, or where the way to the goal is free."""
+
+STALLS = 16
+"""Features in a row that lead no closer, after which a walk rests: rounding may lead it round in a circle."""
+
+ROUND = 1e-14
+"""Share of a vector below which a part of it is rounding."""
+
+
+@compiled
+def walk(
+    faces: Array, vertices: Array, free: bool, k: int, feature: int, point: Triple, goal: Triple
+) -> tuple[int, int, int, Triple]:
+    """Walk from a place to where no way along the mesh leads closer to `goal`, or, if `free`, where the goal is open.
+
+    Returns how it ends, and the place. With one, two and three faces that hold it the point rests on a plane, on a
+    line and in a corner: where the faces are those of a convex room that is the closest point of the room to the goal.
+    Without `free` the point never leaves the mesh, whichever side the goal is on.
+    """
+    last2, stalls = math.inf, 0
+    while stalls < STALLS:
+        d = _minus(goal, point)
+        now2 = dot(d, d)
+        stalls = 0 if now2 < last2 else stalls + 1
+        last2 = min(now2, last2)
+        if feature >= VERTEX:
+            opens, k, feature = _at_vertex(faces, vertices, free, k, feature - VERTEX, d)
+            if opens:
+                return LEAVES, k, feature, point
+            if feature >= VERTEX:
+                return RESTS, k, feature, point
+        elif feature >= EDGE:
+            opens, k, feature = _at_edge(faces, vertices, free, k, feature - EDGE, d)
+            if opens:
+                return LEAVES, k, feature, point
+        elif free and dot(normal_of(faces, k), d) >= 0.0:
+            return LEAVES, k, feature, point
+        if feature == FACE:
+            feature, point = _over_face(faces, vertices, k, point, goal)
+            if feature == FACE:
+                d = _minus(goal, point)
+                if free and dot(normal_of(faces, k), d) >= 0.0:
+                    return LEAVES, k, feature, point
+                return RESTS, k, feature, point
+        else:
+            i = feature - EDGE
+            a, b = at(vertices, faces[k, CORNER + i]), at(vertices, faces[k, CORNER + (i + 1) % 3])
+            ab = _minus(b, a)
+            share = dot(_minus(goal, a), ab) / dot(ab, ab)
+            if 0.0 < share < 1.0:
+                return RESTS, k, feature, plus(a, share, ab)
+            feature, point = (VERTEX + i, a) if share <= 0.0 else (VERTEX + (i + 1) % 3, b)
+    return RESTS, k, feature, point
+
+
+@inner
+def _over_face(faces: Array, vertices: Array, k: int, point: Triple, goal: Triple) -> tuple[int, Triple]:
+    """Go straight over triangle k towards the goal's foot on its plane: to it, or to the edge or vertex on the way."""
+    n = normal_of(faces, k)
+    corners = (at(vertices, faces[k, 0]), at(vertices, faces[k, 1]), at(vertices, faces[k, 2]))
+    foot = plus(goal, -dot(n, _minus(goal, corners[0])), n)
+    foot = plus(foot, -dot(n, _minus(foot, corners[0])), n)
+    share, left = 1.0, -1
+    for i in range(3):
+        inward = _cross(n, _minus(corners[(i + 1) % 3], corners[i]))
+        there = dot(inward, _minus(foot, corners[i]))
+        if there < 0.0:
+            here = max(dot(inward, _minus(point, corners[i])), 0.0)
+            if here / (here - there) < share:
+                share, left = here / (here - there), i
+    if left < 0:
+        return FACE, foot
+    a, b = corners[left], corners[(left + 1) % 3]
+    ab = _minus(b, a)
+    along = dot(_minus(plus(point, share, _minus(foot, point)), a), ab) / dot(ab, ab)
+    if along <= 0.0:
+        return VERTEX + left, a
+    if along >= 1.0:
+        return VERTEX + (left + 1) % 3, b
+    return EDGE + left, plus(a, along, ab)
+
+
+@inner
+def _at_edge(faces: Array, vertices: Array, free: bool, k: int, i: int, d: Triple) -> tuple[bool, int, int]:
+    """From edge i of triangle k: whether the way along d opens, and the face, or the edge itself, to go on along.
+
+    Where both faces lead down it is its own.
+    """
+    j = int(faces[k, ACROSS + i])
+    n, p = normal_of(faces, k), normal_of(faces, j)
+    e = _minus(at(vertices, faces[k, CORNER + (i + 1) % 3]), at(vertices, faces[k, CORNER + i]))
+    e = _scaled(1.0 / math.sqrt(dot(e, e)), e)
+    over, beside = _cross(n, e), _cross(e, p)
+    convex = dot(beside, n) <= ROUND
+    here, there = dot(n, d), dot(p, d)
+    if free and ((here >= 0.0 and there >= 0.0) or (convex and (here >= 0.0 or there >= 0.0))):
+        return True, k, EDGE + i
+    least = ROUND * math.sqrt(dot(d, d))
+    back, on = dot(over, d), dot(beside, d)
+    if free and here >= 0.0:
+        back = 0.0
+    if free and there >= 0.0:
+        on = 0.0
+    if max(back, on) <= least:
+        return False, k, EDGE + i
+    return (False, k, FACE) if back > least else (False, j, FACE)
+
+
+@inner
+def _at_vertex(faces: Array, vertices: Array, free: bool, k: int, i: int, d: Triple) -> tuple[bool, int, int]:
+    """From corner i of triangle k: whether the way along d opens, and the face or edge that leads down most steeply.
+
+    Or the vertex itself, where none does. Whether d points out of the solid is the sign of the pseudonormal of what is
+    closest to it in the fan, as for any point beside the mesh.
+    """
+    row = faces[k, CORNER + i]
+    apex, size2 = at(vertices, row), dot(d, d)
+    vertex = int(row)
+    mean = (vertices[vertex, PSEUDO], vertices[vertex, PSEUDO + 1], vertices[vertex, PSEUDO + 2])
+    least2, side = size2, dot(mean, d)
+    steepest, best, way = ROUND * ROUND * size2, k, VERTEX + i
+    j, h = k, i
+    while True:
+        n = normal_of(faces, j)
+        p = _minus(at(vertices, faces[j, CORNER + (h + 1) % 3]), apex)
+        q = _minus(at(vertices, faces[j, CORNER + (h + 2) % 3]), apex)
+        height, after = dot(n, d), int(faces[j, ACROSS + h])
+        if dot(_cross(n, p), d) >= 0.0 and dot(_cross(q, n), d) >= 0.0:
+            if height * height < least2:
+                least2, side = height * height, height
+            gain = size2 - height * height
+            if gain > steepest and not (free and height >= 0.0):
+                steepest, best, way = gain, j, FACE
+        along = dot(p, d)
+        if along > 0.0:
+            off = plus(d, -along / dot(p, p), p)
+            far2 = dot(off, off)
+            if far2 < least2:
+                least2, side = far2, dot(plus(n, 1.0, normal_of(faces, after)), off)
+            if along * along / dot(p, p) > steepest:
+                steepest, best, way = along * along / dot(p, p), j, EDGE + h
+        j = after
+        h = 0 if faces[j, CORNER] == row else 1 if faces[j, CORNER + 1] == row else 2
+        if j == k:
+            break
+    return free and side >= 0.0, best, way

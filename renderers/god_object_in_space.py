@@ -1,0 +1,103 @@
+"""The constraint projection (4.3) on a triangle mesh: the tool slides over faces, along edges and into corners.
+
+As in the plane (see `god_object`) it starts a contact where the hand's way first goes inside, rests where no way on
+the mesh leads closer to the hand, and is released where the way to the hand opens: on a face when the hand is outside
+of its plane, at a convex edge of one of the two planes, at a concave one of both.
+"""
+
+from __future__ import annotations
+
+from hapticeval.compiled import LawData, compiled
+from hapticeval.geometry.mesh import Mesh
+from hapticeval.geometry.mesh_kernels import entered, facing, landed, place
+from hapticeval.geometry.mesh_walk import RESTS, walk
+from hapticeval.geometry.surface_kernels import Triple
+from hapticeval.renderers.god_object import FLIGHTS
+from hapticeval.renderers.law import BILATERAL, ERROR, OWN, ROOM, regulate, release
+from hapticeval.renderers.projective import CompiledProjection
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+TOUCHES, TRIANGLE, FEATURE, TOOL, HIP = ROOM[3], ROOM[3] + 1, ROOM[3] + 2, ROOM[3] + 3, ROOM[3] + 6
+"""In `state`: whether the tool is in contact, on which feature of which triangle, where, and the last HIP.
+
+In free space the triangle is one close to the hand, where the search begins.
+"""
+
+TOUCH = OWN
+"""In `params`: the mesh's `touch` (m)."""
+
+
+def on_mesh(scene: Scene, mesh: Mesh) -> CompiledProjection:
+    """Return the projection; whether the tool is ever released, and how a run starts, is as in the plane."""
+    faces, vertices, tree = mesh.tables
+    return CompiledProjection(
+        follow,
+        mesh,
+        bilateral=scene.bilateral,
+        own=[mesh.touch],
+        memory=9,
+        begin=begin,
+        segments=faces,
+        vertices=vertices,
+        tree=tree,
+    )
+
+
+@compiled
+def begin(data: LawData, hip: Array) -> None:
+    """Prepare the state at the start of a run with the hand at `hip` (3,), m."""
+    faces, vertices, tree, state = data.segments, data.vertices, data.tree, data.state
+    p = (hip[0], hip[1], hip[2])
+    k, feature, foot = landed(faces, vertices, tree, p, 0)
+    _, _, _, distance = place(faces, vertices, tree, p, k)
+    state[TOUCHES] = 1.0 if data.params[BILATERAL] != 0.0 or distance < 0.0 else 0.0
+    state[TRIANGLE], state[FEATURE] = k, feature
+    for i in range(3):
+        state[TOOL + i], state[HIP + i] = foot[i], hip[i]
+
+
+@compiled
+def follow(
+    data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """One tick, from the last IHIP, or from the last HIP in free space; of signature `LAW`."""
+    faces, vertices, params, state = data.segments, data.vertices, data.params, data.state
+    p, k, feature = (hip[0], hip[1], hip[2]), int(state[TRIANGLE]), int(state[FEATURE])
+    tool = (state[TOOL], state[TOOL + 1], state[TOOL + 2])
+    touches = state[TOUCHES] != 0.0
+    rests = False
+    if touches:
+        status, k, feature, tool = walk(faces, vertices, params[BILATERAL] == 0.0, k, feature, tool, p)
+        rests = status == RESTS
+    if not rests:
+        start = tool if touches else (state[HIP], state[HIP + 1], state[HIP + 2])
+        touches, k, feature, tool = _fly(faces, vertices, data.tree, params[TOUCH], start, p, k)
+    state[TOUCHES], state[TRIANGLE], state[FEATURE] = 1.0 if touches else 0.0, k, feature
+    for i in range(3):
+        state[TOOL + i], state[HIP + i] = tool[i], hip[i]
+    if not touches:
+        return release(state, hip, ihip, force)
+    q = (hip[0] - tool[0], hip[1] - tool[1], hip[2] - tool[2])
+    _, normal = facing(faces, vertices, k, feature, tool, q)
+    for i in range(3):
+        ihip[i], state[ERROR + 3 + i] = tool[i], normal[i]
+    return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)
+
+
+@compiled
+def _fly(
+    faces: Array, vertices: Array, tree: Array, touch: float, start: Triple, hip: Triple, k: int
+) -> tuple[bool, int, int, Triple]:
+    """Straight to the hand: whether the tool runs into something on the way, and where it then comes to rest."""
+    for _flight in range(FLIGHTS):
+        meets, k, foot, _ = entered(faces, vertices, tree, start, hip, touch, k)
+        if not meets:
+            return False, k, 0, hip
+        k, feature, foot = landed(faces, vertices, tree, foot, k)
+        status, k, feature, start = walk(faces, vertices, True, k, feature, foot, hip)
+        if status == RESTS:
+            return True, k, feature, start
+    k, feature, foot = landed(faces, vertices, tree, hip, k)
+    _, _, _, distance = place(faces, vertices, tree, hip, k)
+    return distance < 0.0, k, feature, foot
