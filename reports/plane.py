@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.model import Model
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.canvas import MM, drawn, figure, legend_above, page_svg
@@ -19,6 +18,8 @@ from hapticeval.types import Array, IntArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from shapely import Geometry
+
+    from hapticeval.geometry.mesh import Mesh
 
 SAMPLES = 60
 OVERVIEW_BELOW = 0.35
@@ -133,6 +134,8 @@ def body_of(model: Model, shown: tuple[int, int], view: Box) -> Geometry:
 
     if model.dimension == 2:
         return solid(model, view)
+    from hapticeval.geometry.mesh import Mesh
+
     if isinstance(model.boundary, Mesh):
         return _facets(model.boundary, shown)
     return shapely.MultiPoint(MM * model.boundary.points(SHADOW_POINTS)[:, list(shown)]).convex_hull

@@ -175,12 +175,16 @@ def _barred(
         if held is None:
             continue
         far = float(np.linalg.norm(hip[tick] - held))
-        if far > allowed[tick] and any(
-            boundary.first_crossing(other, hip[tick], grain=grain) is None
-            for other in boundary.around(held, float(reach[tick]))
-        ):
-            held = None
-            continue
+        if far > allowed[tick]:
+            beside = boundary.around(held, float(reach[tick]))
+            open_way = any(boundary.first_crossing(other, hip[tick], grain=grain) is None for other in beside)
+            if not open_way and released:
+                # Where the hand is as near both ways round, the tool may slide either way from a start so placed.
+                starts = boundary.around(start, float(reach[tick]))
+                open_way = any(follow(boundary, other, hip[tick], grain) is None for other in starts)
+            if open_way:
+                held = None
+                continue
         gap[tick], since[tick] = far, first
     return gap, since
 
