@@ -151,7 +151,10 @@ class Curve:
         joints, us = joints[turning], self.pieces[turning, U0]
         normals = np.stack([joints[:, [3, 5]], -joints[:, [2, 4]]], axis=2)
         rows = zip(us.tolist(), (us - self.pieces[0, U0]).tolist(), joints, normals, strict=True)
-        return tuple(Corner(u, s, row[:2], row[2:4], row[4:6], *pair, float(row[6])) for u, s, row, pair in rows)
+        return tuple(
+            Corner(u, s, row[:2], row[2:4], row[4:6], before, after, float(row[6]))
+            for u, s, row, (before, after) in rows
+        )
 
     def nearest(self, points: ArrayLike) -> Array:
         """Return the parameters (n,) of the globally nearest curve points, to rounding, for points (n, 2)."""

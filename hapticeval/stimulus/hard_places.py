@@ -41,7 +41,7 @@ class HardPlaces(Trajectory, frozen=True, kw_only=True, tag="hard-places"):
     def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
         """Return the path: it has a time a tick, at which playback takes the places as they are."""
         points = np.vstack([np.repeat(_visit(surface, kind), self.rest, axis=0) for kind in self.of])
-        return Path(self.tick * np.arange(len(points)), points)
+        return Path(self.tick * np.arange(len(points), dtype=np.float64), points)
 
 
 LEFT_OUT = ("far", "tiny-steps", "teleports")
@@ -81,7 +81,7 @@ def _feet(surface: Boundary) -> tuple[Array, Array, Array]:
     """Return boundary points (n, N), outward normals there, and the largest curvature (n,), 1/m."""
     points = surface.points(COUNT + 1)[:COUNT]
     frame = surface.closest_point(points)
-    return frame.foot, frame.normal, np.linalg.eigvalsh(frame.shape)[:, -1]
+    return frame.foot, frame.normal, np.asarray(np.linalg.eigvalsh(frame.shape)[:, -1], dtype=np.float64)
 
 
 def _vertices(surface: Boundary) -> Array:
@@ -99,7 +99,7 @@ def _surface(surface: Boundary) -> Array:
 
 
 def _centre(surface: Boundary) -> Array:
-    return np.array(surface.bounds).reshape(2, -1).mean(axis=0, keepdims=True)
+    return np.asarray(np.array(surface.bounds).reshape(2, -1).mean(axis=0, keepdims=True))
 
 
 def _medial(surface: Boundary) -> Array:
