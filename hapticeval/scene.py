@@ -69,6 +69,10 @@ class Scene:
             each.check(self.robot)
             each.fits(self)
 
+    def on_answers_beside(self, *kinds: str) -> list[str]:
+        """Return the kinds of the effects that change answers, but for these."""
+        return [each.kind for each in self.effects if each.stage is Stage.ANSWER and each.kind not in kinds]
+
     @overload
     def effect(self, kind: type[E]) -> E | None: ...
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -80,7 +79,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             "rows_in_contact": int(contact.sum()),
             "rows_exempt": int((contact & ~clear).sum()),
         },
-        passes=f"the answers keep {math.floor(digits)} digits when the scene is {_listed([name for name, *_ in seen])}",
+        passes=f"the answers keep {math.floor(digits)} digits when the scene is "
+        f"{' or '.join(name for name, *_ in seen)}",
         fails=f"with the scene {which}, the answer is off by {mm(off[worst])}, {off[worst] / size:.2g} of the model's "
         f"size: {math.floor(max(0.0, -math.log10(max(float(off[worst]) / size, EPS))))} digits are left",
     )
@@ -113,10 +113,6 @@ def _directions(dimension: int) -> Array:
     signs = np.array([each for each in itertools.product((-1.0, 0.0, 1.0), repeat=dimension) if any(each)])
     units = signs / np.linalg.norm(signs, axis=1, keepdims=True)
     return np.vstack([units, 0.25 * units])
-
-
-def _listed(words: Sequence[str]) -> str:
-    return " or ".join(words)
 
 
 CHECK = Check(

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
-from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.sampling import LAG_TICKS, NO_IHIP, above_force_floor, lacks_ihip
 from hapticeval.phenomena.verdict import Finding, Outcome, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
@@ -105,7 +104,7 @@ def judged_late(base: Recording, judge: Callable[[Recording], Finding]) -> Findi
 
 def unjudged(base: Recording, scene: Scene) -> Finding | None:
     """Return why a check of friction has no question, or no answer, here; None where it can be judged."""
-    others = [each.kind for each in scene.effects if each.stage is Stage.ANSWER and each.kind not in FRICTIONS]
+    others = scene.on_answers_beside(*FRICTIONS)
     if others:
         message = f"the scene calls for {' and '.join(others)} too, whose force along the surface is no friction"
         return Finding(Outcome.NOT_APPLICABLE, message)

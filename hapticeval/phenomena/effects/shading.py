@@ -44,13 +44,12 @@ class Shaded(NamedTuple):
 
 def shaded(runs: Runs, scene: Scene) -> Shaded | Finding:
     """Return what the recorded force is held against, or why there is nothing."""
-    from hapticeval.effects.effect import Stage
     from hapticeval.effects.shading import Shading, normals_at, turned
 
     base, shading = runs.base, scene.effect(Shading)
     assert shading is not None
     assert runs.without is not None
-    others = [each.kind for each in scene.effects if each.stage is Stage.ANSWER and each.kind != SHADING]
+    others = scene.on_answers_beside(SHADING)
     if others:
         message = f"the scene calls for {' and '.join(others)} too, whose force is not turned: shading is judged alone"
         return Finding(Outcome.NOT_APPLICABLE, message)

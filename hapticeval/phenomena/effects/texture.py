@@ -55,13 +55,12 @@ class Stretch(NamedTuple):
 
 def stretches(runs: Runs, scene: Scene) -> list[Stretch] | Finding:
     """Return the stretches of steady speed and force, longest first, or why there is none."""
-    from hapticeval.effects.effect import Stage
     from hapticeval.effects.stochastic_texture import StochasticTexture
 
     base, effect = runs.base, scene.effect(StochasticTexture)
     assert effect is not None
     assert runs.without is not None
-    others = [each.kind for each in scene.effects if each.stage is Stage.ANSWER and each.kind != TEXTURE]
+    others = scene.on_answers_beside(TEXTURE)
     if others:
         message = f"the scene calls for {' and '.join(others)} too, which answer vibrations: texture is judged alone"
         return Finding(Outcome.NOT_APPLICABLE, message)
