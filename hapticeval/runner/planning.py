@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import InputError, NothingSelectedError, at
 from hapticeval.renderer import RendererFactory
+from hapticeval.runner.known import NONE_KNOWN, Known
 from hapticeval.suite.case import Case
 from hapticeval.suite.installed import suites_named
 from hapticeval.suite.reading import load_suite
@@ -32,7 +33,7 @@ class Job:
 class Plan:
     """What will run. `suites` are whole; `jobs` hold only the selected cases, with only the selected checks.
 
-    With `strict` a warning stops a gate, as a failure does.
+    With `strict` a warning stops a gate, as a failure does. A failure that is `known` does not.
     """
 
     suites: tuple[Suite, ...]
@@ -41,6 +42,7 @@ class Plan:
     select: tuple[str, ...]
     seed: int
     strict: bool = False
+    known: Known = NONE_KNOWN
 
     @property
     def planned(self) -> int:
@@ -56,6 +58,7 @@ def plan(
     select: Sequence[str] = (),
     seed: int = 0,
     strict: bool = False,
+    known: Known = NONE_KNOWN,
 ) -> Plan:
     """Load the suites, see that every renderer can be found, and apply the selection.
 
@@ -63,12 +66,13 @@ def plan(
     each suite runs its own, or those that come with the package; `factories` make those whose names say nothing of it.
     `select` holds globs on case names, on `suite/case`, or on `case/check`; what any of them matches is run, and
     everything where there are none. Raises `NothingSelectedError` for a glob that matches nothing and where nothing is
-    left, and what `load_suite` and `resolve` raise.
+    left, and what `load_suite`, `resolve` and `Known.check` raise.
     """
     given = factories or {}
     members = {name: None for each in suites if isinstance(each, str) for name in suites_named(each)}
     loaded = (*map(load_suite, members), *(each for each in suites if not isinstance(each, str)))
     _refuse_namesakes(loaded)
+    known.check(loaded)
     chosen = {suite.name: tuple(dict.fromkeys(renderers or suite.renderers or own_renderers())) for suite in loaded}
     names = tuple(dict.fromkeys(name for each in chosen.values() for name in each))
     for name in names:
@@ -93,7 +97,7 @@ def plan(
     for (suite, _), case in {(job.suite, job.case.name): job.case for job in jobs}.items():
         with at(f"suite '{suite}'"):
             case.check_stimulus()
-    return Plan(loaded, names, jobs, tuple(select), seed, strict)
+    return Plan(loaded, names, jobs, tuple(select), seed, strict, known)
 
 
 def _refuse_namesakes(suites: Sequence[Suite]) -> None:

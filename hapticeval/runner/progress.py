@@ -49,7 +49,7 @@ class Progress:
     def add(self, job: Job, judged: Judged, file: Path | None) -> JobFinished:
         """Take what came of a job, and return the event that reports it."""
         run = _run(job, judged, file)
-        verdicts = tuple(map(VerdictEntry.of, judged.verdicts))
+        verdicts = tuple(self.plan.known.marked(VerdictEntry.of(each)) for each in judged.verdicts)
         self.runs.append(run)
         self.verdicts += verdicts
         if time.perf_counter() - self.saved > SAVE_EVERY:
