@@ -101,6 +101,7 @@ for _command, _epilog, _short in (
     (judging.run, EXIT_CODES, "Run suites on renderers, judge, and report."),
     (judging.list_, judging.LISTED, "List the renderers, suites, cases, checks, devices or models."),
     (judging.explain, judging.LISTED, "Explain what a check asks, measures and allows, and why."),
+    (judging.merge, judging.MERGED, "Make one run of several, as of its shards."),
     (judging.report, judging.REPORTED, "Write the reports of an earlier run anew, from its results."),
     (record.record, record.EXIT_CODES, "Run a renderer on a robot and record it."),
     (recordings.inspect, recordings.INSPECTED, "Examine a recording: clock, channels, units, physics."),

@@ -124,7 +124,7 @@ def test_a_process_that_is_stopped_in_the_middle_of_an_answer_does_not_hold_up_t
     with Workers(act, 2) as crew:
         crew.begin(0, "double", "x" * 10_000_000)
         crew.begin(1, "wait")
-        assert crew._at[0].pipe.poll(60.0)
+        assert crew._at[0].worker.pipe.poll(60.0)
     assert crew.busy == 0
 
 
