@@ -87,6 +87,12 @@ class Model:
         boundary = None if move is None else move(motion)
         return None if boundary is None else Model(self.name, self.parameters, boundary)
 
+    def reordered(self) -> Model | None:
+        """Return the model with its vertices in another order; None where its boundary does not offer `reordered`."""
+        order = getattr(self.boundary, "reordered", None)
+        boundary = None if order is None else order()
+        return None if boundary is None else Model(self.name, self.parameters, boundary)
+
     @property
     def size(self) -> float:
         """The largest extent (m) along an axis; for a half-plane that of the window it is drawn in."""
