@@ -113,10 +113,15 @@ def _switched(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArr
         angle_between(base.force[pressed], normal) <= NEAR * crossing.turn
         for normal in (crossing.normal_pre, crossing.normal_post)
     )
-    if not pre[0] or not post[-1]:
+    if not pre.any() or not post.any():
         return None
-    left = int(pressed[np.argmin(pre) - 1])
-    reached = int(pressed[post.size - int(np.argmin(post[::-1]))])
+    # As it comes and goes, with no depth yet, a tool that stands off the surface leans: what counts is in between.
+    begin, last = int(np.argmax(pre)), post.size - 1 - int(np.argmax(post[::-1]))
+    leaves = begin + int(np.argmin(pre[begin:]))
+    if leaves > last:
+        return None
+    left = int(pressed[leaves - 1])
+    reached = int(pressed[last - int(np.argmin(post[last::-1])) + 1])
     takes = float(base.time[reached] - base.time[left])
     travel = float(np.sum(crossing.steps[left:reached]))
     depths = np.linalg.norm(base.hip - base.ihip, axis=1)

@@ -162,15 +162,17 @@ def _into_edges(recording: Recording, mesh: Mesh, slack: float) -> Iterator[Cros
     steps = np.linalg.norm(np.diff(recording.hip, axis=0) - led_along, axis=1)
     stretches = _stretches(faces)
     for number, (first, last, face) in enumerate(stretches[:-1]):
-        following = number + 1 + (stretches[number + 1][2] == RESTS)
+        rested = stretches[number + 1][2] == RESTS
+        following = number + 1 + rested
         if face < 0 or following >= len(stretches):
             continue
         crossed, end, other = stretches[following]
         if other < 0 or other == face or end - crossed <= LAG_TICKS:
             continue
         pre, post = mesh.normals[triangles[first]], mesh.normals[triangles[crossed]]
-        rise = tools[crossed] - tools[last - 1]
-        if rise @ pre > slack and -rise @ post > slack:
+        # Seen from a concave edge each face lies on the outer side of the other; a tool does not rest on a convex one.
+        rise, least = tools[crossed] - tools[last - 1], -slack if rested else slack
+        if min(rise @ pre, -rise @ post) > least:
             turn = float(angle_between(post[np.newaxis], pre)[0])
             under = (tools[first] - recording.hip) @ pre
             along = np.zeros(len(recording))  # of what is left at an edge, which this is not asked for
