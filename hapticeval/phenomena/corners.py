@@ -11,6 +11,7 @@ from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.crossings import Crossing, angle_between, find_crossings
 from hapticeval.phenomena.sampling import (
+    LAG_TICKS,
     NO_IHIP,
     above_force_floor,
     evidence_at,
@@ -24,7 +25,7 @@ from hapticeval.phenomena.sampling import (
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
-from hapticeval.types import Array, BoolArray, IntArray
+from hapticeval.types import BoolArray, IntArray
 
 NEAR = 0.05
 """Share of the corner's turn within which a direction counts as a face's: far above rounding, far below a switch."""
