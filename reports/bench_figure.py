@@ -74,19 +74,18 @@ def _costs(settings: Sequence[SettingEntry], names: Sequence[str]) -> str:
 
 def _changes(comparison: Sequence[Change]) -> str:
     """A row per setting and kind of time: its ratio to the earlier time with the interval of 95 per cent."""
-    timed = [each for each in comparison if each.low is not None and each.ratio is not None]
+    timed = [(each, each.ratio, each.low) for each in comparison if each.low is not None and each.ratio is not None]
     height = 0.9 + ROW * len(timed)
     roles = {"better": ("one", "v"), "worse": ("mark", "^"), "not significant": ("quiet", "o")}
     with figure(10.0, height, page=True) as made:
         axes = made.add_axes((0.38, 0.55 / height, 0.6, 1.0 - 0.75 / height))
-        for row, each in enumerate(timed):
+        for row, (each, ratio, low) in enumerate(timed):
             role, marker = roles[each.verdict]
-            low, high = each.low or each.ratio, each.high or each.ratio
-            axes.plot((low, high), (row, row), color=drawn(role), linewidth=1.2)
-            axes.plot(each.ratio, row, linestyle="none", marker=marker, markersize=6, color=drawn(role))
+            axes.plot((low or ratio, each.high or ratio), (row, row), color=drawn(role), linewidth=1.2)
+            axes.plot(ratio, row, linestyle="none", marker=marker, markersize=6, color=drawn(role))
         axes.axvline(1.0, color=drawn("ink"), linewidth=1.0)
         axes.set(xscale="log", xlabel="time now / time then; triangles are significant", ylim=(len(timed) - 0.5, -0.5))
-        axes.set_yticks(range(len(timed)), [f"{each.label}, {each.model}, {each.what}" for each in timed])
+        axes.set_yticks(range(len(timed)), [f"{each.label}, {each.model}, {each.what}" for each, *_ in timed])
         axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         axes.xaxis.set_minor_formatter(lambda value, _: f"{value:g}")
         axes.tick_params(axis="x", which="minor", labelsize=7)
