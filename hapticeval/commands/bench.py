@@ -95,3 +95,37 @@ def bench(
     missed = within is not None and any(each.what == "step" and each.key is None for each in results.answers)
     worse = any(each.verdict == "worse" for each in results.comparison)
     raise typer.Exit(max([int(missed or worse or not results.complete), *(each.exit_code for each in sweep.failures)]))
+
+
+def rates(
+    renderers: Renderers = None,
+    directory: Folder = Path(),
+) -> None:
+    """Measure what a faster loop buys: each phenomenon's error by rate.
+
+    From 1 kHz to 1 MHz, the metric of each of the six phenomena in a case of
+    the thesis, and the largest stable stiffness of the robot's loop. What
+    would take more than some 20 s is left out.
+
+    \b
+    Examples:
+      hapticeval rates -r minimum-distance@lut -r constraint -o pictures
+      hapticeval rates -r mymodule:factory
+    """
+    from hapticeval.discovery import own_renderers
+    from hapticeval.quantity import aligned
+    from hapticeval.reports.rates_figure import write_rates
+    from hapticeval.study.rates import RATES, study_rates
+
+    with Terminal() as terminal:
+        document = study_rates(renderers or own_renderers(), RATES, terminal.working)
+    found: dict[tuple[str, str], dict[float, str]] = {}
+    for row in document["rows"]:
+        cell = row.get("outcome", "left out") + (f" {row['metric']['value']:.2g}" if "metric" in row else "")
+        found.setdefault((row["renderer"], row["check"]), {})[row["rate"]] = cell
+    head = ["", "", *(f"{1e-3 * rate:g} kHz" for rate in RATES)]
+    table = [[*key, *(cells.get(rate, "-") for rate in RATES)] for key, cells in found.items()]
+    limit = ["stable stiffness", "N/m"] + [
+        "none" if row["stable"] is None else f"{row['stable']:.4g}" for row in document["limit"]["rows"]
+    ]
+    say(paragraphs("\n".join(aligned([head, *table, limit], left=2)), wrote(write_rates(directory, document))))

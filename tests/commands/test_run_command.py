@@ -166,7 +166,7 @@ def test_there_is_a_list_of_everything(capsys, what, entry):
 
 
 COMMANDS = [
-    "run", "list", "explain", "report", "record", "inspect", "convert", "replay", "compare", "search", "bench",
+    "run", "list", "explain", "report", "record", "inspect", "convert", "replay", "compare", "search", "bench", "rates",
     "effects", "texture", "field", "flow", "device", "limits", "integrators",
 ]  # fmt: skip
 
