@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -45,6 +46,7 @@ def run(
     seed: int = 0,
     strict: bool = False,
     workers: int | None = None,
+    timeout: float = math.inf,
     watch: Callable[[Event], None] | None = None,
 ) -> Results:
     """Judge renderers in the cases of suites, as `hapticeval run` does, and return what was found.
@@ -53,7 +55,8 @@ def run(
     runs its own. `suites` are names, groups, TOML files or `load_suite`'s; `select` are globs on cases, `suite/case` or
     `case/check`. Nothing is written but to the folder `output`: results.json and the recordings, see `Results.report`.
     `workers` processes share the work, one for each processor if not given; renderers that are not names run in this
-    process, with `workers=0`. `watch` is called with each event of the run. With `strict` warnings count.
+    process, with `workers=0`. One in a process of its own that takes longer than `timeout` seconds in a case is ended,
+    and its verdicts are errors. `watch` is called with each event of the run. With `strict` warnings count.
 
     On Ctrl-C what is finished is kept, and the results are not `complete`. Raises `InputError` for arguments that are
     none of these, and as `plan` and `prepare` do; what a renderer gets wrong is in the results.
@@ -65,6 +68,8 @@ def run(
             raise InputError(f"{what} = {value!r}", why="it is a whole number, and not negative")
     if workers:
         _refuse_bound(factories)
+    if not timeout > 0.0:
+        raise InputError(f"timeout = {timeout!r}", why="it is seconds that a case may take, and positive")
     planned = plan(
         _listed(suites, "suites", (str, Suite)),
         tuple(named),
@@ -75,7 +80,8 @@ def run(
     )
     if workers is None:
         workers = 0 if factories else cores()
-    return carry_out(planned, output=None if output is None else Path(output), workers=workers, watch=watch)
+    folder = None if output is None else Path(output)
+    return carry_out(planned, output=folder, workers=workers, watch=watch, timeout=timeout)
 
 
 def judge(
@@ -109,6 +115,7 @@ def carry_out(
     workers: int,
     watch: Callable[[Event], None] | None = None,
     work: Work = run_job,
+    timeout: float = math.inf,
 ) -> Results:
     """Carry a plan out: see `run`, and `execute` for `work`."""
     if output is not None:
@@ -116,7 +123,7 @@ def carry_out(
     recordings: dict[RunKey, Recording] = {}
     errors: list[HapticevalError] = []
     stopped = False
-    for event in execute(planned, output, workers=workers, work=work):
+    for event in execute(planned, output, workers=workers, work=work, timeout=timeout):
         if watch is not None:
             watch(event)
         if isinstance(event, JobFinished):

@@ -12,6 +12,7 @@ import multiprocessing.connection
 import os
 import pickle
 import signal
+import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -32,11 +33,32 @@ def cores() -> int:
 
 
 class Ended(Exception):
-    """The process that worked on a call has ended without an answer."""
+    """The process that worked on a call has ended without an answer; `how` in words, as "SIGSEGV"."""
+
+    def __init__(self, how: str = "") -> None:
+        super().__init__(how)
+        self.how = how
+
+
+class Overdue(Exception):
+    """The process that worked on a call was killed: it took longer than it was given."""
+
+
+def ending(code: int | None) -> str:
+    """Return how a process ended, in words: the name of the signal that killed it, or its exit code."""
+    if code is not None and code < 0:
+        try:
+            return signal.Signals(-code).name
+        except ValueError:
+            return f"signal {-code}"
+    return f"exit code {code}"
 
 
 class Answer(NamedTuple, Generic[T]):
-    """What came of call number `call`: a value, or the error that it raised, `Ended` where its process is gone."""
+    """What came of call number `call`: a value, or the error that it raised.
+
+    That is `Ended` where its process is gone, and `Overdue` where it had to be killed.
+    """
 
     call: int
     value: T | None
@@ -47,6 +69,12 @@ class Answer(NamedTuple, Generic[T]):
 class _Worker:
     process: BaseProcess
     pipe: Connection
+
+
+@dataclass(frozen=True)
+class _Call:
+    worker: _Worker
+    begun: float
 
 
 class Workers(Generic[T]):
@@ -60,15 +88,15 @@ class Workers(Generic[T]):
         self._function = function
         self._count = count
         self._idle: list[_Worker] = []
-        self._at: dict[int, _Worker] = {}
+        self._at: dict[int, _Call] = {}
         self._here: list[Answer[T]] = []
 
     def __enter__(self) -> Workers[T]:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for worker in self._at.values():
-            _kill(worker)
+        for call in self._at.values():
+            _kill(call.worker)
         for worker in self._idle:
             worker.pipe.close()
         for worker in self._idle:
@@ -102,25 +130,35 @@ class Workers(Generic[T]):
             except Exception:  # the arguments cannot travel, and nothing of them was sent
                 self._idle.append(worker)
                 raise
-            self._at[call] = worker
+            self._at[call] = _Call(worker, time.monotonic())
             return
 
     def answers(self, timeout: float | None = None) -> list[Answer[T]]:
         """Return the answers that there are, after waiting for the first, for at most `timeout` seconds if given."""
         found, self._here = self._here, []
-        calls = {worker.pipe: call for call, worker in self._at.items()}
+        calls = {begun.worker.pipe: call for call, begun in self._at.items()}
         for pipe in multiprocessing.connection.wait(list(calls), timeout) if calls else ():
             call = calls[cast("Connection", pipe)]
-            worker = self._at.pop(call)
+            worker = self._at.pop(call).worker
             try:
                 answer = worker.pipe.recv_bytes()
             except (EOFError, OSError):  # in the middle of an answer, or before
+                worker.process.join(GRACE)
+                how = ending(worker.process.exitcode)
                 _kill(worker)
-                found.append(Answer(call, None, Ended()))
+                found.append(Answer(call, None, Ended(how)))
             else:
                 self._idle.append(worker)
                 found.append(Answer(call, *pickle.loads(answer)))
         return found
+
+    def give_up(self, seconds: float) -> list[Answer[T]]:
+        """Kill the processes that have worked on a call for longer than `seconds`; return an answer for each."""
+        now = time.monotonic()
+        late = [call for call, at in self._at.items() if now - at.begun > seconds]
+        for call in late:
+            _kill(self._at.pop(call).worker)
+        return [Answer(call, None, Overdue()) for call in late]
 
     def _new(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()

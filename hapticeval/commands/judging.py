@@ -15,6 +15,7 @@ from hapticeval.commands.arguments import (
     MemoryLimit,
     Renderers,
     Seed,
+    Timeout,
     argument,
     model_named,
     option,
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from hapticeval.runner.interrupts import Interrupts
 
 DEFAULT_SUITE = "thesis"
+
+TIMEOUT = 600.0
+"""Seconds in which the built-in renderers end any case of the suites several times over, with kernels to compile."""
 
 EXIT_CODES = """\b
 Exit codes:
@@ -78,6 +82,7 @@ def run(
     ] = Path("results"),
     seed: Seed = 0,
     strict: Annotated[bool, typer.Option("--strict", help="Let warnings count: checks of level should.")] = False,
+    timeout: Timeout = TIMEOUT,
 ) -> None:
     """Run suites on renderers, judge, and write results and reports.
 
@@ -100,6 +105,7 @@ def run(
                 output=directory,
                 seed=seed,
                 strict=strict,
+                timeout=timeout,
                 watch=terminal,
             )
         )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import shlex
 import shutil
 from collections.abc import Iterator
 from contextlib import nullcontext
@@ -15,17 +17,20 @@ from hapticeval.runner.judging import error_verdicts
 from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.progress import Progress
 from hapticeval.runner.work import Done, Work, run_job
-from hapticeval.workers import Answer, Ended, Workers
+from hapticeval.workers import Answer, Ended, Overdue, Workers
 
 PATIENCE = 0.1
 """Seconds after which an interrupt is seen at the latest."""
 
 
-def execute(plan: Plan, directory: Path | None, *, workers: int = 2, work: Work = run_job) -> Iterator[Event]:
+def execute(
+    plan: Plan, directory: Path | None, *, workers: int = 2, work: Work = run_job, timeout: float = math.inf
+) -> Iterator[Event]:
     """Run the plan in `workers` processes, and keep results.json in `directory` up to date while it goes on.
 
     Each job is run and judged as its case says, or by another `work`. Without a directory nothing is written, and the
-    events bring the recordings. With 0 workers jobs run in this process.
+    events bring the recordings. With 0 workers jobs run in this process. Elsewhere a job that takes longer than
+    `timeout` seconds is ended, and its verdicts are errors.
 
     Events come in the order of the plan. A renderer that ends its process makes its own verdicts errors. On Ctrl-C no
     further job begins, those that have begun are finished, and `Interrupted` reports it; on a second one, or in this
@@ -60,8 +65,8 @@ def execute(plan: Plan, directory: Path | None, *, workers: int = 2, work: Work 
                     warned = True
                 if not crew.busy:
                     break
-                for answer in crew.answers(PATIENCE):
-                    finished[answer.call] = _done(answer, plan.jobs[answer.call])
+                for answer in (*crew.answers(PATIENCE), *crew.give_up(timeout)):
+                    finished[answer.call] = _done(answer, plan.jobs[answer.call], timeout)
                 if interrupts.count > 1 and crew.busy:
                     yield Interrupted(crew.busy, at_once=True)
                     break
@@ -71,13 +76,21 @@ def execute(plan: Plan, directory: Path | None, *, workers: int = 2, work: Work 
         yield RunFinished(progress.finish("interrupted by the user" if added < len(plan.jobs) else None))
 
 
-def _done(answer: Answer[Done], job: Job) -> Done:
-    """What came of a job; a renderer that ends the process is a broken renderer."""
+def _done(answer: Answer[Done], job: Job, timeout: float) -> Done:
+    """What came of a job; a renderer that ends the process, or takes too long, is a broken renderer."""
+    alone = f"run the case alone under a debugger: -k {job.case.name}"
     if isinstance(answer.error, Ended):
         error = RendererError(
-            "the renderer ended the process that it ran in",
+            f"the renderer ended the process that it ran in: {answer.error.how}",
             why="a crash in compiled code, os._exit(), or memory that ran out",
-            todo="run it alone under a debugger: python -X faulthandler",
+            todo=f"see what `hapticeval doctor -r {shlex.quote(job.renderer)}` finds, or {alone}",
+        )
+        return error_verdicts(error, job.renderer, job.suite, job.case), None
+    if isinstance(answer.error, Overdue):
+        error = RendererError(
+            f"the renderer was ended after {timeout:g} s in this case",
+            why="it hangs, or takes longer than --timeout",
+            todo=f"give it more time with --timeout, or {alone}",
         )
         return error_verdicts(error, job.renderer, job.suite, job.case), None
     if answer.error is not None:

@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 
 from msgspec.structs import replace
 
-from hapticeval.discovery import own_renderers, resolve
+from hapticeval.discovery import own_renderers, resolve, resolve_installed
 from hapticeval.errors import InputError, NothingSelectedError, at
 from hapticeval.renderer import RendererFactory
 from hapticeval.suite.case import Case
@@ -63,7 +63,7 @@ def plan(
     each suite runs its own, or those that come with the package; `factories` make those whose names say nothing of it.
     `select` holds globs on case names, on `suite/case`, or on `case/check`; what any of them matches is run, and
     everything where there are none. Raises `NothingSelectedError` for a glob that matches nothing and where nothing is
-    left, and what `load_suite` and `resolve` raise.
+    left, and what `load_suite`, `resolve` and, for those that a suite names, `resolve_installed` raise.
     """
     given = factories or {}
     members = {name: None for each in suites if isinstance(each, str) for name in suites_named(each)}
@@ -71,6 +71,10 @@ def plan(
     _refuse_namesakes(loaded)
     chosen = {suite.name: tuple(dict.fromkeys(renderers or suite.renderers or own_renderers())) for suite in loaded}
     names = tuple(dict.fromkeys(name for each in chosen.values() for name in each))
+    for suite in loaded:
+        for name in chosen[suite.name]:
+            if name not in (*renderers, *given) and name in suite.renderers:
+                resolve_installed(name, source=f"suite '{suite.name}'")
     for name in names:
         if name not in given:
             resolve(name)
