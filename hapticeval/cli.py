@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from hapticeval import __version__
-from hapticeval.commands import bench, draw, effects, judging, record, recordings, search, texture
+from hapticeval.commands import authors, bench, draw, effects, judging, record, recordings, search, texture
 from hapticeval.commands.judging import EXIT_CODES
 from hapticeval.commands.terminal import say
 from hapticeval.errors import HapticevalError
@@ -102,6 +102,9 @@ for _command, _epilog, _short in (
     (judging.list_, judging.LISTED, "List the renderers, suites, cases, checks, devices or models."),
     (judging.explain, judging.LISTED, "Explain what a check asks, measures and allows, and why."),
     (judging.merge, judging.MERGED, "Make one run of several, as of its shards."),
+    (authors.doctor, authors.EXAMINED, "Walk a renderer through the contract."),
+    (authors.new, authors.WRITTEN, "Write a renderer to start from."),
+    (authors.header, authors.PRINTED, "Print the C header for libraries."),
     (judging.report, judging.REPORTED, "Write the reports of an earlier run anew, from its results."),
     (record.record, record.EXIT_CODES, "Run a renderer on a robot and record it."),
     (recordings.inspect, recordings.INSPECTED, "Examine a recording: clock, channels, units, physics."),

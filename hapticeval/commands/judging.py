@@ -16,6 +16,7 @@ from hapticeval.commands.arguments import (
     Renderers,
     Scheduler,
     Seed,
+    Timeout,
     argument,
     model_named,
     option,
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
     from hapticeval.runner.interrupts import Interrupts
 
 DEFAULT_SUITE = "thesis"
+
+TIMEOUT = 600.0
+"""Seconds in which the built-in renderers end any case of the suites several times over, with kernels to compile."""
 
 EXIT_CODES = """\b
 Exit codes:
@@ -87,6 +91,7 @@ def run(
     ] = Path("results"),
     seed: Seed = 0,
     strict: Annotated[bool, typer.Option("--strict", help="Let warnings count: checks of level should.")] = False,
+    timeout: Timeout = TIMEOUT,
     resume: Annotated[
         bool, typer.Option("--resume", help="Keep what an earlier run into DIR has finished, and run the rest.")
     ] = False,
@@ -118,6 +123,7 @@ def run(
                 output=directory,
                 seed=seed,
                 strict=strict,
+                timeout=timeout,
                 watch=terminal,
                 resume=resume,
                 shard=shard,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import tempfile
 from pathlib import Path
 
@@ -48,11 +49,25 @@ def ended(job: Job, how: EndedProcess) -> JobFinished:
         )
     else:
         error = RendererError(
-            "the renderer ended the process that it ran in",
+            f"the renderer ended the process that it ran in: {how.how}",
             why="a crash in compiled code, os._exit(), or memory that ran out",
-            todo="run it alone under a debugger: python -X faulthandler",
+            todo=f"see what `hapticeval doctor -r {shlex.quote(job.renderer)}` finds, or {_alone(job)}",
         )
     return outcome_of(job, error_verdicts(error, job.renderer, job.suite, job.case), None)
+
+
+def overdue(job: Job, seconds: float) -> JobFinished:
+    """Return what is left of a job that took longer than so many seconds and was ended."""
+    error = RendererError(
+        f"the renderer was ended after {seconds:g} s in this case",
+        why="it hangs, or takes longer than --timeout",
+        todo=f"give it more time with --timeout, or {_alone(job)}",
+    )
+    return outcome_of(job, error_verdicts(error, job.renderer, job.suite, job.case), None)
+
+
+def _alone(job: Job) -> str:
+    return f"run the case alone under a debugger: -k {job.case.name}"
 
 
 def _run(job: Job, judged: Judged, file: Path | None) -> RunEntry:

@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 
 from msgspec.structs import replace
 
-from hapticeval.discovery import own_renderers, resolve
+from hapticeval.discovery import own_renderers, resolve, resolve_installed
 from hapticeval.errors import InputError, NothingSelectedError, at
 from hapticeval.renderer import RendererFactory
 from hapticeval.runner.known import NONE_KNOWN, Known
@@ -73,7 +73,7 @@ def plan(
     everything where there are none; of that, a `shard` is the part that this run does.
 
     Raises `NothingSelectedError` for a glob that matches nothing and where nothing is left, and what `load_suite`,
-    `resolve` and `Known.check` raise.
+    `resolve`, `Known.check` and, for the renderers that a suite names, `resolve_installed` raise.
     """
     given = factories or {}
     members = {name: None for each in suites if isinstance(each, str) for name in suites_named(each)}
@@ -82,6 +82,10 @@ def plan(
     known.check(loaded)
     chosen = {suite.name: tuple(dict.fromkeys(renderers or suite.renderers or own_renderers())) for suite in loaded}
     names = tuple(dict.fromkeys(name for each in chosen.values() for name in each))
+    for suite in loaded:
+        for name in chosen[suite.name]:
+            if name not in (*renderers, *given) and name in suite.renderers:
+                resolve_installed(name, source=f"suite '{suite.name}'")
     for name in names:
         if name not in given:
             resolve(name)
