@@ -85,14 +85,24 @@ def sampled(boundary: Boundary) -> Sampled:
     if isinstance(boundary, Curve):
         us, lengths = _along(boundary)
         return _shared(boundary.position(us), boundary.normal(us), lengths)
-    # every surface of `Surface` is symmetric about the origin, and so are these
-    points = boundary.points(SPREAD // 2)
-    points = np.concatenate([points, -points])
-    normals = boundary.closest_point(points).normal
-    # The points of an ellipsoid are those of a sphere, stretched: each stands for an area in the ratio of 1 / h.
-    stretched = isinstance(boundary, Surface) and boundary.kind == "ellipsoid"
-    areas = 1.0 / np.sum(normals * points, axis=1) if stretched else np.ones(len(points))
-    return _shared(points, normals, areas)
+    if isinstance(boundary, Surface) and boundary.kind != "torus":
+        return _ellipsoid(np.resize(boundary.reals, 3))
+    points = boundary.points(SPREAD)
+    return _shared(points, boundary.closest_point(points).normal, np.ones(SPREAD))
+
+
+def _ellipsoid(axes: Array) -> Sampled:
+    """Return an ellipsoid: Gauss's rule along its longest axis, and equal steps round it, whichever axis that is."""
+    high, turn = np.meshgrid(NODES, (np.arange(4 * NODES.size) + 0.5) * (2.0 * np.pi / (4 * NODES.size)), indexing="ij")
+    out = np.sqrt(1.0 - high * high)
+    directions = np.empty((high.size, 3))
+    shortest, middle, longest = np.argsort(axes, kind="stable")
+    directions[:, shortest], directions[:, middle] = (out * np.cos(turn)).ravel(), (out * np.sin(turn)).ravel()
+    directions[:, longest] = high.ravel()
+    normals = directions / axes
+    size = np.linalg.norm(normals, axis=1, keepdims=True)
+    # an area of the sphere is stretched in the ratio of 1 / h
+    return _shared(directions * axes, normals / size, np.repeat(WEIGHTS, 4 * NODES.size) * size[:, 0])
 
 
 def _shared(points: Array, normals: Array, sizes: Array) -> Sampled:
