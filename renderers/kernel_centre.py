@@ -181,10 +181,11 @@ def _inside_kernel(surface: Sampled, name: str) -> Array:
         return np.asarray(point)
     carrying = np.flatnonzero(-found.ineqlin.marginals > 1e-9)
     here, there = _apart(surface, carrying)
+    others = [_place(surface.points[each]) for each in carrying if each not in (here, there)]
     raise NoKernelError(
         f"model '{name}' has no kernel: no point sees all of its surface",
-        why=f"{_place(surface.points[here])} and {_place(surface.points[there])} cannot see each other, and whatever "
-        f"point sees the one of them{' and what lies between' if carrying.size > 2 else ''} does not see the other",
+        why=f"{_place(surface.points[here])} and {_place(surface.points[there])} cannot see each other, and no point "
+        f"sees {' and '.join(['these', *others]) if others else 'both'}",
         todo="choose a model that is star-shaped, or a renderer that needs no centre, such as minimum-distance",
         position=surface.points[here],
     )
@@ -210,11 +211,11 @@ def _centre(surface: Sampled, point: Array) -> Centre:
     for _ in range(STEPS):
         supports = surface.supports(point)
         value = float(np.sum(surface.shares * np.log(supports)))
-        weights = surface.shares / supports
-        slope = -weights @ surface.normals
-        bend = np.einsum("k,ki,kj->ij", weights / supports, surface.normals, surface.normals)
-        step = np.linalg.solve(bend, slope)
-        gain = float(slope @ step)
+        # minus the second derivative is rows^T rows: by its root, for of a thin plate itself loses all digits
+        roots = np.sqrt(surface.shares)
+        rows = surface.normals * (roots / supports)[:, np.newaxis]
+        step = np.linalg.lstsq(rows, -roots, rcond=None)[0]
+        gain = float(np.sum((rows @ step) ** 2))
         share = 1.0
         while share > 1e-9:
             trial = point + share * step

@@ -424,7 +424,8 @@ TRISKELE = from_vertices(
 def test_a_model_without_a_kernel_is_refused_with_two_places_that_cannot_see_each_other(name, model):
     with pytest.raises(NoKernelError, match="has no kernel") as refused:
         resolve(name)(Scene(model=model))
-    one, other = places(refused.value.why)
+    one, other, *more = places(refused.value.why)
+    assert len(more) == (model.name != "dumbbell") * (model.dimension - 1)
     assert blocked(model, one, other)
     assert refused.value.position == pytest.approx(tuple(one), abs=1e-3 * model.size)
 
