@@ -49,7 +49,7 @@ def test_the_curl_of_a_vortex_and_the_work_of_its_loops():
 def test_which_renderers_have_a_loop_that_gains(name, model):
     """By tens of mJ and more where the map is no gradient; else within the trapezoid's error.
 
-    Where the force jumps, at corners and at the medial axis, that is half of a step's way times the jump, of up to twice
+    Where the force jumps, at corners and at the medial axis, that is half of a step times the jump, of up to twice
     the force, at each of up to eight crossings.
     """
     renderer = resolve(name)(Scene(model=model))
