@@ -85,14 +85,24 @@ def sampled(boundary: Boundary) -> Sampled:
     if isinstance(boundary, Curve):
         us, lengths = _along(boundary)
         return _shared(boundary.position(us), boundary.normal(us), lengths)
-    # every surface of `Surface` is symmetric about the origin, and so are these
-    points = boundary.points(SPREAD // 2)
-    points = np.concatenate([points, -points])
-    normals = boundary.closest_point(points).normal
-    # The points of an ellipsoid are those of a sphere, stretched: each stands for an area in the ratio of 1 / h.
-    stretched = isinstance(boundary, Surface) and boundary.kind == "ellipsoid"
-    areas = 1.0 / np.sum(normals * points, axis=1) if stretched else np.ones(len(points))
-    return _shared(points, normals, areas)
+    if isinstance(boundary, Surface) and boundary.kind != "torus":
+        return _ellipsoid(np.resize(boundary.reals, 3))
+    points = boundary.points(SPREAD)
+    return _shared(points, boundary.closest_point(points).normal, np.ones(SPREAD))
+
+
+def _ellipsoid(axes: Array) -> Sampled:
+    """Return an ellipsoid: Gauss's rule along its longest axis, and equal steps round it, whichever axis that is."""
+    high, turn = np.meshgrid(NODES, (np.arange(4 * NODES.size) + 0.5) * (2.0 * np.pi / (4 * NODES.size)), indexing="ij")
+    out = np.sqrt(1.0 - high * high)
+    directions = np.empty((high.size, 3))
+    shortest, middle, longest = np.argsort(axes, kind="stable")
+    directions[:, shortest], directions[:, middle] = (out * np.cos(turn)).ravel(), (out * np.sin(turn)).ravel()
+    directions[:, longest] = high.ravel()
+    normals = directions / axes
+    size = np.linalg.norm(normals, axis=1, keepdims=True)
+    # an area of the sphere is stretched in the ratio of 1 / h
+    return _shared(directions * axes, normals / size, np.repeat(WEIGHTS, 4 * NODES.size) * size[:, 0])
 
 
 def _shared(points: Array, normals: Array, sizes: Array) -> Sampled:
@@ -171,10 +181,11 @@ def _inside_kernel(surface: Sampled, name: str) -> Array:
         return np.asarray(point)
     carrying = np.flatnonzero(-found.ineqlin.marginals > 1e-9)
     here, there = _apart(surface, carrying)
+    others = [_place(surface.points[each]) for each in carrying if each not in (here, there)]
     raise NoKernelError(
         f"model '{name}' has no kernel: no point sees all of its surface",
-        why=f"{_place(surface.points[here])} and {_place(surface.points[there])} cannot see each other, and whatever "
-        f"point sees the one of them{' and what lies between' if carrying.size > 2 else ''} does not see the other",
+        why=f"{_place(surface.points[here])} and {_place(surface.points[there])} cannot see each other, and no point "
+        f"sees {' and '.join(['these', *others]) if others else 'both'}",
         todo="choose a model that is star-shaped, or a renderer that needs no centre, such as minimum-distance",
         position=surface.points[here],
     )
@@ -200,11 +211,11 @@ def _centre(surface: Sampled, point: Array) -> Centre:
     for _ in range(STEPS):
         supports = surface.supports(point)
         value = float(np.sum(surface.shares * np.log(supports)))
-        weights = surface.shares / supports
-        slope = -weights @ surface.normals
-        bend = np.einsum("k,ki,kj->ij", weights / supports, surface.normals, surface.normals)
-        step = np.linalg.solve(bend, slope)
-        gain = float(slope @ step)
+        # minus the second derivative is rows^T rows: by its root, for of a thin plate itself loses all digits
+        roots = np.sqrt(surface.shares)
+        rows = surface.normals * (roots / supports)[:, np.newaxis]
+        step = np.linalg.lstsq(rows, -roots, rcond=None)[0]
+        gain = float(np.sum((rows @ step) ** 2))
         share = 1.0
         while share > 1e-9:
             trial = point + share * step

@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hapticeval.compiled import LawData, borrowing
-from hapticeval.geometry.boundary import Boundary
-from hapticeval.geometry.kernels import U0, U1, evaluate, piece_of
+from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.kernels import ARC, CASSINIAN, ELLIPSE, KIND, U0, U1, A, B, C, E, evaluate, piece_of
 from hapticeval.geometry.mesh import Mesh
+from hapticeval.geometry.surface import Surface
 from hapticeval.geometry.surface_kernels import dot, place, plus
 from hapticeval.renderers.law import BILATERAL, ERROR, OWN, once, regulate, release
 from hapticeval.renderers.outline import clear_of, frame, nearest_on, outline_in, representation_of
@@ -61,7 +62,8 @@ def combescure(scene: Scene, representation: str, *, centre: ArrayLike | None = 
     even = middle.largest - middle.least <= EVEN * middle.support
     if even or isinstance(boundary, Mesh) or any(corner.convex for corner in boundary.corners):
         return homothetic(scene, representation, centre=centre)
-    bend = once(model, "largest curvature", lambda: largest_curvature(boundary))
+    shape = model.surface if model.dimension == 3 else model.curve
+    bend = once(model, "largest curvature", lambda: largest_curvature(shape))
     own = numbers(middle, min(SAFE / bend, middle.least) if bend > 0.0 else middle.least)
     if model.dimension == 3:
         row = model.surface.row[np.newaxis]
@@ -74,10 +76,24 @@ def combescure(scene: Scene, representation: str, *, centre: ArrayLike | None = 
     )
 
 
-def largest_curvature(boundary: Boundary) -> float:
-    """Return the largest curvature (1/m) of a boundary without convex edges, in space the larger principal one."""
-    points = boundary.points(8192)
-    return float(np.max(np.linalg.eigvalsh(boundary.closest_point(points).shape)))
+def largest_curvature(boundary: Curve | Surface) -> float:
+    """Return the largest curvature (1/m) of a curve, or the largest principal one of a sphere or an ellipsoid."""
+    if isinstance(boundary, Surface):
+        axes = boundary.reals
+        return max(axes) / min(axes) ** 2
+    largest = 0.0
+    for row in boundary.pieces:
+        if row[KIND] == ARC:
+            largest = max(largest, row[E] / row[C])
+        elif row[KIND] == ELLIPSE:
+            largest = max(row[A : B + 1]) / min(row[A : B + 1]) ** 2
+        elif row[KIND] == CASSINIAN:
+            us = boundary.samples[:, 0]
+            for _ in range(4):
+                top = int(np.argmax(boundary.curvature(us)))
+                us = np.linspace(us[max(top - 1, 0)], us[min(top + 1, us.size - 1)], 65)
+            largest = float(np.max(boundary.curvature(us)))
+    return float(largest)
 
 
 @borrowing

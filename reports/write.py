@@ -110,8 +110,9 @@ def _orders(directory: Path, results: ResultsDocument) -> Iterator[Order]:
     """One figure for each run, and one for each case in which a constraint holds the tools of several renderers."""
     cases: dict[tuple[str, str], list[RunEntry]] = {}
     for index, run in enumerate(results.runs):
-        # Where a refusal names no place its reason lies in the scene, and an outline shows nothing of it.
-        if run.refusal.position is not None if run.refusal else run.recording is not None:
+        # Where a refusal names no place its reason lies in the scene, and an outline shows nothing of it; of a model in
+        # space there is none.
+        if len(run.refusal.position or ()) == 2 if run.refusal else run.recording is not None:
             yield Order(run.key, directory, (run,), tuple(results.verdicts_of.get(run.key, ())), f"f{index}")
         if run.stimulus == "experiment" and run.scene.bilateral and run.recording is not None:
             cases.setdefault((run.suite, run.case), []).append(run)
