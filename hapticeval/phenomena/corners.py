@@ -165,13 +165,13 @@ def worst(findings: Sequence[Finding]) -> Finding | None:
 BROKEN_CONTACT = Check(
     id="broken-contact",
     phenomenon="Broken Contact",
-    asks="Sliding over a convex corner: does the force keep its direction up to the corner and vanish there at once?",
+    asks="Sliding over a convex corner or edge: does the force keep its direction up to it and vanish there at once?",
     formula="F = |F| n_pre for (HIP - corner) . t_pre < 0, then F = 0",
     citation="thesis 3.2.1, Figure 3.4; Figures 6.10, 6.11",
     channels=("hip", "force"),
     reads_also=("ihip",),
     not_for={
-        Situation.NO_CONVEX_CORNER: "the model has no convex corner",
+        Situation.NO_CONVEX_CORNER: "the model has no convex corner or edge",
         Situation.BILATERAL: "a tool that is held from both sides does not leave at a corner",
     },
     not_with=(FRICTION,),
@@ -183,7 +183,8 @@ BROKEN_CONTACT = Check(
         "where the hand keeps to a depth of at least half the usual size on the first face, counts as kept; past the "
         "corner every force counts until the first zero, and every one along n_pre thereafter. The first three ticks "
         "after a touch are that of a strike. Asked of each way under one face past a corner and out of the model; "
-        "without one it is not applicable."
+        "without one it is not applicable. On a solid the distance is square to the edge over which a rigid tool that "
+        "follows the hand leaves the face; over a vertex, to the edge that the hand's foot passes."
     ),
     judge=judge_broken_contact,
 )
@@ -191,12 +192,12 @@ BROKEN_CONTACT = Check(
 ABRUPT_SWITCH = Check(
     id="abrupt-switch",
     phenomenon="Abrupt Switch",
-    asks="Sliding into a concave corner: does the force turn from one face's normal to the other's at one HIP?",
+    asks="Sliding into a concave corner or edge: does the force turn from one face's normal to the other's at one HIP?",
     formula="travel of the HIP while n_e turns from n_pre to n_post, in penetration depths; 0 for rigid contact",
     citation="thesis 3.2.1, Figure 3.5; Figures 6.6, 6.7, 6.9",
     channels=("hip", "ihip", "force"),
     not_for={
-        Situation.NO_CONCAVE_CORNER: "the model has no concave corner",
+        Situation.NO_CONCAVE_CORNER: "the model has no concave corner or edge",
         Situation.BILATERAL: "a tool that is held from both sides may be pulled as well as pushed",
     },
     not_with=(FRICTION,),
@@ -208,7 +209,9 @@ ABRUPT_SWITCH = Check(
         "over an arc as long as the corner's turn (rad) times the depth, whatever the depth. The switch lasts from "
         "where the force first leaves n_pre, by more than 5 per cent of the turn, to where it is within 5 per cent of "
         "n_post for good; turns to and fro while the HIP keeps to within that bound of one place count as one. Asked "
-        "of each way along one face into a corner and out along the next; without one it is not applicable."
+        "of each way along one face into a corner and out along the next; without one it is not applicable. On a solid "
+        "a rigid tool that follows the hand shows the faces: one that rises from the other, by an edge or by a corner "
+        "of several; what leads that tool along an edge on which it rests is no travel."
     ),
     judge=judge_abrupt_switch,
 )
