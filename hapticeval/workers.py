@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar, cast
 
 T = TypeVar("T")
@@ -29,6 +30,10 @@ GRACE = 1.0
 def cores() -> int:
     """How many processors this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _scheduled(pid: int | None) -> Path:
+    return Path(f"/proc/{pid}/schedstat")
 
 
 class Ended(Exception):
@@ -121,6 +126,18 @@ class Workers(Generic[T]):
                 self._idle.append(worker)
                 found.append(Answer(call, *pickle.loads(answer)))
         return found
+
+    def starved(self, call: int) -> float:
+        """Return the seconds that the process at a call has spent waiting for a processor, where the system counts it.
+
+        What shares a machine with others is late for them: who waits for an answer need not count that. 0.0 where it is
+        not known, and for a call that is answered.
+        """
+        worker = self._at.get(call)
+        try:
+            return 0.0 if worker is None else 1e-9 * int(_scheduled(worker.process.pid).read_text().split()[1])
+        except (OSError, ValueError, IndexError):
+            return 0.0
 
     def _new(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()
