@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar, cast
 
 from hapticeval.errors import HapticevalError
@@ -43,6 +44,10 @@ TRIES = 3
 
 WATCH = 1.0
 """Seconds between two looks of a process in an interpreter of its own at whether its parent is still there."""
+
+
+def _scheduled(pid: int | None) -> Path:
+    return Path(f"/proc/{pid}/schedstat")
 
 
 class Ended(Exception):
@@ -263,6 +268,18 @@ class Workers(Generic[T]):
     def refused(self) -> list[tuple[str, str]]:
         """Return nobody: all processes are alike."""
         return []
+
+    def starved(self, call: int) -> float:
+        """Return the seconds that the process at a call has spent waiting for a processor, where the system counts it.
+
+        What shares a machine with others is late for them: who waits for an answer need not count that. 0.0 where it is
+        not known, and for a call that is answered.
+        """
+        worker = self._at.get(call)
+        try:
+            return 0.0 if worker is None else 1e-9 * int(_scheduled(worker.process.pid).read_text().split()[1])
+        except (OSError, ValueError, IndexError):
+            return 0.0
 
     def _new(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()

@@ -21,8 +21,15 @@ if TYPE_CHECKING:
     from hapticeval.geometry.surface import Surface
 
 
-FREE = {"vertices": "polygon", "text": "wkt", "document": "geojson"}
-"""The parameter that only models of a kind without a name of its own have, and that kind."""
+FREE = {
+    "model": "extruded",
+    "triangles": "mesh",
+    "file": "mesh",
+    "vertices": "polygon",
+    "text": "wkt",
+    "document": "geojson",
+}
+"""The first parameter that only models of a kind without a name of its own have, and that kind."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,7 +53,7 @@ class Model:
     @property
     def table(self) -> dict[str, Any]:
         """What a suite file has for it: `kind` and parameters, as `make_model` takes them."""
-        kind = next((FREE[name] for name in self.parameters if name in FREE), self.name)
+        kind = next((FREE[name] for name in FREE if name in self.parameters), self.name)
         return {"kind": kind, **self.parameters}
 
     @property
