@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from datetime import UTC, datetime
 from pathlib import Path
 
 from hapticeval.errors import RefusalError
 from hapticeval.files import plain
+from hapticeval.runner.commits import commits
 from hapticeval.runner.events import JobFinished
 from hapticeval.runner.judging import Judged
 from hapticeval.runner.planning import Job, Plan
@@ -43,6 +45,8 @@ class Progress:
         self.verdicts: list[VerdictEntry] = []
         self.runs: list[RunEntry] = []
         self.started = time.perf_counter()
+        self.date = datetime.now(UTC).isoformat(timespec="seconds")
+        self.commits = commits(plan)
         self.environment = Environment(**environment())
         self._save("still running, or killed")
 
@@ -89,6 +93,8 @@ class Progress:
                 )
                 for suite in plan.suites
             ],
+            date=self.date,
+            commits=self.commits,
             timing=Timing(
                 simulated_seconds=simulated,
                 wall_seconds=wall,
