@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hapticeval.discovery import known_renderers, load, parse
+from hapticeval.errors import HapticevalError
 from hapticeval.runner.planning import Plan
 
 PATIENCE = 5.0
@@ -31,7 +32,10 @@ def _source(name: str, factory: Any) -> Path | None:
         module = getattr(factory, "__module__", "")
     else:
         base = parse(name).base
-        load(base)
+        try:
+            load(base)
+        except HapticevalError:  # no renderer, as the recorded run of a replay
+            return None
         module = (base if ":" in base else known_renderers()[base].value).partition(":")[0].strip()
     file = getattr(sys.modules.get(module), "__file__", None)
     return None if file is None else Path(file).resolve()
