@@ -1,0 +1,288 @@
+"""What a case page holds of its runs: about a thousand samples of each, chosen so that extremes stay, packed small.
+
+A packed array is whole numbers times a scale, 16 bits of them (32 of time), as zigzag varints of the differences from
+row to row, deflated in one piece for the whole case. The page's script unpacks it with the browser's own
+`DecompressionStream`.
+"""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from hapticeval.recordings.provenance import before_the_wall
+from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.stretches import joined
+from hapticeval.types import Array, BoolArray, IntArray
+
+SAMPLES = 1000
+"""About so many samples of a run are kept."""
+
+SHARE = 5
+"""A fifth of them go to the largest and smallest of each signal in intervals of equal length, two in each."""
+
+MOST = 200
+"""Of what happens more often than so many times, the largest so many are kept for certain."""
+
+JUMPS = 4.0
+"""An IHIP step this many times as long as the HIP's, and as the IHIP steps on both sides of it, is kept: a jump."""
+
+FULL = 32767
+"""The largest number that an array of 16 bits has."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """One run, at the samples that are shown: `rows` (n,) of the recording, and its channels there.
+
+    `apart` is IHIP less HIP (n, N), m; `force` (n, N), N; `step` and `hip_step` (n,), m, how far IHIP and HIP move in
+    the tick before each sample, 0 where there is none before it. `starts` are the samples that begin after a gap. What
+    was not recorded is None.
+    """
+
+    name: str
+    rows: IntArray
+    time: Array
+    hip: Array
+    apart: Array | None
+    force: Array | None
+    step: Array | None
+    hip_step: Array
+    starts: IntArray
+    led: bool
+    """Whether the hand was led along a given path."""
+
+    @property
+    def ihip(self) -> Array:
+        """The IHIP (n, N), m; the HIP where none was recorded."""
+        return self.hip if self.apart is None else self.hip + self.apart
+
+
+def placed(recording: Recording) -> Recording:
+    """Return the rows of a recording that are measurements, in the plane where it is in one dimension."""
+    if recording.dimension == 1:
+        recording = before_the_wall(recording)
+    if recording.valid is None:
+        return recording
+    keep = recording.valid
+    channels = {name: values[keep] for name, values in recording.channels.items()}
+    return Recording(recording.time[keep], channels, recording.meta, signals=recording.signals)
+
+
+def tracks(
+    recordings: Mapping[str, Recording], times: Mapping[str, Collection[float]], count: int = SAMPLES
+) -> list[Track]:
+    """Return about `count` samples of each recording (`placed`), with those at the `times` (s) that verdicts name.
+
+    Runs along one hand path are given the same samples, so that it is held once.
+    """
+    alike: dict[tuple[bytes, bytes], list[str]] = {}
+    for name, each in recordings.items():
+        alike.setdefault((each.time.tobytes(), each.hip.tobytes()), []).append(name)
+    found: dict[str, Track] = {}
+    for names in alike.values():
+        asked = [
+            [int(np.argmin(np.abs(recordings[name].time - time))) for time in times.get(name, ())] for name in names
+        ]
+        rows = np.unique(
+            np.concatenate([kept(recordings[name], ticks, count) for name, ticks in zip(names, asked, strict=True)])
+        )
+        if rows.size > 2 * count:
+            special = [_special(recordings[name], ticks) for name, ticks in zip(names, asked, strict=True)]
+            rows = np.union1d(kept(recordings[names[0]], asked[0], count), np.concatenate(special))
+        for name in names:
+            found[name] = _track(name, recordings[name], rows)
+    return [found[name] for name in recordings]
+
+
+def kept(recording: Recording, ticks: Collection[int], count: int = SAMPLES) -> IntArray:
+    """Return the rows to show: `ticks` and those beside them, gaps, contacts, jumps, extremes, and the rest evenly.
+
+    Jumps and what else happens from one row to the next is kept with the row before.
+    """
+    n = len(recording)
+    if n <= count:
+        return np.arange(n)
+    chosen = _special(recording, ticks)
+    for signal in _signals(recording):
+        chosen = np.union1d(chosen, _extremes(signal, count // (2 * SHARE)))
+    left = max(count - chosen.size, count // 4)
+    even = np.linspace(0, n - 1, left // 3)
+    return np.union1d(np.union1d(chosen, even.astype(np.int64)), _along(recording, left - left // 3))
+
+
+def _signals(recording: Recording) -> list[Array]:
+    """What must keep its extremes: the size of the force, the depth, the IHIP's steps."""
+    found = []
+    if "force" in recording.channels:
+        found.append(np.linalg.norm(recording.force, axis=1))
+    if "ihip" in recording.channels:
+        found += [np.linalg.norm(recording.ihip - recording.hip, axis=1), steps(recording, recording.ihip)]
+    return found
+
+
+def steps(recording: Recording, points: Array) -> Array:
+    """Return how far points (n, N) move in the tick before each row, (n,); 0 where no row lies right before."""
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    return np.append(0.0, np.where(joined(recording), lengths, 0.0)) if len(points) > 1 else np.zeros(len(points))
+
+
+def jumps(recording: Recording) -> IntArray:
+    """Return the rows at which the IHIP has just jumped, the longest `MOST` of them.
+
+    A jump is a step `JUMPS` times as long as the HIP's and as the steps before and after it.
+    """
+    if "ihip" not in recording.channels or len(recording) < 3:
+        return np.zeros(0, dtype=np.int64)
+    step, hip = steps(recording, recording.ihip), steps(recording, recording.hip)
+    around = np.maximum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
+    # a jump of two ticks has a neighbour as long as itself: that of either side which is shorter decides
+    calm = np.minimum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
+    floor = 1e-6 * float(np.max(np.abs(recording.hip), initial=0.0))
+    found = np.flatnonzero((step > JUMPS * np.maximum(hip, calm)) & (step > floor) & (step >= 0.5 * around))
+    return np.sort(found[np.argsort(-step[found], kind="stable")[:MOST]]).astype(np.int64)
+
+
+def _special(recording: Recording, ticks: Collection[int]) -> IntArray:
+    """What is kept for certain, with the row before: ends, verdicts' places, gaps, jumps, contacts."""
+    n = len(recording)
+    found = [np.array([0, n - 1, *(tick + 1 for tick in ticks)]), np.array([*ticks], dtype=np.int64)]
+    if n > 1:
+        found.append(np.flatnonzero(~joined(recording))[:MOST] + 1)
+    found.append(jumps(recording))
+    if {"ihip", "force"} & recording.channels.keys():
+        found.append(np.flatnonzero(np.diff(recording.contact))[:MOST] + 1)
+    each = np.concatenate(found).astype(np.int64)
+    both = np.union1d(each, each - 1)
+    return both[(both >= 0) & (both < n)]
+
+
+def _extremes(signal: Array, intervals: int) -> IntArray:
+    """The rows of the largest and the smallest value in each of so many intervals."""
+    edges = np.linspace(0, signal.size, intervals + 1).astype(np.int64)
+    parts = [(begin, signal[begin:end]) for begin, end in pairwise(edges) if end > begin]
+    return np.unique([begin + int(pick(part)) for begin, part in parts for pick in (np.argmax, np.argmin)])
+
+
+def _along(recording: Recording, count: int) -> IntArray:
+    """So many rows, evenly spaced by how far HIP and IHIP travel."""
+    points = [recording.channels[name] for name in ("hip", "ihip") if name in recording.channels]
+    travelled = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(np.hstack(points), axis=0), axis=1)))
+    even = np.searchsorted(travelled, np.linspace(0.0, travelled[-1], count))
+    return np.minimum(even, len(recording) - 1).astype(np.int64)
+
+
+def _track(name: str, recording: Recording, rows: IntArray) -> Track:
+    gaps: BoolArray = np.append(False, ~joined(recording)) if len(recording) > 1 else np.zeros(1, dtype=bool)
+    after = np.cumsum(gaps)[rows]
+    has_ihip = "ihip" in recording.channels
+    return Track(
+        name=name,
+        rows=rows,
+        time=recording.time[rows],
+        hip=recording.hip[rows],
+        apart=(recording.ihip - recording.hip)[rows] if has_ihip else None,
+        force=recording.force[rows] if "force" in recording.channels else None,
+        step=steps(recording, recording.ihip)[rows] if has_ihip else None,
+        hip_step=steps(recording, recording.hip)[rows],
+        starts=np.flatnonzero(np.diff(after)) + 1,
+        led=recording.meta.get("source") in ("playback", "replay"),
+    )
+
+
+@dataclass
+class Packer:
+    """Collects arrays: `add` returns the number of each, `document` all of them as the page's script reads them."""
+
+    shapes: list[list[Any]] = field(default_factory=list)
+    parts: list[bytes] = field(default_factory=list)
+
+    def add(self, values: Array, *, scale: float | None = None) -> int:
+        """Pack an array (n,) or (n, k) in steps of `scale`, or of 1/32767 of its largest value."""
+        table = values.reshape(len(values), -1)
+        if scale is None:
+            scale = float(np.max(np.abs(table), initial=0.0)) / FULL or 1.0
+        whole = np.rint(table / scale).astype(np.int64)
+        self.shapes.append([*table.shape, scale])
+        self.parts.append(varints(np.diff(whole, axis=0, prepend=0).T.ravel()))
+        return len(self.shapes) - 1
+
+    def document(self) -> dict[str, Any]:
+        """Return `arrays`, the rows, columns and scale of each, and `packed`, their numbers, deflated, in base64."""
+        packed = zlib.compress(b"".join(self.parts), 9)
+        return {"arrays": self.shapes, "packed": base64.b64encode(packed).decode("ascii")}
+
+
+def varints(whole: IntArray) -> bytes:
+    """Return whole numbers as varints of seven bits a byte, the lowest first, with the sign as the lowest bit."""
+    left = np.where(whole < 0, -2 * whole - 1, 2 * whole).astype(np.uint64)
+    width = 1
+    while width < 10 and bool(np.any(left >> np.uint64(7 * width))):
+        width += 1
+    digits = (left[:, np.newaxis] >> (7 * np.arange(width, dtype=np.uint64))) & np.uint64(127)
+    used = np.maximum(1, width - np.argmax(digits[:, ::-1] != 0, axis=1))
+    used[left == 0] = 1
+    place = np.arange(width)
+    digits[place[np.newaxis] < used[:, np.newaxis] - 1] |= np.uint64(128)
+    out: bytes = digits[place[np.newaxis] < used[:, np.newaxis]].astype(np.uint8).tobytes()
+    return out
+
+
+def unpacked(document: Mapping[str, Any]) -> list[Array]:
+    """Return the arrays of a document of `Packer`, each (n, k): what the page's script makes of it."""
+    data = np.frombuffer(zlib.decompress(base64.b64decode(document["packed"])), dtype=np.uint8)
+    ends = np.flatnonzero(data < 128)
+    owner = np.searchsorted(ends, np.arange(data.size))
+    first = np.append(0, ends[:-1] + 1)
+    shift = (7 * (np.arange(data.size) - first[owner])).astype(np.uint64)
+    numbers = np.zeros(ends.size, dtype=np.uint64)
+    np.add.at(numbers, owner, (data & 127).astype(np.uint64) << shift)
+    whole = (numbers >> np.uint64(1)).astype(np.int64) ^ -(numbers & np.uint64(1)).astype(np.int64)
+    found, at = [], 0
+    for rows, columns, scale in document["arrays"]:
+        block = whole[at : at + rows * columns].reshape(columns, rows).T
+        found.append(np.cumsum(block, axis=0) * scale)
+        at += rows * columns
+    return found
+
+
+def tick_scale(time: Array) -> float:
+    """Return the power of ten, s, in steps of which times are held: below a hundredth of a tick, in 31 bits."""
+    span = float(time[-1] - time[0]) + abs(float(time[0]))
+    shortest = float(np.min(np.diff(time), initial=span or 1.0))
+    fine = 10.0 ** np.floor(np.log10(max(shortest, 1e-12) / 100.0))
+    coarse = 10.0 ** np.ceil(np.log10(max(span, 1e-12) / 2.0**31))
+    return float(max(fine, coarse))
+
+
+def packed_runs(found: Sequence[Track], packer: Packer) -> list[dict[str, Any]]:
+    """Pack tracks, each array once, and return for each the numbers of its arrays by name."""
+    held: dict[bytes, int] = {}
+
+    def add(values: Array | None, **how: Any) -> int | None:
+        if values is None:
+            return None
+        key = values.tobytes()
+        if key not in held:
+            held[key] = packer.add(values, **how)
+        return held[key]
+
+    return [
+        {
+            "name": each.name,
+            "time": add(each.time, scale=tick_scale(each.time)),
+            "hip": add(each.hip),
+            "apart": add(each.apart),
+            "force": add(each.force),
+            "step": add(each.step) if each.led else None,
+            "hip_step": add(each.hip_step) if each.led else None,
+            "starts": each.starts.tolist(),
+        }
+        for each in found
+    ]

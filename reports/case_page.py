@@ -1,0 +1,249 @@
+"""The page of one case: all its renderers laid over each other on the model, with a slider over time, and the verdicts.
+
+Without script the page shows figures and verdicts; the script in `assets/` moves HIP and IHIP over the same data.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from hapticeval.errors import HapticevalError
+from hapticeval.files import file_stem, replacing
+from hapticeval.geometry.model import Model
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.quantity import quantity
+from hapticeval.recordings.recording import Recording
+from hapticeval.reports.case_data import Packer, Track, packed_runs, placed, tracks
+from hapticeval.reports.case_figure import Look, Panel, Place, look, panels, panels_svg, plane_svg
+from hapticeval.reports.case_model import packed_model
+from hapticeval.reports.scene_words import ended_words, robot_words, scene_words
+from hapticeval.reports.table import SYMBOLS
+from hapticeval.runner.results import RunEntry, VerdictEntry
+
+ASSETS = ("report.css", "case.css", "uPlot.min.css", "uPlot.iife.min.js", "case.js")
+"""Style sheets and scripts of a case page, in the order in which it needs them."""
+
+LICENCES = ("LICENSE-uPlot.txt",)
+
+
+@dataclass(frozen=True)
+class Around:
+    """Where a page lies among others: titles and addresses of the first screen, and of the cases before and after."""
+
+    home: tuple[str, str] | None = None
+    before: tuple[str, str] | None = None
+    after: tuple[str, str] | None = None
+
+
+@dataclass(frozen=True)
+class CheckRow:
+    """Verdicts of one check that have one outcome in common, and say the same; most often it is one."""
+
+    verdicts: Sequence[VerdictEntry]
+
+    @property
+    def first(self) -> VerdictEntry:
+        """The verdict that says what all do."""
+        return self.verdicts[0]
+
+
+def page_of(suite: str, case: str) -> str:
+    """Return the path of a case's page below the folder of the report."""
+    return f"cases/{file_stem(suite)}/{file_stem(case)}.html"
+
+
+def anchor_of(suite: str, case: str, *more: str) -> str:
+    """Return the anchor of a case, or of a renderer and a check in it, as it stands behind the # of an address."""
+    return "/".join((suite, case, *more))
+
+
+def write_case_page(
+    folder: Path,
+    case: tuple[str, str],
+    entries: Sequence[RunEntry],
+    recordings: Mapping[str, Recording | str],
+    *,
+    verdicts: Mapping[str, Sequence[VerdictEntry]],
+    order: Sequence[str] = (),
+    around: Around | None = None,
+) -> Path:
+    """Write the page of a case (suite and name) below `folder`, see `page_of`, and return its path.
+
+    `entries` are the runs of the case; `recordings` and `verdicts` are by renderer, and a text in place of a recording
+    is the reason why there is none. `order` lists all renderers of the report, so that each looks the same on every
+    page. The page needs the files that `write_assets` puts beside it. Raises `HapticevalError` where it cannot be
+    written.
+    """
+    path = folder / page_of(*case)
+    section = case_section(case, entries, recordings, verdicts=verdicts, order=order)
+    text = _template("case_page.html.j2").render(
+        section=section, around=around or Around(), first=entries[0], suite=case[0], name=case[1], root="../../assets/",
+        assets=ASSETS,
+    )  # fmt: skip
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
+    return path
+
+
+def write_assets(folder: Path) -> None:
+    """Write styles, scripts and their licences into `folder`/assets, once for all pages."""
+    try:
+        (folder / "assets").mkdir(parents=True, exist_ok=True)
+        for name in (*ASSETS, *LICENCES):
+            with replacing(folder / "assets" / name) as temporary:
+                temporary.write_bytes(asset(name))
+    except OSError as error:
+        raise HapticevalError(f"cannot write {folder / 'assets'}", why=error.strerror or str(error)) from error
+
+
+def asset(name: str) -> bytes:
+    """Return the content of one of `ASSETS`: a page that stands alone holds them all."""
+    files = resources.files("hapticeval.reports")
+    return (files / name if name == "report.css" else files / "assets" / name).read_bytes()
+
+
+def case_section(
+    case: tuple[str, str],
+    entries: Sequence[RunEntry],
+    recordings: Mapping[str, Recording | str],
+    *,
+    verdicts: Mapping[str, Sequence[VerdictEntry]],
+    order: Sequence[str] = (),
+    prefix: str = "c",
+) -> str:
+    """Return what a page shows of a case, as an HTML element; `prefix` keeps the ids of several apart.
+
+    Everything that comes from results is escaped.
+    """
+    from hapticeval.phenomena.registry import CHECKS
+
+    names = [entry.renderer for entry in entries]
+    columns = list(dict.fromkeys([*order, *names]))
+    looks = {name: look(columns.index(name)) for name in names}
+    given = [verdict for name in names for verdict in verdicts.get(name, ())]
+    whole = {name: placed(each) for name, each in recordings.items() if isinstance(each, Recording) and _shown(each)}
+    problems = {name: each for name, each in recordings.items() if isinstance(each, str)}
+    times = {name: [t for v in verdicts.get(name, ()) if (t := time_of(v)) is not None] for name in whole}
+    found = tracks({name: whole[name] for name in names if name in whole}, times)
+    model = model_of(entries[0])
+    figures: dict[str, str] = {}
+    data: dict[str, Any] = {}
+    places = _places(given, {each.name for each in found})
+    if found:
+        title = f"{'/'.join(case)}: {', '.join(each.name for each in found)}"
+        shown = panels(found, held=False)
+        figures = {
+            "plane": plane_svg(found, model, looks, places, prefix=f"{prefix}p", title=f"{title}: paths on the model"),
+            "plots": panels_svg(
+                found, shown, looks, places, prefix=f"{prefix}t", title=f"{title}: force and steps against time"
+            ),
+        }
+        data = _document(found, shown, model, looks)
+    return _template("case_section.html.j2").render(
+        suite=case[0], name=case[1], entries=entries, looks=looks, verdicts=verdicts, problems=problems,
+        checks=_by_check(given), known=CHECKS, figures=figures, data=data,
+        places={(each.renderer, each.time): each.number for each in places}, tracks={each.name for each in found},
+    )  # fmt: skip
+
+
+def _shown(recording: Recording) -> bool:
+    return "hip" in recording.channels and bool(recording.measured.any())
+
+
+def model_of(entry: RunEntry) -> Model | None:
+    """Return the model of a run; None where this version cannot make it."""
+    from hapticeval.geometry.catalogue import make_model
+
+    try:
+        return make_model(entry.model["kind"], **entry.model_parameters)
+    except HapticevalError:
+        return None
+
+
+def time_of(verdict: VerdictEntry) -> float | None:
+    """Return the time, s, that a verdict's evidence names; None where it names none."""
+    time = verdict.evidence.get("time")
+    return float(time) if type(time) in (int, float) else None
+
+
+def _places(verdicts: Iterable[VerdictEntry], shown: set[str]) -> list[Place]:
+    """Number the places where something failed; verdicts of one place share its number."""
+    found: dict[tuple[str, float], Place] = {}
+    for verdict in verdicts:
+        time = time_of(verdict)
+        if time is not None and verdict.outcome is Outcome.FAIL and verdict.renderer in shown:
+            key = (verdict.renderer, time)
+            found.setdefault(key, Place(len(found) + 1, *key))
+    return list(found.values())
+
+
+def _by_check(verdicts: Sequence[VerdictEntry]) -> list[tuple[str, list[CheckRow]]]:
+    """The verdicts by check; those that decided nothing, for the same reason, in one row."""
+    checks: dict[str, dict[tuple[Any, ...], list[VerdictEntry]]] = {}
+    for verdict in verdicts:
+        alike = verdict.metric is None and time_of(verdict) is None
+        key = (verdict.outcome, verdict.message, verdict.level) if alike else (verdict.renderer,)
+        checks.setdefault(verdict.check, {}).setdefault(key, []).append(verdict)
+    return [(check, [CheckRow(each) for each in rows.values()]) for check, rows in checks.items()]
+
+
+def _document(
+    found: Sequence[Track], shown: Sequence[Panel], model: Model | None, looks: Mapping[str, Look]
+) -> dict[str, Any]:
+    """What the script reads: runs, panels and model, with the numbers of their arrays, and the arrays, packed."""
+    packer = Packer()
+    runs = packed_runs(found, packer)
+    return {
+        "dimension": int(found[0].hip.shape[1]),
+        "runs": [
+            {**run, "role": looks[each.name].role, "dash": looks[each.name].dash, "marker": looks[each.name].marker}
+            for run, each in zip(runs, found, strict=True)
+        ],
+        "panels": [{"label": each.label, "terms": each.terms, "powers": each.powers} for each in shown],
+        "model": packed_model(model, found, packer),
+        **packer.document(),
+    }
+
+
+@cache
+def _template(name: str) -> Any:
+    from jinja2 import BaseLoader, Environment, StrictUndefined
+    from markupsafe import Markup
+
+    class Packaged(BaseLoader):
+        def get_source(self, environment: Any, template: str) -> tuple[str, None, None]:  # noqa: ARG002
+            text = (resources.files("hapticeval.reports") / template).read_text(encoding="utf-8")
+            return text, None, None
+
+    made = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, loader=Packaged()
+    )
+    made.filters |= {
+        "svg": Markup,
+        "json": lambda value: Markup(json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")),
+        "quantity": quantity,
+        "brief": _brief,
+    }
+    made.globals |= {
+        "anchor": anchor_of, "time_of": time_of, "symbols": SYMBOLS, "scene_words": scene_words,
+        "robot_words": robot_words, "ended_words": ended_words,
+    }  # fmt: skip
+    return made.get_template(name)
+
+
+def _brief(value: Any) -> str:
+    """Evidence as JSON text, numbers to six digits."""
+    if isinstance(value, str):
+        return value
+    rounded = json.loads(json.dumps(value), parse_float=lambda text: float(f"{float(text):.6g}"))
+    return json.dumps(rounded, ensure_ascii=False)
