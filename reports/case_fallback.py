@@ -24,7 +24,11 @@ class Around:
 
 def write_case_page(folder: Path, case, entries, recordings, *, verdicts, order=(), around=None) -> Path:
     path = folder / case_file(*case)
-    text = "<!doctype html><html lang=en><title>case</title><link rel=stylesheet href=../../assets/report.css><main>" + case_section(case, entries, recordings, verdicts=verdicts) + "</main>"
+    text = (
+        "<!doctype html><html lang=en><title>case</title><link rel=stylesheet href=../../assets/report.css><main>"
+        + case_section(case, entries, recordings, verdicts=verdicts)
+        + "</main>"
+    )
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return path
@@ -44,6 +48,9 @@ def case_section(case, entries, recordings, *, verdicts, order=(), prefix="c") -
     parts = [f'<h2 id="{anchor(*case)}">{entries[0].title}</h2>']
     for run in entries:
         parts.append(f'<h3 id="{anchor(*run.key)}">{run.renderer}</h3><ul>')
-        parts += [f'<li id="{anchor(*run.key, v.check)}">{v.check} {v.outcome} {v.message}</li>' for v in verdicts.get(run.renderer, ())]
+        parts += [
+            f'<li id="{anchor(*run.key, v.check)}">{v.check} {v.outcome} {v.message}</li>'
+            for v in verdicts.get(run.renderer, ())
+        ]
         parts.append("</ul>")
     return "".join(parts)
