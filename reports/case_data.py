@@ -10,12 +10,13 @@ from __future__ import annotations
 import base64
 import zlib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from hapticeval.geometry.model import Model
 from hapticeval.recordings.provenance import before_the_wall
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import joined
@@ -57,6 +58,8 @@ class Track:
     starts: IntArray
     led: bool
     """Whether the hand was led along a given path."""
+    off: Array | None = None
+    """The HIP's signed distance (n,), m, from the surface that it is held on; None where nothing holds it."""
 
     @property
     def ihip(self) -> Array:
@@ -196,6 +199,11 @@ def _track(name: str, recording: Recording, rows: IntArray) -> Track:
     )
 
 
+def off_surface(track: Track, model: Model) -> Track:
+    """Return the run with its distance from the surface."""
+    return replace(track, off=model.boundary.signed_distance(track.hip))
+
+
 @dataclass
 class Packer:
     """Collects arrays: `add` returns the number of each, `document` all of them as the page's script reads them."""
@@ -261,9 +269,18 @@ def tick_scale(time: Array) -> float:
     return float(max(fine, coarse))
 
 
+def fineness(found: Sequence[Track]) -> float:
+    """Return in steps of what length, m, places are held: 1/32767 of the largest, or 1/100 of the depth if less."""
+    largest = max(float(np.max(np.abs(each.hip), initial=0.0)) for each in found) or 1.0
+    depths = [np.linalg.norm(each.apart, axis=1).max(initial=0.0) for each in found if each.apart is not None]
+    deepest = float(max(depths, default=0.0)) or largest
+    return float(max(min(largest / FULL, deepest / 100.0), largest * 2.0**-30))
+
+
 def packed_runs(found: Sequence[Track], packer: Packer) -> list[dict[str, Any]]:
     """Pack tracks, each array once, and return for each the numbers of its arrays by name."""
     held: dict[bytes, int] = {}
+    fine = fineness(found)
 
     def add(values: Array | None, **how: Any) -> int | None:
         if values is None:
@@ -277,11 +294,12 @@ def packed_runs(found: Sequence[Track], packer: Packer) -> list[dict[str, Any]]:
         {
             "name": each.name,
             "time": add(each.time, scale=tick_scale(each.time)),
-            "hip": add(each.hip),
+            "hip": add(each.hip, scale=fine),
             "apart": add(each.apart),
             "force": add(each.force),
             "step": add(each.step) if each.led else None,
             "hip_step": add(each.hip_step) if each.led else None,
+            "off": add(each.off),
             "starts": each.starts.tolist(),
         }
         for each in found

@@ -8,22 +8,22 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from hapticeval.errors import HapticevalError
-from hapticeval.files import file_stem, replacing
+from hapticeval.files import replacing
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.quantity import quantity
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.case_data import Packer, Track, packed_runs, placed, tracks
+from hapticeval.reports.case_data import Packer, Track, fineness, off_surface, packed_runs, placed, tracks
 from hapticeval.reports.case_figure import Look, Panel, Place, look, panels, panels_svg, plane_svg
 from hapticeval.reports.case_model import packed_model
+from hapticeval.reports.places import ASSETS as ASSET_FOLDER
+from hapticeval.reports.places import case_file
 from hapticeval.reports.scene_words import ended_words, robot_words, scene_words
-from hapticeval.reports.table import SYMBOLS
+from hapticeval.reports.templates import environment
 from hapticeval.runner.results import RunEntry, VerdictEntry
 
 ASSETS = ("report.css", "case.css", "uPlot.min.css", "uPlot.iife.min.js", "case.js")
@@ -53,16 +53,6 @@ class CheckRow:
         return self.verdicts[0]
 
 
-def page_of(suite: str, case: str) -> str:
-    """Return the path of a case's page below the folder of the report."""
-    return f"cases/{file_stem(suite)}/{file_stem(case)}.html"
-
-
-def anchor_of(suite: str, case: str, *more: str) -> str:
-    """Return the anchor of a case, or of a renderer and a check in it, as it stands behind the # of an address."""
-    return "/".join((suite, case, *more))
-
-
 def write_case_page(
     folder: Path,
     case: tuple[str, str],
@@ -73,18 +63,16 @@ def write_case_page(
     order: Sequence[str] = (),
     around: Around | None = None,
 ) -> Path:
-    """Write the page of a case (suite and name) below `folder`, see `page_of`, and return its path.
+    """Write the page of a case (suite and name) below `folder`, see `places.case_file`, and return its path.
 
     `entries` are the runs of the case; `recordings` and `verdicts` are by renderer, and a text in place of a recording
     is the reason why there is none. `order` lists all renderers of the report, so that each looks the same on every
-    page. The page needs the files that `write_assets` puts beside it. Raises `HapticevalError` where it cannot be
-    written.
+    page. It needs the files that `write_assets` puts beside it. Raises `HapticevalError` where it cannot be written.
     """
-    path = folder / page_of(*case)
+    path = folder / case_file(*case)
     section = case_section(case, entries, recordings, verdicts=verdicts, order=order)
-    text = _template("case_page.html.j2").render(
-        section=section, around=around or Around(), first=entries[0], suite=case[0], name=case[1], root="../../assets/",
-        assets=ASSETS,
+    text = environment().get_template("case_page.html.j2").render(
+        section=section, around=around or Around(), first=entries[0], suite=case[0], name=case[1], files=ASSETS, note="",
     )  # fmt: skip
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -98,9 +86,9 @@ def write_case_page(
 def write_assets(folder: Path) -> None:
     """Write styles, scripts and their licences into `folder`/assets, once for all pages."""
     try:
-        (folder / "assets").mkdir(parents=True, exist_ok=True)
+        (folder / ASSET_FOLDER).mkdir(parents=True, exist_ok=True)
         for name in (*ASSETS, *LICENCES):
-            with replacing(folder / "assets" / name) as temporary:
+            with replacing(folder / ASSET_FOLDER / name) as temporary:
                 temporary.write_bytes(asset(name))
     except OSError as error:
         raise HapticevalError(f"cannot write {folder / 'assets'}", why=error.strerror or str(error)) from error
@@ -140,8 +128,11 @@ def case_section(
     data: dict[str, Any] = {}
     places = _places(given, {each.name for each in found})
     if found:
+        held = model is not None and entries[0].scene.bilateral and not any(each.led for each in found)
+        if held:
+            found = [off_surface(each, model) for each in found]
         title = f"{'/'.join(case)}: {', '.join(each.name for each in found)}"
-        shown = panels(found, held=False)
+        shown = panels(found, held=held)
         figures = {
             "plane": plane_svg(found, model, looks, places, prefix=f"{prefix}p", title=f"{title}: paths on the model"),
             "plots": panels_svg(
@@ -149,11 +140,17 @@ def case_section(
             ),
         }
         data = _document(found, shown, model, looks)
-    return _template("case_section.html.j2").render(
+    return environment().get_template("case_section.html.j2").render(
         suite=case[0], name=case[1], entries=entries, looks=looks, verdicts=verdicts, problems=problems,
-        checks=_by_check(given), known=CHECKS, figures=figures, data=data,
+        checks=_by_check(given), known=CHECKS, figures=figures, data=_script(data), time_of=time_of,
+        scene_words=scene_words, robot_words=robot_words, ended_words=ended_words,
         places={(each.renderer, each.time): each.number for each in places}, tracks={each.name for each in found},
     )  # fmt: skip
+
+
+def _script(document: dict[str, Any]) -> str:
+    """JSON that cannot end the element of the page that holds it."""
+    return json.dumps(document, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
 def _shown(recording: Recording) -> bool:
@@ -188,13 +185,20 @@ def _places(verdicts: Iterable[VerdictEntry], shown: set[str]) -> list[Place]:
 
 
 def _by_check(verdicts: Sequence[VerdictEntry]) -> list[tuple[str, list[CheckRow]]]:
-    """The verdicts by check; those that decided nothing, for the same reason, in one row."""
+    """The verdicts by check, what is not as expected first, then what failed; those that say the same in one row."""
     checks: dict[str, dict[tuple[Any, ...], list[VerdictEntry]]] = {}
     for verdict in verdicts:
         alike = verdict.metric is None and time_of(verdict) is None
         key = (verdict.outcome, verdict.message, verdict.level) if alike else (verdict.renderer,)
         checks.setdefault(verdict.check, {}).setdefault(key, []).append(verdict)
-    return [(check, [CheckRow(each) for each in rows.values()]) for check, rows in checks.items()]
+    found = [(check, [CheckRow(each) for each in rows.values()]) for check, rows in checks.items()]
+    return sorted(found, key=lambda each: min(_rank(row.first) for row in each[1]))
+
+
+def _rank(verdict: VerdictEntry) -> int:
+    if not verdict.as_expected:
+        return 0
+    return 1 if verdict.outcome is Outcome.FAIL else 2
 
 
 def _document(
@@ -211,39 +215,6 @@ def _document(
         ],
         "panels": [{"label": each.label, "terms": each.terms, "powers": each.powers} for each in shown],
         "model": packed_model(model, found, packer),
+        "fine": fineness(found),
         **packer.document(),
     }
-
-
-@cache
-def _template(name: str) -> Any:
-    from jinja2 import BaseLoader, Environment, StrictUndefined
-    from markupsafe import Markup
-
-    class Packaged(BaseLoader):
-        def get_source(self, environment: Any, template: str) -> tuple[str, None, None]:  # noqa: ARG002
-            text = (resources.files("hapticeval.reports") / template).read_text(encoding="utf-8")
-            return text, None, None
-
-    made = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, loader=Packaged()
-    )
-    made.filters |= {
-        "svg": Markup,
-        "json": lambda value: Markup(json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")),
-        "quantity": quantity,
-        "brief": _brief,
-    }
-    made.globals |= {
-        "anchor": anchor_of, "time_of": time_of, "symbols": SYMBOLS, "scene_words": scene_words,
-        "robot_words": robot_words, "ended_words": ended_words,
-    }  # fmt: skip
-    return made.get_template(name)
-
-
-def _brief(value: Any) -> str:
-    """Evidence as JSON text, numbers to six digits."""
-    if isinstance(value, str):
-        return value
-    rounded = json.loads(json.dumps(value), parse_float=lambda text: float(f"{float(text):.6g}"))
-    return json.dumps(rounded, ensure_ascii=False)
