@@ -116,7 +116,8 @@ def write_tables(directory: Path, results: ResultsDocument) -> Path:
 
 
 SPECIAL = {
-    "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "×": r"$\times$", "∞": r"$\infty$",  # noqa: RUF001
+    "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+    "×": r"$\times$", "∞": r"$\infty$",  # noqa: RUF001
     **{sign: f"\\{sign}" for sign in "&%$#_{}"},
 }  # fmt: skip
 

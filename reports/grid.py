@@ -35,7 +35,20 @@ class State(StrEnum):
     @property
     def words(self) -> str:
         """The state as a reader sees it."""
-        return {State.NOT_JUDGED: "not judged", State.NOT_APPLICABLE: "does not apply"}.get(self, str(self))
+        return {State.NOT_JUDGED: "not judged", State.NOT_APPLICABLE: "n/a"}.get(self, str(self))
+
+    @property
+    def many(self) -> str:
+        """The state of several verdicts, in a sentence after their number."""
+        special = {
+            State.ERROR: "in error",
+            State.DIFFERS: "differ from what is published",
+            State.KNOWN: "fail as published",
+            State.NOT_JUDGED: "shown and not judged",
+            State.NOT_APPLICABLE: "do not apply",
+            State.WARNING: "warn",
+        }
+        return special.get(self, str(self))
 
     @property
     def grave(self) -> bool:
@@ -68,7 +81,7 @@ MEANING: Mapping[State, str] = MappingProxyType(
         State.KNOWN: "fails, as published",
         State.PASS: "passes",
         State.NOT_JUDGED: "shown only: what a case or a check of level info finds is no verdict on the renderer",
-        State.NOT_APPLICABLE: "the question does not arise, or the renderer refuses the model",
+        State.NOT_APPLICABLE: "not applicable: the question does not arise, or the renderer refuses the model",
     }
 )
 
@@ -159,7 +172,7 @@ class Tile:
             return ""
         if share <= 1.0:
             return f"{100.0 * (1.0 - share):.0f} % left"
-        return "∞ × bound" if math.isinf(share) else f"{share:,.3g}× bound" if share < 1e3 else f"{share:.0e}× bound"  # noqa: RUF001
+        return f"{times(share)}×"  # noqa: RUF001
 
     @property
     def where(self) -> str:
@@ -170,6 +183,15 @@ class Tile:
             return f"broke in {place}: {worst.error.what if worst.error else ''}"
         figures = measured(worst)
         return f"worst of {self.total}: {worst.check} in {place}" + (f": {figures}" if figures else "")
+
+
+def times(share: float) -> str:
+    """Return a ratio in few signs: 1.3, 48, 840, 4,200, 9e5."""
+    if math.isinf(share):
+        return "∞"
+    if share < 1e4:
+        return f"{float(f'{share:.2g}'):,.10g}"
+    return f"{share:.0e}".replace("e+0", "e").replace("e+", "e")
 
 
 def _load(entry: VerdictEntry | RunEntry) -> float:
@@ -241,9 +263,10 @@ def cases(results: ResultsDocument, suite: str) -> Grid:
 
 
 def counted(results: ResultsDocument) -> list[tuple[State, int]]:
-    """Return how many verdicts have each state, the gravest first, of those that there are."""
+    """Return how many verdicts have each state, of those that there are: what calls for attention, then what passes."""
     counts = Counter(map(state, results.verdicts))
-    return [(each, counts[each]) for each in State if counts[each]]
+    order = sorted(State, key=lambda each: (not each.grave, each is not State.WARNING, each is not State.PASS))
+    return [(each, counts[each]) for each in order if counts[each]]
 
 
 def headline(results: ResultsDocument) -> str:
@@ -254,7 +277,8 @@ def headline(results: ResultsDocument) -> str:
         return "Every renderer refused every case"
     broken = sum(run.error is not None for run in results.runs)
     unexpected = sum(not each.as_expected for each in results.verdicts)
-    parts = [f"{unexpected} of {_plural(results.ran, 'verdict')} not as expected"] * bool(unexpected)
+    are = "is" if unexpected == 1 else "are"
+    parts = [f"{unexpected} of {_plural(results.ran, 'verdict')} {are} not as expected"] * bool(unexpected)
     parts += [f"{_plural(broken, 'run')} broke"] * bool(broken)
     if not results.verdicts and not parts:
         return "No verdict was given"

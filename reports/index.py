@@ -24,7 +24,7 @@ from hapticeval.reports.grid import (
     worst,
 )
 from hapticeval.reports.places import anchor, case_file
-from hapticeval.reports.table import provenance, ran, summaries
+from hapticeval.reports.table import by_commit, provenance, ran, summaries
 from hapticeval.reports.templates import environment
 from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, SuiteEntry, VerdictEntry
 from hapticeval.study.bench.document import BenchResults
@@ -92,6 +92,7 @@ def render_index(
     known = {name: CHECKS[name] for name in dict.fromkeys(v.check for v in results.verdicts) if name in CHECKS}
     recorded = {run.renderer for run in results.runs if run.is_recorded}
     names, hard = hard_cases(results)
+    replays = [run for run in results.runs if run.replay]
 
     def page(suite: str, case: str) -> str:
         return f"#{anchor(suite, case)}" if single else case_file(suite, case)
@@ -112,10 +113,13 @@ def render_index(
         provenance=provenance(results),
         ran=ran(results),
         counted=counted(results),
-        words={**{each: each.words for each in State}, State.KNOWN: "known failures", State.NOT_JUDGED: "shown, not judged"},
         judged_renderers=[name for name in results.renderers if name not in recorded],
         recorded=bool(recorded),
         case_count=len({(run.suite, run.case) for run in results.runs}),
+        replays=replays,
+        replayed=[run for run in replays if run.replay is not None and run.replay.difference is not None],
+        replay=replays[0].replay if replays else None,
+        commits=by_commit(results),
         broken=sum(run.error is not None for run in results.runs),
         broken_runs=[run for run in results.runs if run.error],
         ended=sum(run.ended is not None for run in results.runs),
@@ -156,7 +160,11 @@ def _suites(results: ResultsDocument) -> list[ShownSuite]:
         grid = cases(results, name)
         shown.append(
             ShownSuite(
-                name, suite.title or name, suite.citation, grid, [(each, counts[each]) for each in State if counts[each]]
+                name,
+                suite.title or name,
+                suite.citation,
+                grid,
+                [(each, counts[each]) for each in State if counts[each]],
             )
         )
     return shown

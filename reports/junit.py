@@ -96,4 +96,3 @@ def _say(case: ET.Element, kind: str, message: str, text: str = "") -> None:
 def _clean(text: str) -> str:
     """Without the characters that XML 1.0 has no way to write: a renderer's message may hold any."""
     return NOT_XML.sub("\ufffd", text)
-

@@ -38,9 +38,9 @@ BESIDE: tuple[Place, Place, Place] = (
     (0.59, 0.12, 0.39, 0.225),
 )
 STACKED: tuple[Place, Place, Place] = (
-    (0.135, 0.50, 0.85, 0.46),
-    (0.135, 0.225, 0.85, 0.17),
-    (0.135, 0.075, 0.85, 0.105),
+    (0.16, 0.50, 0.825, 0.46),
+    (0.16, 0.225, 0.825, 0.17),
+    (0.16, 0.075, 0.825, 0.105),
 )
 """Where plane, force and what is below it lie: side by side on paper, one above the other on a page."""
 
@@ -103,7 +103,7 @@ def _frame(made: Figure, places: tuple[Place, Place, Place]) -> Frame:
     force.tick_params(labelbottom=False)
     below.set_xlabel("time (s)")
     for axes in (force, below):
-        axes.yaxis.set_label_coords(-0.125, 0.5)
+        axes.yaxis.set_label_coords(-0.12, 0.5)
         axes.grid(True)
     return plane, force, below
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from hapticeval.reports.grid import (
     MEANING,
-    SYMBOLS,
     Grid,
     State,
     Tile,
@@ -20,8 +19,11 @@ from hapticeval.reports.grid import (
     phenomena,
     state,
 )
+from hapticeval.reports.grid import SYMBOLS as SIGNS
 from hapticeval.reports.scene_words import ended_words
 from hapticeval.runner.results import ResultsDocument, SuiteEntry
+
+SYMBOLS = {"pass": "✓", "fail": "✗", "inconclusive": "?", "not-applicable": "-", "error": "!"}
 
 LIMIT = 60_000
 """Bytes of table.md: a comment on GitHub holds 65,536 characters."""
@@ -62,7 +64,8 @@ def summaries(results: ResultsDocument) -> list[Summary]:
     for suite in results.suites:
         groups.append((suite, [title for title in suite.rows if left.pop(title, None) is not None]))
     groups.append((None, list(left)))
-    return [_summary(results, suite, titles) for suite, titles in groups if titles]
+    made = [_summary(results, suite, titles) for suite, titles in groups if titles]
+    return [each for each in made if each.renderers]
 
 
 def _summary(results: ResultsDocument, suite: SuiteEntry | None, titles: Sequence[str]) -> Summary:
@@ -96,12 +99,20 @@ def provenance(results: ResultsDocument) -> str:
     parts = [f"hapticeval {results.environment.versions.get('hapticeval') or '?'}"]
     if results.date:
         parts.append(results.date[:16].replace("T", " ") + " UTC")
-    by_commit: dict[str, list[str]] = {}
-    for name, commit in results.commits.items():
-        by_commit.setdefault(short(commit), []).append(name)
-    alone = len(by_commit) == 1 and len(results.commits) == len(results.renderers)
-    parts += [f"commit {commit}" if alone else f"{', '.join(by)} at {commit}" for commit, by in by_commit.items()]
+    found = by_commit(results)
+    alone = len(found) == 1 and len(results.commits) == len(results.renderers)
+    for commit, names in found.items():
+        several = f"{len(names)} renderers" if len(names) > 2 else " and ".join(names)
+        parts.append(f"commit {short(commit)}" if alone else f"{several} at commit {short(commit)}")
     return ", ".join(parts)
+
+
+def by_commit(results: ResultsDocument) -> dict[str, list[str]]:
+    """Return the renderers of each commit."""
+    found: dict[str, list[str]] = {}
+    for name, commit in results.commits.items():
+        found.setdefault(commit, []).append(name)
+    return found
 
 
 def short(commit: str) -> str:
@@ -112,7 +123,7 @@ def short(commit: str) -> str:
 
 def counts_words(results: ResultsDocument) -> str:
     """Return how many verdicts have each state, in words."""
-    return ", ".join(f"{count:,} {each.words}" for each, count in counted(results))
+    return ", ".join(f"{count:,} {each.many}" for each, count in counted(results))
 
 
 def markdown(results: ResultsDocument) -> str:
@@ -139,7 +150,7 @@ def _blocks(results: ResultsDocument) -> Iterator[str]:
     if grid.rows and grid.columns:
         yield "## Renderers by phenomena"
         yield _grid(grid, tile=_tile)
-        yield f"Of the worst verdict: its margin in per cent of the bound, or the metric as a multiple. {_legend(results)}"
+        yield f"Of the worst verdict: what is left of its bound, or by how many times it is beyond. {_legend(results)}"
     groups = summaries(results)
     if groups:
         yield "## Summary of the renderers' performance"
@@ -149,7 +160,10 @@ def _blocks(results: ResultsDocument) -> Iterator[str]:
         heading = ["", *each.renderers, *(f"{name} (in print)" for name in each.printed)]
         yield aligned(
             heading,
-            [[row.title, *(_answer(*cell) for cell in row.cells), *(cell or "-" for cell in row.printed)] for row in each.rows],
+            [
+                [row.title, *(_answer(*cell) for cell in row.cells), *(cell or "-" for cell in row.printed)]
+                for row in each.rows
+            ],
         )
     yield from _lists(results)
     names, digits = hard_cases(results)
@@ -161,7 +175,7 @@ def _blocks(results: ResultsDocument) -> Iterator[str]:
         by_case = cases(results, suite)
         if by_case.rows:
             yield f"## Every case of {_escape(suite)}"
-            yield _grid(by_case, tile=lambda tile: SYMBOLS[tile.state])
+            yield _grid(by_case, tile=lambda tile: SIGNS[tile.state])
 
 
 def _lists(results: ResultsDocument) -> Iterator[str]:
@@ -174,7 +188,7 @@ def _lists(results: ResultsDocument) -> Iterator[str]:
                 published = f", published {each.published}" if each.published else ""
                 figures = measured(each)
                 place = f"{each.renderer} on {each.suite}/{each.case}/{each.check}"
-                lines.append(f"- {SYMBOLS[state(each)]} {place}: {each.outcome}{published}; {figures or each.message}")
+                lines.append(f"- {SIGNS[state(each)]} {place}: {each.outcome}{published}; {figures or each.message}")
             lines += [f"- and {len(given) - FEW} more"] * (len(given) > FEW)
             yield f"## {title}"
             yield "\n".join(map(_escape, lines))
@@ -188,12 +202,12 @@ def _lists(results: ResultsDocument) -> Iterator[str]:
 
 
 def _legend(results: ResultsDocument) -> str:
-    return "; ".join(f"{SYMBOLS[each]} {each.words}: {MEANING[each]}" for each, _ in counted(results)) + "."
+    return "; ".join(f"{SIGNS[each]} {each.words}: {MEANING[each]}" for each, _ in counted(results)) + "."
 
 
 def _tile(tile: Tile) -> str:
     count = tile.counts[tile.state]
-    words = [f"{SYMBOLS[tile.state]} {tile.state.words}"]
+    words = [f"{SIGNS[tile.state]} {tile.state.words}"]
     words += [f"{count} of {tile.total}"] * (tile.state is not State.PASS)
     return ", ".join([*words, *([tile.margin] if tile.margin else [])])
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from functools import cache
-from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from hapticeval.quantity import duration, length, quantity, size
@@ -58,11 +57,6 @@ def environment() -> Environment:
         "assets": ASSETS,
     }
     return made
-
-
-def text_of(name: str) -> str:
-    """Return the text of a file of this package, such as a style sheet."""
-    return resources.files("hapticeval.reports").joinpath(name).read_text(encoding="utf-8")
 
 
 def model_words(run: RunEntry) -> str:

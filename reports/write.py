@@ -13,7 +13,7 @@ from pathlib import Path
 from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.case_fallback import Around, case_section, write_assets, write_case_page
+from hapticeval.reports.case_page import ASSETS, Around, asset, case_section, write_assets, write_case_page
 from hapticeval.reports.effects_figure import effect_plots, recorded
 from hapticeval.reports.exports import write_tables
 from hapticeval.reports.grid import worst
@@ -22,7 +22,6 @@ from hapticeval.reports.junit import junit
 from hapticeval.reports.places import FOLDER, INDEX, ROOT, case_file
 from hapticeval.reports.run_figure import figure_svg, marks_of
 from hapticeval.reports.table import markdown
-from hapticeval.reports.templates import text_of
 from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, VerdictEntry, read_results
 from hapticeval.study.bench.document import FILE as BENCH
 from hapticeval.study.bench.document import read_bench
@@ -32,6 +31,8 @@ from hapticeval.workers import Answer, Ended, Workers
 
 SINGLE = "report.html"
 """The report as one file."""
+
+STYLE = "report.css"
 
 PATIENCE = 0.1
 """Seconds after which it is seen at the latest that the drawing is to stop."""
@@ -133,7 +134,7 @@ def write_reports(
             for order, drawing in zip(orders, made, strict=True)
             if isinstance(order, Picture) and isinstance(drawing, Drawing)
         }
-        single = Single(text_of("report.css"), _head(), [each for each in made if isinstance(each, str)])
+        single = Single(asset(STYLE).decode(), _head(), [each for each in made if isinstance(each, str)])
         text = render_index(
             results, drawings, bench=bench, effects=effects, costs=costs, single=single if single_file else None
         )
@@ -151,7 +152,16 @@ def write_reports(
 
 
 def _head() -> str:
-    return ""
+    """Return the styles and scripts of the case pages, as they stand in a page that needs nothing else."""
+    parts = []
+    for name in ASSETS:
+        text = asset(name).decode()
+        if name.endswith(".css") and name != STYLE:
+            parts.append(f"<style>\n{text}\n</style>")
+        elif name.endswith(".js"):
+            # A deferred script of a file runs when the page is parsed; one in the page does so as a module.
+            parts.append(f'<script type="module">\n{text}\n</script>')
+    return "\n".join(parts)
 
 
 def _write(path: Path, text: str) -> None:
