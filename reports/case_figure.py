@@ -14,8 +14,9 @@ import numpy as np
 from hapticeval.geometry.model import Model
 from hapticeval.reports.canvas import MM, drawn, figure, page_svg
 from hapticeval.reports.case_data import Track
-from hapticeval.reports.plane import Box, box_round, draw_body, labels, name_axes, shape_of, shown_axes
-from hapticeval.types import Array
+from hapticeval.reports.case_model import TURN, triangles_of
+from hapticeval.reports.plane import Box, box_round, draw_body, labels, name_axes, shape_of
+from hapticeval.types import Array, BoolArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,6 +31,9 @@ OUT_OF_SIGHT = 3.0
 
 LEAST = 1e-12
 """m: distances below are rounding errors, and lie on the floor of a logarithmic panel."""
+
+FOLD = 0.5
+"""Turn (rad) of the faces at an edge of a solid that is drawn: round ones of few triangles have none."""
 
 EVERY = 12
 """A path bears about so many markers."""
@@ -69,8 +73,8 @@ class Panel:
 
     label: str
     terms: tuple[tuple[str, str], ...]
-    powers: bool = False
-    """Whether the axis is logarithmic."""
+    powers: tuple[float, float] | None = None
+    """Of a logarithmic axis, both ends."""
 
 
 def panels(found: Sequence[Track], *, held: bool) -> list[Panel]:
@@ -82,7 +86,7 @@ def panels(found: Sequence[Track], *, held: bool) -> list[Panel]:
         made.append(Panel("force (N)", (("|force|", "|F|"), *parts)))
     if held:
         made.append(Panel("off the surface (mm)", (("off", "off"),)))
-        made.append(Panel("the same, size (mm)", (("|off|", "off"),), powers=True))
+        made.append(Panel("the same, size (mm)", (("|off|", "off"),), powers=_powers(found)))
     elif any(each.apart is None for each in found) and len(found) == 1:
         made.append(Panel("HIP step a tick (mm)", (("hip_step", "HIP"),)))
     elif all(each.led for each in found):
@@ -90,6 +94,14 @@ def panels(found: Sequence[Track], *, held: bool) -> list[Panel]:
     else:
         made.append(Panel("depth |IHIP − HIP| (mm)", (("|apart|", "depth"),)))  # noqa: RUF001
     return made
+
+
+def _powers(found: Sequence[Track]) -> tuple[float, float]:
+    """Return whole powers of ten, mm, down to where the run that keeps closest is for half of its time."""
+    sizes = [np.abs(each.off) for each in found if each.off is not None]
+    close = max(min(float(np.median(each)) for each in sizes), LEAST)
+    worst = max(*(float(each.max()) for each in sizes), 10.0 * LEAST)
+    return float(MM * 10.0 ** np.floor(np.log10(close))), float(MM * 10.0 ** (np.ceil(np.log10(worst)) + 0.3))
 
 
 def term(each: Track, name: str) -> Array | None:
@@ -116,42 +128,105 @@ def plane_svg(
     prefix: str,
     title: str,
 ) -> str:
-    """Return the model with the paths of all runs as an SVG element; `places` are ringed and numbered."""
-    shown = shown_axes(np.vstack([each.hip for each in found]))
+    """Return the model with the paths of all runs as an SVG element; `places` are ringed and numbered.
+
+    A run in space is seen along the last row of `TURN`; what the model hides of it is drawn faintly.
+    """
+    space = found[0].hip.shape[1] == 3
+    onto = MM * (TURN[:2].T if space else np.eye(2))
     with figure(5.0, 4.6, page=True) as made:
-        axes = made.add_axes((0.115, 0.1, 0.875, 0.89))
-        view = view_of(found, model, shown, shape_of(axes))
-        if model is not None:
-            draw_body(axes, model, view, shown)
-        columns = list(shown)
-        paths = {each.hip.tobytes(): each for each in found}
-        for each in paths.values():
-            alone = len(paths) > 1
-            colour = drawn(looks[each.name].role if alone else "quiet")
-            axes.plot(*_broken(MM * each.hip[:, columns], each.starts).T, color=colour, linewidth=0.8, zorder=2)
+        axes = made.add_axes((0.01, 0.01, 0.98, 0.98) if space else (0.115, 0.1, 0.875, 0.89))
+        view = view_of(found, model, onto, shape_of(axes))
+        if model is not None and space:
+            _draw_solid(axes, model)
+        elif model is not None:
+            draw_body(axes, model, view)
+        hands: dict[bytes, list[Track]] = {}
         for each in found:
-            if each.apart is not None:
-                _draw_path(axes, each, MM * each.ihip[:, columns], looks[each.name])
+            hands.setdefault(each.hip.tobytes(), []).append(each)
+        for group in hands.values():
+            colour = looks[group[0].name].role if len(hands) > 1 and len(group) == 1 else "quiet"
+            path = _broken(group[0].hip @ onto, group[0].starts)
+            axes.plot(*path.T, color=drawn(colour), linewidth=0.8, zorder=2)
+        for each in found:
+            _draw_path(axes, each, each.ihip @ onto, looks[each.name], _hidden(each, model) if space else None)
         where = []
         for place in places:
             each = next(track for track in found if track.name == place.renderer)
-            where.append(MM * each.ihip[int(np.argmin(np.abs(each.time - place.time))), columns])
-            axes.plot(*where[-1], marker="o", markersize=9.0, markerfacecolor="none", markeredgewidth=1.3,
-                      color=drawn(looks[each.name].role), zorder=5)  # fmt: skip
+            where.append(each.ihip[int(np.argmin(np.abs(each.time - place.time)))] @ onto)
+            axes.plot(
+                *where[-1], marker="o", markersize=9.0, markerfacecolor="none", markeredgewidth=1.3,
+                color=drawn(looks[each.name].role), zorder=5,
+            )  # fmt: skip
         for point, text in labels([place.number for place in places], where, 0.05 * (view[2] - view[0])):
             axes.annotate(text, tuple(point), xytext=(5.5, 3.5), textcoords="offset points", fontsize=8, zorder=6)
         axes.set(xlim=view[::2], ylim=view[1::2], aspect="auto")
-        name_axes(axes, shown, found[0].hip.shape[1])
+        if space:
+            _draw_directions(axes, view)
+        else:
+            name_axes(axes, (0, 1), 2)
         return page_svg(made, prefix=prefix, title=title)
 
 
-def _draw_path(axes: Axes, each: Track, ihip: Array, style: Look) -> None:
-    moving = np.any(np.abs(each.apart) > 0.0, axis=1) if each.apart is not None else np.ones(len(ihip), dtype=bool)
-    path = _broken(np.where(moving[:, None], ihip, np.nan), each.starts)
+def _draw_path(axes: Axes, each: Track, ihip: Array, style: Look, hidden: BoolArray | None) -> None:
+    """The way of the tool where it is in contact; without IHIP there is none, and where it is `hidden` it is faint."""
+    if each.apart is None:
+        return
+    path = np.where(np.any(each.apart != 0.0, axis=1)[:, None], ihip, np.nan)
+    how: dict[str, Any] = {"color": drawn(style.role), "dashes": style.dash or (None, None), "zorder": 3}
+    seen = path if hidden is None else np.where(hidden[:, None], np.nan, path)
+    if hidden is not None:
+        axes.plot(*_broken(path, each.starts).T, **{**how, "linewidth": 0.7, "alpha": 0.5})
     axes.plot(
-        *path.T, color=drawn(style.role), dashes=style.dash or (None, None), linewidth=1.3, zorder=3,
-        marker=style.marker, markersize=3.5, markeredgewidth=0.0, markevery=max(1, len(path) // EVERY), label=each.name,
+        *_broken(seen, each.starts).T, **how, linewidth=1.3, marker=style.marker, markersize=3.5,
+        markeredgewidth=0.0, markevery=max(1, len(path) // EVERY),
     )  # fmt: skip
+
+
+def _hidden(each: Track, model: Model | None) -> BoolArray | None:
+    """Where the surface under the tool faces away from the eye, (n,)."""
+    if model is None:
+        return None
+    return np.asarray(model.boundary.closest_point(each.ihip).normal @ TURN[2] < 0.0)
+
+
+def _draw_solid(axes: Axes, model: Model) -> None:
+    """What a solid covers, and the edges at which it turns away from the eye or is sharp."""
+    import shapely
+    from matplotlib.collections import LineCollection
+
+    vertices, rows = triangles_of(model.boundary)
+    corners = MM * vertices @ TURN[:2].T
+    a, b, c = vertices[rows.T]
+    across = np.cross(b - a, c - a)
+    normals = across / np.maximum(np.linalg.norm(across, axis=1), 1e-300)[:, None]
+    facing = normals @ TURN[2] > 0.0
+    shadow = shapely.union_all(shapely.polygons(corners[rows[facing]]), grid_size=1e-3)
+    for part in shapely.get_parts(shadow):
+        axes.fill(*shapely.get_coordinates(part.exterior).T, facecolor=drawn("model"), edgecolor="none", zorder=0.5)
+    ends = np.sort(np.concatenate([rows[:, [0, 1]], rows[:, [1, 2]], rows[:, [2, 0]]]), axis=1)
+    owner = np.tile(np.arange(len(rows)), 3)
+    order = np.lexsort(ends.T)
+    first, second = owner[order[::2]], owner[order[1::2]]
+    sharp = np.sum(normals[first] * normals[second], axis=1) < np.cos(FOLD)
+    drawn_edges = (facing[first] != facing[second]) | (sharp & (facing[first] | facing[second]))
+    lines = list(corners[ends[order[::2][drawn_edges]]])
+    axes.add_collection(LineCollection(lines, colors=drawn("ink"), linewidths=0.8, zorder=1))
+
+
+def _draw_directions(axes: Axes, view: Box) -> None:
+    """Three arrows for the axes, in a corner, and the length of a scale bar."""
+    size = 0.07 * (view[2] - view[0])
+    origin = np.array([view[2] - 1.8 * size, view[1] + 1.6 * size])
+    for k, name in enumerate("₁₂₃"):
+        tip = origin + size * TURN[:2, k]
+        axes.plot(*np.stack([origin, tip]).T, color=drawn("quiet"), linewidth=0.8)
+        axes.annotate(f"y{name}", tuple(origin + 1.35 * size * TURN[:2, k]), ha="center", va="center", fontsize=8)
+    length = 10.0 ** np.floor(np.log10(0.4 * (view[2] - view[0])))
+    start = np.array([view[0] + 0.4 * size, view[1] + 0.5 * size])
+    axes.plot([start[0], start[0] + length], [start[1]] * 2, color=drawn("quiet"), linewidth=1.4)
+    axes.annotate(f"{length:g} mm", tuple(start), xytext=(0, 3), textcoords="offset points", fontsize=8)
+    axes.set_axis_off()
 
 
 def _broken(values: Array, starts: Sequence[int] | Any) -> Array:
@@ -159,15 +234,18 @@ def _broken(values: Array, starts: Sequence[int] | Any) -> Array:
     return np.insert(values, starts, np.nan, axis=0)
 
 
-def view_of(found: Sequence[Track], model: Model | None, shown: tuple[int, int], aspect: float) -> Box:
-    """Return what the figure shows, mm: the paths that do not run away, and the whole solid if it is not far larger."""
+def view_of(found: Sequence[Track], model: Model | None, onto: Array, aspect: float) -> Box:
+    """Return what the figure shows, mm: the paths that do not run away, and the whole solid if it is not far larger.
+
+    `onto` (N, 2) maps points, m, onto the figure.
+    """
     extent = [float(np.max(np.abs(each.hip))) for each in found]
     near = [each for each, far in zip(found, extent, strict=True) if far <= OUT_OF_SIGHT * float(np.median(extent))]
-    points = MM * np.vstack([np.vstack([each.hip, each.ihip]) for each in near])[:, list(shown)]
+    points = np.vstack([np.vstack([each.hip, each.ihip]) for each in near]) @ onto
     if model is not None and (model.dimension == 3 or model.boundary.closed):
-        ends = MM * np.reshape(model.boundary.bounds, (2, -1))[:, list(shown)]
-        if np.all(np.ptp(ends, axis=0) < 2.5 * np.ptp(points, axis=0).max()):
-            points = np.vstack([points, ends])
+        solid = (triangles_of(model.boundary)[0] if model.dimension == 3 else model.boundary.points(200)) @ onto
+        if np.all(np.ptp(solid, axis=0) < 2.5 * np.ptp(points, axis=0).max()):
+            points = np.vstack([points, solid])
     low, high = points.min(axis=0), points.max(axis=0)
     return box_round(0.5 * (low + high), 1.14 * (high - low), aspect)
 
@@ -225,7 +303,7 @@ def _draw_panel(axes: Axes, found: Sequence[Track], panel: Panel, looks: Mapping
             if values is None:
                 continue
             if panel.powers:
-                values = np.maximum(values, MM * LEAST)
+                values = np.maximum(values, panel.powers[0])
             time = each.time
             colour, dash = (style.role, style.dash) if k == 0 else (("one", "two", "three")[k - 1], DASHES[k])
             axes.plot(
@@ -236,6 +314,7 @@ def _draw_panel(axes: Axes, found: Sequence[Track], panel: Panel, looks: Mapping
             lows.append(float(values.min()))
     if panel.powers:
         axes.set_yscale("log")
+        axes.set_ylim(*panel.powers)
         return
     low, high = min(lows), max(highs)
     if high - low < 1e-9:

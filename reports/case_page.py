@@ -72,7 +72,7 @@ def write_case_page(
     path = folder / case_file(*case)
     section = case_section(case, entries, recordings, verdicts=verdicts, order=order)
     text = environment().get_template("case_page.html.j2").render(
-        section=section, around=around or Around(), first=entries[0], suite=case[0], name=case[1], files=ASSETS, note="",
+        section=section, around=around or Around(), first=entries[0], suite=case[0], name=case[1], files=ASSETS,
     )  # fmt: skip
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -213,7 +213,7 @@ def _document(
             {**run, "role": looks[each.name].role, "dash": looks[each.name].dash, "marker": looks[each.name].marker}
             for run, each in zip(runs, found, strict=True)
         ],
-        "panels": [{"label": each.label, "terms": each.terms, "powers": each.powers} for each in shown],
+        "panels": [{"label": each.label, "terms": each.terms, "range": each.powers} for each in shown],
         "model": packed_model(model, found, packer),
         "fine": fineness(found),
         **packer.document(),

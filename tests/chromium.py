@@ -95,22 +95,17 @@ class Chromium:
 
     def open(self, page: Path | str, *, fragment: str = "", width: int = 1440, height: int = 900, dark: bool = False,
              script: bool = True) -> None:  # fmt: skip
-        """Open a file and wait until it is loaded and its own script is done."""
-        self.events.clear()
+        """Open a file and wait until it is loaded."""
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", features=[scheme])
         self.call("Emulation.setScriptExecutionDisabled", value=not script)
         address = page if isinstance(page, str) else page.resolve().as_uri()
-        self.call("Page.navigate", url="about:blank")
-        self.call("Page.navigate", url=address + (f"#{fragment}" if fragment else ""))
-        if not script:
-            until = time.monotonic() + PATIENCE
-            while not any(each["method"] == "Page.loadEventFired" for each in self.events[1:]):
-                assert time.monotonic() < until
+        for url in ("about:blank", address + (f"#{fragment}" if fragment else "")):
+            self.events.clear()
+            self.call("Page.navigate", url=url)
+            while not any(each["method"] == "Page.loadEventFired" for each in self.events):
                 self.events.append(self._message())
-            return
-        self.until("document.readyState === 'complete'")
 
     def run(self, expression: str) -> Any:
         """Return the value of an expression of JavaScript, of a promise what it comes to."""

@@ -111,7 +111,7 @@
         button("+", "zoom in", () => this.zoom(1.6)), button("−", "zoom out", () => this.zoom(1 / 1.6)),
         button("hand", "close up on the hand", () => this.closeUp()), button("all", "show everything", () => this.fit()));
       if (this.space) bar.append(button("←", "turn to the left", () => this.rotate(-0.3, 0)), button("→", "turn to the right", () => this.rotate(0.3, 0)), button("↑", "tilt up", () => this.rotate(0, -0.3)), button("↓", "tilt down", () => this.rotate(0, 0.3)));
-      box.append(this.canvas, bar);
+      box.append(bar, this.canvas);
       this.listen();
       new ResizeObserver(() => this.resize()).observe(this.canvas);
     }
@@ -418,7 +418,7 @@
     drawLens(g) {
       const { middle, half } = this.now();
       const side = Math.round(LENS * Math.min(this.width, this.height));
-      if (!(half > 0) || half * this.scale > FINE * this.width || half < 2 * this.view.fine) return;
+      if (this.space || !(half > 0) || half * this.scale > FINE * this.width || half < 2 * this.view.fine) return;
       const times = (0.3 * side) / (half * this.scale);
       if (times < 2) return;
       const hand = this.screen(middle), corners = [[this.width - side - 6, 6], [6, 6], [this.width - side - 6, this.height - side - 6], [6, this.height - side - 24]];
@@ -473,7 +473,7 @@
       for (const run of runs) panel.terms.slice(0, alone ? undefined : 1).forEach(([name, label], k) => {
         const values = term(run, name);
         if (!values) return;
-        const cut = Array.from(values, (value) => (panel.powers ? Math.max(value, 1e-9) : value));
+        const cut = Array.from(values, (value) => (panel.range ? Math.max(value, panel.range[0]) : value));
         const times = Array.from(run.time);
         for (const start of [...run.starts].sort((a, b) => b - a)) {  // a hole in the clock is a hole in the line
           cut.splice(start, 0, null);
@@ -490,8 +490,8 @@
       const made = new window.uPlot({
         width: this.holder.clientWidth || 400, height: this.height(), series, legend: { show: false },
         cursor: { sync: { key: sync }, drag: { x: true, y: false }, points: { show: false } },
-        scales: { x: { time: false }, y: panel.powers ? { distr: 3 } : { range: (_, low, high) => zeroed(low, high) } },
-        axes: [{ ...axis, label: last ? "time (s)" : undefined, labelSize: 18, size: last ? 26 : 26 }, { ...axis, label: panel.label, labelSize: 18, size: 52 }],
+        scales: { x: { time: false }, y: panel.range ? { distr: 3, range: () => panel.range } : { range: (_, low, high) => zeroed(low, high) } },
+        axes: [{ ...axis, label: last ? "time (s)" : undefined, labelSize: 18, size: last ? 26 : 26 }, { ...axis, label: panel.label, labelSize: 18, size: 52, ...(panel.range ? { splits: () => decades(panel.range), values: (_, all) => all.map(power), filter: (_, all) => all } : {}) }],
       }, data, this.holder);
       made.root.setAttribute("role", "img");
       made.root.setAttribute("aria-label", `${panel.label} against time`);
@@ -515,6 +515,12 @@
       }
     }
   }
+
+  const decades = ([low, high]) => {
+    const first = Math.round(Math.log10(low)), last = Math.floor(Math.log10(high)), by = Math.max(1, Math.ceil((last - first) / 4));
+    return Array.from({ length: Math.floor((last - first) / by) + 1 }, (_, k) => 10 ** (first + by * k));
+  };
+  const power = (value) => `10${String(Math.round(Math.log10(value))).replace(/./g, (each) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(each)])}`;
 
   function zeroed(low, high) {
     low = Math.min(low ?? 0, 0); high = Math.max(high ?? 0, 0);
@@ -572,7 +578,7 @@
       const usual = speeds.find((each) => span / each <= 14) ?? 20;
       this.speed = element("select", { "aria-label": "speed" }, ...speeds.map((each) => element("option", { value: each, selected: each === usual }, `${each} ×`)));
       this.ticks = element("div", { class: "ticks", "aria-hidden": "true" });
-      for (const each of this.marks) this.ticks.append(element("i", { style: `left:${100 * (each.time - this.start) / (span || 1)}%;background:var(--fig-${each.run.role})` }));
+      for (const each of new Map(this.marks.map((mark) => [mark.time, mark])).values()) this.ticks.append(element("i", { style: `left:${100 * (each.time - this.start) / (span || 1)}%;background:var(--fig-${each.run.role})` }));
       views.after(
         element("div", { class: "transport" }, this.button, element("div", { class: "track" }, this.ticks, this.range), this.clock, this.speed),
         element("div", { class: "scroll-now", tabindex: "0", role: "region", "aria-label": "values at this time" }, (this.values = element("table", { class: "now" }))));
