@@ -226,7 +226,7 @@ def _made(
     progress(0, len(orders))
     made: dict[int, str | Drawing] = {}
     waiting = iter(enumerate(orders))
-    with Workers(make, workers) as crew:
+    with Workers(draw, workers) as crew:
         while True:
             for number, order in islice(waiting, crew.free):
                 crew.begin(number, order)
@@ -239,7 +239,7 @@ def _made(
                 progress(len(made), len(orders))
 
 
-def make(order: Page | Picture) -> str | Drawing:
+def draw(order: Page | Picture) -> str | Drawing:
     """Carry out an order."""
     return order.make()
 
