@@ -275,16 +275,25 @@ class Results:
         return self.folder / FILE
 
     def report(
-        self, *, progress: Callable[[int, int], None] | None = None, stopped: Callable[[], bool] | None = None
+        self,
+        *,
+        single_file: bool = False,
+        figures: Sequence[str] = (),
+        progress: Callable[[int, int], None] | None = None,
+        stopped: Callable[[], bool] | None = None,
     ) -> list[Path]:
-        """Write table.md, junit.xml and report.html beside results.json, and return all their paths.
+        """Write table.md, junit.xml, report/ and tables/ beside results.json, and return all their paths.
 
-        See `write_reports`. Raises `InputError` for results that lie in no folder.
+        With `single_file` report.html holds the pages of report/. `figures` are globs on `suite/case/renderer`: the
+        figures of these runs are written as SVG and PDF too. See `write_reports` and `write_figures`. Raises
+        `InputError` for results that lie in no folder.
         """
-        from hapticeval.reports import write_reports
+        from hapticeval.reports import write_figures, write_reports
 
         folder = self.file.parent
-        return [self.file, *write_reports(folder, progress=progress, workers=cores(), stopped=stopped)]
+        drawn = write_figures(folder, self.document, figures)
+        options: dict[str, Any] = {"single_file": single_file, "progress": progress, "stopped": stopped}
+        return [self.file, *write_reports(folder, workers=cores(), **options), *drawn]
 
     def __repr__(self) -> str:
         document = self.document

@@ -35,7 +35,7 @@ def carry_out_afar(work: Work, job: Job, directory: Path | None, seed: int) -> t
 def outcome_of(job: Job, judged: Judged, file: Path | None) -> JobFinished:
     """Return the entries of a judged job, and its recording where no file keeps it."""
     return JobFinished(
-        _run(job, judged, file), tuple(map(VerdictEntry.of, judged.verdicts)), judged.error, judged.recording
+        run_entry(job, judged, file), tuple(map(VerdictEntry.of, judged.verdicts)), judged.error, judged.recording
     )
 
 
@@ -70,7 +70,8 @@ def _alone(job: Job) -> str:
     return f"run the case alone under a debugger: -k {job.case.name}"
 
 
-def _run(job: Job, judged: Judged, file: Path | None) -> RunEntry:
+def run_entry(job: Job, judged: Judged, file: Path | None) -> RunEntry:
+    """Return the entry of a judged job, whose recording lies in `file` below the result folder."""
     case, error = job.case, judged.error
     return RunEntry(
         suite=job.suite,

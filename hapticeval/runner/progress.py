@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
 
 import msgspec
 
+from hapticeval.runner.commits import commits
 from hapticeval.runner.events import JobFinished
 from hapticeval.runner.planning import Plan
 from hapticeval.runner.results import (
@@ -45,6 +47,8 @@ class Progress:
         self.verdicts: list[VerdictEntry] = []
         self.runs: list[RunEntry] = []
         self.started = time.perf_counter()
+        self.date = datetime.now(UTC).isoformat(timespec="seconds")
+        self.commits = commits(plan)
         self.environment = Environment(**environment())
         self.suites = suite_entries(plan)
         self._save(RUNNING)
@@ -80,6 +84,8 @@ class Progress:
             table=fill_table(self.suites, self.verdicts),
             published_table={row.title: dict(row.published) for suite in plan.suites for row in suite.rows},
             suites=self.suites,
+            date=self.date,
+            commits=self.commits,
             timing=timing(self.runs, begun - self.started),
         )
         if self.directory is not None:

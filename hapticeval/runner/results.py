@@ -317,7 +317,8 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
     """Everything that a report needs. `planned` and `ran` count verdicts; an incomplete run has a `reason`.
 
     `runs` has one entry per suite, case and renderer, `verdicts` one per check of it. `table` holds what was found,
-    `published_table` what is in print.
+    `published_table` what is in print. `date` is when the run began (ISO 8601, UTC), "" where unknown, and `commits`
+    maps renderers to the commit of the repository that their source lies in, if it lies in one.
     """
 
     format_version: Literal[1] = FORMAT_VERSION
@@ -334,6 +335,8 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
     timing: Timing
     published_table: Table = {}
     suites: list[SuiteEntry] = []
+    date: str = ""
+    commits: dict[str, str] = {}
 
     def __post_init__(self) -> None:
         if not self.complete and not self.reason:
