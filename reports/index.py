@@ -86,7 +86,11 @@ def render_index(
     from hapticeval.phenomena.registry import CHECKS
 
     given = worst(results, MOST)
-    shown = [(verdict, (drawings or {}).get(verdict.key, Drawing())) for verdict in given]
+    first = {verdict.key: verdict for verdict in reversed(given)}  # of several failures of a run, one has the figure
+    shown = [
+        (verdict, (drawings or {}).get(verdict.key, Drawing()) if first[verdict.key] is verdict else Drawing())
+        for verdict in given
+    ]
     plots = [] if bench is None else bench_plots(bench)
     elements, styles = classed([drawing.svg for _, drawing in shown])
     known = {name: CHECKS[name] for name in dict.fromkeys(v.check for v in results.verdicts) if name in CHECKS}

@@ -1,6 +1,7 @@
 """The command line from outside: what it prints, what it writes, and the exit code that a gate reads."""
 
 import re
+import shutil
 import signal
 import subprocess
 import sys
