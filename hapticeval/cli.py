@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from hapticeval import __version__
-from hapticeval.commands import bench, draw, effects, judging, record, recordings, search, texture
+from hapticeval.commands import bench, draw, effects, judging, record, recordings, search, texture, viewing
 from hapticeval.commands.judging import EXIT_CODES
 from hapticeval.commands.terminal import say
 from hapticeval.errors import HapticevalError
@@ -106,6 +106,7 @@ for _command, _epilog, _short in (
     (recordings.inspect, recordings.INSPECTED, "Examine a recording: clock, channels, units, physics."),
     (recordings.convert, recordings.CONVERTED, "Convert foreign files, journals and recordings."),
     (judging.replay, judging.REPLAYED, "Lead renderers along a recorded hand path."),
+    (viewing.view, viewing.SHOWN, "Show a recording in a page, with a slider over time."),
     (recordings.compare, recordings.COMPARED, "Compare the force of runs that no clock can align."),
     (search.search, search.EXIT_CODES, "Find the smallest path that breaks a renderer."),
     (bench.bench, bench.EXIT_CODES, "Measure what accuracy costs in time."),

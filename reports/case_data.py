@@ -60,6 +60,8 @@ class Track:
     """Whether the hand was led along a given path."""
     off: Array | None = None
     """The HIP's signed distance (n,), m, from the surface that it is held on; None where nothing holds it."""
+    along: Array | None = None
+    """The speed (n,), m/s, of the HIP's foot along that surface."""
 
     @property
     def ihip(self) -> Array:
@@ -199,9 +201,27 @@ def _track(name: str, recording: Recording, rows: IntArray) -> Track:
     )
 
 
-def off_surface(track: Track, model: Model) -> Track:
-    """Return the run with its distance from the surface."""
-    return replace(track, off=model.boundary.signed_distance(track.hip))
+def held(track: Track, recording: Recording, model: Model) -> Track:
+    """Return the track of a recording with the motion across and along the surface that holds it."""
+    off, along = surface_motion(recording, model)
+    return replace(track, off=off[track.rows], along=along[track.rows])
+
+
+def surface_motion(recording: Recording, model: Model) -> tuple[Array, Array]:
+    """Return the HIP's signed distance (n,), m, and the speed of its foot along the surface (n,), m/s.
+
+    In the plane the speed has the sign of the tangent; P_T ẏ = (I + n W) ṗ.
+    """
+    frame = model.boundary.closest_point(recording.hip)
+    velocity = recording.velocity
+    across = np.sum(velocity * frame.normal, axis=1)[:, None] * frame.normal
+    count = recording.hip.shape[1]
+    stretch = np.eye(count) + frame.distance[:, None, None] * frame.shape
+    foot = np.linalg.solve(stretch, (velocity - across)[..., None])[..., 0]
+    if count == 2:
+        tangent = np.column_stack([-frame.normal[:, 1], frame.normal[:, 0]])
+        return frame.distance, np.sum(foot * tangent, axis=1)
+    return frame.distance, np.linalg.norm(foot, axis=1)
 
 
 @dataclass
@@ -298,8 +318,9 @@ def packed_runs(found: Sequence[Track], packer: Packer) -> list[dict[str, Any]]:
             "apart": add(each.apart),
             "force": add(each.force),
             "step": add(each.step) if each.led else None,
-            "hip_step": add(each.hip_step) if each.led else None,
+            "hip_step": add(each.hip_step) if each.led or each.apart is None else None,
             "off": add(each.off),
+            "along": add(each.along),
             "starts": each.starts.tolist(),
         }
         for each in found

@@ -41,7 +41,7 @@ EVERY = 12
 
 @dataclass(frozen=True)
 class Look:
-    """How a renderer is drawn: the role of its colour, its dashes and its marker, no two alike for 84 renderers."""
+    """How a renderer is drawn: the role of its colour, its dashes and its marker, no two alike of 28 renderers."""
 
     role: str
     dash: tuple[int, ...]
@@ -50,9 +50,7 @@ class Look:
 
 def look(index: int) -> Look:
     """Return the look of the renderer at a place in the order of the columns."""
-    return Look(
-        ROLES[index % len(ROLES)], DASHES[(index + index // len(ROLES)) % len(DASHES)], MARKERS[index % len(MARKERS)]
-    )
+    return Look(ROLES[index % len(ROLES)], DASHES[index % len(DASHES)], MARKERS[index % len(MARKERS)])
 
 
 @dataclass(frozen=True)
@@ -80,6 +78,8 @@ class Panel:
 def panels(found: Sequence[Track], *, held: bool) -> list[Panel]:
     """Return the panels of a case: force, and steps or depth; of a tool that is `held` on the surface its distance."""
     made = []
+    if all(each.hip.shape[1] == 2 and not each.hip[:, 0].any() for each in found):
+        made.append(Panel("place (mm)", (("hip.1", "HIP"), ("ihip.1", "IHIP"))))
     widest = max((each.hip.shape[1] for each in found), default=2)
     if any(each.force is not None for each in found):
         parts = tuple((f"force.{k}", f"F{'₁₂₃'[k]}") for k in range(widest))
@@ -87,12 +87,13 @@ def panels(found: Sequence[Track], *, held: bool) -> list[Panel]:
     if held:
         made.append(Panel("off the surface (mm)", (("off", "off"),)))
         made.append(Panel("the same, size (mm)", (("|off|", "off"),), powers=_powers(found)))
+        made.append(Panel("speed along it (m/s)", (("along", "along"),)))
     elif any(each.apart is None for each in found) and len(found) == 1:
         made.append(Panel("HIP step a tick (mm)", (("hip_step", "HIP"),)))
     elif all(each.led for each in found):
         made.append(Panel("step a tick (mm)", (("step", "IHIP"), ("hip_step", "HIP"))))
     else:
-        made.append(Panel("depth |IHIP − HIP| (mm)", (("|apart|", "depth"),)))  # noqa: RUF001
+        made.append(Panel("depth (mm)", (("|apart|", "depth"),)))
     return made
 
 
@@ -110,7 +111,7 @@ def term(each: Track, name: str) -> Array | None:
     values: Array | None = getattr(each, channel)
     if values is None:
         return None
-    scale = 1.0 if channel == "force" else MM
+    scale = 1.0 if channel in ("force", "along") else MM
     if column:
         return scale * values[:, int(column)] if int(column) < values.shape[1] else None
     if name.startswith("|"):
@@ -125,12 +126,14 @@ def plane_svg(
     looks: Mapping[str, Look],
     places: Sequence[Place],
     *,
+    crosses: Mapping[str, Sequence[float]],
     prefix: str,
     title: str,
 ) -> str:
     """Return the model with the paths of all runs as an SVG element; `places` are ringed and numbered.
 
-    A run in space is seen along the last row of `TURN`; what the model hides of it is drawn faintly.
+    `crosses` are points, m, by renderer: where it refuses the model. A run in space is seen along the last row of
+    `TURN`; what the model hides of it is drawn faintly.
     """
     space = found[0].hip.shape[1] == 3
     onto = MM * (TURN[:2].T if space else np.eye(2))
@@ -158,6 +161,8 @@ def plane_svg(
                 *where[-1], marker="o", markersize=9.0, markerfacecolor="none", markeredgewidth=1.3,
                 color=drawn(looks[each.name].role), zorder=5,
             )  # fmt: skip
+        for name, position in crosses.items():
+            axes.plot(*(np.array(position) @ onto), marker="x", markersize=8.0, color=drawn(looks[name].role), zorder=5)
         for point, text in labels([place.number for place in places], where, 0.05 * (view[2] - view[0])):
             axes.annotate(text, tuple(point), xytext=(5.5, 3.5), textcoords="offset points", fontsize=8, zorder=6)
         axes.set(xlim=view[::2], ylim=view[1::2], aspect="auto")

@@ -12,22 +12,27 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from hapticeval.errors import HapticevalError
+from hapticeval.errors import HapticevalError, InputError
 from hapticeval.files import replacing
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.case_data import Packer, Track, fineness, off_surface, packed_runs, placed, tracks
+from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
+from hapticeval.reports.case_data import Packer, Track, fineness, held, packed_runs, placed, tracks
 from hapticeval.reports.case_figure import Look, Panel, Place, look, panels, panels_svg, plane_svg
 from hapticeval.reports.case_model import packed_model
 from hapticeval.reports.places import ASSETS as ASSET_FOLDER
-from hapticeval.reports.places import case_file
-from hapticeval.reports.scene_words import ended_words, robot_words, scene_words
+from hapticeval.reports.places import INDEX, ROOT, case_file
+from hapticeval.reports.plane import refusal_svg
+from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
 from hapticeval.reports.templates import environment
 from hapticeval.runner.results import RunEntry, VerdictEntry
 
 ASSETS = ("report.css", "case.css", "uPlot.min.css", "uPlot.iife.min.js", "case.js")
 """Style sheets and scripts of a case page, in the order in which it needs them."""
+
+OURS = {INDEX, ASSET_FOLDER}
+"""What a folder of a view holds."""
 
 LICENCES = ("LICENSE-uPlot.txt",)
 
@@ -71,8 +76,34 @@ def write_case_page(
     """
     path = folder / case_file(*case)
     section = case_section(case, entries, recordings, verdicts=verdicts, order=order)
+    _write_page(path, section, entries[0], around or Around(), ROOT)
+    return path
+
+
+def write_view(
+    folder: Path, entry: RunEntry, recording: Recording, verdicts: Sequence[VerdictEntry], *, note: str = ""
+) -> Path:
+    """Write one recorded run as `folder`/index.html, with all that the page needs beside it, and return its path.
+
+    Raises `InputError` for a folder that holds other files than those of an earlier page.
+    """
+    held_there = {each.name for each in folder.iterdir()} if folder.is_dir() else {""} if folder.exists() else set()
+    if held_there and not held_there >= OURS:
+        raise InputError(
+            f"'{folder}' is not empty and holds no page of an earlier view",
+            why="files that hapticeval did not write are never overwritten",
+            todo="name a new or an empty folder with -o",
+        )
+    case, path = (entry.suite, entry.case), folder / INDEX
+    section = case_section(case, [entry], {entry.renderer: recording}, verdicts={entry.renderer: verdicts}, note=note)
+    write_assets(folder)
+    _write_page(path, section, entry, Around(), "")
+    return path
+
+
+def _write_page(path: Path, section: str, first: RunEntry, around: Around, root: str) -> None:
     text = environment().get_template("case_page.html.j2").render(
-        section=section, around=around or Around(), first=entries[0], suite=case[0], name=case[1], files=ASSETS,
+        section=section, around=around, first=first, files=ASSETS, root=root
     )  # fmt: skip
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -80,7 +111,6 @@ def write_case_page(
             temporary.write_text(text, encoding="utf-8")
     except OSError as error:
         raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
-    return path
 
 
 def write_assets(folder: Path) -> None:
@@ -108,10 +138,11 @@ def case_section(
     verdicts: Mapping[str, Sequence[VerdictEntry]],
     order: Sequence[str] = (),
     prefix: str = "c",
+    note: str = "",
 ) -> str:
     """Return what a page shows of a case, as an HTML element; `prefix` keeps the ids of several apart.
 
-    Everything that comes from results is escaped.
+    A `note` stands beside the scene. Everything that comes from results is escaped.
     """
     from hapticeval.phenomena.registry import CHECKS
 
@@ -124,27 +155,50 @@ def case_section(
     times = {name: [t for v in verdicts.get(name, ()) if (t := time_of(v)) is not None] for name in whole}
     found = tracks({name: whole[name] for name in names if name in whole}, times)
     model = model_of(entries[0])
+    if model is not None and found and model.dimension != found[0].hip.shape[1]:
+        model = None
+    crosses = {
+        entry.renderer: entry.refusal.position
+        for entry in entries
+        if entry.refusal is not None and entry.refusal.position is not None
+    }
+    places = _places(given, {each.name for each in found})
     figures: dict[str, str] = {}
     data: dict[str, Any] = {}
-    places = _places(given, {each.name for each in found})
+    label = "/".join(case)
     if found:
-        held = model is not None and entries[0].scene.bilateral and not any(each.led for each in found)
-        if held:
-            found = [off_surface(each, model) for each in found]
-        title = f"{'/'.join(case)}: {', '.join(each.name for each in found)}"
-        shown = panels(found, held=held)
+        bilateral = entries[0].scene.bilateral and not any(each.led for each in found)
+        if model is not None and bilateral:
+            found = [held(each, whole[each.name], model) for each in found]
+        shown = panels(found, held=model is not None and bilateral)
+        title = f"{label}: {', '.join(each.name for each in found)}"
         figures = {
-            "plane": plane_svg(found, model, looks, places, prefix=f"{prefix}p", title=f"{title}: paths on the model"),
+            "plane": plane_svg(
+                found, model, looks, places, crosses=crosses, prefix=f"{prefix}p", title=f"{title}: paths on the model"
+            ),
             "plots": panels_svg(
-                found, shown, looks, places, prefix=f"{prefix}t", title=f"{title}: force and steps against time"
+                found, shown, looks, places, prefix=f"{prefix}t", title=f"{title}: force and motion against time"
             ),
         }
-        data = _document(found, shown, model, looks)
+        data = {**_document(found, shown, model, looks), "crosses": crosses}
+    elif crosses and model is not None and model.dimension == 2:
+        title = f"{label}: the outline of the model, and where renderers refuse it"
+        figures = {"refused": refusal_svg(model, next(iter(crosses.values())), prefix=f"{prefix}p", title=title)}
+    charts = [
+        (
+            name,
+            atlas_svg(each, model, prefix=f"{prefix}a{k}", title=f"{name} in {label}: the charts"),
+            charts_words(each),
+        )
+        for k, (name, each) in enumerate(whole.items())
+        if model is not None and has_charts(each)
+    ]
     return environment().get_template("case_section.html.j2").render(
-        suite=case[0], name=case[1], entries=entries, looks=looks, verdicts=verdicts, problems=problems,
-        checks=_by_check(given), known=CHECKS, figures=figures, data=_script(data), time_of=time_of,
-        scene_words=scene_words, robot_words=robot_words, ended_words=ended_words,
-        places={(each.renderer, each.time): each.number for each in places}, tracks={each.name for each in found},
+        suite=case[0], name=case[1], entries=entries, looks=looks, verdicts=verdicts, problems=problems, model=model,
+        checks=_by_check(given), known=CHECKS, figures=figures, data=_script(data), charts=charts, time_of=time_of,
+        scene_words=scene_words, robot_words=robot_words, ended_words=ended_words, figures_cited=figures_cited,
+        note=note, places={(each.renderer, each.time): each.number for each in places},
+        tracks={each.name for each in found},
     )  # fmt: skip
 
 

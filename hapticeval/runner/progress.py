@@ -52,7 +52,7 @@ class Progress:
 
     def add(self, job: Job, judged: Judged, file: Path | None) -> JobFinished:
         """Take what came of a job, and return the event that reports it."""
-        run = _run(job, judged, file)
+        run = run_entry(job, judged, file)
         verdicts = tuple(map(VerdictEntry.of, judged.verdicts))
         self.runs.append(run)
         self.verdicts += verdicts
@@ -107,7 +107,8 @@ class Progress:
         return results
 
 
-def _run(job: Job, judged: Judged, file: Path | None) -> RunEntry:
+def run_entry(job: Job, judged: Judged, file: Path | None) -> RunEntry:
+    """Return the entry of a judged job, whose recording lies in `file` below the result folder."""
     case = job.case
     return RunEntry(
         suite=job.suite,

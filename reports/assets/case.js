@@ -47,14 +47,14 @@
     for (let k = 0; k < n; k++) touches[k] = apart && apart.some((column) => column[k] !== 0) ? 1 : 0;
     return {
       ...spec, time: of(spec.time)[0], hipNumber: spec.hip, hip, apart, ihip, force: of(spec.force), step: of(spec.step),
-      hip_step: of(spec.hip_step), off: of(spec.off), starts: new Set(spec.starts), touches, shown: true,
+      hip_step: of(spec.hip_step), off: of(spec.off), along: of(spec.along), starts: new Set(spec.starts), touches, shown: true,
     };
   }
 
   /** What a panel draws of a run, as Python's `case_figure.term`. */
   function term(run, name) {
     const [channel, column] = name.replaceAll("|", "").split(".");
-    const columns = run[channel], scale = channel === "force" ? 1 : MM;
+    const columns = run[channel], scale = channel === "force" || channel === "along" ? 1 : MM;
     if (!columns || (column && !columns[column])) return null;
     if (column) return Float64Array.from(columns[column], (value) => scale * value);
     if (!name.startsWith("|")) return Float64Array.from(columns[0], (value) => scale * value);
@@ -361,6 +361,16 @@
         const near = [...places.keys()].find((key) => Math.hypot(key[0] - x, key[1] - y) < 16);
         if (near) places.get(near).push(number); else places.set([x, y], [number]);
       }
+      for (const [name, position] of Object.entries(this.view.crosses)) {
+        const [x, y] = this.screen(this.flat(position.map((each) => [each]), 0));
+        g.strokeStyle = colour("ink");
+        g.beginPath();
+        g.moveTo(x - 5, y - 5); g.lineTo(x + 5, y + 5); g.moveTo(x + 5, y - 5); g.lineTo(x - 5, y + 5);
+        g.stroke();
+        g.font = "11px system-ui, sans-serif";
+        g.fillStyle = colour("quiet");
+        g.fillText(`${name} refuses`, x + 9, y + 12);
+      }
       g.fillStyle = colour("ink");
       g.font = "11px system-ui, sans-serif";
       for (const [[x, y], numbers] of places) g.fillText(numbers.join(","), x + 8, y - 6);
@@ -463,6 +473,7 @@
     make() {
       const range = this.made[0] && [this.made[0].scales.x.min, this.made[0].scales.x.max];
       this.made.forEach((each) => each.destroy());
+      this.holder.replaceChildren();
       this.made = this.panels.map((panel, index) => this.plot(panel, index));
       if (range && isFinite(range[0])) this.made[0].setScale("x", { min: range[0], max: range[1] });
       this.move();
@@ -483,6 +494,7 @@
         const roles = [run.role, "one", "two", "three"], dashes = [run.dash, [6, 2], [2, 2], [6, 2, 2, 2]];
         series.push({ label: alone ? label : run.name, stroke: colour(roles[k]), dash: dashes[k].length ? dashes[k] : undefined, width: k ? 1.1 : 1.6, points: { show: false } });
       });
+      this.holder.append(element("div", { class: "keys", "aria-hidden": "true" }, ...(alone ? series.slice(1).map((each) => keyed(each)) : [])));
       if (!tables.length) tables.push([[this.view.start, this.view.end], [null, null]]), series.push({});
       const data = window.uPlot.join(tables), last = index === this.panels.length - 1;
       const axis = { stroke: colour("ink"), grid: { stroke: colour("grid"), width: 1 }, ticks: { stroke: colour("grid"), width: 1 }, font: "11px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
@@ -516,6 +528,13 @@
     }
   }
 
+  /** A line's look and its name. */
+  function keyed(series) {
+    const dash = series.dash ? ` stroke-dasharray="${series.dash.join(" ")}"` : "", made = element("span", { style: `color:${series.stroke}` });
+    made.innerHTML = `<svg viewBox="0 0 22 8" width="22" height="8"><path d="M0 4H22" stroke="currentColor" stroke-width="2"${dash}/></svg>`;
+    return element("span", {}, made, ` ${series.label}`);
+  }
+
   const decades = ([low, high]) => {
     const first = Math.round(Math.log10(low)), last = Math.floor(Math.log10(high)), by = Math.max(1, Math.ceil((last - first) / 4));
     return Array.from({ length: Math.floor((last - first) / by) + 1 }, (_, k) => 10 ** (first + by * k));
@@ -537,6 +556,7 @@
       this.runs = document_.runs.map((spec) => makeRun(spec, arrays));
       this.closed = document_.model?.closed ?? false;
       this.fine = document_.fine;
+      this.crosses = document_.crosses;
       const far = this.runs.map((run) => run.hip.reduce((most, column) => column.reduce((m, value) => Math.max(m, Math.abs(value)), most), 0));
       const median = [...far].sort((a, b) => a - b)[far.length >> 1];
       this.runs.forEach((run, k) => { run.near = far[k] <= 3 * median; });
