@@ -102,8 +102,9 @@ def render_index(
         return f"#{anchor(suite, case)}" if single else case_file(suite, case)
 
     def to(entry: VerdictEntry | RunEntry) -> str:
-        more = (entry.check,) if isinstance(entry, VerdictEntry) else ()
-        inside = f"#{anchor(entry.suite, entry.case, entry.renderer, *more)}"
+        if isinstance(entry, RunEntry):
+            return page(entry.suite, entry.case)
+        inside = f"#{anchor(*entry.key, entry.check)}"
         return inside if single else case_file(entry.suite, entry.case) + inside
 
     return environment().get_template("index.html.j2").render(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import make_effect
 from hapticeval.effects.effect import Stage
@@ -16,6 +18,8 @@ LOOPS = {
 }
 SURFACE = (None, Stage.ANSWER)
 """Stages of the surface's effects."""
+
+FIGURES = re.compile(r"Figures? \d+\.\d+(?:(?:,| and| to) \d+\.\d+)*")
 
 
 def scene_words(run: RunEntry) -> str:
@@ -59,3 +63,12 @@ def ended_words(run: RunEntry) -> str:
         return ""
     why = f" ({ended.why})" if ended.why else ""
     return f"ended early at t = {ended.time:.4g} s, tick {ended.tick}: {ended.what}{why}"
+
+
+def figures_cited(run: RunEntry) -> str:
+    """The figures of the thesis that a case's citation names, for instance "Figures 6.22 and 7.3"; "" for none."""
+    found = [each.split(" ", 1)[1] for each in FIGURES.findall(run.citation or "")]
+    if not found:
+        return ""
+    several = len(found) > 1 or not re.fullmatch(r"\d+\.\d+", found[0])
+    return f"Figure{'s' if several else ''} {' and '.join(found)}"

@@ -20,7 +20,7 @@ from hapticeval.effects.viscosity import Viscosity
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.reports import junit, markdown, render_index, summaries
 from hapticeval.reports.grid import measured
-from hapticeval.reports.scene_words import ended_words, robot_words, scene_words
+from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
 from hapticeval.reports.table import LIMIT
 from hapticeval.runner.results import Ended, Robot
 
@@ -214,6 +214,20 @@ def test_a_point_mass_has_metres_and_newtons_for_joints():
     mass = {"device": Robot(kind="point-mass"), "inner_loop": InnerLoop.STATIC}
     words = robot_words(run(**mass, effects=[Encoder(1e-5).document(), Saturation(2.0).document()]))
     assert words == "point-mass; encoders of 0.01 mm a count, motors saturate at 2 N"
+
+
+@pytest.mark.parametrize(
+    ("citation", "figures"),
+    [
+        ("6.3.3, Table 6.2, Figure 6.22; 7.3.2, (7.38), Figure 7.3", "Figures 6.22 and 7.3"),
+        ("7.4.2, Figures 7.6 to 7.8", "Figures 7.6 to 7.8"),
+        ("6.3.2, Table 6.1, Figure 6.19; 7.3.1, (7.28)", "Figure 6.19"),
+        ("6.3.2, (6.17), Table 6.1", ""),
+        (None, ""),
+    ],
+)
+def test_figures_by_their_numbers(citation, figures):
+    assert figures_cited(synthetic_run("lobe", "plain", "cassinian", citation=citation)) == figures
 
 
 def test_a_run_that_ended_early_is_told_in_every_report(results):
