@@ -37,6 +37,9 @@ JUMPS = 4.0
 FULL = 32767
 """The largest number that an array of 16 bits has."""
 
+DRAWN = 8191
+"""The largest number of what is drawn against time only, in plots of 200 px."""
+
 
 @dataclass(frozen=True)
 class Track:
@@ -95,19 +98,17 @@ def tracks(
         asked = [
             [int(np.argmin(np.abs(recordings[name].time - time))) for time in times.get(name, ())] for name in names
         ]
-        rows = np.unique(
-            np.concatenate([kept(recordings[name], ticks, count) for name, ticks in zip(names, asked, strict=True)])
-        )
-        if rows.size > 2 * count:
-            special = [_special(recordings[name], ticks) for name, ticks in zip(names, asked, strict=True)]
-            rows = np.union1d(kept(recordings[names[0]], asked[0], count), np.concatenate(special))
+        each = [kept(recordings[name], ticks, count, len(names)) for name, ticks in zip(names, asked, strict=True)]
+        rows = np.unique(np.concatenate(each))
         for name in names:
             found[name] = _track(name, recordings[name], rows)
     return [found[name] for name in recordings]
 
 
-def kept(recording: Recording, ticks: Collection[int], count: int = SAMPLES) -> IntArray:
+def kept(recording: Recording, ticks: Collection[int], count: int = SAMPLES, sharing: int = 1) -> IntArray:
     """Return the rows to show: `ticks` and those beside them, gaps, contacts, jumps, extremes, and the rest evenly.
+
+    Of several runs `sharing` their rows each chooses fewer.
 
     Jumps and what else happens from one row to the next is kept with the row before.
     """
@@ -116,8 +117,8 @@ def kept(recording: Recording, ticks: Collection[int], count: int = SAMPLES) -> 
         return np.arange(n)
     chosen = _special(recording, ticks)
     for signal in _signals(recording):
-        chosen = np.union1d(chosen, _extremes(signal, count // (2 * SHARE)))
-    left = max(count - chosen.size, count // 4)
+        chosen = np.union1d(chosen, _extremes(signal, count // (2 * SHARE * sharing)))
+    left = max(count // sharing - chosen.size, count // (4 * sharing))
     even = np.linspace(0, n - 1, left // 3)
     return np.union1d(np.union1d(chosen, even.astype(np.int64)), _along(recording, left - left // 3))
 
@@ -310,17 +311,20 @@ def packed_runs(found: Sequence[Track], packer: Packer) -> list[dict[str, Any]]:
             held[key] = packer.add(values, **how)
         return held[key]
 
+    def drawn(values: Array | None) -> int | None:
+        return None if values is None else add(values, scale=float(np.max(np.abs(values))) / DRAWN or 1.0)
+
     return [
         {
             "name": each.name,
             "time": add(each.time, scale=tick_scale(each.time)),
             "hip": add(each.hip, scale=fine),
             "apart": add(each.apart),
-            "force": add(each.force),
-            "step": add(each.step) if each.led else None,
-            "hip_step": add(each.hip_step) if each.led or each.apart is None else None,
+            "force": drawn(each.force),
+            "step": drawn(each.step) if each.led else None,
+            "hip_step": drawn(each.hip_step) if each.led or each.apart is None else None,
             "off": add(each.off),
-            "along": add(each.along),
+            "along": drawn(each.along),
             "starts": each.starts.tolist(),
         }
         for each in found

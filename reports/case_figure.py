@@ -5,6 +5,7 @@ One shows the model with the hand's path and where each renderer put the tool; t
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -170,7 +171,7 @@ def plane_svg(
             _draw_directions(axes, view)
         else:
             name_axes(axes, (0, 1), 2)
-        return page_svg(made, prefix=prefix, title=title)
+        return compact(page_svg(made, prefix=prefix, title=title))
 
 
 def _draw_path(axes: Axes, each: Track, ihip: Array, style: Look, hidden: BoolArray | None) -> None:
@@ -198,7 +199,6 @@ def _hidden(each: Track, model: Model | None) -> BoolArray | None:
 def _draw_solid(axes: Axes, model: Model) -> None:
     """What a solid covers, and the edges at which it turns away from the eye or is sharp."""
     import shapely
-    from matplotlib.collections import LineCollection
 
     vertices, rows = triangles_of(model.boundary)
     corners = MM * vertices @ TURN[:2].T
@@ -215,8 +215,9 @@ def _draw_solid(axes: Axes, model: Model) -> None:
     first, second = owner[order[::2]], owner[order[1::2]]
     sharp = np.sum(normals[first] * normals[second], axis=1) < np.cos(FOLD)
     drawn_edges = (facing[first] != facing[second]) | (sharp & (facing[first] | facing[second]))
-    lines = list(corners[ends[order[::2][drawn_edges]]])
-    axes.add_collection(LineCollection(lines, colors=drawn("ink"), linewidths=0.8, zorder=1))
+    lines = corners[ends[order[::2][drawn_edges]]]
+    apart = np.concatenate([lines, np.full((len(lines), 1, 2), np.nan)], axis=1).reshape(-1, 2)
+    axes.plot(*apart.T, color=drawn("ink"), linewidth=0.8, zorder=1)
 
 
 def _draw_directions(axes: Axes, view: Box) -> None:
@@ -296,7 +297,7 @@ def panels_svg(
                 for time, text in labels([place.number for place in places], times, 0.03 * (end - start)):
                     axes.annotate(text, (float(time[0]), 1.0), xycoords=("data", "axes fraction"), xytext=(0, 1),
                                   textcoords="offset points", ha="center", fontsize=7.5)  # fmt: skip
-        return page_svg(made, prefix=prefix, title=title)
+        return compact(page_svg(made, prefix=prefix, title=title))
 
 
 def _draw_panel(axes: Axes, found: Sequence[Track], panel: Panel, looks: Mapping[str, Look], *, alone: bool) -> None:
@@ -326,3 +327,28 @@ def _draw_panel(axes: Axes, found: Sequence[Track], panel: Panel, looks: Mapping
         high = 1.0
     pad = 0.07 * (high - low)
     axes.set_ylim(low - (pad if low < 0.0 else 0.3 * pad), high + pad)
+
+
+def compact(svg: str) -> str:
+    """Return the same figure with its lines to a tenth of a point, each point by its distance from the last."""
+    return re.sub(r' d="([^"A-KN-Za-y]*)"', lambda found: f' d="{_stepwise(found[1])}"', svg)
+
+
+def _stepwise(path: str) -> str:
+    parts, at = [], (0, 0)
+    for stroke in path.replace("L", " ").split("M")[1:]:
+        closed = stroke.rstrip().endswith("z")
+        numbers = [round(10.0 * float(each)) for each in stroke.replace("z", " ").split()]
+        steps: list[str] = []
+        for x, y in zip(numbers[::2], numbers[1::2], strict=True):
+            if not steps or (x, y) != at:
+                steps.append(f"{_tenth(x - at[0])} {_tenth(y - at[1])}")
+                at = (x, y)
+        parts.append("m" + " ".join(steps).replace(" -", "-") + ("z" if closed else ""))
+        if closed:
+            at = (numbers[0], numbers[1])
+    return "".join(parts)
+
+
+def _tenth(value: int) -> str:
+    return f"{value / 10:.1f}".replace("-0.", "-.").removesuffix(".0").removeprefix("0") or "0"

@@ -6,6 +6,7 @@ Without script the page shows figures and verdicts; the script in `assets/` move
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -18,8 +19,9 @@ from hapticeval.geometry.model import Model
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
+from hapticeval.reports.canvas import classed
 from hapticeval.reports.case_data import Packer, Track, fineness, held, packed_runs, placed, tracks
-from hapticeval.reports.case_figure import Look, Panel, Place, look, panels, panels_svg, plane_svg
+from hapticeval.reports.case_figure import Look, Panel, Place, compact, look, panels, panels_svg, plane_svg
 from hapticeval.reports.case_model import packed_model
 from hapticeval.reports.places import ASSETS as ASSET_FOLDER
 from hapticeval.reports.places import INDEX, ROOT, case_file
@@ -184,22 +186,28 @@ def case_section(
     elif crosses and model is not None and model.dimension == 2:
         title = f"{label}: the outline of the model, and where renderers refuse it"
         figures = {"refused": refusal_svg(model, next(iter(crosses.values())), prefix=f"{prefix}p", title=title)}
-    charts = [
-        (
-            name,
-            atlas_svg(each, model, prefix=f"{prefix}a{k}", title=f"{name} in {label}: the charts"),
-            charts_words(each),
-        )
-        for k, (name, each) in enumerate(whole.items())
-        if model is not None and has_charts(each)
-    ]
+    charts = []
+    for name, each in whole.items():
+        if model is not None and has_charts(each):
+            title, key = f"{name} in {label}: the charts", f"charts of {name}"
+            figures[key] = compact(atlas_svg(each, model, prefix=f"{prefix}a{len(charts)}", title=title))
+            charts.append((name, key, charts_words(each)))
+    figures, rules = _classed(figures, prefix)
     return environment().get_template("case_section.html.j2").render(
         suite=case[0], name=case[1], entries=entries, looks=looks, verdicts=verdicts, problems=problems, model=model,
-        checks=_by_check(given), known=CHECKS, figures=figures, data=_script(data), charts=charts, time_of=time_of,
+        checks=_by_check(given), known=CHECKS, figures=figures, rules=rules, data=_script(data), charts=charts,
+        time_of=time_of, prefix=prefix, numbers={name: k for k, name in enumerate(names)}, note=note,
         scene_words=scene_words, robot_words=robot_words, ended_words=ended_words, figures_cited=figures_cited,
-        note=note, places={(each.renderer, each.time): each.number for each in places},
+        places={(each.renderer, each.time): each.number for each in places},
         tracks={each.name for each in found},
     )  # fmt: skip
+
+
+def _classed(figures: Mapping[str, str], prefix: str) -> tuple[dict[str, str], str]:
+    """Return the figures with their styles as classes of names that begin with `prefix`, and the rules of these."""
+    elements, rules = classed(list(figures.values()))
+    named = [re.sub(r'class="z(\d+)"', rf'class="{prefix}\1"', each) for each in elements]
+    return dict(zip(figures, named, strict=True)), re.sub(r"^\.z(\d+)", rf".{prefix}\1", rules, flags=re.MULTILINE)
 
 
 def _script(document: dict[str, Any]) -> str:

@@ -2,7 +2,7 @@
 // The moving part of a case page: unpacks the runs, and moves HIP and IHIP over model and plots with one slider.
 // Everything that it shows is in the page as figures too; without script those stay.
 (() => {
-  const MM = 1e3, MARKERS = 14, RAYS = 60, FINE = 0.06, LENS = 0.36;
+  const MM = 1e3, MARKERS = 14, CHUNK = 8, RAYS = 60, FINE = 0.06, LENS = 0.36;
   const plots = [];  // all uPlot instances, to be made anew where colours change
 
   // --- data -------------------------------------------------------------------------------------------------------
@@ -62,7 +62,11 @@
   }
 
   // --- how things are drawn -----------------------------------------------------------------------------------------
-  const colour = (role) => getComputedStyle(document.documentElement).getPropertyValue(`--fig-${role}`).trim() || "#888";
+  const colours = new Map();
+  const colour = (role) => {
+    if (!colours.has(role)) colours.set(role, getComputedStyle(document.documentElement).getPropertyValue(`--fig-${role}`).trim() || "#888");
+    return colours.get(role);
+  };
 
   function marker(g, kind, x, y, r) {
     g.beginPath();
@@ -106,7 +110,7 @@
       if (model?.vertices !== undefined) this.mesh = this.meshOf(arrays[model.vertices], arrays[model.triangles]);
       this.turn = model?.turn ?? [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
       this.home = JSON.stringify(this.turn);
-      const button = (text, label, act) => element("button", { type: "button", "aria-label": label, title: label, onclick: () => { act(); this.draw(); } }, text);
+      const button = (text, label, act) => element("button", { type: "button", "aria-label": /\w/.test(text) ? null : label, title: label, onclick: () => { act(); this.draw(); } }, text);
       const bar = element("div", { class: "zoom", role: "group", "aria-label": "view of the model" },
         button("+", "zoom in", () => this.zoom(1.6)), button("−", "zoom out", () => this.zoom(1 / 1.6)),
         button("hand", "close up on the hand", () => this.closeUp()), button("all", "show everything", () => this.fit()));
@@ -268,36 +272,37 @@
         const n = normals[k], facing = n[0] * eye[0] + n[1] * eye[1] + n[2] * eye[2];
         if (facing > 0) { const m = middles[k]; order.push([m[0] * eye[0] + m[1] * eye[1] + m[2] * eye[2], k, facing]); }
       }
-      const parts = order;
-      for (const [run, columns, role, dash, width] of this.curves()) {
-        g.setLineDash([]);
-        for (let k = 1; k < columns[0].length; k++) {
-          if (run.starts.has(k)) continue;
-          parts.push([0.5 * (this.depth(columns, k - 1) + this.depth(columns, k)), columns, k, role, dash, width]);
+      for (const [run, columns, role, , width] of this.curves()) {
+        for (let k = 1; k < columns[0].length; k += CHUNK) {  // some segments at a time, at the depth of their middle
+          const end = Math.min(k + CHUNK, columns[0].length);
+          order.push([this.depth(columns, (k + end - 1) >> 1), columns, k, role, width, end, run]);
         }
       }
-      parts.sort((a, b) => a[0] - b[0]);
-      const dark = matchMedia("(prefers-color-scheme: dark)").matches, ink = colour("ink"), roles = {};
-      for (const part of parts) {
+      order.sort((a, b) => a[0] - b[0]);
+      const dark = matchMedia("(prefers-color-scheme: dark)").matches, points = [];
+      for (let k = 0; k < vertices[0].length; k++) points.push(this.screen(this.flat(vertices, k)));
+      g.setLineDash([]);
+      for (const part of order) {
+        g.beginPath();
         if (part.length === 3) {
-          const shade = dark ? 38 + 46 * part[2] : 190 + 52 * part[2];
+          const shade = Math.round(dark ? 38 + 46 * part[2] : 190 + 52 * part[2]);
           g.fillStyle = `rgba(${shade},${shade + 3},${shade + 8},.62)`;
-          g.beginPath();
-          for (const column of triangles) g.lineTo(...this.screen(this.flat(vertices, Math.round(column[part[1]]))));
+          for (const column of triangles) g.lineTo(...points[Math.round(column[part[1]])]);
           g.closePath();
           g.fill();
-          g.strokeStyle = `rgba(${dark ? "150,158,170" : "110,118,130"},.16)`;
+          g.strokeStyle = dark ? "rgba(150,158,170,.16)" : "rgba(110,118,130,.16)";
           g.lineWidth = 0.5;
-          g.stroke();
         } else {
-          const [, columns, k, role, , width] = part;
-          g.strokeStyle = role === "ink" ? ink : (roles[role] ??= colour(role));
+          const [, columns, first, role, width, end, run] = part;
+          g.strokeStyle = colour(role);
           g.lineWidth = width;
-          g.beginPath();
-          g.moveTo(...this.screen(this.flat(columns, k - 1)));
-          g.lineTo(...this.screen(this.flat(columns, k)));
-          g.stroke();
+          g.moveTo(...this.screen(this.flat(columns, first - 1)));
+          for (let k = first; k < end; k++) {
+            const point = this.screen(this.flat(columns, k));
+            if (run.starts.has(k)) g.moveTo(...point); else g.lineTo(...point);
+          }
         }
+        g.stroke();
       }
     }
 
@@ -716,6 +721,6 @@
   }
 
   addEventListener("hashchange", follow);
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", async () => { for (const each of views.values()) { const view = await each; view.scene.draw(); view.plots.make(); } });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", async () => { colours.clear(); for (const each of views.values()) { const view = await each; view.scene.draw(); view.plots.make(); } });
   if (document.readyState === "loading") addEventListener("DOMContentLoaded", start); else start();
 })();
