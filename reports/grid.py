@@ -42,11 +42,13 @@ class State(StrEnum):
         """The state of several verdicts, in a sentence after their number."""
         special = {
             State.ERROR: "in error",
-            State.DIFFERS: "differ from what is published",
-            State.KNOWN: "fail as published",
+            State.FAIL: "failed",
+            State.DIFFERS: "differed from what is published",
+            State.WARNING: "with a warning",
+            State.KNOWN: "failed as published",
+            State.PASS: "passed",
             State.NOT_JUDGED: "shown and not judged",
-            State.NOT_APPLICABLE: "do not apply",
-            State.WARNING: "warn",
+            State.NOT_APPLICABLE: "not applicable",
         }
         return special.get(self, str(self))
 
@@ -278,7 +280,7 @@ def headline(results: ResultsDocument) -> str:
     broken = sum(run.error is not None for run in results.runs)
     unexpected = sum(not each.as_expected for each in results.verdicts)
     are = "is" if unexpected == 1 else "are"
-    parts = [f"{unexpected} of {_plural(results.ran, 'verdict')} {are} not as expected"] * bool(unexpected)
+    parts = [f"{unexpected:,} of {_plural(results.ran, 'verdict')} {are} not as expected"] * bool(unexpected)
     parts += [f"{_plural(broken, 'run')} broke"] * bool(broken)
     if not results.verdicts and not parts:
         return "No verdict was given"

@@ -9,11 +9,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.case_page import ASSETS, Around, asset, case_section, write_assets, write_case_page
 from hapticeval.reports.effects_figure import effect_plots, recorded
 from hapticeval.reports.exports import write_tables
 from hapticeval.reports.grid import worst
@@ -28,6 +28,9 @@ from hapticeval.study.bench.document import read_bench
 from hapticeval.study.effects.document import FILE as COSTS
 from hapticeval.study.effects.document import read_costs
 from hapticeval.workers import Answer, Ended, Workers
+
+if TYPE_CHECKING:
+    from hapticeval.reports.case_page import Around
 
 SINGLE = "report.html"
 """The report as one file."""
@@ -66,6 +69,8 @@ class Page:
         return self._made({run.renderer: DIED for run in self.runs if not run.error})
 
     def _made(self, recordings: Mapping[str, Recording | str]) -> str:
+        from hapticeval.reports.case_page import case_section, write_case_page
+
         given = (self.case, self.runs, recordings)
         if self.pages is None:
             return case_section(*given, verdicts=self.verdicts, order=self.order, prefix=self.prefix)
@@ -120,6 +125,8 @@ def write_reports(
     `KeyboardInterrupt` as Ctrl-C does. A recording that is missing or damaged is reported in its figure's place. Raises
     `InputError` as `read_results` does, and `HapticevalError` where a file cannot be written.
     """
+    from hapticeval.reports.case_page import asset, write_assets
+
     directory = Path(directory)
     results = read_results(directory)
     bench = read_bench(directory) if (directory / BENCH).exists() else None
@@ -153,6 +160,8 @@ def write_reports(
 
 def _head() -> str:
     """Return the styles and scripts of the case pages, as they stand in a page that needs nothing else."""
+    from hapticeval.reports.case_page import ASSETS, asset
+
     parts = []
     for name in ASSETS:
         text = asset(name).decode()
@@ -192,6 +201,8 @@ def _replacing_folder(path: Path, unused: bool) -> Iterator[Path]:
 
 def _pages(directory: Path, results: ResultsDocument, pages: Path | None) -> Iterator[Page]:
     """One page for each case, that links to the first page and to the cases before and after."""
+    from hapticeval.reports.case_page import Around
+
     cases: dict[tuple[str, str], list[RunEntry]] = {}
     for run in results.runs:
         cases.setdefault((run.suite, run.case), []).append(run)
