@@ -78,9 +78,9 @@ def execute(
                         yield Interrupted(1, at_once=True)
                         break
                 while added in finished:
-                    job = progress.add(finished[added])
+                    taken = progress.add(finished[added])
                     if added not in old:
-                        yield job
+                        yield taken
                     del finished[added]
                     added += 1
                 if interrupts.count and not warned:
@@ -101,9 +101,9 @@ def execute(
                     yield Interrupted(crew.busy, at_once=True)
                     break
         for number in sorted(finished):
-            job = progress.add(finished[number])
+            taken = progress.add(finished[number])
             if number not in old:
-                yield job
+                yield taken
             added += 1
         reason = None
         if added < len(plan.jobs):
