@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
+from msgspec.structs import replace
+
 from hapticeval.discovery import resolve
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
 from hapticeval.phenomena.verdict import Outcome
@@ -16,8 +18,18 @@ from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished
 from hapticeval.runner.execution import execute
 from hapticeval.runner.folder import prepare
+from hapticeval.runner.known import NONE_KNOWN, Known, read_known
+from hapticeval.runner.known import write_known as write_listed
 from hapticeval.runner.planning import Plan, plan
-from hapticeval.runner.results import FILE, ResultsDocument, RunEntry, RunKey, VerdictEntry, read_results
+from hapticeval.runner.results import (
+    FILE,
+    ResultsDocument,
+    RunEntry,
+    RunKey,
+    VerdictEntry,
+    read_results,
+    write_results,
+)
 from hapticeval.runner.work import Work, run_job
 from hapticeval.suite.case import Case
 from hapticeval.suite.installed import find_suites
@@ -44,16 +56,24 @@ def run(
     output: str | Path | None = None,
     seed: int = 0,
     strict: bool = False,
+    known: str | Path | None = None,
+    quick: bool = False,
+    exit_first: bool = False,
+    failed_first: bool = False,
     workers: int | None = None,
     watch: Callable[[Event], None] | None = None,
 ) -> Results:
     """Judge renderers in the cases of suites, as `hapticeval run` does, and return what was found.
 
     `renderers` are one or several; a mapping names them, others are called as they are written. Without any, each suite
-    runs its own. `suites` are names, groups, TOML files or `load_suite`'s; `select` are globs on cases, `suite/case` or
-    `case/check`. Nothing is written but to the folder `output`: results.json and the recordings, see `Results.report`.
-    `workers` processes share the work, one for each processor if not given; renderers that are not names run in this
-    process, with `workers=0`. `watch` is called with each event of the run. With `strict` warnings count.
+    runs its own. `suites` are names, groups, TOML files or `load_suite`'s; `select` are expressions over names of cases
+    and checks, see `suite.selection`. Nothing is written but to the folder `output`: results.json and the recordings,
+    see `Results.report`. `workers` processes share the work, one for each processor if not given; renderers that are
+    not names run in this process, with `workers=0`. `watch` is called with each event of the run.
+
+    With `strict` warnings count. `known` is a file of known failures, see `runner.known`. A `quick` run takes few
+    cases, which have every check between them; `exit_first` ends it at the first verdict that stops a gate;
+    `failed_first` begins with what did in the results that `output` holds.
 
     On Ctrl-C what is finished is kept, and the results are not `complete`. Raises `InputError` for arguments that are
     none of these, and as `plan` and `prepare` do; what a renderer gets wrong is in the results.
@@ -72,7 +92,12 @@ def run(
         select=_listed(select, "select", (str,)),
         seed=seed,
         strict=strict,
+        known=NONE_KNOWN if known is None else read_known(Path(known)),
+        quick=quick,
+        exit_first=exit_first,
     )
+    if failed_first and output is not None and (Path(output) / FILE).exists():
+        planned = planned.failed_first(read_results(Path(output)))
     if workers is None:
         workers = 0 if factories else cores()
     return carry_out(planned, output=None if output is None else Path(output), workers=workers, watch=watch)
@@ -250,6 +275,20 @@ class Results:
 
         folder = self.file.parent
         return [self.file, *write_reports(folder, progress=progress, workers=cores(), stopped=stopped)]
+
+    def write_known(self, file: str | Path) -> Results:
+        """List in `file` all that stops the gate now, and return the results with these failures known.
+
+        Reasons that the file has stay, what passes now leaves it: see `Known.renewed`. Raises as `read_known` does.
+        """
+        listed = read_known(Path(file)) if Path(file).exists() else Known(source=Path(file).name)
+        listed = listed.renewed(self.document)
+        write_listed(Path(file), listed)
+        current = [replace(each, known=None) if each.outdated else each for each in self.verdicts]
+        document = replace(self.document, verdicts=list(map(listed.marked, current)))
+        if self.folder is not None:
+            write_results(self.folder, document)
+        return Results(document, self.folder, self.recordings, self.errors, self.stopped)
 
     def __repr__(self) -> str:
         document = self.document

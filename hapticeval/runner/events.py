@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from hapticeval.errors import HapticevalError
@@ -12,10 +13,11 @@ from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 
 @dataclass(frozen=True)
 class RunStarted:
-    """Before the first job: how much is planned."""
+    """Before the first job: how much is planned, and how many jobs are of each suite."""
 
     planned_verdicts: int
     planned_jobs: int
+    jobs_of: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import nullcontext
 from itertools import islice
@@ -29,22 +30,23 @@ def execute(plan: Plan, directory: Path | None, *, workers: int = 2, work: Work 
 
     Events come in the order of the plan. A renderer that ends its process makes its own verdicts errors. On Ctrl-C no
     further job begins, those that have begun are finished, and `Interrupted` reports it; on a second one, or in this
-    process, they are given up. What has finished is kept, the results say that they are incomplete and why, and
-    `RunFinished` is still the last event.
+    process, they are given up. After a verdict that stops the gate no further job begins either, where the plan has
+    `exit_first`. What has finished is kept, the results say that they are incomplete and why, and `RunFinished` is
+    still the last event.
     """
     waiting = iter(enumerate(plan.jobs))
     finished: dict[int, Done] = {}
     added = 0
-    warned = False
+    warned = stopped = False
     with Interrupts() as interrupts:
         if directory is not None:
             directory.mkdir(parents=True, exist_ok=True)
             shutil.rmtree(directory / "recordings", ignore_errors=True)  # of an earlier run, whose results go as well
-        yield RunStarted(plan.planned, len(plan.jobs))
+        yield RunStarted(plan.planned, len(plan.jobs), Counter(job.suite for job in plan.jobs))
         progress = Progress(plan, directory)
         with Workers(work, workers) as crew:
             while True:
-                if not interrupts.count:
+                if not interrupts.count and not stopped:
                     try:
                         with nullcontext() if workers else interrupts.raised():
                             for number, job in islice(waiting, crew.free):
@@ -61,14 +63,16 @@ def execute(plan: Plan, directory: Path | None, *, workers: int = 2, work: Work 
                 if not crew.busy:
                     break
                 for answer in crew.answers(PATIENCE):
-                    finished[answer.call] = _done(answer, plan.jobs[answer.call])
+                    finished[answer.call] = done = _done(answer, plan.jobs[answer.call])
+                    stopped |= plan.exit_first and progress.stops(done[0])
                 if interrupts.count > 1 and crew.busy:
                     yield Interrupted(crew.busy, at_once=True)
                     break
         for number in sorted(finished):
             yield progress.add(plan.jobs[number], *finished[number])
             added += 1
-        yield RunFinished(progress.finish("interrupted by the user" if added < len(plan.jobs) else None))
+        why = "interrupted by the user" if interrupts.count else "it ends at the first verdict that stops the gate (-x)"
+        yield RunFinished(progress.finish(why if added < len(plan.jobs) else None))
 
 
 def _done(answer: Answer[Done], job: Job) -> Done:

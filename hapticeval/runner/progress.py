@@ -49,12 +49,19 @@ class Progress:
     def add(self, job: Job, judged: Judged, file: Path | None) -> JobFinished:
         """Take what came of a job, and return the event that reports it."""
         run = _run(job, judged, file)
-        verdicts = tuple(self.plan.known.marked(VerdictEntry.of(each)) for each in judged.verdicts)
+        verdicts = self._entries(judged)
         self.runs.append(run)
         self.verdicts += verdicts
         if time.perf_counter() - self.saved > SAVE_EVERY:
             self._save("still running, or killed")
         return JobFinished(run, verdicts, judged.error, judged.recording)
+
+    def stops(self, judged: Judged) -> bool:
+        """Return whether a verdict of a job stops the gate."""
+        return any(verdict.stops(strict=self.plan.strict) for verdict in self._entries(judged))
+
+    def _entries(self, judged: Judged) -> tuple[VerdictEntry, ...]:
+        return tuple(self.plan.known.marked(VerdictEntry.of(each)) for each in judged.verdicts)
 
     def finish(self, reason: str | None) -> ResultsDocument:
         """Write the results for the last time, incomplete for that `reason` where there is one."""
