@@ -142,7 +142,10 @@ class _Case(pytest.Collector):
         wanted = [each for each in self.config.stash[WANTED] if each != ROOT]
         for renderer in self.config.getoption("hapticeval"):
             for check in self.case.checks:
-                item = VerdictItem.from_parent(self, name=f"{check}[{renderer}]", renderer=renderer, check=check)
+                name = f"{check}[{renderer}]"
+                # Given whole, for an id of its parts is not the one that pytest reads of --last-failed.
+                nodeid = f"{self.nodeid}::{name}"
+                item = VerdictItem.from_parent(self, name=name, nodeid=nodeid, renderer=renderer, check=check)
                 if not wanted or any(_within(item.nodeid, each) for each in wanted):
                     yield item
 
