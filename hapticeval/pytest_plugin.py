@@ -245,7 +245,7 @@ def conclude(config: pytest.Config, results: Results, check: str, asked: Asked) 
     __tracebackhide__ = True
     verdict = asked.known.marked(next(each for each in results.verdicts if each.check == check))
     if verdict.stops(strict=asked.strict) and not (verdict.outdated and verdict.outcome == "pass"):
-        raise NotConforming(described(config, results, verdict)) from next(iter(results.errors), None)
+        raise NotConforming(described(config, results, verdict))
     if verdict.outcome == "not-applicable":
         pytest.skip(verdict.message)
     if verdict.standing == "known":

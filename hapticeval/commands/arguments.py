@@ -60,14 +60,35 @@ Renderers = Annotated[
         "-r",
         "--renderer",
         metavar="NAME",
-        help="BASE[+SCHEME][@REPRESENTATION], BASE an entry point or package.module:factory; may be repeated. Without "
-        "it, those that the suite names, or that come with hapticeval.",
+        help="BASE[+SCHEME][@REPRESENTATION], BASE an entry point or package.module:factory; lib:PATH, a C library; "
+        "cmd:COMMAND, a process; may be repeated. Without it, those that the suite names, or that come along.",
     ),
 ]
 
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of everything random.", min=0, max=2**32 - 1)]
 
 Verbose = Annotated[bool, option("-v", "--verbose", help="Show all that there is to say, and each run as it ends.")]
+
+Scheduler = Annotated[
+    str | None,
+    option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Let the workers of a dask scheduler do it, as of tcp://10.0.0.1:8786; see docs/scale.md.",
+        rich_help_panel="Long runs",
+    ),
+]
+
+Timeout = Annotated[
+    float,
+    typer.Option(
+        "--timeout",
+        metavar="SECONDS",
+        help="End a renderer that takes longer in a case: it hangs.",
+        min=0.1,
+        rich_help_panel="Long runs",
+    ),
+]
 
 FormatName = Annotated[
     str | None,

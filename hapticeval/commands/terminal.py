@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished, RunStarted
+from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -68,8 +68,11 @@ class Terminal:
         """Take one event of the stream."""
         if isinstance(event, RunStarted):
             self._planned_jobs = event.planned_jobs
+            kept = f", {plural(event.kept_jobs, 'run')} of them finished before" if event.kept_jobs else ""
+            self._finished_jobs = event.kept_jobs
             self._suites = {name: _Suite(planned) for name, planned in event.jobs_of.items()}
-            self.line(f"{plural(event.planned_jobs, 'run')}, {plural(event.planned_verdicts, 'verdict')} planned")
+            planned = f"{plural(event.planned_jobs, 'run')}, {plural(event.planned_verdicts, 'verdict')} planned"
+            self.line(planned + kept)
         elif isinstance(event, JobFinished):
             self._finished_jobs += 1
             if self._stream.isatty():
@@ -79,6 +82,8 @@ class Terminal:
                 self.line(f"{count} {event.run.renderer} on {event.run.suite}/{event.run.case}: {_told(event)}")
             if not self._stream.isatty() and not self._verbose:
                 self._add(event)
+        elif isinstance(event, WorkerRefused):
+            self.line(f"refused: the worker {event.worker} is given no run: {event.why}")
         elif isinstance(event, Interrupted):
             self.interrupted = True
             self.line(_interrupted(event))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import shlex
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -10,7 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from hapticeval.commands.terminal import plural
-from hapticeval.discovery import known_renderers, parse, see_current_directory
+from hapticeval.discovery import OUTSIDE, known_renderers, parse, see_current_directory
 from hapticeval.errors import HapticevalError
 from hapticeval.runner.interrupts import Interrupts
 
@@ -69,6 +70,10 @@ def files_behind(renderers: Iterable[str]) -> list[Path]:
 
 
 def _sources(base: str) -> Iterator[Path]:
+    kind, _, rest = base.partition(":")
+    if kind in OUTSIDE:  # a library, or a command with files among its words
+        yield from (file for word in shlex.split(rest) if (file := Path(word)).is_file())
+        return
     entry = known_renderers().get(base)
     module = (base if entry is None else entry.value).partition(":")[0].strip()
     if not module:

@@ -13,11 +13,14 @@ from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 
 @dataclass(frozen=True)
 class RunStarted:
-    """Before the first job: how much is planned, and how many jobs are of each suite."""
+    """Before the first job: how much is planned."""
 
     planned_verdicts: int
     planned_jobs: int
+    kept_jobs: int = 0
+    """Of these, finished in an earlier run that this one resumes: they are not reported again."""
     jobs_of: Mapping[str, int] = field(default_factory=dict)
+    """How many jobs of each suite are to be reported."""
 
 
 @dataclass(frozen=True)
@@ -45,4 +48,12 @@ class RunFinished:
     results: ResultsDocument
 
 
-Event: TypeAlias = RunStarted | JobFinished | Interrupted | RunFinished
+@dataclass(frozen=True)
+class WorkerRefused:
+    """A worker of a cluster is given no job, and why."""
+
+    worker: str
+    why: str
+
+
+Event: TypeAlias = RunStarted | JobFinished | Interrupted | WorkerRefused | RunFinished

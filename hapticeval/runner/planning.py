@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
-from hapticeval.discovery import own_renderers, resolve
+from hapticeval.discovery import own_renderers, resolve, resolve_installed
 from hapticeval.errors import InputError, NothingSelectedError, at
 from hapticeval.renderer import RendererFactory
 from hapticeval.runner.known import NONE_KNOWN, Known
 from hapticeval.runner.results import ResultsDocument
+from hapticeval.runner.sharding import Shard
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suites
 from hapticeval.suite.selection import covering
@@ -32,8 +33,9 @@ class Job:
 class Plan:
     """What will run. `suites` are whole; `jobs` hold only the selected cases, with only the selected checks.
 
-    With `strict` a warning stops a gate, as a failure does. A failure that is `known` does not. With
-    `exit_first` no further job begins after one with a verdict that stops it.
+    Of a `shard` they hold its part, and `asked` for each suite the cases and the renderers of the whole plan. With
+    `strict` a warning stops a gate, as a failure does. A failure that is `known` does not. With `exit_first` no further
+    job begins after one with a verdict that stops it.
     """
 
     suites: tuple[Suite, ...]
@@ -43,6 +45,8 @@ class Plan:
     seed: int
     strict: bool = False
     known: Known = NONE_KNOWN
+    shard: Shard | None = None
+    asked: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = field(default_factory=dict)
     exit_first: bool = False
 
     @property
@@ -66,6 +70,7 @@ def plan(
     seed: int = 0,
     strict: bool = False,
     known: Known = NONE_KNOWN,
+    shard: Shard | None = None,
     quick: bool = False,
     exit_first: bool = False,
 ) -> Plan:
@@ -74,8 +79,11 @@ def plan(
     A suite's name may be that of a group: `dynamics` for `dynamics-line` and the others. Where no `renderers` are named
     each suite runs its own, or those that come with the package; `factories` make those whose names say nothing of it.
     `select` holds expressions over names of cases and checks; what any of them selects is run, and everything where
-    there are none: see `selection.select`. A `quick` run takes few cases, which have every check between them. Raises
-    `NothingSelectedError` where nothing is left, and what `load_suite`, `resolve`, `select` and `Known.check` raise.
+    there are none: see `selection.select`. A `quick` run takes few cases, which have every check between them. Of that,
+    a `shard` is the part that this run does.
+
+    Raises `NothingSelectedError` where nothing is left, and what `load_suite`, `resolve`, `select`, `Known.check` and,
+    for the renderers that a suite names, `resolve_installed` raise.
     """
     given = factories or {}
     loaded = (
@@ -86,21 +94,30 @@ def plan(
     known.check(loaded)
     chosen = {suite.name: tuple(dict.fromkeys(renderers or suite.renderers or own_renderers())) for suite in loaded}
     names = tuple(dict.fromkeys(name for each in chosen.values() for name in each))
+    for suite in loaded:
+        for name in chosen[suite.name]:
+            if name not in (*renderers, *given) and name in suite.renderers:
+                resolve_installed(name, source=f"suite '{suite.name}'")
     for name in names:
         if name not in given:
             resolve(name)
-    cases = selected_by(loaded, select)
+    wanted = selected_by(loaded, select)
     jobs = tuple(
         Job(suite.name, case, name, given.get(name))
-        for suite, case in (covering(cases) if quick else cases)
+        for suite, case in (covering(wanted) if quick else wanted)
         for name in chosen[suite.name]
     )
     if not jobs:
         raise NothingSelectedError("no suites or no renderers are named")
+    cases: dict[str, dict[str, None]] = {suite.name: {} for suite in loaded}
+    for job in jobs:
+        cases[job.suite][job.case.name] = None
+    asked = {name: (tuple(cases[name]), chosen[name]) for name in cases}
     for (suite, _), case in {(job.suite, job.case.name): job.case for job in jobs}.items():
         with at(f"suite '{suite}'"):
             case.check_stimulus()
-    return Plan(loaded, names, jobs, tuple(select), seed, strict, known, exit_first)
+    held = jobs if shard is None else shard.of(jobs)
+    return Plan(loaded, names, held, tuple(select), seed, strict, known, shard, asked, exit_first)
 
 
 def _refuse_namesakes(suites: Sequence[Suite]) -> None:

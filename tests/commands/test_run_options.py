@@ -118,7 +118,8 @@ def test_what_is_watched_of_a_renderer(here):
         file.touch()
     assert files_behind(["mypackage.inner.law:make"]) == sorted(package.parent.rglob("*.py"))
     assert "mypackage" not in sys.modules
-    assert files_behind(["absent:Good"]) == []
+    assert files_behind(["absent:Good", "lib:./absent.so"]) == []
+    assert files_behind(["lib:slides.toml", "cmd:python local_mine.py"]) == [Path("local_mine.py"), Path("slides.toml")]
     assert any(file.name == "discovery.py" for file in files_behind(["constraint"])), "that of an entry point"
 
 

@@ -3,13 +3,23 @@
 import io
 
 import pytest
+from result_entries import changed, run_entry
 
 from hapticeval.api import Results
 from hapticeval.commands import terminal
 from hapticeval.errors import HapticevalError, RendererError
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
 from hapticeval.runner.events import Interrupted, JobFinished, RunFinished, RunStarted
-from hapticeval.runner.results import Command, Environment, ResultsDocument, RunEntry, SceneEntry, Timing, VerdictEntry
+from hapticeval.runner.results import (
+    Command,
+    Environment,
+    Problem,
+    ResultsDocument,
+    RunEntry,
+    SceneEntry,
+    Timing,
+    VerdictEntry,
+)
 
 BROKE = RendererError("it raised", tick=3, hip=(0.0, 0.1))
 AGAIN = "what is done is kept; press Ctrl-C again to stop at once"
@@ -64,7 +74,8 @@ def job(*verdicts, error=None):
     ],
 )
 def test_exit_codes(done, errors, code):
-    assert Results(done, errors=tuple(errors)).exit_code == code
+    runs = [run_entry(case=str(number), error=Problem.of(error)) for number, error in enumerate(errors)]
+    assert Results(changed(done, runs=runs)).exit_code == code
 
 
 @pytest.mark.parametrize(
@@ -129,7 +140,7 @@ def lines(*events, verbose=False):
 
 
 RUN = [
-    RunStarted(5, 3, {"s": 2, "t": 1}),
+    RunStarted(5, 3, jobs_of={"s": 2, "t": 1}),
     job(verdict(Outcome.PASS), verdict(Outcome.FAIL)),
     job(verdict(Outcome.ERROR), error=BROKE),
     RunFinished(results(verdict(Outcome.PASS))),
