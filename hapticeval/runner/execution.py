@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from functools import partial
@@ -28,6 +29,9 @@ Carried: TypeAlias = tuple[JobFinished, bytes | None]
 PATIENCE = 0.1
 """Seconds after which an interrupt is seen at the latest."""
 
+FIRST = "it ends at the first verdict that stops the gate (-x)"
+"""Why a run is incomplete whose plan has `exit_first`."""
+
 
 def execute(
     plan: Plan,
@@ -50,14 +54,15 @@ def execute(
 
     Events come in the order of the plan. A renderer that ends its process makes its own verdicts errors. On Ctrl-C no
     further job begins, those that have begun are finished, and `Interrupted` reports it; on a second one, or in this
-    process, they are given up. What has finished is kept, also where the scheduler is lost, the results say that they
-    are incomplete and why, and `RunFinished` is still the last event.
+    process, they are given up. After a verdict that stops the gate no further job begins either, where the plan has
+    `exit_first`. What has finished is kept, also where the scheduler is lost, the results say that they are incomplete
+    and why, and `RunFinished` is still the last event.
     """
     finished = {at: kept[key] for at, job in enumerate(plan.jobs) if (key := _key(job)) in kept} if kept else {}
     old = set(finished)
     waiting = iter([(at, job) for at, job in enumerate(plan.jobs) if at not in old])
     added = 0
-    warned = False
+    warned = stopped = False
     lost: LostError | None = None
     with Interrupts() as interrupts:
         if directory is not None:
@@ -65,11 +70,12 @@ def execute(
             if kept is None:  # what is there is of an earlier run, whose results go as well
                 shutil.rmtree(directory / "recordings", ignore_errors=True)
                 Outcomes(directory).forget()
-        yield RunStarted(plan.planned, len(plan.jobs), len(old))
+        jobs_of = Counter(job.suite for at, job in enumerate(plan.jobs) if at not in old)
+        yield RunStarted(plan.planned, len(plan.jobs), len(old), jobs_of)
         progress = Progress(plan, directory)
         with Outcomes(directory) as outcomes, _crew(work, workers, scheduler, plan) as crew:
             while True:
-                if not interrupts.count:
+                if not interrupts.count and not stopped:
                     try:
                         with nullcontext() if workers else interrupts.raised():
                             for number, job in islice(waiting, crew.free):
@@ -94,8 +100,9 @@ def execute(
                     lost = error
                     break
                 for answer in answers:
-                    finished[answer.call] = _done(answer, plan.jobs[answer.call], directory, timeout)
-                    outcomes.add(finished[answer.call])
+                    finished[answer.call] = done = _done(answer, plan.jobs[answer.call], directory, timeout)
+                    outcomes.add(done)
+                    stopped |= plan.exit_first and progress.stops(done)
                 yield from (WorkerRefused(*each) for each in crew.refused())
                 if interrupts.count > 1 and crew.busy:
                     yield Interrupted(crew.busy, at_once=True)
@@ -107,7 +114,8 @@ def execute(
             added += 1
         reason = None
         if added < len(plan.jobs):
-            reason = "interrupted by the user" if lost is None else f"{lost.what}, and --resume goes on"
+            reason = "interrupted by the user" if interrupts.count or not stopped else FIRST
+            reason = reason if lost is None else f"{lost.what}, and --resume goes on"
         results = progress.finish(reason)
         if results.complete:
             outcomes.forget()
