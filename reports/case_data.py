@@ -1,4 +1,4 @@
-"""What a case page holds of its runs: about a thousand samples of each, chosen so that extremes stay, packed small.
+"""What a case page holds of its runs: a thousand samples of each at most, chosen so that extremes stay, packed small.
 
 A packed array is whole numbers times a scale, 16 bits of them (32 of time), as zigzag varints of the differences from
 row to row, deflated in one piece for the whole case. The page's script unpacks it with the browser's own
@@ -11,6 +11,7 @@ import base64
 import zlib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from heapq import heapify, heappop, heappush
 from itertools import pairwise
 from typing import Any
 
@@ -23,10 +24,13 @@ from hapticeval.recordings.stretches import joined
 from hapticeval.types import Array, BoolArray, IntArray
 
 SAMPLES = 1000
-"""About so many samples of a run are kept."""
+"""At most about so many samples of a run are kept beside those that are kept for certain."""
 
-SHARE = 5
-"""A fifth of them go to the largest and smallest of each signal in intervals of equal length, two in each."""
+WITHIN = 1.0 / 1500.0
+"""Share of each channel's range that straight lines between the samples may be off: less than can be seen."""
+
+INTERVALS = 12
+"""The largest and smallest of force, depth and step in so many intervals are kept exactly."""
 
 MOST = 200
 """Of what happens more often than so many times, the largest so many are kept for certain."""
@@ -59,6 +63,8 @@ class Track:
     step: Array | None
     hip_step: Array
     starts: IntArray
+    dt: float
+    """The sampling time, s: between samples that are farther apart, lines are as good as the rest."""
     led: bool
     """Whether the hand was led along a given path."""
     off: Array | None = None
@@ -86,7 +92,7 @@ def placed(recording: Recording) -> Recording:
 def tracks(
     recordings: Mapping[str, Recording], times: Mapping[str, Collection[float]], count: int = SAMPLES
 ) -> list[Track]:
-    """Return about `count` samples of each recording (`placed`), with those at the `times` (s) that verdicts name.
+    """Return samples of each recording (`placed`), see `kept`, with those at the `times` (s) that verdicts name.
 
     Runs along one hand path are given the same samples, so that it is held once.
     """
@@ -95,32 +101,68 @@ def tracks(
         alike.setdefault((each.time.tobytes(), each.hip.tobytes()), []).append(name)
     found: dict[str, Track] = {}
     for names in alike.values():
-        asked = [
-            [int(np.argmin(np.abs(recordings[name].time - time))) for time in times.get(name, ())] for name in names
-        ]
-        each = [kept(recordings[name], ticks, count, len(names)) for name, ticks in zip(names, asked, strict=True)]
-        rows = np.unique(np.concatenate(each))
+        time = recordings[names[0]].time
+        asked = {int(np.argmin(np.abs(time - each))) for name in names for each in times.get(name, ())}
+        rows = kept([recordings[name] for name in names], asked, count)
         for name in names:
             found[name] = _track(name, recordings[name], rows)
     return [found[name] for name in recordings]
 
 
-def kept(recording: Recording, ticks: Collection[int], count: int = SAMPLES, sharing: int = 1) -> IntArray:
-    """Return the rows to show: `ticks` and those beside them, gaps, contacts, jumps, extremes, and the rest evenly.
+def kept(runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLES) -> IntArray:
+    """Return the rows to show of runs along one hand path, so that straight lines between them are `WITHIN` the rest.
 
-    Of several runs `sharing` their rows each chooses fewer.
-
-    Jumps and what else happens from one row to the next is kept with the row before.
+    For certain: the ends, `ticks` and those beside them, gaps, contacts, jumps, and extremes; what happens from one row
+    to the next is kept with the row before. Then those that are farthest from the lines, up to `count` of them.
     """
-    n = len(recording)
+    n = len(runs[0])
     if n <= count:
         return np.arange(n)
-    chosen = _special(recording, ticks)
-    for signal in _signals(recording):
-        chosen = np.union1d(chosen, _extremes(signal, count // (2 * SHARE * sharing)))
-    left = max(count // sharing - chosen.size, count // (4 * sharing))
-    even = np.linspace(0, n - 1, left // 3)
-    return np.union1d(np.union1d(chosen, even.astype(np.int64)), _along(recording, left - left // 3))
+    chosen = np.unique(np.concatenate([_special(run, ticks) for run in runs]))
+    for signal in (signal for run in runs for signal in _signals(run)):
+        chosen = np.union1d(chosen, _extremes(signal, INTERVALS))
+    return _straightened(runs[0].time, np.column_stack([_scaled(run) for run in runs]), chosen, count)
+
+
+def _scaled(run: Recording) -> Array:
+    """The channels that are shown (n, k), in units of what straight lines may be off."""
+    parts = [4.0 * run.hip / max(float(np.ptp(run.hip, axis=0).max()), 1e-300)]  # a picture can be enlarged
+    if "ihip" in run.channels:
+        apart = run.ihip - run.hip
+        parts += [apart / max(float(np.ptp(apart, axis=0).max()), 1e-300)]
+    if "force" in run.channels:
+        parts += [run.force / max(float(np.ptp(run.force, axis=0).max()), 1e-300)]
+    return np.hstack(parts) / WITHIN
+
+
+def _straightened(time: Array, values: Array, chosen: IntArray, count: int) -> IntArray:
+    """Add up to `count` rows, always the one that is farthest from the line between those chosen on its sides.
+
+    `values` (n, k) are lines of `time` (n,) where they are off by less than 1.
+    """
+    rows = chosen.tolist()
+
+    def farthest(first: int, last: int) -> tuple[float, int, int, int] | None:
+        if last - first < 2:
+            return None
+        share = ((time[first + 1 : last] - time[first]) / (time[last] - time[first]))[:, None]
+        line = values[first] + share * (values[last] - values[first])
+        off = np.abs(values[first + 1 : last] - line).max(axis=1)
+        most = int(np.argmax(off))
+        return (-float(off[most]), first, first + 1 + most, last) if off[most] > 1.0 else None
+
+    waiting = [each for pair in pairwise(rows) if (each := farthest(*pair)) is not None]
+    heapify(waiting)
+    for _ in range(count):
+        if not waiting:
+            break
+        _, first, middle, last = heappop(waiting)
+        rows.append(middle)
+        for pair in ((first, middle), (middle, last)):
+            each = farthest(*pair)
+            if each is not None:
+                heappush(waiting, each)
+    return np.array(sorted(rows), dtype=np.int64)
 
 
 def _signals(recording: Recording) -> list[Array]:
@@ -176,14 +218,6 @@ def _extremes(signal: Array, intervals: int) -> IntArray:
     return np.unique([begin + int(pick(part)) for begin, part in parts for pick in (np.argmax, np.argmin)])
 
 
-def _along(recording: Recording, count: int) -> IntArray:
-    """So many rows, evenly spaced by how far HIP and IHIP travel."""
-    points = [recording.channels[name] for name in ("hip", "ihip") if name in recording.channels]
-    travelled = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(np.hstack(points), axis=0), axis=1)))
-    even = np.searchsorted(travelled, np.linspace(0.0, travelled[-1], count))
-    return np.minimum(even, len(recording) - 1).astype(np.int64)
-
-
 def _track(name: str, recording: Recording, rows: IntArray) -> Track:
     gaps: BoolArray = np.append(False, ~joined(recording)) if len(recording) > 1 else np.zeros(1, dtype=bool)
     after = np.cumsum(gaps)[rows]
@@ -198,6 +232,7 @@ def _track(name: str, recording: Recording, rows: IntArray) -> Track:
         step=steps(recording, recording.ihip)[rows] if has_ihip else None,
         hip_step=steps(recording, recording.hip)[rows],
         starts=np.flatnonzero(np.diff(after)) + 1,
+        dt=recording.dt,
         led=recording.meta.get("source") in ("playback", "replay"),
     )
 
@@ -325,6 +360,7 @@ def packed_runs(found: Sequence[Track], packer: Packer) -> list[dict[str, Any]]:
             "hip_step": drawn(each.hip_step) if each.led or each.apart is None else None,
             "off": add(each.off),
             "along": drawn(each.along),
+            "dt": each.dt,
             "starts": each.starts.tolist(),
         }
         for each in found

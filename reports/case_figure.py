@@ -30,6 +30,9 @@ MARKERS = "osD^vPX"
 OUT_OF_SIGHT = 3.0
 """A run that goes this many times as far as the median run leaves the picture, which would show nothing else."""
 
+SMALL: Mapping[str, Any] = {"path.simplify_threshold": 0.8}
+"""Settings of figures that a page has beside its data."""
+
 LEAST = 1e-12
 """m: distances below are rounding errors, and lie on the floor of a logarithmic panel."""
 
@@ -138,7 +141,7 @@ def plane_svg(
     """
     space = found[0].hip.shape[1] == 3
     onto = MM * (TURN[:2].T if space else np.eye(2))
-    with figure(5.0, 4.6, page=True) as made:
+    with figure(5.0, 4.6, page=True, settings=SMALL) as made:
         axes = made.add_axes((0.01, 0.01, 0.98, 0.98) if space else (0.115, 0.1, 0.875, 0.89))
         view = view_of(found, model, onto, shape_of(axes))
         if model is not None and space:
@@ -185,8 +188,12 @@ def _draw_path(axes: Axes, each: Track, ihip: Array, style: Look, hidden: BoolAr
         axes.plot(*_broken(path, each.starts).T, **{**how, "linewidth": 0.7, "alpha": 0.5})
     axes.plot(
         *_broken(seen, each.starts).T, **how, linewidth=1.3, marker=style.marker, markersize=3.5,
-        markeredgewidth=0.0, markevery=max(1, len(path) // EVERY),
+        markeredgewidth=0.0, markevery=np.unique(np.searchsorted(each.time, _evenly(each.time))).tolist(),
     )  # fmt: skip
+
+
+def _evenly(time: Array) -> Array:
+    return np.linspace(time[0], time[-1], EVERY, endpoint=False)
 
 
 def _hidden(each: Track, model: Model | None) -> BoolArray | None:
@@ -267,7 +274,7 @@ def panels_svg(
 ) -> str:
     """Return the panels, one above the other, as an SVG element."""
     height = 1.55 if len(shown) > 2 else 2.1
-    with figure(5.0, 0.5 + height * len(shown), page=True) as made:
+    with figure(5.0, 0.5 + height * len(shown), page=True, settings=SMALL) as made:
         share = 1.0 / len(shown)
         below = 0.42 / (0.5 + height * len(shown))
         free = 1.0 - below

@@ -182,7 +182,7 @@ def case_section(
                 found, shown, looks, places, prefix=f"{prefix}t", title=f"{title}: force and motion against time"
             ),
         }
-        data = {**_document(found, shown, model, looks), "crosses": crosses}
+        data = {**_document(found, shown, model, looks, names), "crosses": crosses}
     elif crosses and model is not None and model.dimension == 2:
         title = f"{label}: the outline of the model, and where renderers refuse it"
         figures = {"refused": refusal_svg(model, next(iter(crosses.values())), prefix=f"{prefix}p", title=title)}
@@ -264,7 +264,7 @@ def _rank(verdict: VerdictEntry) -> int:
 
 
 def _document(
-    found: Sequence[Track], shown: Sequence[Panel], model: Model | None, looks: Mapping[str, Look]
+    found: Sequence[Track], shown: Sequence[Panel], model: Model | None, looks: Mapping[str, Look], names: Sequence[str]
 ) -> dict[str, Any]:
     """What the script reads: runs, panels and model, with the numbers of their arrays, and the arrays, packed."""
     packer = Packer()
@@ -272,7 +272,13 @@ def _document(
     return {
         "dimension": int(found[0].hip.shape[1]),
         "runs": [
-            {**run, "role": looks[each.name].role, "dash": looks[each.name].dash, "marker": looks[each.name].marker}
+            {
+                **run,
+                "number": names.index(each.name),
+                "role": looks[each.name].role,
+                "dash": looks[each.name].dash,
+                "marker": looks[each.name].marker,
+            }
             for run, each in zip(runs, found, strict=True)
         ],
         "panels": [{"label": each.label, "terms": each.terms, "range": each.powers} for each in shown],

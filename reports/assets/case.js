@@ -39,6 +39,21 @@
     return low;
   }
 
+  /** A run at a time: hand, tool and force as columns of one, between two samples on the line unless they are one tick apart. */
+  function at(run, time) {
+    const k = sampleAt(run, time), after = run.time[k + 1] - run.time[k];
+    const share = after > 1.5 * run.dt && !run.starts.has(k + 1) ? Math.min(Math.max((time - run.time[k]) / after, 0), 1) : 0;
+    const of = (columns) => columns && columns.map((column) => [share ? column[k] + share * (column[k + 1] - column[k]) : column[k]]);
+    const hip = of(run.hip), apart = of(run.apart);
+    return { hip, apart, force: of(run.force), ihip: apart && hip.map((column, c) => [column[0] + apart[c][0]]), touches: run.touches[k] };
+  }
+
+  /** A run at so many times, evenly. */
+  const evenly = (run, count, shift = 0) => {
+    const first = run.time[0], span = run.time[run.time.length - 1] - first;
+    return Array.from({ length: count }, (_, k) => at(run, first + (span * (k + shift)) / count));
+  };
+
   function makeRun(spec, arrays) {
     const of = (number) => (number === null || number === undefined ? null : arrays[number]);
     const hip = of(spec.hip), apart = of(spec.apart);
@@ -215,9 +230,9 @@
     /** The box of hand and tools at this time: middle and half a side, m; half is 0 where nothing touches. */
     now() {
       let low = [Infinity, Infinity], high = [-Infinity, -Infinity];
-      const runs = this.view.visible(), touching = runs.filter((run) => run.touches[run.at]);
-      for (const run of touching.length ? touching : runs) for (const columns of [run.hip, run.ihip]) if (columns) {
-        const point = this.flat(columns, run.at);
+      const runs = this.view.visible(), touching = runs.filter((run) => run.now.touches);
+      for (const run of touching.length ? touching : runs) for (const columns of [run.now.hip, run.now.ihip]) if (columns) {
+        const point = this.flat(columns, 0);
         low = low.map((x, i) => Math.min(x, point[i])); high = high.map((x, i) => Math.max(x, point[i]));
       }
       return { middle: [0, 1].map((i) => 0.5 * (low[i] + high[i])), half: touching.length ? 0.5 * Math.max(high[0] - low[0], high[1] - low[1]) : 0 };
@@ -338,18 +353,17 @@
         g.setLineDash([]);
       }
       if (runs.length === 1 && runs[0].ihip) {
-        const [run] = runs, every = Math.max(1, Math.floor(run.time.length / RAYS));
+        const [run] = runs;
         g.strokeStyle = colour("ray");
         g.lineWidth = 0.8;
         g.beginPath();
-        for (let k = 0; k < run.time.length; k += every) if (run.touches[k]) { g.moveTo(...this.screen(this.flat(run.hip, k))); g.lineTo(...this.screen(this.flat(run.ihip, k))); }
+        for (const { hip, ihip, touches } of evenly(run, RAYS)) if (touches) { g.moveTo(...this.screen(this.flat(hip, 0))); g.lineTo(...this.screen(this.flat(ihip, 0))); }
         g.stroke();
       }
       runs.forEach((run, index) => {
         if (!run.ihip) return;
         g.fillStyle = colour(run.role);
-        const every = Math.max(1, Math.floor(run.time.length / MARKERS));
-        for (let k = Math.floor((index * every) / runs.length); k < run.time.length; k += every) if (run.touches[k]) marker(g, run.marker, ...this.screen(this.flat(run.ihip, k)), 3);
+        for (const { ihip, touches } of evenly(run, MARKERS, index / runs.length)) if (touches) marker(g, run.marker, ...this.screen(this.flat(ihip, 0)), 3);
       });
     }
 
@@ -408,9 +422,9 @@
     drawNow(g, screen = (point) => this.screen(point), r = 5) {
       const runs = this.view.visible(), hands = new Set();
       for (const run of runs) {
-        const hip = screen(this.flat(run.hip, run.at));
-        if (run.ihip && run.touches[run.at]) {
-          const ihip = screen(this.flat(run.ihip, run.at));
+        const hip = screen(this.flat(run.now.hip, 0));
+        if (run.ihip && run.now.touches) {
+          const ihip = screen(this.flat(run.now.ihip, 0));
           g.strokeStyle = colour(run.role);
           g.lineWidth = 1.6;
           g.beginPath(); g.moveTo(...hip); g.lineTo(...ihip); g.stroke();
@@ -570,7 +584,7 @@
       this.times = [...new Set(this.runs.flatMap((run) => [...run.time]))].sort((a, b) => a - b);
       this.time = this.start;
       this.jumps = [...section.querySelectorAll("a.jump")];
-      this.marks = this.jumps.filter((link) => link.dataset.mark).map((link) => ({ link, run: this.runs.find((run) => run.name === link.dataset.run), time: Number(link.dataset.time), number: link.dataset.mark })).filter((each) => each.run);
+      this.marks = this.jumps.filter((link) => link.dataset.mark).map((link) => ({ link, run: this.runs.find((run) => run.number === Number(link.dataset.run)), time: Number(link.dataset.time), number: link.dataset.mark })).filter((each) => each.run);
       const seen = new Set();
       this.marks = this.marks.filter((each) => !seen.has(each.number) && seen.add(each.number));
       const stage = section.querySelector(".stage"), views = stage.querySelector(".views");
@@ -587,7 +601,7 @@
     visible() { return this.runs.filter((run) => run.shown); }
 
     choose(box) {
-      const run = this.runs.find((each) => each.name === box.dataset.run);
+      const run = this.runs.find((each) => each.number === Number(box.dataset.run));
       if (run) run.shown = box.checked;
       this.scene.draw();
       this.plots.make();
@@ -621,7 +635,7 @@
 
     go(time) {
       this.time = Math.min(Math.max(time, this.start), this.end);
-      for (const run of this.runs) run.at = sampleAt(run, this.time);
+      for (const run of this.runs) run.now = at(run, this.time);
       this.range.value = this.time;
       const text = `${this.time.toFixed(this.decimals())} s`;
       this.range.setAttribute("aria-valuetext", text);
@@ -637,7 +651,7 @@
       const head = element("tr", {}, ...["renderer", "depth (mm)", "force (N)", "HIP (mm)", "IHIP (mm)"].map((text) => element("th", { scope: "col" }, text)));
       this.rows = this.visible().map((run) => {
         const cells = Array.from({ length: 4 }, () => element("td"));
-        const swatch = this.section.querySelector(`.runs-shown input[data-run="${CSS.escape(run.name)}"]`)?.parentElement.querySelector("svg")?.cloneNode(true);
+        const swatch = this.section.querySelector(`.runs-shown input[data-run="${run.number}"]`)?.parentElement.querySelector("svg")?.cloneNode(true);
         return [run, cells, element("tr", {}, element("th", { scope: "row" }, swatch ?? "", ` ${run.name}`), ...cells)];
       });
       this.values.replaceChildren(element("thead", {}, head), element("tbody", {}, ...this.rows.map((each) => each[2])));
@@ -645,13 +659,12 @@
     }
 
     fill() {
-      const point = (columns, k) => (columns ? columns.map((column) => (MM * column[k]).toFixed(3).replace("-", "−")).join(", ") : "–");
-      for (const [run, cells] of this.rows ?? []) {
-        const k = run.at;
-        cells[0].textContent = run.apart ? short(MM * size(run.apart, k)) : "–";
-        cells[1].textContent = run.force ? short(size(run.force, k)) : "–";
-        cells[2].textContent = point(run.hip, k);
-        cells[3].textContent = point(run.ihip, k);
+      const point = (columns) => (columns ? columns.map((column) => (MM * column[0]).toFixed(3).replace("-", "−")).join(", ") : "–");
+      for (const [{ now }, cells] of this.rows ?? []) {
+        cells[0].textContent = now.apart ? short(MM * size(now.apart, 0)) : "–";
+        cells[1].textContent = now.force ? short(size(now.force, 0)) : "–";
+        cells[2].textContent = point(now.hip);
+        cells[3].textContent = point(now.ihip);
       }
     }
 
@@ -674,7 +687,7 @@
     /** Go to the place of a verdict, and show its renderer. */
     jump(link) {
       this.stop();
-      const box = this.section.querySelector(`.runs-shown input[data-run="${CSS.escape(link.dataset.run)}"]`);
+      const box = this.section.querySelector(`.runs-shown input[data-run="${link.dataset.run}"]`);
       if (box && !box.checked) { box.checked = true; this.choose(box); }
       for (const each of this.section.querySelectorAll(".verdict.current")) each.classList.remove("current");
       link.closest(".verdict").classList.add("current");

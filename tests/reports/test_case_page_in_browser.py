@@ -72,7 +72,7 @@ def test_a_link_jumps_to_the_place_of_its_verdict(opened):
     page = opened("plane")
     recording = lobe_recording()
     assert page.run(TIME) == 0.0
-    page.click("a.jump[data-run=plain]")
+    page.click("a.jump[data-run='0']")
     time = float(recording.time[jump_tick(recording)])
     assert page.run(TIME) == pytest.approx(time, abs=1e-9)
     shown = page.run("[...document.querySelectorAll('.now tbody tr')].map(row => row.innerText.split('\\t'))")
@@ -111,7 +111,7 @@ def test_a_renderer_that_is_alone_shows_its_components(opened):
     page = opened("plane")
     before = page.run(PICTURE)
     assert page.run("document.querySelectorAll('.keys span span').length") == 0
-    page.click(".runs-shown input[data-run=other]")
+    page.click(".runs-shown input[data-run='1']")
     assert page.run("document.querySelector('.keys').innerText").split() == ["|F|", "F₁", "F₂"]
     assert page.run(PICTURE) != before
 
