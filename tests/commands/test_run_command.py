@@ -167,8 +167,9 @@ def test_there_is_a_list_of_everything(capsys, what, entry):
 
 
 COMMANDS = [
-    "run", "list", "explain", "report", "record", "inspect", "convert", "replay", "view", "compare", "search",
-    "bench", "effects", "texture", "field", "flow", "device", "limits", "integrators",
+    "run", "list", "explain", "merge",
+    "report", "record", "inspect", "convert", "replay", "view", "compare", "search", "bench", "rates",
+    "effects", "texture", "field", "flow", "device", "limits", "integrators",
 ]  # fmt: skip
 
 
