@@ -83,6 +83,8 @@ def _tell(case: ET.Element, verdict: VerdictEntry, ended: str, *, stopped: bool)
         _say(case, "skipped", f"{warning}{outcome}: {text}")
     elif outcome is Outcome.FAIL:
         why = "fails, as known" if published else f"fails; level {verdict.level} stops no gate"
+        if verdict.known is not None:
+            why = f"fails, and is known: {verdict.known}"
         ET.SubElement(case, "system-out").text = _clean(f"{warning}{why}: {text}")
 
 

@@ -14,7 +14,9 @@ from hapticeval.commands.arguments import (
     MappingFile,
     MemoryLimit,
     Renderers,
+    Scheduler,
     Seed,
+    Timeout,
     argument,
     model_named,
     option,
@@ -30,6 +32,9 @@ if TYPE_CHECKING:
     from hapticeval.runner.interrupts import Interrupts
 
 DEFAULT_SUITE = "thesis"
+
+TIMEOUT = 600.0
+"""Seconds in which the built-in renderers end any case of the suites several times over, with kernels to compile."""
 
 EXIT_CODES = """\b
 Exit codes:
@@ -53,6 +58,14 @@ LISTED = """\b
 Exit codes:
   0  listed
   2  wrong usage, or no such name
+"""
+
+MERGED = """\b
+Exit codes:
+  0  every verdict is as required, or as published where the suite publishes one
+  1  a check failed, could not decide or differs, or one of the runs is incomplete
+  2  wrong usage, or what is in the folders is not one run: versions, seeds, overlaps, missing shards
+  3  a renderer broke
 """
 
 REPORTED = """\b
@@ -79,6 +92,14 @@ def run(
     ] = Path("results"),
     seed: Seed = 0,
     strict: Annotated[bool, typer.Option("--strict", help="Let warnings count: checks of level should.")] = False,
+    timeout: Timeout = TIMEOUT,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Keep what an earlier run into DIR has finished, and run the rest.")
+    ] = False,
+    shard: Annotated[
+        str | None, option("--shard", metavar="K/N", help="Run part K of N only: `hapticeval merge` makes them one.")
+    ] = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Run suites on renderers, judge, and write results and reports.
 
@@ -89,6 +110,8 @@ def run(
       hapticeval run dynamics
       hapticeval run -r mymodule:factory -k 'cassinian-*/continuous-contact'
       hapticeval run mysuite.toml -o out
+      hapticeval run dynamics --shard 3/16 -o shard-3
+      hapticeval run dynamics --scheduler tcp://10.0.0.1:8786 --resume
     """
     from hapticeval import api
 
@@ -101,10 +124,33 @@ def run(
                 output=directory,
                 seed=seed,
                 strict=strict,
+                timeout=timeout,
                 watch=terminal,
+                resume=resume,
+                shard=shard,
+                scheduler=scheduler,
             )
         )
     )
+
+
+def merge(
+    folders: Annotated[list[Path], argument(metavar="DIR...", help="Folders of runs, or of all shards of a run.")],
+    directory: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where the one run goes.")],
+) -> None:
+    """Make one run of several: of all shards of a run, or of runs on other suites, cases or renderers.
+
+    Verdicts come in the order in which one run would have come to them. What is not one run is refused: other
+    versions or seeds, the same case and renderer twice, a suite that was changed, shards that are missing.
+
+    \b
+    Examples:
+      hapticeval merge shard-* -o results
+      hapticeval merge on-monday on-tuesday -o both
+    """
+    from hapticeval import api
+
+    raise typer.Exit(reported(lambda _: api.merge(folders, directory)))
 
 
 def reported(judge: Callable[[Terminal], Results], before: Callable[[Results], str] | None = None) -> int:

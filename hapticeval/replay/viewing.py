@@ -16,8 +16,8 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.replay import RECORDED
 from hapticeval.replay.job import prepared
 from hapticeval.replay.subject import SUITE, subject
+from hapticeval.runner.outcome import run_entry
 from hapticeval.runner.planning import Job
-from hapticeval.runner.progress import run_entry
 from hapticeval.runner.results import RunEntry, SceneEntry, VerdictEntry
 
 

@@ -1,6 +1,7 @@
 """The command line from outside: what it prints, what it writes, and the exit code that a gate reads."""
 
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -166,7 +167,8 @@ def test_there_is_a_list_of_everything(capsys, what, entry):
 
 
 COMMANDS = [
-    "run", "list", "explain", "report", "record", "inspect", "convert", "replay", "compare", "search", "bench",
+    "run", "list", "explain", "merge",
+    "report", "record", "inspect", "convert", "replay", "compare", "search", "bench", "rates",
     "effects", "texture", "field", "flow", "device", "limits", "integrators",
 ]  # fmt: skip
 
