@@ -60,11 +60,11 @@ class ShownSuite:
 
 @dataclass(frozen=True)
 class Single:
-    """What the page holds when it stands alone: its style, the head of the case pages, and the cases themselves."""
+    """What the page holds when it stands alone: styles, scripts, and what the pages of the cases show."""
 
-    css: str
-    head: str = ""
-    bodies: Sequence[str] = ()
+    styles: Sequence[str]
+    scripts: Sequence[str]
+    bodies: Sequence[str]
 
 
 def render_index(
@@ -108,9 +108,7 @@ def render_index(
         return inside if single else case_file(entry.suite, entry.case) + inside
 
     return environment().get_template("index.html.j2").render(
-        css=single.css if single else "",
-        case_head=single.head if single else "",
-        bodies=single.bodies if single else (),
+        single=single,
         styles=styles,
         results=results,
         headline=headline(results),

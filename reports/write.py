@@ -35,8 +35,6 @@ if TYPE_CHECKING:
 SINGLE = "report.html"
 """The report as one file."""
 
-STYLE = "report.css"
-
 PATIENCE = 0.1
 """Seconds after which it is seen at the latest that the drawing is to stop."""
 
@@ -125,7 +123,7 @@ def write_reports(
     `KeyboardInterrupt` as Ctrl-C does. A recording that is missing or damaged is reported in its figure's place. Raises
     `InputError` as `read_results` does, and `HapticevalError` where a file cannot be written.
     """
-    from hapticeval.reports.case_page import asset, write_assets
+    from hapticeval.reports.case_page import write_assets
 
     directory = Path(directory)
     results = read_results(directory)
@@ -141,10 +139,8 @@ def write_reports(
             for order, drawing in zip(orders, made, strict=True)
             if isinstance(order, Picture) and isinstance(drawing, Drawing)
         }
-        single = Single(asset(STYLE).decode(), _head(), [each for each in made if isinstance(each, str)])
-        text = render_index(
-            results, drawings, bench=bench, effects=effects, costs=costs, single=single if single_file else None
-        )
+        single = _single([each for each in made if isinstance(each, str)]) if single_file else None
+        text = render_index(results, drawings, bench=bench, effects=effects, costs=costs, single=single)
         written = {"table.md": markdown(results), "junit.xml": junit(results)}
         if single_file:
             written[SINGLE] = text
@@ -158,19 +154,16 @@ def write_reports(
     return [*(directory / name for name in written), *index, tables]
 
 
-def _head() -> str:
-    """Return the styles and scripts of the case pages, as they stand in a page that needs nothing else."""
+def _single(bodies: Sequence[str]) -> Single:
+    """Return what a page holds beside the results that needs nothing else: styles, scripts and the cases."""
     from hapticeval.reports.case_page import ASSETS, asset
 
-    parts = []
-    for name in ASSETS:
-        text = asset(name).decode()
-        if name.endswith(".css") and name != STYLE:
-            parts.append(f"<style>\n{text}\n</style>")
-        elif name.endswith(".js"):
-            # A deferred script of a file runs when the page is parsed; one in the page does so as a module.
-            parts.append(f'<script type="module">\n{text}\n</script>')
-    return "\n".join(parts)
+    texts = {name: asset(name).decode() for name in ASSETS}
+    return Single(
+        [text for name, text in texts.items() if name.endswith(".css")],
+        [text for name, text in texts.items() if name.endswith(".js")],
+        bodies,
+    )
 
 
 def _write(path: Path, text: str) -> None:

@@ -92,7 +92,7 @@ def test_the_first_page_tells_what_ran_and_what_was_found(pages):
         "1 in error",
         "2 failed",
         "2 differed from what is published",
-        "2 failed as published",
+        "2 failed as known",
         "3× real time",  # noqa: RUF001
         "published: No",
         "Not as expected, worst first",
