@@ -49,6 +49,15 @@ Renderers = Annotated[
 
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of everything random.", min=0, max=2**32 - 1)]
 
+Scheduler = Annotated[
+    str | None,
+    option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Let the workers of a dask scheduler do it, as of tcp://10.0.0.1:8786; see docs/scale.md.",
+    ),
+]
+
 Timeout = Annotated[
     float,
     typer.Option("--timeout", metavar="SECONDS", help="End a renderer that takes longer in a case: it hangs.", min=0.1),

@@ -352,6 +352,37 @@ class _Rows(NamedTuple):
         return cls(np.tile(hip, (count, 1)), np.zeros((count, hip.size)), np.full(count, dt))
 
 
+TURN = 8
+"""Ticks that a renderer answers before it is another one's turn."""
+
+Party = tuple[Renderer, Path, Scene]
+"""A renderer, the path that it is led along, and its scene."""
+
+
+def play_in_turns(first: Party, second: Party, dt: float) -> Recording:
+    """Return what the first renderer answers along its path, while the second is led along its own by turns.
+
+    Both are reset at the beginning, and then answer `TURN` ticks each until the first path ends.
+    """
+    led = []
+    for renderer, path, scene in (first, second):
+        time, hips = path.sampled(dt)
+        rows = _Rows(hips, backward_difference(hips, time), np.full(time.size, dt))
+        way = way_in(renderer, hips, scene)
+        ahead = _Rows(way, np.diff(way, axis=0, prepend=way[:1]) / dt, np.full(len(way), dt))
+        led.append((renderer, ahead.followed_by(rows)))
+        reset_checked(renderer, led[-1][1].hip[0])
+    ways = led[0][1]
+    ihips, forces = np.empty_like(ways.hip), np.empty_like(ways.hip)
+    for begin in range(0, len(ways.dt), TURN):
+        answers = [_led_on(renderer, rows.part(begin, begin + TURN), begin) for renderer, rows in led]
+        ihips[begin : begin + TURN], forces[begin : begin + TURN] = answers[0]
+    time, hips = first[1].sampled(dt)
+    ahead_ = len(ways.dt) - len(time)
+    channels = {"hip": hips, "ihip": ihips[ahead_:], "force": forces[ahead_:], "velocity": ways.velocity[ahead_:]}
+    return Recording(time, channels, meta={"source": "playback", "dt": dt, **abilities_of(first[0]).meta})
+
+
 PATIENCE = 32
 """Ticks after which a renderer that still moves under a hand at rest is not waited for."""
 

@@ -146,6 +146,14 @@ def test_a_process_that_is_stopped_in_the_middle_of_an_answer_does_not_hold_up_t
     assert crew.busy == 0
 
 
+def test_what_a_process_waits_for_a_processor_is_known_while_it_is_at_a_call():
+    with Workers(act, 1) as crew:
+        assert crew.starved(0) == 0.0
+        crew.begin(0, "wait")
+        first = crew.starved(0)
+        assert 0.0 <= first <= crew.starved(0)
+
+
 ORPHANS = """
 import os, sys
 from hapticeval.workers import Workers
