@@ -84,8 +84,6 @@ def _longest(mesh: Mesh) -> float:
     return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
 
 
-def path_of(hips: Array, dt: float) -> tuple[Array, Array]:
-    """Return the HIPs (n, N) of a batch as a library takes them, and the velocities (n, N) that single steps have."""
-    hips = np.array(hips, dtype=np.float64, order="C")
-    time = dt * np.arange(len(hips), dtype=np.float64)
-    return hips, np.ascontiguousarray(backward_difference(hips, time))
+def path_velocities(hips: Array, dt: float) -> Array:
+    """Return the velocities (n, N), m/s, that single steps along HIPs (n, N) in steps of `dt` (s) are given."""
+    return backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))

@@ -26,7 +26,7 @@ from typing import IO, Any, NoReturn
 
 import numpy as np
 
-from hapticeval.adapters.outside import Outside, path_of
+from hapticeval.adapters.outside import Outside, path_velocities
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
 from hapticeval.renderer import Declaration, Response, Spring
 from hapticeval.scene import Scene, requirements
@@ -342,9 +342,8 @@ class ProcessRenderer:
         return self._lead if self._batch else None
 
     def _run(self, hips: Array, dt: float) -> tuple[Array, Array]:
-        hips, velocities = path_of(hips, dt)
         self.reset(hips[0])
-        return self._asked(hips, velocities, dt)
+        return self._asked(hips, path_velocities(hips, dt), dt)
 
     def _lead(self, hips: Array, velocities: Array, dt: Array) -> tuple[Array, Array]:
         cuts = [0, *np.flatnonzero(np.diff(dt)) + 1, len(dt)]
