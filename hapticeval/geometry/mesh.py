@@ -88,7 +88,12 @@ class Mesh(InSpace):
 
     def moved(self, motion: Motion) -> Mesh:
         """Return the mesh moved, its vertices rounded anew."""
-        return Mesh(self.name, motion(self.vertices), self.triangles)
+        return Mesh(self.name, motion(self.vertices), self.triangles[:, :: -1 if motion.mirrors else 1])
+
+    def reordered(self) -> Mesh:
+        """Return the same mesh with its vertices and triangles in the opposite order, each from another corner."""
+        last = len(self.vertices) - 1
+        return Mesh(self.name, self.vertices[::-1], np.roll(last - self.triangles[::-1], 1, axis=1))
 
     @property
     def compiled_closest(self) -> Closest:

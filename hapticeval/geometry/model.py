@@ -21,8 +21,15 @@ if TYPE_CHECKING:
     from hapticeval.geometry.surface import Surface
 
 
-FREE = {"vertices": "polygon", "text": "wkt", "document": "geojson"}
-"""The parameter that only models of a kind without a name of its own have, and that kind."""
+FREE = {
+    "model": "extruded",
+    "triangles": "mesh",
+    "file": "mesh",
+    "vertices": "polygon",
+    "text": "wkt",
+    "document": "geojson",
+}
+"""The first parameter that only models of a kind without a name of its own have, and that kind."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,7 +53,7 @@ class Model:
     @property
     def table(self) -> dict[str, Any]:
         """What a suite file has for it: `kind` and parameters, as `make_model` takes them."""
-        kind = next((FREE[name] for name in self.parameters if name in FREE), self.name)
+        kind = next((FREE[name] for name in FREE if name in self.parameters), self.name)
         return {"kind": kind, **self.parameters}
 
     @property
@@ -86,6 +93,12 @@ class Model:
         """Return the model moved; None where its boundary does not offer `moved`, or cannot be moved so."""
         move = getattr(self.boundary, "moved", None)
         boundary = None if move is None else move(motion)
+        return None if boundary is None else Model(self.name, self.parameters, boundary)
+
+    def reordered(self) -> Model | None:
+        """Return the model with its vertices in another order; None where its boundary does not offer `reordered`."""
+        order = getattr(self.boundary, "reordered", None)
+        boundary = None if order is None else order()
         return None if boundary is None else Model(self.name, self.parameters, boundary)
 
     @property

@@ -194,23 +194,29 @@ def _missing_at_zero_error(recording: Recording, scene: Scene) -> float | None:
     """Share of m kappa v^2 that the force lacks at the start, if that lies on a bilateral constraint.
 
     There the position error is zero, so the force must be the centripetal one alone (3.8): that of the sample, or of
-    some time until the next one, where it is a mean. The best of the first counts, as many as a proxy may lag.
+    some time until the next one, where it is a mean. The best of the first counts, as many as a proxy may lag. What the
+    operator pushes with is a force of one direction, of which the turning normal has another share in that time: by so
+    much it may differ.
     """
     if not scene.bilateral or len(recording) < LAG_TICKS + 2:
         return None
     ticks = slice(0, LAG_TICKS + 2)
     frame = scene.model.boundary.closest_point(recording.hip[ticks])
     normal = frame.normal
-    wanted = scene.mass * _bending(frame, recording.velocity[ticks])[1]
+    turning, speed2 = _bending(frame, recording.velocity[ticks])
+    wanted, unknown = scene.mass * speed2, np.zeros(len(normal))
     if abs(frame.distance[0]) > 1e-9 * scene.model.size or not np.all(np.abs(wanted) > 0.0):
         return None
     given = np.sum(recording.force[ticks] * normal, axis=1)
     if "operator_force" in recording.channels:
-        given += np.sum(recording.channels["operator_force"][ticks] * normal, axis=1)
+        push = recording.channels["operator_force"][ticks]
+        given += np.sum(push * normal, axis=1)
+        unknown = HOLD_TICKS * recording.dt * turning * np.linalg.norm(push, axis=1)
     nearest = np.clip(-given[:-1], *np.sort([wanted[:-1], wanted[1:]], axis=0))
     if not np.all(np.abs(nearest) > 0.0):
         return None
     missing = 1.0 + given[:-1] / nearest
+    missing = np.sign(missing) * np.maximum(np.abs(missing) - unknown[:-1] / np.abs(nearest), 0.0)
     return float(missing[np.argmin(np.abs(missing))])
 
 
@@ -234,8 +240,9 @@ CHECK = Check(
         "it on average, and one tick more may pass between sample and force. The verdict "
         "is inconclusive within two standard errors of the bound. On a bilateral constraint the force at the start, "
         "where the error is zero, must supply m kappa v^2 to the same share, within the three ticks that a proxy may "
-        "lag. A bound above 0.1 is inconclusive, and so is a run of which more than a tenth has the tool off a "
-        "bilateral constraint without any force."
+        "lag, beside the share that the operator's push changes by along a normal that turns so far. A bound above "
+        "0.1 is inconclusive, and so is a run of which more than a tenth has the tool off a bilateral constraint "
+        "without any force."
     ),
     judge=judge,
 )

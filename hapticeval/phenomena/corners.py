@@ -11,6 +11,7 @@ from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.crossings import Crossing, angle_between, find_crossings
 from hapticeval.phenomena.sampling import (
+    LAG_TICKS,
     NO_IHIP,
     above_force_floor,
     evidence_at,
@@ -24,7 +25,7 @@ from hapticeval.phenomena.sampling import (
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
-from hapticeval.types import BoolArray
+from hapticeval.types import BoolArray, IntArray
 
 NEAR = 0.05
 """Share of the corner's turn within which a direction counts as a face's: far above rounding, far below a switch."""
@@ -54,7 +55,9 @@ def _broken(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray
     pressed = np.flatnonzero(strong[crossing.first : crossed])
     if pressed.size == 0:
         return None
-    first = crossing.first + int(pressed[0])
+    # A tool that is struck is given its impulse at once, and what it presses with from then on may begin at nothing.
+    settled = pressed[pressed > pressed[0] + LAG_TICKS]
+    first = crossing.first + int((settled if settled.size else pressed)[0])
     strength = np.linalg.norm(base.force, axis=1)
     usual = float(np.median(strength[first:crossed]))
     kept = first_face[first:crossed]
@@ -122,6 +125,10 @@ def _switched(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArr
         return None
     left = int(pressed[leaves - 1])
     reached = int(pressed[last - int(np.argmin(post[last::-1])) + 1])
+    # A rigid tool may strike both faces by turns: as long as it is at one place that is one switch.
+    within = position_tolerance(base, scene)
+    left = _last_beside(base, pressed[pre & (pressed < reached)], left, within)
+    reached = _last_beside(base, pressed[post & (pressed > left)][::-1], reached, within)
     takes = float(base.time[reached] - base.time[left])
     travel = float(np.sum(crossing.steps[left:reached]))
     depths = np.linalg.norm(base.hip - base.ihip, axis=1)
@@ -142,6 +149,12 @@ def _switched(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArr
         fails=f"the force turns over {mm(travel)} of HIP travel ({travel / depth:.3g} depths, {takes:.3g} s): "
         "the corner is rounded",
     )
+
+
+def _last_beside(base: Recording, ticks: IntArray, tick: int, within: float) -> int:
+    """Return the last of `ticks` at which the HIP is `within` metres of where it is at `tick`."""
+    beside = ticks[np.linalg.norm(base.hip[ticks] - base.hip[tick], axis=1) <= within]
+    return int(beside[-1]) if beside.size else tick
 
 
 def worst(findings: Sequence[Finding]) -> Finding | None:
@@ -168,10 +181,10 @@ BROKEN_CONTACT = Check(
         "3 HIP steps + standoff: a sampled renderer learns of the corner at the next sample, may lag by three, and "
         "cannot know the corner better than its own surface does. A force within 5 per cent of the corner's turn, and "
         "where the hand keeps to a depth of at least half the usual size on the first face, counts as kept; past the "
-        "corner every force counts until "
-        "the first zero, and every one along n_pre thereafter. Asked of each way under one face past a corner and out "
-        "of the model; without one it is not applicable. On a solid the distance is square to the edge over which a "
-        "rigid tool that follows the hand leaves the face; over a vertex, to the edge that the hand's foot passes."
+        "corner every force counts until the first zero, and every one along n_pre thereafter. The first three ticks "
+        "after a touch are that of a strike. Asked of each way under one face past a corner and out of the model; "
+        "without one it is not applicable. On a solid the distance is square to the edge over which a rigid tool that "
+        "follows the hand leaves the face; over a vertex, to the edge that the hand's foot passes."
     ),
     judge=judge_broken_contact,
 )
@@ -195,9 +208,10 @@ ABRUPT_SWITCH = Check(
         "better than the renderer's own surface. Resting on the corner while the HIP goes round it turns the force "
         "over an arc as long as the corner's turn (rad) times the depth, whatever the depth. The switch lasts from "
         "where the force first leaves n_pre, by more than 5 per cent of the turn, to where it is within 5 per cent of "
-        "n_post for good. Asked of each way along one face into a corner and out along the next; without one it is not "
-        "applicable. On a solid a rigid tool that follows the hand shows the faces: one that rises from the other, by "
-        "an edge or by a corner of several; what leads that tool along an edge on which it rests is no travel."
+        "n_post for good; turns to and fro while the HIP keeps to within that bound of one place count as one. Asked "
+        "of each way along one face into a corner and out along the next; without one it is not applicable. On a solid "
+        "a rigid tool that follows the hand shows the faces: one that rises from the other, by an edge or by a corner "
+        "of several; what leads that tool along an edge on which it rests is no travel."
     ),
     judge=judge_abrupt_switch,
 )
