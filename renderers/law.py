@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from hapticeval.compiled import LAW, LawData, borrowing, first_class, for_kernels, inlined, inner
-from hapticeval.errors import DomainError
+from hapticeval.errors import DomainError, InputError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.model import Model
 from hapticeval.renderer import CompiledStep, Response
@@ -79,6 +79,8 @@ class LawRenderer:
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the law is not defined."""
         hip, velocity = as_rows(hip), as_rows(velocity)
+        if not math.isfinite(hip @ hip):  # a search would have no end
+            raise InputError(f"the HIP is not finite: {hip}", why="nothing is near to it", todo="stop the device")
         ihip, force = np.empty_like(self._push), np.empty_like(self._push)
         refusal = self.law.function(self.law.data, hip, velocity, self._push, dt, ihip, force)
         if refusal:
