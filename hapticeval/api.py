@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from hapticeval.discovery import resolve
-from hapticeval.errors import HapticevalError, InputError, UnknownNameError
+from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished
@@ -18,6 +19,8 @@ from hapticeval.runner.execution import execute
 from hapticeval.runner.folder import prepare
 from hapticeval.runner.planning import Plan, plan
 from hapticeval.runner.results import FILE, ResultsDocument, RunEntry, RunKey, VerdictEntry, read_results
+from hapticeval.runner.resuming import finished
+from hapticeval.runner.sharding import Shard
 from hapticeval.runner.work import Work, run_job
 from hapticeval.suite.case import Case
 from hapticeval.suite.installed import find_suites
@@ -45,7 +48,11 @@ def run(
     seed: int = 0,
     strict: bool = False,
     workers: int | None = None,
+    timeout: float = math.inf,
     watch: Callable[[Event], None] | None = None,
+    shard: str | None = None,
+    resume: bool = False,
+    scheduler: str | None = None,
 ) -> Results:
     """Judge renderers in the cases of suites, as `hapticeval run` does, and return what was found.
 
@@ -53,7 +60,11 @@ def run(
     runs its own. `suites` are names, groups, TOML files or `load_suite`'s; `select` are globs on cases, `suite/case` or
     `case/check`. Nothing is written but to the folder `output`: results.json and the recordings, see `Results.report`.
     `workers` processes share the work, one for each processor if not given; renderers that are not names run in this
-    process, with `workers=0`. `watch` is called with each event of the run. With `strict` warnings count.
+    process, with `workers=0`. One in a process of its own that takes longer than `timeout` seconds in a case is ended,
+    and its verdicts are errors. `watch` is called with each event of the run. With `strict` warnings count.
+
+    Of what that makes, a `shard` "3/16" is the part that is run, see `merge`; with `resume` what an earlier run into
+    `output` has finished is kept; and the workers of the dask `scheduler` at an address do the work, if there is one.
 
     On Ctrl-C what is finished is kept, and the results are not `complete`. Raises `InputError` for arguments that are
     none of these, and as `plan` and `prepare` do; what a renderer gets wrong is in the results.
@@ -63,8 +74,12 @@ def run(
     for what, value, least in (("seed", seed, 0), ("workers", 0 if workers is None else workers, 0)):
         if not isinstance(value, int) or value < least:
             raise InputError(f"{what} = {value!r}", why="it is a whole number, and not negative")
-    if workers:
+    if workers or scheduler is not None:
         _refuse_bound(factories)
+    if resume and output is None:
+        raise InputError("there is nothing to resume", why="results lie in no folder", todo="name one: output=...")
+    if not timeout > 0.0:
+        raise InputError(f"timeout = {timeout!r}", why="it is seconds that a case may take, and positive")
     planned = plan(
         _listed(suites, "suites", (str, Suite)),
         tuple(named),
@@ -72,10 +87,30 @@ def run(
         select=_listed(select, "select", (str,)),
         seed=seed,
         strict=strict,
+        shard=None if shard is None else Shard.parse(shard),
     )
     if workers is None:
         workers = 0 if factories else cores()
-    return carry_out(planned, output=None if output is None else Path(output), workers=workers, watch=watch)
+    return carry_out(
+        planned,
+        output=None if output is None else Path(output),
+        workers=workers,
+        watch=watch,
+        timeout=timeout,
+        resume=resume,
+        scheduler=scheduler,
+    )
+
+
+def merge(folders: Sequence[str | Path], output: str | Path) -> Results:
+    """Make one result folder of several: of the shards of a run, or of runs on other suites, cases or renderers.
+
+    Raises `InputError` for what cannot be one: see `runner.merging`.
+    """
+    from hapticeval.runner.merging import merge_into
+
+    prepare(Path(output))
+    return Results(merge_into([Path(folder) for folder in folders], Path(output)), Path(output))
 
 
 def judge(
@@ -109,39 +144,39 @@ def carry_out(
     workers: int,
     watch: Callable[[Event], None] | None = None,
     work: Work = run_job,
+    timeout: float = math.inf,
+    resume: bool = False,
+    scheduler: str | None = None,
 ) -> Results:
     """Carry a plan out: see `run`, and `execute` for `work`."""
+    kept = finished(planned, output) if resume and output is not None else None
     if output is not None:
         prepare(output)
     recordings: dict[RunKey, Recording] = {}
-    errors: list[HapticevalError] = []
     stopped = False
-    for event in execute(planned, output, workers=workers, work=work):
+    for event in execute(planned, output, workers=workers, work=work, timeout=timeout, scheduler=scheduler, kept=kept):
         if watch is not None:
             watch(event)
         if isinstance(event, JobFinished):
             if event.recording is not None:
                 recordings[event.run.key] = event.recording
-            if event.error is not None:
-                errors.append(event.error)
         elif isinstance(event, Interrupted):
             stopped = event.at_once
         elif isinstance(event, RunFinished):
             document = event.results
-    return Results(document, folder=output, recordings=recordings, errors=tuple(errors), stopped=stopped)
+    return Results(document, folder=output, recordings=recordings, stopped=stopped)
 
 
 @dataclass(frozen=True, repr=False)
 class Results:
     """What a run found: `document` is results.json as typed values, `folder` where it lies, if it does.
 
-    `errors` are what stopped a renderer or its input in a case; `stopped`: the user gave the run up.
+    `stopped`: the user gave the run up.
     """
 
     document: ResultsDocument
     folder: Path | None = None
     recordings: Mapping[RunKey, Recording] = field(default_factory=dict)
-    errors: tuple[HapticevalError, ...] = ()
     stopped: bool = False
 
     @classmethod
@@ -168,7 +203,7 @@ class Results:
         """
         document = self.document
         differs = not document.complete or any(map(document.stops, document.verdicts))
-        codes = [error.exit_code for error in self.errors]
+        codes = [run.error.exit_code for run in document.runs if run.error]
         return max([int(differs or self.stopped), 2 * int(document.all_refused), *codes])
 
     def frame(self) -> pd.DataFrame:
@@ -240,16 +275,25 @@ class Results:
         return self.folder / FILE
 
     def report(
-        self, *, progress: Callable[[int, int], None] | None = None, stopped: Callable[[], bool] | None = None
+        self,
+        *,
+        single_file: bool = False,
+        figures: Sequence[str] = (),
+        progress: Callable[[int, int], None] | None = None,
+        stopped: Callable[[], bool] | None = None,
     ) -> list[Path]:
-        """Write table.md, junit.xml and report.html beside results.json, and return all their paths.
+        """Write table.md, junit.xml, report/ and tables/ beside results.json, and return all their paths.
 
-        See `write_reports`. Raises `InputError` for results that lie in no folder.
+        With `single_file` report.html holds the pages of report/. `figures` are globs on `suite/case/renderer`: the
+        figures of these runs are written as SVG and PDF too. See `write_reports` and `write_figures`. Raises
+        `InputError` for results that lie in no folder.
         """
-        from hapticeval.reports import write_reports
+        from hapticeval.reports import write_figures, write_reports
 
         folder = self.file.parent
-        return [self.file, *write_reports(folder, progress=progress, workers=cores(), stopped=stopped)]
+        drawn = write_figures(folder, self.document, figures)
+        options: dict[str, Any] = {"single_file": single_file, "progress": progress, "stopped": stopped}
+        return [self.file, *write_reports(folder, workers=cores(), **options), *drawn]
 
     def __repr__(self) -> str:
         document = self.document

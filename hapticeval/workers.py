@@ -7,11 +7,16 @@ of an answer, takes nothing along but its call.
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import multiprocessing.connection
 import os
 import pickle
 import signal
+import subprocess
+import sys
+import threading
+import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +24,9 @@ from functools import partial
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeVar, cast
+from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar, cast
+
+from hapticeval.errors import HapticevalError
 
 T = TypeVar("T")
 
@@ -32,26 +39,136 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+TRIES = 3
+"""Processes that a job may see killed from outside before it counts as what has them killed."""
+
+WATCH = 1.0
+"""Seconds between two looks of a process in an interpreter of its own at whether its parent is still there."""
+
+
 def _scheduled(pid: int | None) -> Path:
     return Path(f"/proc/{pid}/schedstat")
 
 
 class Ended(Exception):
-    """The process that worked on a call has ended without an answer."""
+    """The process that worked on a call has ended without an answer, with that exit `code` where it ended by itself.
+
+    The code is negative for a signal, as that of `subprocess.Popen`.
+    """
+
+    def __init__(self, code: int | None = None) -> None:
+        super().__init__(code)
+        self.code = code
+
+    @property
+    def killed(self) -> bool:
+        """Whether somebody else has killed it, as the system does for lack of memory: a crash has other signals."""
+        return self.code is not None and -self.code in (signal.SIGKILL, signal.SIGTERM)
+
+    @property
+    def how(self) -> str:
+        """How it ended, in words."""
+        return ending(self.code)
+
+
+class Overdue(Exception):
+    """The process that worked on a call was killed: it took longer than it was given."""
+
+
+class LostError(HapticevalError):
+    """Who was to make the calls is gone, and no answer will come."""
+
+
+def ending(code: int | None) -> str:
+    """Return how a process ended, in words: the name of the signal that killed it, or its exit code."""
+    if code is not None and code < 0:
+        try:
+            return signal.Signals(-code).name
+        except ValueError:
+            return f"signal {-code}"
+    return f"exit code {code}"
 
 
 class Answer(NamedTuple, Generic[T]):
-    """What came of call number `call`: a value, or the error that it raised, `Ended` where its process is gone."""
+    """What came of call number `call`: a value, or the error that it raised.
+
+    That is `Ended` where its process is gone, and `Overdue` where it had to be killed.
+    """
 
     call: int
     value: T | None
     error: Exception | None
 
 
+class Crew(Protocol[T]):
+    """Who makes calls of one function for somebody: processes of this machine, or the workers of a cluster.
+
+    A context manager: leaving it gives up the calls that have not been answered.
+    """
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(self, *_: object) -> None: ...
+
+    @property
+    def busy(self) -> int:
+        """How many calls have begun, of which no answer has been taken."""
+        ...
+
+    @property
+    def free(self) -> int:
+        """How many more calls may begin now."""
+        ...
+
+    def begin(self, call: int, *arguments: Any) -> None:
+        """Have the function called: call number `call`."""
+        ...
+
+    def answers(self, timeout: float | None = None) -> list[Answer[T]]:
+        """Return the answers that there are, after waiting for the first, for at most `timeout` seconds if given.
+
+        Raises `LostError` where none will come.
+        """
+        ...
+
+    def give_up(self, seconds: float) -> list[Answer[T]]:
+        """Give up the calls that were worked on for longer than `seconds`; return an answer `Overdue` for each."""
+        ...
+
+    def refused(self) -> list[tuple[str, str]]:
+        """Return who is asked to make no calls, and why: each once."""
+        ...
+
+
 @dataclass(frozen=True)
 class _Worker:
-    process: BaseProcess
+    process: BaseProcess | subprocess.Popen[bytes]
     pipe: Connection
+
+    def end(self, patience: float) -> int | None:
+        """Close the pipe and kill the process after so many seconds; return the exit code if it ended before."""
+        self.pipe.close()
+        if isinstance(self.process, subprocess.Popen):
+            try:
+                return self.process.wait(patience)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+                return None
+        self.process.join(patience)
+        code = self.process.exitcode
+        self.process.kill()
+        self.process.join()
+        return code
+
+
+class _Call(NamedTuple):
+    """A call that has begun: who is at it since when, and how many processes were killed over it before."""
+
+    worker: _Worker
+    arguments: tuple[Any, ...]
+    killed: int
+    begun: float
 
 
 class Workers(Generic[T]):
@@ -59,26 +176,31 @@ class Workers(Generic[T]):
 
     They ignore Ctrl-C, which reaches the whole process group: only the parent decides what it means. With a count of 0
     a call is made here and now: Ctrl-C then ends it as anywhere.
+
+    A call whose process is killed from outside is made again by another one, until `tries` have been killed over it; a
+    process that crashes ends its call. With `fresh` each process has an interpreter of its own, where forks are
+    forbidden or the parent has threads; it ends with its parent, and the function is one that can be pickled.
     """
 
-    def __init__(self, function: Callable[..., T], count: int) -> None:
+    def __init__(self, function: Callable[..., T], count: int, *, tries: int = 1, fresh: bool = False) -> None:
         self._function = function
         self._count = count
+        self._tries = tries
+        self._fresh = fresh
         self._idle: list[_Worker] = []
-        self._at: dict[int, _Worker] = {}
+        self._at: dict[int, _Call] = {}
         self._here: list[Answer[T]] = []
 
     def __enter__(self) -> Workers[T]:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for worker in self._at.values():
-            _kill(worker)
+        for call in self._at.values():
+            call.worker.end(0.0)
         for worker in self._idle:
             worker.pipe.close()
         for worker in self._idle:
-            worker.process.join(GRACE)
-            _kill(worker)
+            worker.end(GRACE)
         self._at.clear()
         self._idle.clear()
 
@@ -96,36 +218,56 @@ class Workers(Generic[T]):
         """Have a free process, or a new one, call the function."""
         if self._count == 0:
             self._here.append(Answer(call, *_called(partial(self._function, *arguments))))
-            return
+        else:
+            self._begin(call, arguments, 0)
+
+    def _begin(self, call: int, arguments: tuple[Any, ...], killed: int) -> None:
         while True:
             worker = self._idle.pop() if self._idle else self._new()
             try:
                 worker.pipe.send(arguments)
             except OSError:  # it ended while it had nothing to do
-                _kill(worker)
+                worker.end(0.0)
                 continue
             except Exception:  # the arguments cannot travel, and nothing of them was sent
                 self._idle.append(worker)
                 raise
-            self._at[call] = worker
+            self._at[call] = _Call(worker, arguments, killed, time.monotonic())
             return
 
     def answers(self, timeout: float | None = None) -> list[Answer[T]]:
         """Return the answers that there are, after waiting for the first, for at most `timeout` seconds if given."""
         found, self._here = self._here, []
-        calls = {worker.pipe: call for call, worker in self._at.items()}
+        calls = {each.worker.pipe: call for call, each in self._at.items()}
         for pipe in multiprocessing.connection.wait(list(calls), timeout) if calls else ():
             call = calls[cast("Connection", pipe)]
-            worker = self._at.pop(call)
+            worker, arguments, killed, _ = self._at.pop(call)
             try:
                 answer = worker.pipe.recv_bytes()
             except (EOFError, OSError):  # in the middle of an answer, or before
-                _kill(worker)
-                found.append(Answer(call, None, Ended()))
+                ended = Ended(worker.end(GRACE))
+                if ended.killed and killed + 1 < self._tries:
+                    self._begin(call, arguments, killed + 1)
+                else:
+                    found.append(Answer(call, None, ended))
             else:
                 self._idle.append(worker)
                 found.append(Answer(call, *pickle.loads(answer)))
+        if not found and self._at and timeout is None:
+            return self.answers()  # what was killed has begun anew
         return found
+
+    def give_up(self, seconds: float) -> list[Answer[T]]:
+        """Kill the processes that have worked on a call for longer than `seconds`; return an answer for each."""
+        now = time.monotonic()
+        late = [call for call, at in self._at.items() if now - at.begun > seconds]
+        for call in late:
+            self._at.pop(call).worker.end(0.0)
+        return [Answer(call, None, Overdue()) for call in late]
+
+    def refused(self) -> list[tuple[str, str]]:
+        """Return nobody: all processes are alike."""
+        return []
 
     def starved(self, call: int) -> float:
         """Return the seconds that the process at a call has spent waiting for a processor, where the system counts it.
@@ -141,22 +283,42 @@ class Workers(Generic[T]):
 
     def _new(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()
-        process = multiprocessing.Process(target=_serve, args=(theirs, ours, self._function))
-        process.start()
+        process: BaseProcess | subprocess.Popen[bytes]
+        if self._fresh:
+            command = [sys.executable, "-c", SERVE, str(theirs.fileno()), str(os.getpid())]
+            process = subprocess.Popen(command, pass_fds=[theirs.fileno()])
+            with contextlib.suppress(OSError):  # it has ended: that is seen at the first call
+                ours.send((sys.path, pickle.dumps(self._function)))
+        else:
+            process = multiprocessing.Process(target=_serve, args=(theirs, ours, self._function))
+            process.start()
         theirs.close()
         return _Worker(process, ours)
 
 
-def _kill(worker: _Worker) -> None:
-    worker.pipe.close()
-    worker.process.kill()
-    worker.process.join()
+SERVE = "import sys; from hapticeval.workers import serve; serve(*map(int, sys.argv[1:]))"
 
 
-def _serve(pipe: Connection, others: Connection, function: Callable[..., Any]) -> None:
+def serve(pipe: int, parent: int) -> None:
+    """Answer calls that come by the pipe of that number, in an interpreter of its own, as long as the parent lives."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(WATCH)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+    with contextlib.suppress(EOFError, OSError):
+        connection = Connection(pipe)
+        sys.path[:], function = connection.recv()
+        _serve(connection, None, pickle.loads(function))
+
+
+def _serve(pipe: Connection, others: Connection | None, function: Callable[..., Any]) -> None:
     """Answer calls until the other end of the pipe is closed; it closes as well when the parent dies."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    others.close()  # else this process would keep its own pipe open
+    if others is not None:
+        others.close()  # else this process would keep its own pipe open
     try:
         while True:
             received = pipe.recv_bytes()

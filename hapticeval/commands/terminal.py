@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.quantity import aligned
-from hapticeval.runner.events import Event, Interrupted, JobFinished, RunStarted
+from hapticeval.runner.events import Event, Interrupted, JobFinished, RunStarted, WorkerRefused
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -55,7 +55,10 @@ class Terminal:
         """Take one event of the stream."""
         if isinstance(event, RunStarted):
             self._planned_jobs = event.planned_jobs
-            self.line(f"{_plural(event.planned_jobs, 'run')}, {_plural(event.planned_verdicts, 'verdict')} planned")
+            kept = f", {_plural(event.kept_jobs, 'run')} of them finished before" if event.kept_jobs else ""
+            self._finished_jobs = event.kept_jobs
+            planned = f"{_plural(event.planned_jobs, 'run')}, {_plural(event.planned_verdicts, 'verdict')} planned"
+            self.line(planned + kept)
         elif isinstance(event, JobFinished):
             self._finished_jobs += 1
             if self._stream.isatty():
@@ -63,6 +66,8 @@ class Terminal:
             else:
                 count = f"[{self._finished_jobs}/{self._planned_jobs}]"
                 self.line(f"{count} {event.run.renderer} on {event.run.suite}/{event.run.case}: {_told(event)}")
+        elif isinstance(event, WorkerRefused):
+            self.line(f"refused: the worker {event.worker} is given no run: {event.why}")
         elif isinstance(event, Interrupted):
             self.interrupted = True
             self.line(_interrupted(event))

@@ -14,6 +14,7 @@ from hapticeval.types import Array
 if TYPE_CHECKING:
     from hapticeval.geometry.boundary import Boundary
     from hapticeval.geometry.curve import Curve
+    from hapticeval.geometry.facets import Facets
     from hapticeval.geometry.level_set import LevelSet
     from hapticeval.geometry.motion import Motion
     from hapticeval.geometry.polygon import Polygon
@@ -119,6 +120,20 @@ class Model:
             self._kept[key] = Polygon(self.curve.position(self._steps(n)))
         polygon: Polygon = self._kept[key]
         return polygon
+
+    def mesh(self, *, max_error: float) -> Facets:
+        """Return the model as edges (in the plane) or triangles (in space) that lie off it by `max_error` (m) at most.
+
+        See `Facets`: `vertices` (v, N), `cells` (c, N) and the `chord_error` (m) itself. Corners of the model are kept,
+        and what is made of edges or triangles is returned as it is. Raises as `facets_of` does.
+        """
+        key = ("mesh", max_error)
+        if key not in self._kept:
+            from hapticeval.geometry.facets import facets_of
+
+            self._kept[key] = facets_of(self, max_error)
+        facets: Facets = self._kept[key]
+        return facets
 
     def level_set(self, shape: tuple[int, int] = (100, 100)) -> LevelSet:
         """Return the signed distance on a grid of `shape` = (nx, ny) nodes that covers the model and a margin."""

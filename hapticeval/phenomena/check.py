@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.motion import Motion
+from hapticeval.phenomena.crossings import bends
 from hapticeval.phenomena.sampling import LED
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
 from hapticeval.recordings.recording import Recording
@@ -100,14 +101,14 @@ class Situation(StrEnum):
 def situations(runs: Runs, scene: Scene) -> frozenset[Situation]:
     """Return the situations that runs in a scene are in."""
     source = runs.base.meta.get("source")
-    convex = [corner.convex for corner in scene.model.boundary.corners]
+    convex, concave = bends(scene.model.boundary)
     holds = {
         Situation.PLAYBACK: source == "playback",
         Situation.LED: source in LED,
         Situation.UNILATERAL: not scene.bilateral,
         Situation.BILATERAL: scene.bilateral,
-        Situation.NO_CONVEX_CORNER: not any(convex),
-        Situation.NO_CONCAVE_CORNER: all(convex),
+        Situation.NO_CONVEX_CORNER: not convex,
+        Situation.NO_CONCAVE_CORNER: not concave,
     }
     return frozenset(situation for situation, there in holds.items() if there)
 

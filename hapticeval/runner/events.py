@@ -16,6 +16,8 @@ class RunStarted:
 
     planned_verdicts: int
     planned_jobs: int
+    kept_jobs: int = 0
+    """Of these, finished in an earlier run that this one resumes: they are not reported again."""
 
 
 @dataclass(frozen=True)
@@ -43,4 +45,12 @@ class RunFinished:
     results: ResultsDocument
 
 
-Event: TypeAlias = RunStarted | JobFinished | Interrupted | RunFinished
+@dataclass(frozen=True)
+class WorkerRefused:
+    """A worker of a cluster is given no job, and why."""
+
+    worker: str
+    why: str
+
+
+Event: TypeAlias = RunStarted | JobFinished | Interrupted | WorkerRefused | RunFinished

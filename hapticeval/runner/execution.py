@@ -2,85 +2,143 @@
 
 from __future__ import annotations
 
+import math
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
+from functools import partial
 from itertools import islice
 from pathlib import Path
+from typing import TypeAlias
 
-from hapticeval.errors import RendererError
-from hapticeval.runner.events import Event, Interrupted, RunFinished, RunStarted
+from hapticeval.files import replacing
+from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
 from hapticeval.runner.interrupts import Interrupts
-from hapticeval.runner.judging import error_verdicts
+from hapticeval.runner.outcome import carry_out_afar, carry_out_here, ended, overdue
+from hapticeval.runner.outcomes import Outcomes
 from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.progress import Progress
-from hapticeval.runner.work import Done, Work, run_job
-from hapticeval.workers import Answer, Ended, Workers
+from hapticeval.runner.results import RunKey
+from hapticeval.runner.work import Work, derived_seed, run_job
+from hapticeval.suite.files import files_of
+from hapticeval.workers import TRIES, Answer, Crew, Ended, LostError, Overdue, Workers
+
+Carried: TypeAlias = tuple[JobFinished, bytes | None]
 
 PATIENCE = 0.1
 """Seconds after which an interrupt is seen at the latest."""
 
 
-def execute(plan: Plan, directory: Path | None, *, workers: int = 2, work: Work = run_job) -> Iterator[Event]:
+def execute(
+    plan: Plan,
+    directory: Path | None,
+    *,
+    workers: int = 2,
+    work: Work = run_job,
+    timeout: float = math.inf,
+    scheduler: str | None = None,
+    kept: Mapping[RunKey, JobFinished] | None = None,
+) -> Iterator[Event]:
     """Run the plan in `workers` processes, and keep results.json in `directory` up to date while it goes on.
 
     Each job is run and judged as its case says, or by another `work`. Without a directory nothing is written, and the
-    events bring the recordings. With 0 workers jobs run in this process.
+    events bring the recordings. With 0 workers jobs run in this process; with the address of a `scheduler` those of its
+    cluster do them. Elsewhere a job that takes longer than `timeout` seconds is ended, and its verdicts are errors.
+    What came of some jobs may be `kept` from an earlier run into that directory, see `resuming.finished`.
+
+    What comes of a job depends on none of that, nor on the order in which jobs end: each has a seed of its own.
 
     Events come in the order of the plan. A renderer that ends its process makes its own verdicts errors. On Ctrl-C no
     further job begins, those that have begun are finished, and `Interrupted` reports it; on a second one, or in this
-    process, they are given up. What has finished is kept, the results say that they are incomplete and why, and
-    `RunFinished` is still the last event.
+    process, they are given up. What has finished is kept, also where the scheduler is lost, the results say that they
+    are incomplete and why, and `RunFinished` is still the last event.
     """
-    waiting = iter(enumerate(plan.jobs))
-    finished: dict[int, Done] = {}
+    finished = {at: kept[key] for at, job in enumerate(plan.jobs) if (key := _key(job)) in kept} if kept else {}
+    old = set(finished)
+    waiting = iter([(at, job) for at, job in enumerate(plan.jobs) if at not in old])
     added = 0
     warned = False
+    lost: LostError | None = None
     with Interrupts() as interrupts:
         if directory is not None:
             directory.mkdir(parents=True, exist_ok=True)
-            shutil.rmtree(directory / "recordings", ignore_errors=True)  # of an earlier run, whose results go as well
-        yield RunStarted(plan.planned, len(plan.jobs))
+            if kept is None:  # what is there is of an earlier run, whose results go as well
+                shutil.rmtree(directory / "recordings", ignore_errors=True)
+                Outcomes(directory).forget()
+        yield RunStarted(plan.planned, len(plan.jobs), len(old))
         progress = Progress(plan, directory)
-        with Workers(work, workers) as crew:
+        with Outcomes(directory) as outcomes, _crew(work, workers, scheduler, plan) as crew:
             while True:
                 if not interrupts.count:
                     try:
                         with nullcontext() if workers else interrupts.raised():
                             for number, job in islice(waiting, crew.free):
-                                crew.begin(number, job, directory, plan.seed)
+                                crew.begin(number, job, directory, derived_seed(plan.seed, *_key(job)))
                     except KeyboardInterrupt:
                         yield Interrupted(1, at_once=True)
                         break
                 while added in finished:
-                    yield progress.add(plan.jobs[added], *finished.pop(added))
+                    job = progress.add(finished[added])
+                    if added not in old:
+                        yield job
+                    del finished[added]
                     added += 1
                 if interrupts.count and not warned:
                     yield Interrupted(crew.busy)
                     warned = True
                 if not crew.busy:
                     break
-                for answer in crew.answers(PATIENCE):
-                    finished[answer.call] = _done(answer, plan.jobs[answer.call])
+                try:
+                    answers = [*crew.answers(PATIENCE), *crew.give_up(timeout)]
+                except LostError as error:
+                    lost = error
+                    break
+                for answer in answers:
+                    finished[answer.call] = _done(answer, plan.jobs[answer.call], directory, timeout)
+                    outcomes.add(finished[answer.call])
+                yield from (WorkerRefused(*each) for each in crew.refused())
                 if interrupts.count > 1 and crew.busy:
                     yield Interrupted(crew.busy, at_once=True)
                     break
         for number in sorted(finished):
-            yield progress.add(plan.jobs[number], *finished[number])
+            job = progress.add(finished[number])
+            if number not in old:
+                yield job
             added += 1
-        yield RunFinished(progress.finish("interrupted by the user" if added < len(plan.jobs) else None))
+        reason = None
+        if added < len(plan.jobs):
+            reason = "interrupted by the user" if lost is None else f"{lost.what}, and --resume goes on"
+        results = progress.finish(reason)
+        if results.complete:
+            outcomes.forget()
+        yield RunFinished(results)
 
 
-def _done(answer: Answer[Done], job: Job) -> Done:
-    """What came of a job; a renderer that ends the process is a broken renderer."""
+def _key(job: Job) -> RunKey:
+    return job.suite, job.case.name, job.renderer
+
+
+def _crew(work: Work, workers: int, scheduler: str | None, plan: Plan) -> Crew[Carried]:
+    if scheduler is None:
+        return Workers(partial(carry_out_here, work), workers, tries=TRIES)
+    from hapticeval.runner.cluster import Cluster
+
+    cases = {(job.suite, job.case.name): job.case for job in plan.jobs}
+    files = {path: digest for case in cases.values() for path, digest in files_of(case).items()}
+    return Cluster(partial(carry_out_afar, work), scheduler, files=files)
+
+
+def _done(answer: Answer[Carried], job: Job, directory: Path | None, timeout: float) -> JobFinished:
+    """What came of a job; its recording is in the folder then."""
     if isinstance(answer.error, Ended):
-        error = RendererError(
-            "the renderer ended the process that it ran in",
-            why="a crash in compiled code, os._exit(), or memory that ran out",
-            todo="run it alone under a debugger: python -X faulthandler",
-        )
-        return error_verdicts(error, job.renderer, job.suite, job.case), None
+        return ended(job, answer.error)
+    if isinstance(answer.error, Overdue):
+        return overdue(job, timeout)
     if answer.error is not None:
         raise answer.error
     assert answer.value is not None
-    return answer.value
+    finished, content = answer.value
+    if content is not None and directory is not None and finished.run.recording is not None:
+        with replacing(directory / finished.run.recording) as temporary:
+            temporary.write_bytes(content)
+    return finished

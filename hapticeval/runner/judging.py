@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any, cast
 
 import numpy as np
@@ -49,7 +48,7 @@ class _RunFactory:
 
     def __init__(self, factory: RendererFactory, scene: Scene, case: Case, name: str) -> None:
         self.factory, self.scene = factory, scene
-        self._moved = cache(self._made_moved)
+        self._moved: dict[Motion, tuple[Scene, Renderer | TrajectoryRenderer | None]] = {}
         self.simulated = 0.0
         self.renderer = make_renderer(factory, scene)
         self.stimulus = case.build_stimulus(scene, self.renderer)
@@ -84,7 +83,9 @@ class _RunFactory:
 
     def moved(self, motion: Motion, nudge: tuple[float, ...]) -> Recording | None:
         """Record the path in the moved scene, with the hand off by `nudge`; see `Runs.moved`."""
-        scene, renderer = self._moved(motion)
+        if motion not in self._moved:
+            self._moved[motion] = self._made_moved(motion)
+        scene, renderer = self._moved[motion]
         if renderer is None:
             return None
         path = self.path()

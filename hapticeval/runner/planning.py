@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 
 from msgspec.structs import replace
 
-from hapticeval.discovery import own_renderers, resolve
+from hapticeval.discovery import own_renderers, resolve, resolve_installed
 from hapticeval.errors import InputError, NothingSelectedError, at
 from hapticeval.renderer import RendererFactory
+from hapticeval.runner.known import NONE_KNOWN, Known
+from hapticeval.runner.sharding import Shard
 from hapticeval.suite.case import Case
 from hapticeval.suite.installed import suites_named
 from hapticeval.suite.reading import load_suite
@@ -32,7 +34,8 @@ class Job:
 class Plan:
     """What will run. `suites` are whole; `jobs` hold only the selected cases, with only the selected checks.
 
-    With `strict` a warning stops a gate, as a failure does.
+    Of a `shard` they hold its part, and `asked` for each suite the cases and the renderers of the whole plan. With
+    `strict` a warning stops a gate, as a failure does. A failure that is `known` does not.
     """
 
     suites: tuple[Suite, ...]
@@ -41,6 +44,9 @@ class Plan:
     select: tuple[str, ...]
     seed: int
     strict: bool = False
+    known: Known = NONE_KNOWN
+    shard: Shard | None = None
+    asked: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = field(default_factory=dict)
 
     @property
     def planned(self) -> int:
@@ -56,21 +62,30 @@ def plan(
     select: Sequence[str] = (),
     seed: int = 0,
     strict: bool = False,
+    known: Known = NONE_KNOWN,
+    shard: Shard | None = None,
 ) -> Plan:
     """Load the suites, see that every renderer can be found, and apply the selection.
 
     A suite's name may be that of a group: `dynamics` for `dynamics-line` and the others. Where no `renderers` are named
     each suite runs its own, or those that come with the package; `factories` make those whose names say nothing of it.
     `select` holds globs on case names, on `suite/case`, or on `case/check`; what any of them matches is run, and
-    everything where there are none. Raises `NothingSelectedError` for a glob that matches nothing and where nothing is
-    left, and what `load_suite` and `resolve` raise.
+    everything where there are none; of that, a `shard` is the part that this run does.
+
+    Raises `NothingSelectedError` for a glob that matches nothing and where nothing is left, and what `load_suite`,
+    `resolve`, `Known.check` and, for the renderers that a suite names, `resolve_installed` raise.
     """
     given = factories or {}
     members = {name: None for each in suites if isinstance(each, str) for name in suites_named(each)}
     loaded = (*map(load_suite, members), *(each for each in suites if not isinstance(each, str)))
     _refuse_namesakes(loaded)
+    known.check(loaded)
     chosen = {suite.name: tuple(dict.fromkeys(renderers or suite.renderers or own_renderers())) for suite in loaded}
     names = tuple(dict.fromkeys(name for each in chosen.values() for name in each))
+    for suite in loaded:
+        for name in chosen[suite.name]:
+            if name not in (*renderers, *given) and name in suite.renderers:
+                resolve_installed(name, source=f"suite '{suite.name}'")
     for name in names:
         if name not in given:
             resolve(name)
@@ -90,10 +105,15 @@ def plan(
     )
     if not jobs:
         raise NothingSelectedError("no suites or no renderers are named")
+    cases: dict[str, dict[str, None]] = {suite.name: {} for suite in loaded}
+    for job in jobs:
+        cases[job.suite][job.case.name] = None
+    asked = {name: (tuple(cases[name]), chosen[name]) for name in cases}
     for (suite, _), case in {(job.suite, job.case.name): job.case for job in jobs}.items():
         with at(f"suite '{suite}'"):
             case.check_stimulus()
-    return Plan(loaded, names, jobs, tuple(select), seed, strict)
+    held = jobs if shard is None else shard.of(jobs)
+    return Plan(loaded, names, held, tuple(select), seed, strict, known, shard, asked)
 
 
 def _refuse_namesakes(suites: Sequence[Suite]) -> None:

@@ -3,39 +3,43 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from hashlib import sha256
 from pathlib import Path
 
-from hapticeval.errors import RefusalError
-from hapticeval.files import plain
+import msgspec
+
+from hapticeval.runner.commits import commits
 from hapticeval.runner.events import JobFinished
-from hapticeval.runner.judging import Judged
-from hapticeval.runner.planning import Job, Plan
+from hapticeval.runner.planning import Plan
 from hapticeval.runner.results import (
     Command,
-    Ended,
     Environment,
-    Problem,
-    Refusal,
     ResultsDocument,
-    Robot,
     RunEntry,
-    SceneEntry,
     SuiteEntry,
     Timing,
     VerdictEntry,
     environment,
     write_results,
 )
-from hapticeval.runner.table import fill_table
-from hapticeval.runner.work import scene_document
-from hapticeval.suite.case import Case
+from hapticeval.runner.table import cells_of, fill_table
+from hapticeval.suite.files import files_of
+from hapticeval.suite.suite import Suite
 
 SAVE_EVERY = 1.0
-"""Seconds between two writings of results.json: what a killed run may lose."""
+"""Seconds between two writings of results.json, at least; what a killed run has finished beyond is in `outcomes`."""
+
+SHARE = 0.02
+"""Share of its time that a run spends on them, at most: there are more verdicts to write each time."""
+
+RUNNING = "still running, or killed"
 
 
 class Progress:
-    """Takes judged jobs in the order of the plan, and keeps results.json up to date, at most once a second."""
+    """Takes judged jobs in the order of the plan, and keeps results.json up to date."""
 
     def __init__(self, plan: Plan, directory: Path | None) -> None:
         self.plan = plan
@@ -43,18 +47,20 @@ class Progress:
         self.verdicts: list[VerdictEntry] = []
         self.runs: list[RunEntry] = []
         self.started = time.perf_counter()
+        self.date = datetime.now(UTC).isoformat(timespec="seconds")
+        self.commits = commits(plan)
         self.environment = Environment(**environment())
-        self._save("still running, or killed")
+        self.suites = suite_entries(plan)
+        self._save(RUNNING)
 
-    def add(self, job: Job, judged: Judged, file: Path | None) -> JobFinished:
-        """Take what came of a job, and return the event that reports it."""
-        run = _run(job, judged, file)
-        verdicts = tuple(map(VerdictEntry.of, judged.verdicts))
-        self.runs.append(run)
-        self.verdicts += verdicts
-        if time.perf_counter() - self.saved > SAVE_EVERY:
-            self._save("still running, or killed")
-        return JobFinished(run, verdicts, judged.error, judged.recording)
+    def add(self, job: JobFinished) -> JobFinished:
+        """Take what came of a job, and return it with its known failures marked."""
+        marked = replace(job, verdicts=tuple(map(self.plan.known.marked, job.verdicts)))
+        self.runs.append(marked.run)
+        self.verdicts += marked.verdicts
+        if time.perf_counter() - self.saved > self._pause:
+            self._save(RUNNING)
+        return marked
 
     def finish(self, reason: str | None) -> ResultsDocument:
         """Write the results for the last time, incomplete for that `reason` where there is one."""
@@ -64,8 +70,7 @@ class Progress:
 
     def _save(self, reason: str | None) -> ResultsDocument:
         plan = self.plan
-        simulated = float(sum(run.simulated_seconds for run in self.runs))
-        wall = time.perf_counter() - self.started
+        begun = time.perf_counter()
         results = ResultsDocument(
             planned=plan.planned,
             ran=len(self.verdicts),
@@ -73,73 +78,66 @@ class Progress:
             reason=reason,
             environment=self.environment,
             seed=plan.seed,
-            command=Command(
-                suites=[suite.name for suite in plan.suites],
-                renderers=list(plan.renderers),
-                select=list(plan.select),
-                strict=plan.strict,
-            ),
+            command=command(plan),
             runs=list(self.runs),
             verdicts=list(self.verdicts),
-            table=fill_table(plan.suites, self.verdicts),
+            table=fill_table(self.suites, self.verdicts),
             published_table={row.title: dict(row.published) for suite in plan.suites for row in suite.rows},
-            suites=[
-                SuiteEntry(
-                    name=suite.name, title=suite.title, citation=suite.citation, rows=[row.title for row in suite.rows]
-                )
-                for suite in plan.suites
-            ],
-            timing=Timing(
-                simulated_seconds=simulated,
-                wall_seconds=wall,
-                times_real_time=simulated / wall if wall > 0.0 else 0.0,
-            ),
+            suites=self.suites,
+            date=self.date,
+            commits=self.commits,
+            timing=timing(self.runs, begun - self.started),
         )
         if self.directory is not None:
             write_results(self.directory, results)
         self.saved = time.perf_counter()
+        self._pause = max(SAVE_EVERY, (self.saved - begun) / SHARE)
         return results
 
 
-def _run(job: Job, judged: Judged, file: Path | None) -> RunEntry:
-    case = job.case
-    return RunEntry(
-        suite=job.suite,
-        case=case.name,
-        renderer=job.renderer,
-        recording=None if file is None else file.as_posix(),
-        simulated_seconds=judged.simulated_seconds,
-        wall_seconds=judged.wall_seconds,
-        stimulus=case.stimulus_kind,
-        title=case.title,
-        shows=case.shows,
-        citation=case.citation,
-        model=plain(case.model, "model"),
-        depth_of=case.depth_of,
-        judged=case.judged,
-        scene=_scene(case),
-        closed_form=case.closed_form.get(job.renderer),
-        ended=None if judged.ended is None else Ended(**judged.ended),
-        error=None if judged.error is None else Problem.of(judged.error),
-        refusal=None if judged.refusal is None else Refusal.of(judged.refusal, position=_position(judged.refusal)),
-        replay=judged.replay,
+def timing(runs: list[RunEntry], wall: float) -> Timing:
+    """Return the seconds that were simulated and that it took, `wall`."""
+    simulated = float(sum(run.simulated_seconds for run in runs))
+    return Timing(
+        simulated_seconds=simulated, wall_seconds=wall, times_real_time=simulated / wall if wall > 0.0 else 0.0
     )
 
 
-def _position(refusal: RefusalError) -> list[float] | None:
-    return None if refusal.position is None else [float(each) for each in refusal.position]
-
-
-def _scene(case: Case) -> SceneEntry:
-    """The scene's numbers, and what an experiment drives: device and inner loop."""
-    scene = case.build_scene()
-    numbers = scene_document(scene)
-    if case.stimulus_kind == "trajectory":
-        return SceneEntry(**numbers)
-    device = scene.robot
-    choices = {name: str(each) for name in ("dynamics", "base_inertia") if (each := getattr(device, name, None))}
-    return SceneEntry(
-        **numbers,
-        device=Robot(kind=device.name, **choices),
-        inner_loop=scene.inner_loop,
+def command(plan: Plan) -> Command:
+    """Return what was asked for."""
+    return Command(
+        suites=[suite.name for suite in plan.suites],
+        renderers=list(plan.renderers),
+        select=list(plan.select),
+        strict=plan.strict,
+        shard=None if plan.shard is None else str(plan.shard),
     )
+
+
+def suite_entries(plan: Plan) -> list[SuiteEntry]:
+    """Return the suites of a plan as the results hold them."""
+    return [suite_entry(suite, *plan.asked.get(suite.name, ((), ()))) for suite in plan.suites]
+
+
+def suite_entry(suite: Suite, cases: Sequence[str] = (), renderers: Sequence[str] = ()) -> SuiteEntry:
+    """Return what the results hold of a suite, of which those `cases` and `renderers` were planned."""
+    return SuiteEntry(
+        name=suite.name,
+        title=suite.title,
+        citation=suite.citation,
+        rows=[row.title for row in suite.rows],
+        cases=list(cases),
+        renderers=list(renderers),
+        cells=cells_of(suite),
+        digest=_digest(suite),
+    )
+
+
+def _digest(suite: Suite) -> str:
+    """Return a digest of all that a suite asks, its files included, which does not depend on where it lies."""
+    entries = [msgspec.structs.replace(case, folder=Path()) for case in suite.cases]
+    text = msgspec.json.encode([suite.rows, entries], enc_hook=str).decode()
+    for folder in {str(case.folder.resolve()) for case in suite.cases}:
+        text = text.replace(folder, "")
+    files = {digest for case in suite.cases for digest in files_of(case).values()}
+    return sha256("\n".join([text, *sorted(files)]).encode()).hexdigest()[:16]

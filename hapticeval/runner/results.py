@@ -19,7 +19,7 @@ import msgspec
 from msgspec import Meta
 
 from hapticeval.devices.inner_loop import InnerLoop
-from hapticeval.errors import HapticevalError
+from hapticeval.errors import HapticevalError, RefusalError, RendererError
 from hapticeval.files import plain, read_json, without_non_finite, write_json
 from hapticeval.phenomena.verdict import UNSATISFIED, Level, Outcome, Verdict
 from hapticeval.recordings.compare.difference import Difference
@@ -40,21 +40,30 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
 
 
 class SuiteEntry(Entry, frozen=True, kw_only=True):
-    """A suite that ran, and the titles of the rows of the table that its cases fill."""
+    """A suite that ran, and the titles of the rows of the table that its cases fill.
+
+    `cases` and `renderers` are what was planned of it, in that order; `cells` holds for each row the `case/check` that
+    decide it. Suites of one `digest` ask the same, word by word.
+    """
 
     name: str
     title: str
     citation: str
     rows: list[str]
+    cases: list[str] = []
+    renderers: list[str] = []
+    cells: dict[str, list[str]] = {}
+    digest: str = ""
 
 
 class Command(Entry, frozen=True, kw_only=True):
-    """What was asked for; in a strict run a warning stops a gate."""
+    """What was asked for; in a strict run a warning stops a gate. `shard` is the part of the plan, as in 3/16."""
 
     suites: list[str]
     renderers: list[str]
     select: list[str]
     strict: bool
+    shard: Annotated[str, Meta(pattern=r"^[1-9][0-9]*/[1-9][0-9]*$")] | None = None
 
 
 class Timing(Entry, frozen=True, kw_only=True):
@@ -75,21 +84,23 @@ class Environment(Entry, frozen=True, kw_only=True):
 
 
 class Problem(Entry, frozen=True, kw_only=True):
-    """An error that stopped a run."""
+    """An error that stopped a run, with the exit code that it calls for: 3 where the renderer broke."""
 
     what: str
     why: str
     todo: str
+    exit_code: int = RendererError.exit_code
 
     @classmethod
     def of(cls, error: HapticevalError, **more: Any) -> Self:
         """Return the entry of an error, with what `more` it has."""
-        return cls(what=error.what, why=error.why, todo=error.todo, **more)
+        return cls(what=error.what, why=error.why, todo=error.todo, exit_code=error.exit_code, **more)
 
 
 class Refusal(Problem, frozen=True, kw_only=True):
     """Why the renderer refused the scene, and at which `position` (m) on the model that was seen, if at one."""
 
+    exit_code: int = RefusalError.exit_code
     position: list[float] | None
 
 
@@ -212,7 +223,8 @@ class Measure(Entry, frozen=True, kw_only=True):
 class VerdictEntry(Entry, frozen=True, kw_only=True):
     """A verdict: `evidence` holds where and when, time (s), hip and ihip (m), and what else was measured.
 
-    `bound` and `margin` are in the metric's unit; the margin, bound less metric, is negative for a failure.
+    `bound` and `margin` are in the metric's unit; the margin, bound less metric, is negative for a failure. `known` is
+    the reason that a list of known failures gives for this one, see `hapticeval.runner.known`.
     """
 
     renderer: str
@@ -228,6 +240,7 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
     message: str
     published: Outcome | None
     as_expected: bool
+    known: str | None = None
 
     @classmethod
     def of(cls, verdict: Verdict) -> VerdictEntry:
@@ -275,15 +288,24 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
     @property
     def warns(self) -> bool:
         """Return whether a verdict of level `should` would stop a gate at level `must`."""
-        return self.level is Level.SHOULD and self.outcome in UNSATISFIED and self.published is None
+        unforeseen = self.published is None and self.known is None
+        return self.level is Level.SHOULD and self.outcome in UNSATISFIED and unforeseen
+
+    @property
+    def outdated(self) -> bool:
+        """Return whether the failure that is known of this check is no more."""
+        return self.known is not None and self.outcome not in UNSATISFIED
 
     @property
     def standing(self) -> str:
         """Compare the outcome with what was expected.
 
-        "as known" and "differs" compare with what is published; "unexpected" is an error, or a check of level `must`
-        that failed or could not decide; "warning" one of level `should` that did; "" needs no remark.
+        "known" is a failure on the list of known ones, "outdated" one on the list that is none any more. "as known" and
+        "differs" compare with what is published; "unexpected" is an error, or a check of level `must` that failed or
+        could not decide; "warning" one of level `should` that did; "" needs no remark.
         """
+        if self.known is not None:
+            return "outdated" if self.outdated else "known"
         if self.published is not None:
             return "as known" if self.outcome == self.published else "differs"
         if self.warns:
@@ -295,7 +317,8 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
     """Everything that a report needs. `planned` and `ran` count verdicts; an incomplete run has a `reason`.
 
     `runs` has one entry per suite, case and renderer, `verdicts` one per check of it. `table` holds what was found,
-    `published_table` what is in print.
+    `published_table` what is in print. `date` is when the run began (ISO 8601, UTC), "" where unknown, and `commits`
+    maps renderers to the commit of the repository that their source lies in, if it lies in one.
     """
 
     format_version: Literal[1] = FORMAT_VERSION
@@ -312,6 +335,8 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
     timing: Timing
     published_table: Table = {}
     suites: list[SuiteEntry] = []
+    date: str = ""
+    commits: dict[str, str] = {}
 
     def __post_init__(self) -> None:
         if not self.complete and not self.reason:
@@ -349,8 +374,11 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
         return bool(runs) and all(run.refusal for run in runs)
 
     def stops(self, verdict: VerdictEntry) -> bool:
-        """Return whether a verdict stops a gate: it is not as expected, or a warning of a run that is strict."""
-        return not verdict.as_expected or (self.command.strict and verdict.warns)
+        """Return whether a verdict stops a gate: it is not as expected.
+
+        In a strict run a warning does, too, and what is listed as a known failure and is none any more.
+        """
+        return not verdict.as_expected or (self.command.strict and (verdict.warns or verdict.outdated))
 
 
 def schema() -> dict[str, Any]:

@@ -6,31 +6,38 @@ from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.runner.results import Table, VerdictEntry
+from hapticeval.runner.results import SuiteEntry, Table, VerdictEntry
 from hapticeval.suite.suite import Suite
 
 
-def fill_table(suites: Sequence[Suite], verdicts: Sequence[VerdictEntry]) -> Table:
+def cells_of(suite: Suite) -> dict[str, list[str]]:
+    """Return for each row of a suite the `case/check` that decide it."""
+    return {
+        row.title: [
+            f"{case.name}/{check}"
+            for case in suite.cases
+            if case.judged and any(fnmatchcase(case.name, pattern) for pattern in row.cases)
+            for check in row.checks
+            if check in case.checks
+        ]
+        for row in suite.rows
+    }
+
+
+def fill_table(suites: Sequence[SuiteEntry], verdicts: Sequence[VerdictEntry]) -> Table:
     """Return, for each row, the renderers that its cases have decided: No where a check fails, Yes where all pass.
 
     A renderer that has not run in every case of the row, or has an inconclusive or erroneous verdict there and no
     failure, is left out: the table never says Yes for what was not seen.
     """
-    found = {(each.suite, each.renderer, each.case, each.check): each.outcome for each in verdicts}
+    found = {(each.suite, each.renderer, f"{each.case}/{each.check}"): each.outcome for each in verdicts}
     renderers = dict.fromkeys(each.renderer for each in verdicts)
     table: Table = {}
     for suite in suites:
-        for row in suite.rows:
-            wanted = [
-                (case.name, check)
-                for case in suite.cases
-                if case.judged and any(fnmatchcase(case.name, pattern) for pattern in row.cases)
-                for check in row.checks
-                if check in case.checks
-            ]
-            cells = table.setdefault(row.title, {})
+        for title, places in suite.cells.items():
+            cells = table.setdefault(title, {})
             for renderer in renderers:
-                outcomes = {found.get((suite.name, renderer, *place)) for place in wanted}
+                outcomes = {found.get((suite.name, renderer, place)) for place in places}
                 if Outcome.FAIL in outcomes:
                     cells[renderer] = "No"
                 elif outcomes == {Outcome.PASS}:

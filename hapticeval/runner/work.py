@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import random
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -31,6 +33,15 @@ def run_job(job: Job, directory: Path | None, seed: int) -> Done:
     seed_all(seed)
     factory = resolve(job.renderer) if job.factory is None else job.factory
     return kept(judge(factory, job.renderer, job.suite, job.case), job, directory)
+
+
+def derived_seed(seed: int, *place: object) -> int:
+    """Return the seed of one `place` of what has a seed, as of a job or of a drawn case: a hash of both.
+
+    It depends on no order and on no process. A shard of a plan is no place: shards together give what one run gives.
+    """
+    text = json.dumps([seed, *map(str, place)])
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4])
 
 
 def seed_all(seed: int) -> None:

@@ -137,7 +137,7 @@ def read_all(folder: FilePath) -> list[Kept]:
 
 
 class Listed(NamedTuple):
-    """A counterexample on disk, for who shows it: what is kept of it, its `suite` file, and its `picture` if it has one.
+    """A counterexample on disk, for who shows it: what is kept of it, its `suite` file, and its `picture` if any.
 
     `kept.case` is the case with its checks, `kept.fault` what it breaks, `line` that in a sentence, and `notes` what
     there is to know besides.

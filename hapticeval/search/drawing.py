@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Container, Iterator, Sequence
 from typing import Any
 
@@ -14,6 +12,7 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.check import Check, Situation
 from hapticeval.phenomena.registry import CHECKS
+from hapticeval.runner.work import derived_seed
 from hapticeval.suite.case import Case
 
 MODELS: tuple[dict[str, Any], ...] = (
@@ -93,9 +92,7 @@ def _on(model: Model, checks: Sequence[str], seed: int, number: int, at: int) ->
 
 def _examples(strategy: st.SearchStrategy[Any], count: int, seed: int, *where: object) -> list[Any]:
     """Return examples with a seed of their own, made of the search's and of what they are for."""
-    text = json.dumps([seed, *map(str, where)])
-    own = int.from_bytes(hashlib.sha256(text.encode()).digest()[:4])
-    return strategies.examples(strategy, count, seed=own)
+    return strategies.examples(strategy, count, seed=derived_seed(seed, *where))
 
 
 def _case(model: Model, checks: tuple[str, ...], **entries: Any) -> Case:

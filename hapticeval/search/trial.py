@@ -120,7 +120,9 @@ class Bench:
             for answer in self._workers.answers(POLL):
                 if isinstance(answer.error, Ended):
                     self._end()
-                    return Tried((Fault(RENDERER, "dies", "the renderer ends the process that it runs in"),))
+                    return Tried(
+                        (Fault(RENDERER, "dies", f"the renderer ends the process that it runs in: {answer.error.how}"),)
+                    )
                 if answer.error is not None:
                     raise answer.error
                 took = time.monotonic() - begun - waited

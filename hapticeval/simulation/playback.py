@@ -214,7 +214,10 @@ def _step_by_step(
 def reset_checked(renderer: Renderer, hip: Array) -> None:
     """Call `renderer.reset(hip)`. Raises `RendererError` for what it raises."""
     with renderer_errors("reset()", tick=0, hip=hip):
-        renderer.reset(hip.copy())
+        try:
+            renderer.reset(hip.copy())
+        except RendererError as error:
+            raise error.placed(0, hip) from error
 
 
 def observe_force_checked(renderer: Renderer, tick: int, hip: Array, push: Array) -> None:
@@ -231,6 +234,8 @@ def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt:
     """
     try:
         answer = renderer.step(hip.copy(), velocity.copy(), dt)  # an (ihip, force) pair of any kind
+    except RendererError as error:
+        raise error.placed(tick, hip) from error
     except HapticevalError:
         raise
     except (Exception, SystemExit) as error:

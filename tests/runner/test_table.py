@@ -5,10 +5,12 @@ from __future__ import annotations
 import pytest
 
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
+from hapticeval.runner.progress import suite_entry
 from hapticeval.runner.table import fill_table
 from hapticeval.suite.reading import load_suite
 
 SUITE = load_suite("thesis")
+ENTRY = suite_entry(SUITE)
 ROW = "Resists Pop-Through on Corners"
 CHECKS = ("continuous-contact", "contact-kept")
 CASES = ("star-concave-corner", "star-convex-corner")
@@ -37,22 +39,22 @@ def verdicts(*outcomes, renderer="mine", check="continuous-contact", other=Outco
     ],
 )
 def test_a_row_is_decided_by_its_cases(outcomes, cell):
-    assert fill_table([SUITE], verdicts(*outcomes))[ROW].get("mine") == cell
+    assert fill_table([ENTRY], verdicts(*outcomes))[ROW].get("mine") == cell
 
 
 @pytest.mark.parametrize("check", CHECKS)
 def test_each_check_of_a_row_decides_it(check):
     passed, failed = (Outcome.PASS, Outcome.PASS), (Outcome.PASS, Outcome.FAIL)
-    assert fill_table([SUITE], verdicts(*passed, check=check))[ROW]["mine"] == "Yes"
-    assert fill_table([SUITE], verdicts(*failed, check=check))[ROW]["mine"] == "No"
+    assert fill_table([ENTRY], verdicts(*passed, check=check))[ROW]["mine"] == "Yes"
+    assert fill_table([ENTRY], verdicts(*failed, check=check))[ROW]["mine"] == "No"
     undecided = verdicts(*passed, check=check, other=Outcome.INCONCLUSIVE)
-    assert "mine" not in fill_table([SUITE], undecided)[ROW]
-    assert "mine" not in fill_table([SUITE], [each for each in verdicts(*passed) if each.check == check])[ROW]
+    assert "mine" not in fill_table([ENTRY], undecided)[ROW]
+    assert "mine" not in fill_table([ENTRY], [each for each in verdicts(*passed) if each.check == check])[ROW]
 
 
 def test_renderers_do_not_mix():
     mixed = verdicts(Outcome.PASS, Outcome.PASS) + verdicts(Outcome.FAIL, renderer="other")
-    assert fill_table([SUITE], mixed)[ROW] == {"mine": "Yes", "other": "No"}
+    assert fill_table([ENTRY], mixed)[ROW] == {"mine": "Yes", "other": "No"}
 
 
 def test_other_checks_and_suites_do_not_count():
@@ -60,4 +62,4 @@ def test_other_checks_and_suites_do_not_count():
         Verdict("mine", "another", CASES[0], "continuous-contact", Level.MUST, Finding(Outcome.FAIL, "")),
         Verdict("mine", "thesis", CASES[0], "broken-contact", Level.MUST, Finding(Outcome.FAIL, "")),
     ]
-    assert fill_table([SUITE], foreign)[ROW] == {}
+    assert fill_table([ENTRY], foreign)[ROW] == {}

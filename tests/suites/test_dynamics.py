@@ -12,6 +12,7 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.execution import execute
 from hapticeval.runner.judging import Judged, judge
 from hapticeval.runner.planning import plan
+from hapticeval.runner.progress import suite_entry
 from hapticeval.runner.results import Robot, read_results
 from hapticeval.runner.table import fill_table
 from hapticeval.suite.case import Case
@@ -119,7 +120,7 @@ def test_the_table_of_the_circle_comes_out():
         for renderer in suite.renderers
         for verdict in judged("circle", name, renderer).verdicts
     ]
-    table = fill_table([suite], verdicts)
+    table = fill_table([suite_entry(suite)], verdicts)
     added = {title: dict(cells).pop("minimum-distance+pp-pd-c") for title, cells in table.items()}
     in_print = {
         title: {name: cell for name, cell in cells.items() if name != "minimum-distance+pp-pd-c"}

@@ -1,0 +1,342 @@
+"""The workers of a dask scheduler as a crew: calls travel in chunks, and are made by a process beside each worker.
+
+dask takes some milliseconds for a task, whatever it does, so that calls are sent together, as many as will take some
+seconds. A worker makes them in a child process of its own, as a run on one machine does: a call that crashes costs that
+child, and ends as it would have ended there. What kills the worker itself is begun anew by dask, some times; then its
+chunk is taken apart, until the call that does it is alone.
+
+Workers whose numbers might differ from ours in the last digit are found by their fingerprint and get nothing to do:
+those that are alike offer a resource by its name, for which the calls ask.
+
+Imported only where somebody names a scheduler.
+"""
+
+from __future__ import annotations
+
+import logging
+import pickle
+import queue
+import signal
+import threading
+import time
+import warnings
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import CancelledError
+from hashlib import sha256
+from typing import Any, Generic, Self, TypeVar
+from uuid import uuid4
+
+import cloudpickle
+from distributed import Client, Future, KilledWorker
+from distributed.comm.core import CommClosedError
+
+from hapticeval.errors import HapticevalError, InputError
+from hapticeval.runner import fingerprint as fingerprints
+from hapticeval.workers import TRIES, Answer, Ended, LostError, Workers
+
+T = TypeVar("T")
+
+TARGET = 2.5
+"""Seconds that a chunk should take: dask's milliseconds are a thousandth of that."""
+
+LONGEST = 10.0
+"""Seconds after which a worker begins no further call of a chunk, and gives back the rest."""
+
+MOST = 4000
+"""Calls in a chunk at most, however quick they are."""
+
+AHEAD = 2
+"""Chunks for each thread of a worker that are under way, so that it has the next when it ends one."""
+
+LAST = 64
+"""Calls of which it is known how long they took."""
+
+CONNECT = 10.0
+"""Seconds in which scheduler and workers must answer when a run begins."""
+
+LOOK = 2.0
+"""Seconds between two looks at which workers there are."""
+
+WAIT = 60.0
+"""Seconds without any worker after which none is expected any more."""
+
+GONE = (CommClosedError, OSError, TimeoutError, CancelledError)
+"""What dask raises in the place of an answer where scheduler or worker have gone."""
+
+
+_Call = tuple[int, tuple[Any, ...]]
+"""Number and arguments of a call; those of a chunk travel together."""
+
+
+class Cluster(Generic[T]):
+    """The workers of the scheduler at an `address`, which call `function` with arguments that can be pickled.
+
+    Workers must have the `files`, digests by path. A context manager, see `workers.Crew`; entering it raises
+    `InputError` where no scheduler answers, it has no workers, or none of them is like this machine.
+    """
+
+    def __init__(self, function: Callable[..., T], address: str, *, files: Mapping[str, str] | None = None) -> None:
+        self._function = pickle.dumps(function)
+        self._address = address
+        self._files = dict(files or {})
+        self._waiting: deque[_Call] = deque()
+        self._alone: list[list[_Call]] = []
+        self._under_way: dict[Future[Any], list[_Call]] = {}
+        self._done: queue.SimpleQueue[Future[Any]] = queue.SimpleQueue()
+        self._took: deque[float] = deque(maxlen=LAST)
+        self._alike: dict[str, int] = {}  # threads by address
+        self._unlike: dict[str, str] = {}
+        self._refused: list[tuple[str, str]] = []
+        self._busy = 0
+        self._looked = 0.0
+        self._empty_since: float | None = None
+        self._name = f"hapticeval-{uuid4().hex[:12]}"
+        self._sent = 0
+
+    def __enter__(self) -> Self:
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what becomes of a connection is seen here
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # other versions are looked for here
+                self._client = Client(self._address, timeout=CONNECT, set_as_default=False)
+        except (*GONE, ValueError) as error:
+            raise InputError(
+                f"no dask scheduler answers at {self._address}",
+                why=str(error) or type(error).__name__,
+                todo="start one with `dask scheduler`, and give its address: --scheduler tcp://HOST:8786",
+            ) from error
+        try:
+            self._here = fingerprints.fingerprint(self._files)
+            self._resource = f"hapticeval-{sha256(repr(sorted(self._here.items())).encode()).hexdigest()[:16]}"
+            end = time.monotonic() + CONNECT
+            while not self._alike and time.monotonic() < end:
+                self._look()
+                if self._unlike and not self._alike:
+                    break
+                time.sleep(0.0 if self._alike else 0.1)
+            if not self._alike:
+                raise self._nobody()
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        running = self._client.status == "running"
+        try:
+            if running and self._under_way:
+                self._client.cancel(list(self._under_way), force=True)
+            self._under_way.clear()
+            self._client.close(timeout=2.0 if running else 0.1)
+        except GONE:
+            pass
+
+    @property
+    def busy(self) -> int:
+        """How many calls have begun, or wait for a worker, of which no answer has been taken."""
+        return self._busy
+
+    @property
+    def free(self) -> int:
+        """How many more calls may begin now: as many as workers should have ahead."""
+        threads = sum(self._alike.values())
+        return max(AHEAD * max(threads, 1) * self._size - self._busy, 0)
+
+    @property
+    def _size(self) -> int:
+        """How many calls make a chunk."""
+        if not self._took:
+            return 1
+        mean = sum(self._took) / len(self._took)
+        return max(1, min(MOST, int(TARGET / max(mean, 1e-6))))
+
+    def begin(self, call: int, *arguments: Any) -> None:
+        """Have a worker call the function; it is sent with others when answers are waited for."""
+        self._waiting.append((call, arguments))
+        self._busy += 1
+
+    def answers(self, timeout: float | None = None) -> list[Answer[T]]:
+        """Return the answers that there are, after waiting for the first, for at most `timeout` seconds if given.
+
+        Raises `LostError` where the scheduler is gone, or all workers are for longer than `WAIT`.
+        """
+        end = None if timeout is None else time.monotonic() + timeout
+        while True:
+            found: list[Answer[T]] = []
+            try:
+                if time.monotonic() - self._looked > LOOK:
+                    self._look()
+                self._send()
+                left = LOOK if end is None else max(end - time.monotonic(), 0.0)
+                future = self._done.get(timeout=min(left, LOOK))
+                while True:
+                    found += self._answered(future)
+                    future = self._done.get_nowait()
+            except queue.Empty:
+                pass
+            except GONE as error:
+                raise self._lost(error) from error
+            if self._client.status != "running":
+                raise self._lost()
+            if found or not self._busy or (end is not None and time.monotonic() >= end):
+                self._busy -= len(found)
+                return found
+
+    def give_up(self, seconds: float) -> list[Answer[T]]:
+        """Give up nothing, whatever the `seconds`: who runs a job there cannot be ended from here."""
+        del seconds
+        return []
+
+    def refused(self) -> list[tuple[str, str]]:
+        """Return the workers that get nothing to do, and why: each once."""
+        found, self._refused = self._refused, []
+        return found
+
+    def _send(self) -> None:
+        if not self._alike:
+            return
+        chunks, self._alone = self._alone, []
+        while self._waiting:
+            size = min(self._size, len(self._waiting))
+            chunks.append([self._waiting.popleft() for _ in range(size)])
+        for chunk in chunks:
+            self._sent += 1
+            future = self._client.submit(
+                make_calls,
+                pickle.dumps((self._function, chunk)),
+                key=f"{self._name}-{self._sent}",
+                resources={self._resource: 1},
+                pure=False,
+            )
+            self._under_way[future] = chunk
+            future.add_done_callback(self._done.put)
+
+    def _answered(self, future: Future[Any]) -> list[Answer[T]]:
+        """Return the answers of a chunk that is over, and see to the calls that it has not come to."""
+        chunk = self._under_way.pop(future, None)
+        if chunk is None:
+            return []
+        if future.status == "error":
+            error = future.exception()
+            if not isinstance(error, KilledWorker):
+                raise HapticevalError(
+                    "a worker of the cluster cannot make calls", why=f"{type(error).__name__}: {error}"
+                ) from error
+            if len(chunk) == 1:
+                return [Answer(chunk[0][0], None, Ended(-signal.SIGKILL))]
+            self._alone += [[call] for call in chunk]
+            return []
+        answers, took = future.result()
+        self._took.extend(took)
+        self._waiting.extendleft(reversed(chunk[len(answers) :]))
+        return list(answers)
+
+    def _look(self) -> None:
+        """See which workers there are, and ask new ones what they compute with."""
+        self._looked = time.monotonic()
+        there = self._client.scheduler_info(n_workers=-1)["workers"]
+        self._alike = {address: count for address, count in self._alike.items() if address in there}
+        new = [address for address in there if address not in self._alike and address not in self._unlike]
+        if new:
+            self._ask(new, {address: int(there[address]["nthreads"]) for address in new})
+        if self._alike:
+            self._empty_since = None
+        elif self._empty_since is None:
+            self._empty_since = self._looked
+        elif self._looked - self._empty_since > WAIT:
+            raise LostError(f"no worker has been at the scheduler {self._address} for {WAIT:g} s")
+
+    def _ask(self, addresses: Sequence[str], threads: Mapping[str, int]) -> None:
+        question = _by_value(self._files)
+        found = self._client.run(pickle.loads, question, workers=list(addresses), on_error="return")
+        for address, there in found.items():
+            if isinstance(there, (OSError, CommClosedError)):
+                continue  # it has gone; if it comes again it is asked again
+            if isinstance(there, BaseException):
+                differs = [f"{type(there).__name__}: {there}"]
+            else:
+                differs = fingerprints.unlike(self._here, there)
+            if differs:
+                self._unlike[address] = "; ".join(differs)
+                self._refused.append((address, self._unlike[address]))
+        alike = {address: threads[address] for address, there in found.items() if there == self._here}
+        if alike:
+            marked = self._client.run(mark, self._resource, workers=list(alike), on_error="return")
+            self._alike |= {address: alike[address] for address, done in marked.items() if done is True}
+
+    def _nobody(self) -> InputError:
+        if not self._unlike:
+            return InputError(
+                f"the scheduler at {self._address} has no workers",
+                todo=f"start some, as with `dask worker {self._address} --nthreads 1`",
+            )
+        each = "; ".join(f"{address} has {why}" for address, why in self._unlike.items())
+        return InputError(
+            f"no worker of {self._address} is like this machine",
+            why=each,
+            todo="install the same versions everywhere; for one processor set NUMBA_CPU_NAME and NUMBA_CPU_FEATURES",
+        )
+
+    def _lost(self, error: BaseException | None = None) -> LostError:
+        why = "" if error is None else str(error) or type(error).__name__
+        return LostError(f"the scheduler at {self._address} is gone", why=why)
+
+
+class _Question:
+    """Unpickles as a machine's fingerprint, made where it is unpickled."""
+
+    def __init__(self, files: Mapping[str, str]) -> None:
+        self._files = dict(files)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return fingerprints.fingerprint, (self._files,)
+
+
+def _by_value(files: Mapping[str, str]) -> bytes:
+    """Return the question with the code that answers it: a worker may have another hapticeval, or none."""
+    cloudpickle.register_pickle_by_value(fingerprints)
+    try:
+        return bytes(cloudpickle.dumps(_Question(files)))
+    finally:
+        cloudpickle.unregister_pickle_by_value(fingerprints)
+
+
+async def mark(resource: str, dask_worker: Any) -> bool:
+    """Have a worker offer a resource, once for each of its threads."""
+    await dask_worker.set_resources(**{resource: dask_worker.state.nthreads})
+    return True
+
+
+_idle: dict[bytes, list[Workers[Any]]] = {}
+_lock = threading.Lock()
+
+
+def make_calls(packed: bytes) -> tuple[list[Answer[Any]], list[float]]:
+    """Make the calls of a chunk in a child of this worker; return the answers of those it came to, and their seconds.
+
+    The child is kept for later chunks; the first call in a new one, which loads what it needs, is not timed.
+    """
+    function, calls = pickle.loads(packed)
+    with _lock:
+        there = _idle.setdefault(function, [])
+        crew, known = (there.pop(), True) if there else (_child(function), False)
+    answers: list[Answer[Any]] = []
+    took = []
+    begun = time.monotonic()
+    for call, arguments in calls:
+        before = time.monotonic()
+        if answers and before - begun > LONGEST:
+            break
+        crew.begin(call, *arguments)
+        answers += crew.answers()
+        if known:
+            took.append(time.monotonic() - before)
+        known = True
+    with _lock:
+        _idle[function].append(crew)
+    return answers, took
+
+
+def _child(function: bytes) -> Workers[Any]:
+    return Workers(pickle.loads(function), 1, tries=TRIES, fresh=True)

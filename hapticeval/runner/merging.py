@@ -1,0 +1,218 @@
+"""The results of several runs made one: of the shards of a plan, or of runs that asked different things."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from hapticeval.errors import HapticevalError, InputError
+from hapticeval.files import replacing
+from hapticeval.runner.outcomes import Outcomes
+from hapticeval.runner.progress import timing
+from hapticeval.runner.results import (
+    Command,
+    Environment,
+    ResultsDocument,
+    RunKey,
+    SuiteEntry,
+    Table,
+    read_results,
+    write_results,
+)
+from hapticeval.runner.resuming import differing_versions
+from hapticeval.runner.sharding import Shard
+from hapticeval.runner.table import fill_table
+
+T = TypeVar("T")
+
+FEW = 5
+"""Names that a message shows of many."""
+
+
+def merge_into(folders: Sequence[Path], directory: Path) -> ResultsDocument:
+    """Write the results of `folders` into `directory` as those of one run, recordings included, and return them.
+
+    Runs and verdicts come in the order in which one run would have come to them. Incomplete ones stay incomplete.
+    Raises `InputError` where the results are of other versions, seeds or strictness, where two have the same run, a
+    suite is not the same in all, or shards are missing, each by name.
+    """
+    if directory.resolve() in {folder.resolve() for folder in folders}:
+        raise InputError(f"'{directory}' is one of the folders to merge", todo="name another with -o")
+    given = {str(folder): read_results(folder) for folder in dict.fromkeys(folders)}
+    if len(given) != len(folders):
+        raise InputError("a folder is named twice", todo="name each once")
+    results = merged(given)
+    shutil.rmtree(directory / "recordings", ignore_errors=True)  # of earlier results in the folder
+    Outcomes(directory).forget()
+    for folder, document in given.items():
+        for run in document.runs:
+            if run.recording is not None:
+                _bring(Path(folder) / run.recording, directory / run.recording)
+    write_results(directory, results)
+    return results
+
+
+def merged(given: Mapping[str, ResultsDocument]) -> ResultsDocument:
+    """Return the results of several folders as one: see `merge_into`."""
+    if not given:
+        raise InputError("no results are named", todo="name the folders of runs")
+    first = next(iter(given.values()))
+    _refuse_unlike(given)
+    _refuse_overlap(given)
+    _refuse_missing_shards(given)
+    suites = _suites(given)
+    place = _places(suites)
+    documents = list(given.values())
+    runs = sorted((run for each in documents for run in each.runs), key=lambda run: place(run.key))
+    verdicts = sorted((each for document in documents for each in document.verdicts), key=lambda each: place(each.key))
+    reasons = [f"{name}: {document.reason}" for name, document in given.items() if not document.complete]
+    published: Table = {}
+    for document in documents:
+        for title, row in document.published_table.items():
+            published.setdefault(title, {}).update(row)
+    return ResultsDocument(
+        planned=sum(document.planned for document in documents),
+        ran=len(verdicts),
+        complete=not reasons,
+        reason="; ".join(reasons) or None,
+        environment=Environment(
+            python=first.environment.python,
+            platform=", ".join(_union([each.environment.platform] for each in documents)),
+            cpu_count=first.environment.cpu_count,
+            versions=first.environment.versions,
+        ),
+        seed=first.seed,
+        command=Command(
+            suites=[suite.name for suite in suites],
+            renderers=_union(document.command.renderers for document in documents),
+            select=_union(document.command.select for document in documents),
+            strict=first.command.strict,
+        ),
+        runs=runs,
+        verdicts=verdicts,
+        table=fill_table(suites, verdicts),
+        published_table=published,
+        suites=suites,
+        date=min(document.date for document in documents),
+        commits={name: commit for document in documents for name, commit in document.commits.items()},
+        timing=timing(runs, sum(document.timing.wall_seconds for document in documents)),
+    )
+
+
+def _bring(source: Path, target: Path) -> None:
+    """Have a file at `target` as well: a second name of it where the file system can, else a copy."""
+    try:
+        with replacing(target) as temporary:
+            try:
+                os.link(source, temporary)
+            except FileNotFoundError:
+                raise
+            except OSError:
+                shutil.copyfile(source, temporary)
+    except OSError as error:
+        raise HapticevalError(
+            f"cannot bring the recording {source} to {target}",
+            why=error.strerror or str(error),
+            todo="bring the whole folder of each run, its recordings included",
+        ) from error
+
+
+def _refuse_unlike(given: Mapping[str, ResultsDocument]) -> None:
+    (name, first), *others = given.items()
+    for other, document in others:
+        differs = differing_versions(first.environment, document.environment)
+        if document.seed != first.seed:
+            differs.append(f"seed {first.seed}, now {document.seed}")
+        if document.command.strict != first.command.strict:
+            differs.append("only one of both runs is strict")
+        if differs:
+            raise InputError(
+                f"the results in '{name}' and '{other}' are not of one run",
+                why="; ".join(differs).replace(", now ", " and "),
+                todo="run one of them again with the versions and arguments of the other",
+            )
+
+
+def _refuse_overlap(given: Mapping[str, ResultsDocument]) -> None:
+    seen: dict[RunKey, str] = {}
+    for name, document in given.items():
+        both = [run.key for run in document.runs if run.key in seen]
+        if both:
+            suite, case, renderer = both[0]
+            more = f" and {len(both) - 1} more" if len(both) > 1 else ""
+            raise InputError(
+                f"'{seen[both[0]]}' and '{name}' overlap",
+                why=f"both hold {renderer} on {suite}/{case}{more}",
+                todo="name one of them, or runs that share nothing",
+            )
+        seen |= dict.fromkeys((run.key for run in document.runs), name)
+
+
+def _refuse_missing_shards(given: Mapping[str, ResultsDocument]) -> None:
+    """Shards of one run ask the same; of each such run all have to be there."""
+    found: dict[bytes, dict[Shard, str]] = {}
+    for name, document in given.items():
+        if document.command.shard is None:
+            continue
+        shard = Shard.parse(document.command.shard)
+        asked = msgspec.json.encode(
+            [shard.count, msgspec.structs.replace(document.command, shard=None), document.suites]
+        )
+        found.setdefault(asked, {})[shard] = name
+    for shards in found.values():
+        count = next(iter(shards)).count
+        missing = [str(each) for number in range(1, count + 1) if (each := Shard(number, count)) not in shards]
+        if missing:
+            there = ", ".join(f"{shard} in '{name}'" for shard, name in sorted(shards.items())[:FEW])
+            raise InputError(
+                f"shards are missing: {', '.join(missing)}",
+                why=f"of {count} there are {len(shards)}: {there}{', ...' if len(shards) > FEW else ''}",
+                todo="name the folders of all of them; a shard that was killed goes on with --resume",
+            )
+
+
+def _suites(given: Mapping[str, ResultsDocument]) -> list[SuiteEntry]:
+    """Return each suite once, with what was planned of it in any of the runs."""
+    found: dict[str, tuple[str, SuiteEntry]] = {}
+    for name, document in given.items():
+        for suite in document.suites:
+            if suite.name not in found:
+                found[suite.name] = name, suite
+                continue
+            where, before = found[suite.name]
+            if before.digest != suite.digest:
+                raise InputError(
+                    f"the suite '{suite.name}' is not the same in '{where}' and '{name}'",
+                    why="it was changed between the runs, or two suites have that name",
+                    todo="run one of them again, or rename one of the suites",
+                )
+            cases, renderers = (
+                _union([getattr(before, what), getattr(suite, what)]) for what in ("cases", "renderers")
+            )
+            found[suite.name] = where, msgspec.structs.replace(before, cases=cases, renderers=renderers)
+    return [suite for _, suite in found.values()]
+
+
+def _places(suites: Sequence[SuiteEntry]) -> Callable[[RunKey], tuple[int, int, int]]:
+    """Return where a run comes in a plan of these suites."""
+    numbers = {suite.name: (at, _numbered(suite.cases), _numbered(suite.renderers)) for at, suite in enumerate(suites)}
+
+    def place(key: RunKey) -> tuple[int, int, int]:
+        at, cases, renderers = numbers.get(key[0], (len(numbers), {}, {}))
+        return at, cases.get(key[1], len(cases)), renderers.get(key[2], len(renderers))
+
+    return place
+
+
+def _numbered(names: Sequence[str]) -> dict[str, int]:
+    return {name: at for at, name in enumerate(names)}
+
+
+def _union(lists: Iterable[Sequence[T]]) -> list[T]:
+    """Return what is in any of the lists, once each, in the order of the first in which it is."""
+    return list(dict.fromkeys(each for some in lists for each in some))

@@ -1,0 +1,115 @@
+"""What came of a job as results.json holds it: made where the job runs, so that nothing but entries travels."""
+
+from __future__ import annotations
+
+import shlex
+import tempfile
+from pathlib import Path
+
+from hapticeval.errors import RefusalError, RendererError
+from hapticeval.files import plain
+from hapticeval.runner.events import JobFinished
+from hapticeval.runner.judging import Judged, error_verdicts
+from hapticeval.runner.planning import Job
+from hapticeval.runner.results import Ended, Problem, Refusal, Robot, RunEntry, SceneEntry, VerdictEntry
+from hapticeval.runner.work import Work, scene_document
+from hapticeval.suite.case import Case
+from hapticeval.workers import TRIES
+from hapticeval.workers import Ended as EndedProcess
+
+
+def carry_out_here(work: Work, job: Job, directory: Path | None, seed: int) -> tuple[JobFinished, bytes | None]:
+    """Do a job on the machine of the result folder: its recording is in that folder afterwards."""
+    return outcome_of(job, *work(job, directory, seed)), None
+
+
+def carry_out_afar(work: Work, job: Job, directory: Path | None, seed: int) -> tuple[JobFinished, bytes | None]:
+    """Do a job on a machine that may not see the result folder: its recording's file travels along, as bytes."""
+    if directory is None:
+        return carry_out_here(work, job, None, seed)
+    with tempfile.TemporaryDirectory(prefix="hapticeval-") as folder:
+        judged, file = work(job, Path(folder), seed)
+        return outcome_of(job, judged, file), None if file is None else (Path(folder) / file).read_bytes()
+
+
+def outcome_of(job: Job, judged: Judged, file: Path | None) -> JobFinished:
+    """Return the entries of a judged job, and its recording where no file keeps it."""
+    return JobFinished(
+        run_entry(job, judged, file), tuple(map(VerdictEntry.of, judged.verdicts)), judged.error, judged.recording
+    )
+
+
+def ended(job: Job, how: EndedProcess) -> JobFinished:
+    """Return what is left of a job that has ended its process: a renderer that does so is broken."""
+    if how.killed:
+        error = RendererError(
+            "the process that the renderer ran in was killed, again and again",
+            why=f"{TRIES} processes in turn, from outside: as the system does where memory runs out",
+            todo="run it alone and watch its memory",
+        )
+    else:
+        error = RendererError(
+            f"the renderer ended the process that it ran in: {how.how}",
+            why="a crash in compiled code, os._exit(), or memory that ran out",
+            todo=f"see what `hapticeval doctor -r {shlex.quote(job.renderer)}` finds, or {_alone(job)}",
+        )
+    return outcome_of(job, error_verdicts(error, job.renderer, job.suite, job.case), None)
+
+
+def overdue(job: Job, seconds: float) -> JobFinished:
+    """Return what is left of a job that took longer than so many seconds and was ended."""
+    error = RendererError(
+        f"the renderer was ended after {seconds:g} s in this case",
+        why="it hangs, or takes longer than --timeout",
+        todo=f"give it more time with --timeout, or {_alone(job)}",
+    )
+    return outcome_of(job, error_verdicts(error, job.renderer, job.suite, job.case), None)
+
+
+def _alone(job: Job) -> str:
+    return f"run the case alone under a debugger: -k {job.case.name}"
+
+
+def run_entry(job: Job, judged: Judged, file: Path | None) -> RunEntry:
+    """Return the entry of a judged job, whose recording lies in `file` below the result folder."""
+    case, error = job.case, judged.error
+    return RunEntry(
+        suite=job.suite,
+        case=case.name,
+        renderer=job.renderer,
+        recording=None if file is None else file.as_posix(),
+        simulated_seconds=judged.simulated_seconds,
+        wall_seconds=judged.wall_seconds,
+        stimulus=case.stimulus_kind,
+        title=case.title,
+        shows=case.shows,
+        citation=case.citation,
+        model=plain(case.model, "model"),
+        depth_of=case.depth_of,
+        judged=case.judged,
+        scene=_scene(case),
+        closed_form=case.closed_form.get(job.renderer),
+        ended=None if judged.ended is None else Ended(**judged.ended),
+        error=None if error is None else Problem.of(error),
+        refusal=None if judged.refusal is None else Refusal.of(judged.refusal, position=_position(judged.refusal)),
+        replay=judged.replay,
+    )
+
+
+def _position(refusal: RefusalError) -> list[float] | None:
+    return None if refusal.position is None else [float(each) for each in refusal.position]
+
+
+def _scene(case: Case) -> SceneEntry:
+    """The scene's numbers, and what an experiment drives: device and inner loop."""
+    scene = case.build_scene()
+    numbers = scene_document(scene)
+    if case.stimulus_kind == "trajectory":
+        return SceneEntry(**numbers)
+    device = scene.robot
+    choices = {name: str(each) for name in ("dynamics", "base_inertia") if (each := getattr(device, name, None))}
+    return SceneEntry(
+        **numbers,
+        device=Robot(kind=device.name, **choices),
+        inner_loop=scene.inner_loop,
+    )

@@ -1,0 +1,80 @@
+"""The outcomes of a run that goes on: a file to which each is added once, so that a run that is killed can go on.
+
+A line of `FILE` is one job's entry and verdicts as JSON, written at once when the job ends, in whatever order. It is
+there whole or, where the run was killed in the middle of it, is the last one and no line; that job is done again.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Self
+
+import msgspec
+
+from hapticeval.errors import HapticevalError
+from hapticeval.runner.events import JobFinished
+from hapticeval.runner.results import Entry, RunEntry, VerdictEntry
+
+FILE = "outcomes.jsonl"
+
+
+class Line(Entry, frozen=True, kw_only=True):
+    """The outcome of one job."""
+
+    run: RunEntry
+    verdicts: list[VerdictEntry]
+
+
+class Outcomes:
+    """The file of outcomes in a result folder, open for adding: a context manager. Raises where it cannot be written.
+
+    Without a folder nothing is kept.
+    """
+
+    def __init__(self, directory: Path | None) -> None:
+        self._path = None if directory is None else directory / FILE
+        self._file = -1
+
+    def __enter__(self) -> Self:
+        if self._path is not None:
+            self._file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._path is not None:
+            os.close(self._file)
+
+    def add(self, job: JobFinished) -> None:
+        """Add what came of a job."""
+        if self._path is None:
+            return
+        line = msgspec.json.encode(Line(run=job.run, verdicts=list(job.verdicts))) + b"\n"
+        try:
+            while line:
+                line = line[os.write(self._file, line) :]
+        except OSError as error:
+            raise HapticevalError(f"cannot write {self._path}", why=error.strerror or str(error)) from error
+
+    def forget(self) -> None:
+        """Remove the file: results.json holds all of it."""
+        if self._path is not None:
+            self._path.unlink(missing_ok=True)
+
+
+def read_outcomes(directory: Path) -> list[JobFinished]:
+    """Return the outcomes that are kept in a folder, and cut off what is no whole line, so that more may be added."""
+    path = directory / FILE
+    if not path.exists():
+        return []
+    whole, _, rest = path.read_bytes().rpartition(b"\n")
+    if rest:
+        os.truncate(path, len(whole) + bool(whole))
+    found = []
+    for text in whole.splitlines():
+        try:
+            line = msgspec.json.decode(text, type=Line)
+        except (msgspec.DecodeError, ValueError):
+            continue  # a damaged disk: that job is done again
+        found.append(JobFinished(line.run, tuple(line.verdicts)))
+    return found

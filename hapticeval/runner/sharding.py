@@ -1,0 +1,50 @@
+"""A part of a plan: which of its jobs one of several runs does, so that together they do all of it, each once."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from hashlib import sha256
+from typing import TYPE_CHECKING, NamedTuple
+
+from hapticeval.errors import InputError, NothingSelectedError
+
+if TYPE_CHECKING:
+    from hapticeval.runner.planning import Job
+
+
+class Shard(NamedTuple):
+    """Part `number` of `count`, counted from 1."""
+
+    number: int
+    count: int
+
+    @classmethod
+    def parse(cls, text: str) -> Shard:
+        """Return the shard of a text as 3/16. Raises `InputError` for any other."""
+        found = re.fullmatch(r"([1-9]\d*)/([1-9]\d*)", text)
+        if found is None or int(found[1]) > int(found[2]):
+            raise InputError(
+                f"--shard {text}", why="it is the number of a part and how many there are", todo="write 3/16, 1/1"
+            )
+        return cls(int(found[1]), int(found[2]))
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.count}"
+
+    def of(self, jobs: Sequence[Job]) -> tuple[Job, ...]:
+        """Return the jobs of this shard, in the order of the plan.
+
+        Jobs are dealt out by turns in the order of a digest of their names: shards differ by one job at most, and none
+        has all the jobs of a slow renderer. Raises `NothingSelectedError` where none is left for it.
+        """
+        if self.number > len(jobs):
+            raise NothingSelectedError(
+                f"shard {self} is empty", why=f"there are {len(jobs)} jobs", todo="make fewer shards"
+            )
+        dealt = sorted(range(len(jobs)), key=lambda at: _digest(jobs[at]))
+        return tuple(jobs[at] for at in sorted(dealt[self.number - 1 :: self.count]))
+
+
+def _digest(job: Job) -> bytes:
+    return sha256("\0".join((job.suite, job.case.name, job.renderer)).encode()).digest()

@@ -1,0 +1,40 @@
+"""The files that a case names: what a machine that runs it has to have as well."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from hapticeval.suite.case import Case
+
+
+def files_of(case: Case) -> dict[str, str]:
+    """Return the digest of each file that a case names, by its path."""
+    named = {str((case.folder / text).resolve()) for text in _texts(msgspec.to_builtins(case, enc_hook=str)) if text}
+    return {path: found for path in sorted(named) if (found := digest_of(path)) is not None}
+
+
+def _texts(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for name, each in value.items():
+            if name != "folder":
+                yield from _texts(each)
+    elif isinstance(value, list | tuple):
+        for each in value:
+            yield from _texts(each)
+
+
+@lru_cache(maxsize=4096)
+def digest_of(path: str) -> str | None:
+    """Return the digest of what a file holds; None for what is no file. It is read once a process."""
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest() if Path(path).is_file() else None
+    except OSError:
+        return None
