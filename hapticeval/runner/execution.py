@@ -58,14 +58,12 @@ def execute(
     warned = False
     lost: LostError | None = None
     with Interrupts() as interrupts:
-        if directory is not None:
-            directory.mkdir(parents=True, exist_ok=True)
-            if kept is None:  # what is there is of an earlier run, whose results go as well
+        with _crew(work, workers, scheduler, plan) as crew, Outcomes(directory) as outcomes:
+            if directory is not None and kept is None:  # what is there is of an earlier run, whose results go as well
                 shutil.rmtree(directory / "recordings", ignore_errors=True)
-                Outcomes(directory).forget()
-        yield RunStarted(plan.planned, len(plan.jobs), len(old))
-        progress = Progress(plan, directory)
-        with Outcomes(directory) as outcomes, _crew(work, workers, scheduler, plan) as crew:
+                outcomes.clear()
+            yield RunStarted(plan.planned, len(plan.jobs), len(old))
+            progress = Progress(plan, directory)
             while True:
                 if not interrupts.count:
                     try:
