@@ -10,6 +10,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TypeAlias
 
+from hapticeval.errors import InputError
 from hapticeval.files import replacing
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
 from hapticeval.runner.interrupts import Interrupts
@@ -117,8 +118,12 @@ def _key(job: Job) -> RunKey:
 def _crew(work: Work, workers: int, scheduler: str | None, plan: Plan) -> Crew[Carried]:
     if scheduler is None:
         return Workers(partial(carry_out_here, work), workers, tries=TRIES)
-    from hapticeval.runner.cluster import Cluster
-
+    try:
+        from hapticeval.runner.cluster import Cluster
+    except ImportError as error:
+        raise InputError(
+            f"--scheduler {scheduler} needs dask.distributed", why=str(error), todo="pip install 'hapticeval[cluster]'"
+        ) from error
     cases = {(job.suite, job.case.name): job.case for job in plan.jobs}
     files = {path: digest for case in cases.values() for path, digest in files_of(case).items()}
     return Cluster(partial(carry_out_afar, work), scheduler, files=files)

@@ -87,10 +87,22 @@ def found(folder: Path) -> bytes:
     ) + b"".join(files)
 
 
-def start(*arguments: str, here: Path, program: str = "hapticeval") -> subprocess.Popen[str]:
-    """Start a command in the folder, in a group of processes of its own; stdout and stderr are one."""
+RUN = """
+import sys
+from hapticeval import api
+from hapticeval.commands.terminal import Terminal
+
+scheduler, *renderers = sys.argv[1:]
+options = {"workers": 2, "resume": True, "scheduler": scheduler or None, "watch": Terminal()}
+api.run(renderers, suites="many.toml", output="out", **options)
+"""
+"""A run into the folder `out` that goes on with what is there, and draws nothing."""
+
+
+def start(*renderers: str, here: Path, scheduler: str = "") -> subprocess.Popen[str]:
+    """Start `RUN` in the folder, in a group of processes of its own; stdout and stderr are one."""
     return subprocess.Popen(
-        [sys.executable, "-m", program, *arguments],
+        [sys.executable, "-c", RUN, scheduler, *renderers],
         cwd=here,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
