@@ -2,6 +2,7 @@
 # make test    set up with the development tools, run the tests
 # make fuzz    explore with fresh seeds for MINUTES=30: properties, damaged files, odd renderers
 # make bench   time the renderers            make study   the longer studies
+# make browser look at the report's pages in a headless Chromium: needs chromium and npm
 # make lint    ruff, and mypy on an installed copy
 # make clean   remove what these made; results/ stays
 
@@ -9,7 +10,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test fuzz bench study lint clean
+.PHONY: run test fuzz bench study browser lint clean
 
 run: .venv/run.stamp .venv/kernels.stamp
 	@$(BIN)/hapticeval run thesis dynamics generated effects -o results || { code=$$?; \
@@ -27,6 +28,9 @@ bench: .venv/dev.stamp .venv/kernels.stamp
 
 study: .venv/dev.stamp .venv/kernels.stamp
 	$(BIN)/pytest -n 2 -m slow
+
+browser: .venv/dev.stamp .venv/kernels.stamp .venv/browser/node_modules/axe-core/axe.min.js
+	$(BIN)/pytest -m browser
 
 lint: .venv/dev.stamp
 	$(BIN)/ruff check .
@@ -50,6 +54,10 @@ lint: .venv/dev.stamp
 	@echo "installing hapticeval, its libraries and the development tools into .venv, once: this takes a while" >&2
 	$(BIN)/pip install --quiet --editable '.[dev]'
 	@touch $@ .venv/run.stamp
+
+# What judges whether the pages can be read by everyone.
+.venv/browser/node_modules/axe-core/axe.min.js: | .venv/bin/pip
+	npm install --silent --no-fund --no-audit --no-save --prefix .venv/browser axe-core@4
 
 .venv/bin/pip:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -47,6 +48,7 @@ def run(
     seed: int = 0,
     strict: bool = False,
     workers: int | None = None,
+    timeout: float = math.inf,
     watch: Callable[[Event], None] | None = None,
     shard: str | None = None,
     resume: bool = False,
@@ -58,7 +60,8 @@ def run(
     runs its own. `suites` are names, groups, TOML files or `load_suite`'s; `select` are globs on cases, `suite/case` or
     `case/check`. Nothing is written but to the folder `output`: results.json and the recordings, see `Results.report`.
     `workers` processes share the work, one for each processor if not given; renderers that are not names run in this
-    process, with `workers=0`. `watch` is called with each event of the run. With `strict` warnings count.
+    process, with `workers=0`. One in a process of its own that takes longer than `timeout` seconds in a case is ended,
+    and its verdicts are errors. `watch` is called with each event of the run. With `strict` warnings count.
 
     Of what that makes, a `shard` "3/16" is the part that is run, see `merge`; with `resume` what an earlier run into
     `output` has finished is kept; and the workers of the dask `scheduler` at an address do the work, if there is one.
@@ -75,6 +78,8 @@ def run(
         _refuse_bound(factories)
     if resume and output is None:
         raise InputError("there is nothing to resume", why="results lie in no folder", todo="name one: output=...")
+    if not timeout > 0.0:
+        raise InputError(f"timeout = {timeout!r}", why="it is seconds that a case may take, and positive")
     planned = plan(
         _listed(suites, "suites", (str, Suite)),
         tuple(named),
@@ -91,6 +96,7 @@ def run(
         output=None if output is None else Path(output),
         workers=workers,
         watch=watch,
+        timeout=timeout,
         resume=resume,
         scheduler=scheduler,
     )
@@ -138,6 +144,7 @@ def carry_out(
     workers: int,
     watch: Callable[[Event], None] | None = None,
     work: Work = run_job,
+    timeout: float = math.inf,
     resume: bool = False,
     scheduler: str | None = None,
 ) -> Results:
@@ -147,7 +154,7 @@ def carry_out(
         prepare(output)
     recordings: dict[RunKey, Recording] = {}
     stopped = False
-    for event in execute(planned, output, workers=workers, work=work, scheduler=scheduler, kept=kept):
+    for event in execute(planned, output, workers=workers, work=work, timeout=timeout, scheduler=scheduler, kept=kept):
         if watch is not None:
             watch(event)
         if isinstance(event, JobFinished):
@@ -268,16 +275,25 @@ class Results:
         return self.folder / FILE
 
     def report(
-        self, *, progress: Callable[[int, int], None] | None = None, stopped: Callable[[], bool] | None = None
+        self,
+        *,
+        single_file: bool = False,
+        figures: Sequence[str] = (),
+        progress: Callable[[int, int], None] | None = None,
+        stopped: Callable[[], bool] | None = None,
     ) -> list[Path]:
-        """Write table.md, junit.xml and report.html beside results.json, and return all their paths.
+        """Write table.md, junit.xml, report/ and tables/ beside results.json, and return all their paths.
 
-        See `write_reports`. Raises `InputError` for results that lie in no folder.
+        With `single_file` report.html holds the pages of report/. `figures` are globs on `suite/case/renderer`: the
+        figures of these runs are written as SVG and PDF too. See `write_reports` and `write_figures`. Raises
+        `InputError` for results that lie in no folder.
         """
-        from hapticeval.reports import write_reports
+        from hapticeval.reports import write_figures, write_reports
 
         folder = self.file.parent
-        return [self.file, *write_reports(folder, progress=progress, workers=cores(), stopped=stopped)]
+        drawn = write_figures(folder, self.document, figures)
+        options: dict[str, Any] = {"single_file": single_file, "progress": progress, "stopped": stopped}
+        return [self.file, *write_reports(folder, workers=cores(), **options), *drawn]
 
     def __repr__(self) -> str:
         document = self.document

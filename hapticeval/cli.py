@@ -11,7 +11,18 @@ from typing import Annotated
 import typer
 
 from hapticeval import __version__
-from hapticeval.commands import bench, draw, effects, judging, record, recordings, search, texture
+from hapticeval.commands import (
+    authors,
+    bench,
+    draw,
+    effects,
+    judging,
+    record,
+    recordings,
+    search,
+    texture,
+    viewing,
+)
 from hapticeval.commands.judging import EXIT_CODES
 from hapticeval.commands.terminal import say
 from hapticeval.errors import HapticevalError
@@ -102,14 +113,19 @@ for _command, _epilog, _short in (
     (judging.list_, judging.LISTED, "List the renderers, suites, cases, checks, devices or models."),
     (judging.explain, judging.LISTED, "Explain what a check asks, measures and allows, and why."),
     (judging.merge, judging.MERGED, "Make one run of several, as of its shards."),
+    (authors.doctor, authors.EXAMINED, "Walk a renderer through the contract."),
+    (authors.new, authors.WRITTEN, "Write a renderer to start from."),
+    (authors.header, authors.PRINTED, "Print the C header for libraries."),
     (judging.report, judging.REPORTED, "Write the reports of an earlier run anew, from its results."),
     (record.record, record.EXIT_CODES, "Run a renderer on a robot and record it."),
     (recordings.inspect, recordings.INSPECTED, "Examine a recording: clock, channels, units, physics."),
     (recordings.convert, recordings.CONVERTED, "Convert foreign files, journals and recordings."),
     (judging.replay, judging.REPLAYED, "Lead renderers along a recorded hand path."),
+    (viewing.view, viewing.SHOWN, "Show a recording in a page, with a slider over time."),
     (recordings.compare, recordings.COMPARED, "Compare the force of runs that no clock can align."),
     (search.search, search.EXIT_CODES, "Find the smallest path that breaks a renderer."),
     (bench.bench, bench.EXIT_CODES, "Measure what accuracy costs in time."),
+    (bench.rates, None, "Measure what a faster loop buys."),
     (effects.effects, effects.MEASURED, "Measure what the effects of scenes cost."),
     (texture.texture, texture.SHOWN, "Show a texture, or take over a toolkit's."),
     (draw.field, draw.DRAWN, "Draw where a projection leads, and where it jumps."),

@@ -14,10 +14,12 @@ from typing import Any, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
 import numba
 import numpy as np
+from llvmlite import ir
 from numba import types
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.typing.typeof import typeof_impl
 from numba.experimental.function_type import _get_wrapper_address
+from numba.extending import intrinsic
 from numpy.typing import ArrayLike, NDArray
 
 try:
@@ -145,6 +147,23 @@ class Composed(NamedTuple):
     data: LawData
     changes: tuple[Change, ...]
     closest: Closest
+
+
+@intrinsic
+def call_step(
+    _context: Any, step: Any, self: Any, hip: Any, velocity: Any, dt: Any, ihip: Any, force: Any
+) -> tuple[Any, Callable[..., Any]]:  # fmt: skip
+    """Call the function of a C library at the address `step`, `int32_t (*)(void *, const double *, ...)`: a tick.
+
+    All are addresses but `dt`: it returns what the library returns.
+    """
+    place, integer = ir.IntType(64), ir.IntType(32)
+    kind = ir.FunctionType(integer, [place, place, place, ir.DoubleType(), place, place])
+
+    def code(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), arguments[1:])
+
+    return types.int32(step, self, hip, velocity, dt, ihip, force), code
 
 
 def law_value(function: Callable[..., Any], data: Any) -> FirstClass:

@@ -5,6 +5,9 @@
 `BASE` is an entry point of the group `hapticeval.renderers`, or `package.module:factory`. `+SCHEME` chooses a
 regulation scheme and `@REPRESENTATION` how the model is stored, for a factory that has a choice of them. A
 scheme's own name may hold a plus: only the first one separates.
+
+    lib:PATH        a shared library with the C ABI of `hapticeval header`
+    cmd:COMMAND     a process that speaks JSON lines
 """
 
 from __future__ import annotations
@@ -27,6 +30,9 @@ if TYPE_CHECKING:
     from hapticeval.renderer import RendererFactory
 
 GROUP = "hapticeval.renderers"
+
+OUTSIDE = {"lib": "hapticeval.adapters.library:library", "cmd": "hapticeval.adapters.process:process"}
+"""Names of renderers that are no Python: what stands before the colon, to what makes a factory of the rest."""
 DISTRIBUTION = "hapticeval"
 
 
@@ -40,7 +46,15 @@ class Name:
 
 
 def parse(name: str) -> Name:
-    """The parts of `BASE[+SCHEME][@REPRESENTATION]`. Raises `InputError` for a part that is empty."""
+    """The parts of `BASE[+SCHEME][@REPRESENTATION]`. Raises `InputError` for a part that is empty.
+
+    What is no Python has no variants: a path and a command are taken as they are.
+    """
+    kind, colon, rest = name.partition(":")
+    if colon and kind in OUTSIDE:
+        if not rest.strip():
+            raise InputError(f"'{name}' does not name a renderer", todo="write lib:./libmine.so, or cmd:./mine")
+        return Name(name, None, None)
     front, at, representation = name.partition("@")
     base, plus, regulation = front.partition("+")
     if not base or (plus and not regulation) or (at and not representation):
@@ -119,11 +133,15 @@ def resolve_installed(name: str, *, source: str) -> RendererFactory:
 
 
 def load(base: str, *, kind: str = "renderer") -> Any:
-    """Return what is called to make what `base` names: `package.module:factory`, or an entry point of renderers.
+    """Return what is called to make what `base` names: `package.module:factory`, or an entry point of renderers, or
+    what is no Python, see `OUTSIDE`.
 
     `kind` is what it is in messages; a driver of hardware is named as renderers are. Raises as `resolve` does.
     """
     module, colon, attribute = base.partition(":")
+    if colon and kind == "renderer" and module in OUTSIDE:
+        place, _, name = OUTSIDE[module].partition(":")
+        return getattr(import_module(place), name)(attribute)
     if colon or kind != "renderer":
         if not module or not attribute:
             raise InputError(

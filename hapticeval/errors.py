@@ -98,6 +98,14 @@ class RendererError(HapticevalError):
             place = f" at tick {tick} (counted from 0), HIP ({', '.join(f'{x:.6g}' for x in self.hip)}) m"
         super().__init__(what + place, why=why, todo=todo)
 
+    def placed(self, tick: int, hip: Iterable[float]) -> RendererError:
+        """Return the error with tick and HIP (m): itself where it has them."""
+        return (
+            self
+            if self.tick is not None
+            else RendererError(self.what, tick=tick, hip=hip, why=self.why, todo=self.todo)
+        )
+
 
 class RunawayError(RendererError):
     """A simulated loop ran away: the renderer's force feeds energy into the device without end."""

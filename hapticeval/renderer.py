@@ -111,7 +111,8 @@ class CompiledStep(NamedTuple):
     `function` is a kernel of signature `hapticeval.compiled.LAW`, and `data` the renderer's own, with the state that
     its last `reset` or `step` left: a loop resets the renderer and goes on from there. Where a scene's effects are put
     on the renderer's answers `data` is another tuple, see `hapticeval.simulation.answers`. `refusals` words what the
-    kernel's numbers other than 0 mean. It must answer as `step` does, to the last bit.
+    kernel's numbers above 0 mean; one below 0 is the renderer's own, and it broke. It must answer as `step` does, to
+    the last bit.
     """
 
     function: Callable[..., Any]

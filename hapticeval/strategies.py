@@ -21,7 +21,7 @@ from the source of whatever modules are loaded, and the same seed would give oth
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple, TypeVar
 
@@ -120,13 +120,15 @@ def plane_models(*, kinds: Sequence[str] | None = None) -> st.SearchStrategy[Mod
 
     Raises `UnknownNameError` for an unknown kind, and `InputError` for none.
     """
-    chosen = tuple(PLANE_MODELS if kinds is None else kinds)
-    if isinstance(kinds, str) or not chosen:
-        raise InputError(f"kinds = {kinds!r}", why="it is a list of one kind or more")
-    for kind in chosen:
-        if kind not in PLANE_MODELS:
-            raise UnknownNameError("kind of drawn model", str(kind), PLANE_MODELS)
-    return st.one_of([PLANE_MODELS[kind]() for kind in chosen])
+    return _of_kinds(PLANE_MODELS, kinds)
+
+
+def meshes(*, kinds: Sequence[str] | None = None) -> st.SearchStrategy[Model]:
+    """Draw closed triangle meshes of the `kinds` of `MESHES`, all if none are given; 5 to 40 cm, about the origin.
+
+    Raises `UnknownNameError` for an unknown kind, and `InputError` for none.
+    """
+    return _of_kinds(MESHES, kinds)
 
 
 def scenes(
@@ -178,6 +180,18 @@ def examples(strategy: st.SearchStrategy[T], count: int, *, seed: int = 0) -> li
 
     collect()
     return found[:count]
+
+
+def _of_kinds(
+    known: Mapping[str, Callable[[], st.SearchStrategy[Model]]], kinds: Sequence[str] | None
+) -> st.SearchStrategy[Model]:
+    chosen = tuple(known if kinds is None else kinds)
+    if isinstance(kinds, str) or not chosen:
+        raise InputError(f"kinds = {kinds!r}", why="it is a list of one kind or more")
+    for kind in chosen:
+        if kind not in known:
+            raise UnknownNameError("kind of drawn model", str(kind), known)
+    return st.one_of([known[kind]() for kind in chosen])
 
 
 def _check_model(model: object) -> None:
@@ -574,3 +588,49 @@ PLANE_MODELS: dict[str, Callable[[], st.SearchStrategy[Model]]] = {
     "union": _union,
 }
 """Kinds of models that are drawn: those of the catalogue, and polygons made in four ways."""
+
+
+@st.composite
+def _prism(draw: st.DrawFn) -> Model:
+    """A polygon extruded: arms, notches and slivers with flat ends."""
+    outline = draw(st.one_of(_star_shaped(), _patchwork()))
+    return catalogue.make_model("extruded", model=outline.table, length=draw(_sizes()))
+
+
+@st.composite
+def _hull(draw: st.DrawFn) -> Model:
+    """The convex hull of 5 to 20 points: faces, edges and corners of every angle."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    count = draw(st.integers(5, 20))
+    points = 0.5 * draw(_sizes()) * np.array([[draw(_signed()) for _ in range(3)] for _ in range(count)])
+    points = np.round(points, 6)
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        assume(False)
+        raise
+    corners = points[hull.vertices]
+    number = {row: k for k, row in enumerate(hull.vertices.tolist())}
+    rows = np.array([[number[row] for row in triangle] for triangle in hull.simplices.tolist()])
+    inward = np.linalg.det(corners[rows] - corners.mean(axis=0)) < 0.0
+    rows[inward] = rows[inward][:, ::-1]
+    assume(np.ptp(corners, axis=0).max() >= 0.01)
+    try:
+        return catalogue.mesh(corners.tolist(), rows.tolist())
+    except InputError:  # points in one plane
+        assume(False)
+        raise
+
+
+MESHES: dict[str, Callable[[], st.SearchStrategy[Model]]] = {
+    "cube": _named("cube", size=_sizes()),
+    "box": _named("box", x=_sizes(), y=_sizes(), z=st.sampled_from([0.05, 0.2, 0.01, 0.001])),
+    "wedge": _named("wedge", angle=st.sampled_from([60.0, 20.0, 5.0, 120.0]), size=_sizes(), length=_sizes()),
+    "l-block": _named("l-block", size=_sizes(), thickness=st.sampled_from([0.02, 0.04, 0.005]), length=_sizes()),
+    "icosphere": _named("icosphere", subdivisions=st.integers(0, 3), size=_sizes()),
+    "cylinder": _named("cylinder", size=_sizes(), length=_sizes(), sides=st.sampled_from([3, 6, 12, 64])),
+    "prism": _prism,
+    "hull": _hull,
+}
+"""Kinds of meshes that are drawn: the solids of the catalogue, drawn polygons extruded, and convex hulls of points."""

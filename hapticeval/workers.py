@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar, cast
 
 from hapticeval.errors import HapticevalError
@@ -45,6 +46,10 @@ WATCH = 1.0
 """Seconds between two looks of a process in an interpreter of its own at whether its parent is still there."""
 
 
+def _scheduled(pid: int | None) -> Path:
+    return Path(f"/proc/{pid}/schedstat")
+
+
 class Ended(Exception):
     """The process that worked on a call has ended without an answer, with that exit `code` where it ended by itself.
 
@@ -60,13 +65,35 @@ class Ended(Exception):
         """Whether somebody else has killed it, as the system does for lack of memory: a crash has other signals."""
         return self.code is not None and -self.code in (signal.SIGKILL, signal.SIGTERM)
 
+    @property
+    def how(self) -> str:
+        """How it ended, in words."""
+        return ending(self.code)
+
+
+class Overdue(Exception):
+    """The process that worked on a call was killed: it took longer than it was given."""
+
 
 class LostError(HapticevalError):
     """Who was to make the calls is gone, and no answer will come."""
 
 
+def ending(code: int | None) -> str:
+    """Return how a process ended, in words: the name of the signal that killed it, or its exit code."""
+    if code is not None and code < 0:
+        try:
+            return signal.Signals(-code).name
+        except ValueError:
+            return f"signal {-code}"
+    return f"exit code {code}"
+
+
 class Answer(NamedTuple, Generic[T]):
-    """What came of call number `call`: a value, or the error that it raised, `Ended` where its process is gone."""
+    """What came of call number `call`: a value, or the error that it raised.
+
+    That is `Ended` where its process is gone, and `Overdue` where it had to be killed.
+    """
 
     call: int
     value: T | None
@@ -104,6 +131,10 @@ class Crew(Protocol[T]):
         """
         ...
 
+    def give_up(self, seconds: float) -> list[Answer[T]]:
+        """Give up the calls that were worked on for longer than `seconds`; return an answer `Overdue` for each."""
+        ...
+
     def refused(self) -> list[tuple[str, str]]:
         """Return who is asked to make no calls, and why: each once."""
         ...
@@ -132,11 +163,12 @@ class _Worker:
 
 
 class _Call(NamedTuple):
-    """A call that has begun: who is at it, and how many processes were killed over it before."""
+    """A call that has begun: who is at it since when, and how many processes were killed over it before."""
 
     worker: _Worker
     arguments: tuple[Any, ...]
     killed: int
+    begun: float
 
 
 class Workers(Generic[T]):
@@ -200,7 +232,7 @@ class Workers(Generic[T]):
             except Exception:  # the arguments cannot travel, and nothing of them was sent
                 self._idle.append(worker)
                 raise
-            self._at[call] = _Call(worker, arguments, killed)
+            self._at[call] = _Call(worker, arguments, killed, time.monotonic())
             return
 
     def answers(self, timeout: float | None = None) -> list[Answer[T]]:
@@ -209,7 +241,7 @@ class Workers(Generic[T]):
         calls = {each.worker.pipe: call for call, each in self._at.items()}
         for pipe in multiprocessing.connection.wait(list(calls), timeout) if calls else ():
             call = calls[cast("Connection", pipe)]
-            worker, arguments, killed = self._at.pop(call)
+            worker, arguments, killed, _ = self._at.pop(call)
             try:
                 answer = worker.pipe.recv_bytes()
             except (EOFError, OSError):  # in the middle of an answer, or before
@@ -225,9 +257,29 @@ class Workers(Generic[T]):
             return self.answers()  # what was killed has begun anew
         return found
 
+    def give_up(self, seconds: float) -> list[Answer[T]]:
+        """Kill the processes that have worked on a call for longer than `seconds`; return an answer for each."""
+        now = time.monotonic()
+        late = [call for call, at in self._at.items() if now - at.begun > seconds]
+        for call in late:
+            self._at.pop(call).worker.end(0.0)
+        return [Answer(call, None, Overdue()) for call in late]
+
     def refused(self) -> list[tuple[str, str]]:
         """Return nobody: all processes are alike."""
         return []
+
+    def starved(self, call: int) -> float:
+        """Return the seconds that the process at a call has spent waiting for a processor, where the system counts it.
+
+        What shares a machine with others is late for them: who waits for an answer need not count that. 0.0 where it is
+        not known, and for a call that is answered.
+        """
+        worker = self._at.get(call)
+        try:
+            return 0.0 if worker is None else 1e-9 * int(_scheduled(worker.process.pid).read_text().split()[1])
+        except (OSError, ValueError, IndexError):
+            return 0.0
 
     def _new(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()

@@ -1,5 +1,5 @@
-"""The reference renderers: projections of thesis chapter 4 with the regulation schemes of 4.2 and (5.21),
-and set stabilisation of chapter 7.
+"""The reference renderers: projections of thesis chapter 4 with the regulation schemes of 4.2 and (5.21), set
+stabilisation of chapter 7, and two projections beyond the thesis whose force is the gradient of a potential.
 
 The names that the framework finds are factories. They have variants by regulation scheme and representation, which
 are written into a renderer's name as BASE[+SCHEME][@REPRESENTATION], such as `constraint+pp-pd@curve`.
@@ -63,4 +63,30 @@ mapping = ProjectiveFamily(
 )
 """The mapping renderer."""
 
-__all__ = ["conformal", "constraint", "mapping", "minimum_distance", "set_stabilisation"]
+homothetic = ProjectiveFamily(
+    summary="along the ray from the centre of a star-shaped model; continuous, passive, its stiffness varies",
+    project="rays:homothetic",
+    representations=("curve", "polygon", "lut"),
+    representation="curve",
+    regulation="gradient",
+    refused="a ray meets a boundary, and a level set has none",
+    potential=True,
+    space=True,
+    offered_knobs={"polygon": {"vertices": VERTICES_KNOB}, "lut": {"cell": CELL_KNOB}},
+)
+"""The homothetic renderer."""
+
+combescure = ProjectiveFamily(
+    summary="along level curves with the surface's normals; continuous, passive, K uniform down to a depth",
+    project="level_curves:combescure",
+    representations=("curve", "lut"),
+    representation="curve",
+    regulation="gradient",
+    refused="its level curves are parallel to the exact boundary",
+    potential=True,
+    space=True,
+    offered_knobs={"lut": {"cell": CELL_KNOB}},
+)
+"""The Combescure renderer."""
+
+__all__ = ["combescure", "conformal", "constraint", "homothetic", "mapping", "minimum_distance", "set_stabilisation"]

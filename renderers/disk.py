@@ -51,6 +51,8 @@ class DiskProjection:
     the map itself is blurred. Lines of projection are curved: regulate with (5.21), `transversal`.
     """
 
+    potential = ()
+
     def __init__(self, disk: DiskMap, curve: Curve, *, bilateral: bool, resolution: float = 0.0) -> None:
         self.surface = curve
         self.resolution = resolution

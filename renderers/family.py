@@ -85,9 +85,10 @@ class ProjectiveFamily:
     `project` is named as module:function of this package, which is imported with the first renderer.
     `offered_knobs` are the knobs of each representation, and `settings` those that are set. On `lut`, which a family
     without memory may list, that projection is read from a table. With `bends` the projection knows the curvature where
-    it projects to on the exact curve, for the schemes that need it. A model of straight edges is its own polygon: there
-    polygon and curve coincide. The line is unbounded and has no finite polygon or grid: there every representation
-    means the exact line. With `space` there is a form for models in space too: a mesh is its own polygon.
+    it projects to on the exact curve, for the schemes that need it, and with `potential` it has one for `gradient`. A
+    model of straight edges is its own polygon: there polygon and curve coincide. The line is unbounded and has no
+    finite polygon or grid: there every representation means the exact line. With `space` there is a form for models in
+    space too: a mesh is its own polygon.
     """
 
     summary: str
@@ -97,6 +98,7 @@ class ProjectiveFamily:
     regulation: str = "pp"
     refused: str = ""
     bends: bool = False
+    potential: bool = False
     space: bool = False
     offered_knobs: Mapping[str, Mapping[str, Knob]] = field(default_factory=dict)
     settings: Settings = field(default_factory=dict)
@@ -104,7 +106,11 @@ class ProjectiveFamily:
     @property
     def regulations(self) -> tuple[str, ...]:
         """The names of the regulation schemes that `variant` takes."""
-        return tuple(name for name, regulation in REGULATIONS.items() if self.bends or not regulation.bends)
+        return tuple(
+            name
+            for name, regulation in REGULATIONS.items()
+            if (self.bends or not regulation.bends) and (self.potential or not regulation.potential)
+        )
 
     @property
     def supports(self) -> frozenset[str]:
@@ -149,6 +155,12 @@ class ProjectiveFamily:
                 f"regulation scheme '{scheme}' is not for this projection on '{chosen}'",
                 why="it needs the curvature of the surface at the nearest point of the exact curve",
                 todo=f"use minimum-distance+{scheme}@{TABULATED}, or set-stabilisation",
+            )
+        if REGULATIONS[scheme].potential and not self.potential:
+            raise InputError(
+                f"regulation scheme '{scheme}' is not for this projection",
+                why="its force is the gradient of a potential that is made with the projection, and this has none",
+                todo=f"use homothetic+{scheme} or combescure+{scheme}",
             )
         kept = {name: value for name, value in self.settings.items() if name in self.offered_knobs.get(chosen, {})}
         return replace(self, regulation=scheme, representation=chosen, settings=kept)

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from hapticeval.compiled import LawData, compiled
 from hapticeval.geometry.mesh import Mesh
-from hapticeval.geometry.mesh_kernels import entered, facing, landed, place
+from hapticeval.geometry.mesh_kernels import facing, landed, place
+from hapticeval.geometry.mesh_tool import fly
 from hapticeval.geometry.mesh_walk import RESTS, walk
-from hapticeval.geometry.surface_kernels import Triple
-from hapticeval.renderers.god_object import FLIGHTS
 from hapticeval.renderers.law import BILATERAL, ERROR, OWN, ROOM, regulate, release
 from hapticeval.renderers.projective import CompiledProjection
 from hapticeval.scene import Scene
@@ -72,7 +71,7 @@ def follow(
         rests = status == RESTS
     if not rests:
         start = tool if touches else (state[HIP], state[HIP + 1], state[HIP + 2])
-        touches, k, feature, tool = _fly(faces, vertices, data.tree, params[TOUCH], start, p, k)
+        touches, k, feature, tool = fly(faces, vertices, data.tree, params[TOUCH], start, p, k)
     state[TOUCHES], state[TRIANGLE], state[FEATURE] = 1.0 if touches else 0.0, k, feature
     for i in range(3):
         state[TOOL + i], state[HIP + i] = tool[i], hip[i]
@@ -83,21 +82,3 @@ def follow(
     for i in range(3):
         ihip[i], state[ERROR + 3 + i] = tool[i], normal[i]
     return regulate(params, state, hip, velocity, 0.0, dt, ihip, force)
-
-
-@compiled
-def _fly(
-    faces: Array, vertices: Array, tree: Array, touch: float, start: Triple, hip: Triple, k: int
-) -> tuple[bool, int, int, Triple]:
-    """Straight to the hand: whether the tool runs into something on the way, and where it then comes to rest."""
-    for _flight in range(FLIGHTS):
-        meets, k, foot, _ = entered(faces, vertices, tree, start, hip, touch, k)
-        if not meets:
-            return False, k, 0, hip
-        k, feature, foot = landed(faces, vertices, tree, foot, k)
-        status, k, feature, start = walk(faces, vertices, True, k, feature, foot, hip)
-        if status == RESTS:
-            return True, k, feature, start
-    k, feature, foot = landed(faces, vertices, tree, hip, k)
-    _, _, _, distance = place(faces, vertices, tree, hip, k)
-    return distance < 0.0, k, feature, foot

@@ -15,11 +15,21 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from hapticeval.compiled import LAW, LawData, borrowing, first_class, for_kernels, inlined, inner
-from hapticeval.errors import DomainError
+from hapticeval.errors import DomainError, InputError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.model import Model
 from hapticeval.renderer import CompiledStep, Response
-from hapticeval.renderers.regulation import PP, PP_D, PP_PD, PP_PD_C, PP_V, SQUARE_ROOT, TRANSVERSAL, Regulation
+from hapticeval.renderers.regulation import (
+    GRADIENT,
+    PP,
+    PP_D,
+    PP_PD,
+    PP_PD_C,
+    PP_V,
+    SQUARE_ROOT,
+    TRANSVERSAL,
+    Regulation,
+)
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -69,6 +79,8 @@ class LawRenderer:
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the law is not defined."""
         hip, velocity = as_rows(hip), as_rows(velocity)
+        if not math.isfinite(hip @ hip):  # a search would have no end
+            raise InputError(f"the HIP is not finite: {hip}", why="nothing is near to it", todo="stop the device")
         ihip, force = np.empty_like(self._push), np.empty_like(self._push)
         refusal = self.law.function(self.law.data, hip, velocity, self._push, dt, ihip, force)
         if refusal:
@@ -167,11 +179,12 @@ def release(state: Array, hip: Array, ihip: Array, force: Array) -> int:
 
 @inlined
 def regulate(
-    params: Array, state: Array, hip: Array, velocity: Array, fall: float, dt: float, ihip: Array, force: Array
+    params: Array, state: Array, hip: Array, velocity: Array, known: float, dt: float, ihip: Array, force: Array
 ) -> int:
     """Write the force of the scheme, with the IHIP in `ihip` and the normal in `state`.
 
-    `fall` (m/s^2) is κ v_t^2 of `pp-pd-c`. Sums and products have one order, so that all ways give the same bits.
+    `known` is what a projection knows beside them: κ v_t^2 (m/s^2) for `pp-pd-c`, p (m) for `gradient`. Sums and
+    products have one order, so that all ways give the same bits.
     """
     count = hip.shape[0]
     scheme, stiffness, damping = params[SCHEME], params[STIFFNESS], params[DAMPING]
@@ -194,8 +207,8 @@ def regulate(
         pressed += state[normal + i] * state[ERROR + i]
         if scheme == PP_V:
             force[i] = force[i] - damping * velocity[i]
-    if scheme == TRANSVERSAL:
-        size = -stiffness * pressed - damping * across
+    if scheme in (TRANSVERSAL, GRADIENT):
+        size = (-stiffness * pressed if scheme == TRANSVERSAL else stiffness * known) - damping * across
         for i in range(count):
             force[i] = size * state[normal + i]
     elif scheme == SQUARE_ROOT:
@@ -210,5 +223,5 @@ def regulate(
         for i in range(count):
             force[i] = force[i] - size * state[normal + i]
             if scheme == PP_PD_C:
-                force[i] = force[i] - params[MASS] * fall * state[normal + i]
+                force[i] = force[i] - params[MASS] * known * state[normal + i]
     return 0

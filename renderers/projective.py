@@ -17,6 +17,7 @@ from hapticeval.renderers.law import (
     HELD,
     OWN,
     ROOM,
+    SCHEME,
     LawRenderer,
     as_rows,
     gains,
@@ -24,7 +25,8 @@ from hapticeval.renderers.law import (
     regulate,
     release,
 )
-from hapticeval.renderers.regulation import Regulation
+from hapticeval.renderers.potential import pressed
+from hapticeval.renderers.regulation import GRADIENT, Regulation
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -45,10 +47,12 @@ class Projection(Protocol):
 
     `surface` is the curve, or surface in space, that is really rendered; `resolution` (m) is the length of it over
     which the projection is blurred, and `standoff` (m) how far it may lie off the model: both zero where it is exact.
+    `potential` holds the numbers of the one that is made with it, see the module of that name; empty without one.
     """
 
     resolution: float
     standoff: float
+    potential: Sequence[float]
 
     @property
     def surface(self) -> Boundary:
@@ -73,7 +77,7 @@ class CompiledProjection:
 
     `tables` are fields of its `LawData`; its `params` begin with the gains, and `own` follows. `begin` (data, hip)
     prepares a state of `memory` more numbers at the start of a run, for a projection with memory. `rows` is as of
-    `LawRenderer`.
+    `LawRenderer`, and `potential` as of `Projection`.
     """
 
     def __init__(
@@ -88,11 +92,12 @@ class CompiledProjection:
         rows: Callable[..., tuple[int, int]] | None = None,
         resolution: float = 0.0,
         standoff: float = 0.0,
+        potential: Sequence[float] = (),
         **tables: ArrayLike,
     ) -> None:
         self.law = law
         self.surface, self.resolution, self.standoff = surface, resolution, standoff
-        self.begin, self.rows = begin, rows
+        self.begin, self.rows, self.potential = begin, rows, potential
         params = np.concatenate([np.zeros(OWN), np.asarray(own, dtype=np.float64)])
         params[BILATERAL] = float(bilateral)
         self._data = law_data(params, state=ROOM[surface.dimension] + memory, **tables)
@@ -146,7 +151,7 @@ class ProjectedRenderer:
         self.regulation = regulation
         self.surface, self.resolution, self.standoff = projection.surface, projection.resolution, projection.standoff
         self.declares = Declaration(spring=regulation.spring)
-        self._params = gains(regulation, scene)
+        self._params = np.concatenate([gains(regulation, scene), projection.potential])
         self._state = np.zeros(ROOM[self.surface.dimension])
 
     def reset(self, hip: Array) -> None:  # noqa: ARG002 - the protocol's
@@ -218,7 +223,8 @@ def _regulate_row(
     if contact[row]:
         for i in range(hip.shape[0]):
             state[ERROR + hip.shape[0] + i] = normals[row, i]
-        regulate(params, state, hip, velocity, 0.0, dt, ihips[row], force)
+        known = pressed(params, OWN, hip, ihips[row], normals[row]) if params[SCHEME] == GRADIENT else 0.0
+        regulate(params, state, hip, velocity, known, dt, ihips[row], force)
     else:
         release(state, hip, ihips[row], force)
 

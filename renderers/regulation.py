@@ -10,6 +10,7 @@ One kernel, `law.regulate`, serves a tick from Python, a whole trajectory and a 
 | `pp-pd`       | -K_p e_p - K_d (n·ẏ) n                                           | (4.14)           |
 | `transversal` | -K_p (n·e_p) n - K_d (n·ẏ) n                                     | (5.21), corrected |
 | `pp-pd-c`     | -K_p e_p - K_d (n·ẏ) n - m κ v_t^2 n                             | chapter 7        |
+| `gradient`    | K_p p n - K_d (n·ẏ) n                                            | `potential`      |
 | `square-root` | -(e_p/e) (k_p e^(1/2) + k_d e^(1/2) sgn(ė) abs(ė)^(1/2))         | end of 4.2       |
 
 e_p = HIP - IHIP is the error (4.5), n the outward unit normal at the IHIP and ẏ the velocity of the HIP. ė_p is the
@@ -32,6 +33,10 @@ its damping part at the rate ė_0 = 0.1 m/s there. Zero at zero depth.
 stabilisation that chapter 7 mentions. On the surface both are the same. Off it they are not: this leaves
 n̈ + (K_p n + K_d ṅ)/m = κ v_t^2 (1/(1 + n κ) - 1) and, as its force has no part along the surface,
 s̈ = -(2 κ ṅ ṡ + n κ' ṡ^2)/(1 + n κ), where set stabilisation makes all three zero. As all schemes here it may pull.
+
+`gradient` is for projections that are made with a potential, and know with each IHIP by what length p its force is K_p
+times, so that K_p p n is its gradient: see `potential`. Near the surface p is H^2 / h^2 or once the depth, for
+`homothetic` and `combescure`.
 """
 
 from __future__ import annotations
@@ -48,17 +53,18 @@ class Regulation:
     """A scheme's name, where the thesis states it, and its `number` in the kernels.
 
     `spring` is what its force at rest is K_p times of, None where it is proportional to neither. One that `bends` needs
-    to know the curvature of the surface.
+    to know the curvature of the surface, and one of a `potential` a projection that has one.
     """
 
     name: str
     citation: str
     number: float
     bends: bool = False
+    potential: bool = False
     spring: Spring | None = None
 
 
-PP, PP_V, PP_D, PP_PD, TRANSVERSAL, SQUARE_ROOT, PP_PD_C = (float(number) for number in range(7))
+PP, PP_V, PP_D, PP_PD, TRANSVERSAL, SQUARE_ROOT, PP_PD_C, GRADIENT = (float(number) for number in range(8))
 
 REGULATIONS: Mapping[str, Regulation] = MappingProxyType(
     {
@@ -71,6 +77,7 @@ REGULATIONS: Mapping[str, Regulation] = MappingProxyType(
             Regulation("transversal", "thesis (5.21), signs corrected", TRANSVERSAL, spring=Spring.NORMAL),
             Regulation("square-root", "thesis section 4.2", SQUARE_ROOT),
             Regulation("pp-pd-c", "thesis chapter 7, (3.8)", PP_PD_C, bends=True),
+            Regulation("gradient", "docs/continuous-and-passive.md", GRADIENT, potential=True),
         )
     }
 )

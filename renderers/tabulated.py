@@ -290,6 +290,7 @@ class LutProjection:
         self.surface = surface
         self.resolution = resolution
         self.standoff = max(table.standoff, exact.standoff)
+        self.potential = exact.potential
         self._exact = exact
 
     def project(self, hip: Array) -> ProxyState:

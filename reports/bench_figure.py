@@ -1,4 +1,4 @@
-"""Work-precision plots: the error of every setting against the time that a step takes, and the Pareto front."""
+"""What a bench found: error against time with the Pareto front, memory and time to build, and changes since another."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hapticeval.reports.canvas import MM, drawn, figure, page_svg
-from hapticeval.study.bench.document import BenchResults, Kind, SettingEntry
+from hapticeval.study.bench.document import BenchResults, Change, Kind, SettingEntry
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 US = 1e6
+ROW = 0.2
+"""Height (in) of a row of a figure with a row per setting."""
+
 ROLES = ("hip", "ihip", "one", "two", "mark", "three")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
 GOOD_ENOUGH = 0.1
@@ -33,11 +36,60 @@ Placed = list[tuple[SettingEntry, tuple[float, float]]]
 def bench_plots(bench: BenchResults) -> list[tuple[str, str]]:
     """Return the plots of a bench as SVG elements for a page, each with its title; none where nothing is measured."""
     plots = []
+    names = list(dict.fromkeys(each.renderer for each in bench.settings))
     for kind, title in TITLES.items():
         placed = {model: _placed(settings, kind) for model, settings in bench.by_model().items()}
         if any(placed.values()):
-            plots.append((title, _svg({model: each for model, each in placed.items() if each}, kind)))
+            plots.append((title, _svg({model: each for model, each in placed.items() if each}, kind, names)))
+    if any(each.build_seconds for each in bench.settings):
+        plots.append(("memory, and time to build", _costs(bench.settings, names)))
+    if any(each.low is not None for each in bench.comparison):
+        plots.append(("against the earlier bench", _changes(bench.comparison)))
     return plots
+
+
+def _costs(settings: Sequence[SettingEntry], names: Sequence[str]) -> str:
+    """A row per setting with a mark for its memory and one for its time to build: of all models the dearest."""
+    held: dict[str, list[SettingEntry]] = {}
+    for each in settings:
+        if not each.problem and each.memory_bytes is not None and each.build_seconds:
+            held.setdefault(each.label, []).append(each)
+    rows = range(len(held))
+    height = 0.9 + ROW * len(held)
+    with figure(10.0, height, page=True) as made:
+        panels = (
+            ("memory of all arrays (MB)", lambda each: max(each.memory_bytes or 0, 1) / 1e6),
+            ("least time to build (s)", lambda each: min(each.build_seconds)),
+        )
+        for k, (words, cost) in enumerate(panels):
+            axes = made.add_axes((0.28 + 0.36 * k, 0.55 / height, 0.34, 1.0 - 0.75 / height))
+            for row, entries in zip(rows, held.values(), strict=True):
+                colour, marker = _look(entries[0].renderer, names)
+                axes.plot(max(map(cost, entries)), row, linestyle="none", marker=marker, markersize=6, color=colour)
+            axes.set(xscale="log", xlabel=words, ylim=(len(held) - 0.5, -0.5))
+            axes.set_yticks(rows, list(held) if k == 0 else [])
+            axes.grid(True, which="major")
+        return page_svg(made, prefix="bcost", title="Memory and time to build of every setting")
+
+
+def _changes(comparison: Sequence[Change]) -> str:
+    """A row per setting and kind of time: its ratio to the earlier time with the interval of 95 per cent."""
+    timed = [(each, each.ratio, each.low) for each in comparison if each.low is not None and each.ratio is not None]
+    height = 0.9 + ROW * len(timed)
+    roles = {"better": ("one", "v"), "worse": ("mark", "^"), "not significant": ("quiet", "o")}
+    with figure(10.0, height, page=True) as made:
+        axes = made.add_axes((0.38, 0.55 / height, 0.6, 1.0 - 0.75 / height))
+        for row, (each, ratio, low) in enumerate(timed):
+            role, marker = roles[each.verdict]
+            axes.plot((low or ratio, each.high or ratio), (row, row), color=drawn(role), linewidth=1.2)
+            axes.plot(ratio, row, linestyle="none", marker=marker, markersize=6, color=drawn(role))
+        axes.axvline(1.0, color=drawn("ink"), linewidth=1.0)
+        axes.set(xscale="log", xlabel="time now / time then; triangles are significant", ylim=(len(timed) - 0.5, -0.5))
+        axes.set_yticks(range(len(timed)), [f"{each.label}, {each.model}, {each.what}" for each, *_ in timed])
+        axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axes.xaxis.set_minor_formatter(lambda value, _: f"{value:g}")
+        axes.tick_params(axis="x", which="minor", labelsize=7)
+        return page_svg(made, prefix="bchange", title="Times against those of the earlier bench")
 
 
 def _placed(settings: Sequence[SettingEntry], kind: Kind) -> Placed:
@@ -49,9 +101,8 @@ def _placed(settings: Sequence[SettingEntry], kind: Kind) -> Placed:
     ]
 
 
-def _svg(models: Mapping[str, Placed], kind: Kind) -> str:
+def _svg(models: Mapping[str, Placed], kind: Kind, names: Sequence[str]) -> str:
     """One panel per model."""
-    names = list(dict.fromkeys(each.renderer for placed in models.values() for each, _ in placed))
     below = 0.2 * ((len(names) + 3) // 4)
     with figure(10.0, 4.6 + below, page=True) as made:
         low = (0.62 + below) / (4.6 + below)
@@ -86,13 +137,14 @@ def _draw_panel(axes: Axes, placed: Placed, kind: Kind, names: Sequence[str]) ->
         held = [(each, at) for each, at in placed if each.renderer == name]
         wanted += [held[0], held[-1]]
         axes.plot(*zip(*(at for _, at in held), strict=True), color=colour, linewidth=0.7, alpha=0.6)
-        label = name
+        label, foreign = name, _foreign(name)
         for proven, fill in ((True, colour), (False, "none")):
             some = [at for each, at in held if bool(each.proven) is proven]
             if some:
                 axes.plot(
-                    *zip(*some, strict=True), linestyle="none", marker=marker, markersize=6, color=colour,
-                    markerfacecolor=fill, label=label,
+                    *zip(*some, strict=True), linestyle="none", marker=marker, markersize=10 if foreign else 6,
+                    color=colour, markerfacecolor=fill, markeredgecolor=drawn("ink") if foreign else colour,
+                    label=label,
                 )  # fmt: skip
                 label = "_"  # of a name the legend shows one mark
     _limit(axes, placed)
@@ -119,6 +171,11 @@ def _look(name: str, names: Sequence[str]) -> tuple[str, str]:
     return drawn(ROLES[bases.index(base) % len(ROLES)]), MARKERS[kinds.index(kind) % len(MARKERS)]
 
 
+def _foreign(name: str) -> bool:
+    """Return whether a renderer is none of those that come with hapticeval: it stands out."""
+    return ":" in name
+
+
 def _limit(axes: Axes, placed: Placed) -> None:
     times, errors = zip(*(at for _, at in placed), strict=True)
     low, high = min(*times, 8.0), max(*times, 12.0)
@@ -140,7 +197,7 @@ def _name(axes: Axes, wanted: Placed) -> None:
     """Write the settings beside their marks, where there is room for them."""
     taken: list[tuple[float, float]] = []
     for each, place in wanted:
-        text = each.label.removeprefix(each.renderer).strip()
+        text = each.label if _foreign(each.renderer) else each.label.removeprefix(each.renderer).strip()
         x, y = axes.transData.transform(place)
         if text and not any(abs(x - a) < 42.0 and abs(y - b) < 9.0 for a, b in taken):
             taken.append((x, y))

@@ -90,6 +90,9 @@ STYLE: Mapping[str, Any] = {
 }
 """matplotlib's settings. Curves are simplified to half a point, which keeps every peak and a long recording small."""
 
+UNDATED: Mapping[str, dict[str, None]] = MappingProxyType({".svg": {"Date": None}, ".pdf": {"CreationDate": None}})
+"""Metadata that leave out when a file was made."""
+
 BOXED: Mapping[str, Any] = {"axes.spines.top": True, "axes.spines.right": True}
 """Settings of a figure whose axes have all four sides."""
 
@@ -144,8 +147,9 @@ def save_figure(
     document: Any = None,
     text: str | None = None,
     dpi: int = 160,
+    kinds: Sequence[str] = ("svg", "png"),
 ) -> list[Path]:
-    """Write the figure as SVG and PNG into `directory`, `text` as markdown and `document` as JSON where given.
+    """Write the figure in each of `kinds` into `directory`, `text` as markdown and `document` as JSON where given.
 
     Return the paths written; the same figure gives the same files. Raises `HapticevalError` where that fails.
     """
@@ -153,7 +157,7 @@ def save_figure(
         "md": text,
         "json": None if document is None else json.dumps(document, indent=1, ensure_ascii=False),
     }
-    paths = [directory / f"{stem}.{kind}" for kind in ("svg", "png", *(name for name, each in texts.items() if each))]
+    paths = [directory / f"{stem}.{kind}" for kind in (*kinds, *(name for name, each in texts.items() if each))]
     try:
         for path in paths:
             with replacing(path) as temporary:
@@ -161,7 +165,7 @@ def save_figure(
                 if given is not None:
                     temporary.write_text(given + "\n", encoding="utf-8")
                 else:
-                    metadata = {"Date": None} if path.suffix == ".svg" else None
+                    metadata = UNDATED.get(path.suffix)
                     made.savefig(temporary, format=path.suffix[1:], dpi=dpi, metadata=metadata)
     except OSError as error:
         raise HapticevalError(f"cannot write into {directory}", why=error.strerror or str(error)) from error

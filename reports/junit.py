@@ -11,7 +11,7 @@ import re
 import xml.etree.ElementTree as ET
 
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.quantity import quantity
+from hapticeval.reports.grid import measured
 from hapticeval.reports.scene_words import ended_words
 from hapticeval.reports.table import ran
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
@@ -29,6 +29,7 @@ def junit(results: ResultsDocument) -> str:
         key = (entry.suite, entry.renderer)
         if key not in suites:
             suites[key] = ET.SubElement(root, "testsuite", name=_clean(": ".join(key)), time="0")
+            _provenance(suites[key], results, entry.renderer)
         return suites[key]
 
     for run in results.runs:
@@ -51,6 +52,17 @@ def junit(results: ResultsDocument) -> str:
     return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 
+def _provenance(suite: ET.Element, results: ResultsDocument, renderer: str) -> None:
+    """Date, version and commit, which a reader of the file alone wants to know."""
+    if results.date:
+        suite.set("timestamp", results.date)
+    found = {"hapticeval": results.environment.versions.get("hapticeval"), "commit": results.commits.get(renderer)}
+    properties = ET.SubElement(suite, "properties")
+    for name, value in found.items():
+        if value:
+            ET.SubElement(properties, "property", name=name, value=_clean(value))
+
+
 def _case(suite: ET.Element, entry: RunEntry | VerdictEntry, name: str) -> ET.Element:
     """The renderer is a part of the name: CI services tell testcases apart by class and name alone."""
     classname, name = _clean(f"{entry.suite}.{entry.case}"), _clean(f"{name} [{entry.renderer}]")
@@ -71,6 +83,8 @@ def _tell(case: ET.Element, verdict: VerdictEntry, ended: str, *, stopped: bool)
         _say(case, "skipped", f"{warning}{outcome}: {text}")
     elif outcome is Outcome.FAIL:
         why = "fails, as known" if published else f"fails; level {verdict.level} stops no gate"
+        if verdict.known is not None:
+            why = f"fails, and is known: {verdict.known}"
         ET.SubElement(case, "system-out").text = _clean(f"{warning}{why}: {text}")
 
 
@@ -84,12 +98,3 @@ def _say(case: ET.Element, kind: str, message: str, text: str = "") -> None:
 def _clean(text: str) -> str:
     """Without the characters that XML 1.0 has no way to write: a renderer's message may hold any."""
     return NOT_XML.sub("\ufffd", text)
-
-
-def measured(verdict: VerdictEntry) -> str:
-    """Return metric and bound of a verdict, for instance `IHIP jump 4.1 mm, bound 0.1 mm`; "" without one."""
-    metric = verdict.metric
-    if metric is None:
-        return ""
-    text = f"{metric.name} {quantity(metric.value, metric.unit)}"
-    return text if verdict.bound is None else f"{text}, bound {quantity(verdict.bound, metric.unit)}"

@@ -29,6 +29,21 @@ if TYPE_CHECKING:
 Frame: TypeAlias = "tuple[Axes, Axes, Axes]"
 """The plane, the force, and what is below it."""
 
+Place: TypeAlias = tuple[float, float, float, float]
+"""Left, bottom, width and height of axes, as shares of the figure."""
+
+BESIDE: tuple[Place, Place, Place] = (
+    (0.08, 0.12, 0.405, 0.79),
+    (0.59, 0.45, 0.39, 0.46),
+    (0.59, 0.12, 0.39, 0.225),
+)
+STACKED: tuple[Place, Place, Place] = (
+    (0.16, 0.50, 0.825, 0.46),
+    (0.16, 0.225, 0.825, 0.17),
+    (0.16, 0.075, 0.825, 0.105),
+)
+"""Where plane, force and what is below it lie: side by side on paper, one above the other on a page."""
+
 DASHED, DOTTED = (0, (4, 1.2)), (0, (1.2, 1.2))
 
 
@@ -70,26 +85,25 @@ def figure_svg(
 @cache
 def _page() -> tuple[Figure, Frame]:
     """Make the figure that each of a page is drawn in: axes and ticks take as long to make as all that they hold."""
-    with figure(8.0, 3.5, page=True) as made:
-        return made, _frame(made)
+    with figure(4.4, 5.2, page=True) as made:
+        return made, _frame(made, STACKED)
 
 
 def run_figure(recording: Recording, model: Model | None, *, marks: Sequence[Mark] = (), title: str = "") -> Figure:
     """Return the same as a figure of matplotlib, under a title."""
     with figure(8.0, 3.7) as made:
-        _draw(_frame(made), recording, model, marks)
+        _draw(_frame(made, BESIDE), recording, model, marks)
         made.suptitle(title, y=0.99, fontsize="medium")
         return made
 
 
-def _frame(made: Figure) -> Frame:
-    plane = made.add_axes((0.08, 0.12, 0.405, 0.79))
-    force = made.add_axes((0.59, 0.45, 0.39, 0.46))
-    below = made.add_axes((0.59, 0.12, 0.39, 0.225), sharex=force)
+def _frame(made: Figure, places: tuple[Place, Place, Place]) -> Frame:
+    plane, force, below = map(made.add_axes, places)
+    below.sharex(force)
     force.tick_params(labelbottom=False)
     below.set_xlabel("time (s)")
     for axes in (force, below):
-        axes.yaxis.set_label_coords(-0.125, 0.5)
+        axes.yaxis.set_label_coords(-0.12, 0.5)
         axes.grid(True)
     return plane, force, below
 

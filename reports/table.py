@@ -1,117 +1,224 @@
-"""The two tables of a report, as plain data and as markdown: the summary, and every check by every renderer."""
+"""The summary table as plain data, and the whole report as markdown that fits into a comment on a pull request."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
-from hapticeval.phenomena.verdict import Level
-from hapticeval.reports.scene_words import ended_words
-from hapticeval.runner.results import ResultsDocument, SuiteEntry, VerdictEntry
-
-SYMBOLS: Mapping[str, str] = MappingProxyType(
-    {"pass": "✓", "fail": "✗", "inconclusive": "?", "not-applicable": "-", "error": "!"}
+from hapticeval.reports.grid import (
+    MEANING,
+    Grid,
+    State,
+    Tile,
+    cases,
+    counted,
+    hard_cases,
+    headline,
+    measured,
+    ordered,
+    phenomena,
+    state,
 )
+from hapticeval.reports.grid import SYMBOLS as SIGNS
+from hapticeval.reports.scene_words import ended_words
+from hapticeval.runner.results import ResultsDocument, SuiteEntry
 
+SYMBOLS = {"pass": "✓", "fail": "✗", "inconclusive": "?", "not-applicable": "-", "error": "!"}
 
-@dataclass(frozen=True)
-class MatrixRow:
-    """One check of one case; `cells` has one entry per renderer, None where it has no verdict."""
+LIMIT = 60_000
+"""Bytes of table.md: a comment on GitHub holds 65,536 characters."""
 
-    suite: str
-    case: str
-    check: str
-    level: Level
-    cells: tuple[VerdictEntry | None, ...]
+FEW = 50
+"""Verdicts that are not as expected, and warnings, that are listed one by one."""
 
 
 @dataclass(frozen=True)
 class SummaryRow:
-    """A row of the summary table; `cells` pairs what was found with what is in print, None where unknown."""
+    """A row of a summary table: `cells` pairs found and published by renderer, `printed` holds what is only in print.
+
+    None where nothing was decided or published.
+    """
 
     title: str
     cells: tuple[tuple[str | None, str | None], ...]
+    printed: tuple[str | None, ...]
 
 
-def matrix(results: ResultsDocument) -> list[MatrixRow]:
-    """Return one row per (suite, case, check) that has a verdict, in the order in which they ran.
+@dataclass(frozen=True)
+class Summary:
+    """The table of a suite (Table 6.3); of no suite where `suite` is None.
 
-    A row has the heaviest level that any of its verdicts has.
+    `renderers` ran and have an answer in it; those of `printed` did not run, and their answers are published.
     """
-    found: dict[tuple[str, str, str], dict[str, VerdictEntry]] = {}
-    for verdict in results.verdicts:
-        found.setdefault((verdict.suite, verdict.case, verdict.check), {})[verdict.renderer] = verdict
-    heaviest = list(Level).index
-    return [
-        MatrixRow(
-            *key, min((each.level for each in row.values()), key=heaviest), tuple(map(row.get, results.renderers))
-        )
-        for key, row in found.items()
-    ]
+
+    suite: SuiteEntry | None
+    renderers: tuple[str, ...]
+    printed: tuple[str, ...]
+    rows: tuple[SummaryRow, ...]
 
 
-def summary(results: ResultsDocument) -> list[SummaryRow]:
-    """Return the rows that the suites define (Table 6.3), with the printed values where the suites carry them."""
-    return [
-        SummaryRow(
-            title,
-            tuple((row.get(name), results.published_table.get(title, {}).get(name)) for name in results.renderers),
-        )
-        for title, row in results.table.items()
-    ]
+def summaries(results: ResultsDocument) -> list[Summary]:
+    """Return the tables that the suites define, with the published answers beside and of other renderers."""
+    left = dict(results.table)
+    groups: list[tuple[SuiteEntry | None, list[str]]] = []
+    for suite in results.suites:
+        groups.append((suite, [title for title in suite.rows if left.pop(title, None) is not None]))
+    groups.append((None, list(left)))
+    made = [_summary(results, suite, titles) for suite, titles in groups if titles]
+    return [each for each in made if each.renderers]
 
 
-def by_suite(results: ResultsDocument) -> list[tuple[SuiteEntry | None, list[SummaryRow]]]:
-    """Return the summary's rows in groups, each with its suite; None for rows of no suite."""
-    left = {row.title: row for row in summary(results)}
-    groups: list[tuple[SuiteEntry | None, list[SummaryRow]]] = [
-        (suite, [left.pop(title) for title in suite.rows if title in left]) for suite in results.suites
-    ]
-    return [(suite, rows) for suite, rows in [*groups, (None, list(left.values()))] if rows]
+def _summary(results: ResultsDocument, suite: SuiteEntry | None, titles: Sequence[str]) -> Summary:
+    found = {title: results.table[title] for title in titles}
+    published = {title: results.published_table.get(title, {}) for title in titles}
+    names = tuple(name for name in results.renderers if any(name in row for row in found.values()))
+    printed = tuple(dict.fromkeys(name for row in published.values() for name in row if name not in results.renderers))
+    return Summary(
+        suite,
+        names,
+        printed,
+        tuple(
+            SummaryRow(
+                title,
+                tuple((found[title].get(name), published[title].get(name)) for name in names),
+                tuple(published[title].get(name) for name in printed),
+            )
+            for title in titles
+        ),
+    )
 
 
 def ran(results: ResultsDocument) -> str:
     """Describe how much ran, in one sentence: never fewer than planned without the reason."""
-    sentence = f"{results.ran} of {results.planned} planned verdicts ran"
+    sentence = f"{results.ran:,} of {results.planned:,} planned verdicts ran"
     return sentence if results.complete else f"{sentence}: incomplete, {results.reason}"
 
 
+def provenance(results: ResultsDocument) -> str:
+    """Return version, date, and the commits of the renderers' repositories, in one line."""
+    parts = [f"hapticeval {results.environment.versions.get('hapticeval') or '?'}"]
+    if results.date:
+        parts.append(results.date[:16].replace("T", " ") + " UTC")
+    found = by_commit(results)
+    alone = len(found) == 1 and len(results.commits) == len(results.renderers)
+    for commit, names in found.items():
+        several = f"{len(names)} renderers" if len(names) > 2 else " and ".join(names)
+        parts.append(f"commit {short(commit)}" if alone else f"{several} at commit {short(commit)}")
+    return ", ".join(parts)
+
+
+def by_commit(results: ResultsDocument) -> dict[str, list[str]]:
+    """Return the renderers of each commit."""
+    found: dict[str, list[str]] = {}
+    for name, commit in results.commits.items():
+        found.setdefault(commit, []).append(name)
+    return found
+
+
+def short(commit: str) -> str:
+    """Return a commit with twelve of its digits; whether files differ from it stays."""
+    digits, hyphen, rest = commit.partition("-")
+    return digits[:12] + hyphen + rest
+
+
+def counts_words(results: ResultsDocument) -> str:
+    """Return how many verdicts have each state, in words."""
+    return ", ".join(f"{count:,} {each.many}" for each, count in counted(results))
+
+
 def markdown(results: ResultsDocument) -> str:
-    """Return both tables as markdown, for a pull request or a wiki."""
-    names = results.renderers
-    parts = ["# hapticeval", f"{ran(results)}; seed {results.seed}."]
-    groups = by_suite(results)
+    """Return the report as markdown, the summary first, at most `LIMIT` bytes: what is left out is said at the end."""
+    parts, size = [], len(LEFT_OUT.encode()) + 20
+    blocks = list(_blocks(results))
+    for number, block in enumerate(blocks):
+        size += len(block.encode()) + 2
+        if size > LIMIT:
+            parts.append(LEFT_OUT.format(count=len(blocks) - number))
+            break
+        parts.append(block)
+    return "\n\n".join(parts) + "\n"
+
+
+LEFT_OUT = "{count} more sections are left out here, which results.json and the report have."
+
+
+def _blocks(results: ResultsDocument) -> Iterator[str]:
+    yield f"# hapticeval: {_escape(headline(results))}"
+    yield f"{ran(results)}: {counts_words(results) or 'none'}."
+    yield f"{_escape(provenance(results))}; seed {results.seed}."
+    grid = phenomena(results)
+    if grid.rows and grid.columns:
+        yield "## Renderers by phenomena"
+        yield _grid(grid, tile=_tile)
+        yield f"Of the worst verdict: what is left of its bound, or by how many times it is beyond. {_legend(results)}"
+    groups = summaries(results)
     if groups:
-        parts.append("## Summary of the renderers' performance")
-    for suite, group in groups:
-        if suite is not None:
-            parts.append(f"### {_escape(suite.title or suite.name)}")
-            parts += [f"{_escape(suite.citation)}."] if suite.citation else []
-        parts.append(aligned(["", *names], [[row.title, *(_answer(*cell) for cell in row.cells)] for row in group]))
-    cells = [[f"{row.suite}/{row.case}", row.check, *map(_cell, row.cells)] for row in matrix(results)]
-    if cells:
-        parts += ["## Every check", aligned(["case", "check", *names], cells)]
-    for title, lines in (
+        yield "## Summary of the renderers' performance"
+    for each in groups:
+        if each.suite is not None and len(groups) > 1:
+            yield f"### {_escape(each.suite.title or each.suite.name)}"
+        heading = ["", *each.renderers, *(f"{name} (in print)" for name in each.printed)]
+        yield aligned(
+            heading,
+            [
+                [row.title, *(_answer(*cell) for cell in row.cells), *(cell or "-" for cell in row.printed)]
+                for row in each.rows
+            ],
+        )
+    yield from _lists(results)
+    names, digits = hard_cases(results)
+    if digits:
+        yield "## Digits that are kept in hard cases"
+        shown = [[f"{row.suite}/{row.case}", *("" if n is None else str(n) for n, _ in row.cells)] for row in digits]
+        yield aligned(["case", *names], shown)
+    for suite in dict.fromkeys(each.suite for each in results.entries()):
+        by_case = cases(results, suite)
+        if by_case.rows:
+            yield f"## Every case of {_escape(suite)}"
+            yield _grid(by_case, tile=lambda tile: SIGNS[tile.state])
+
+
+def _lists(results: ResultsDocument) -> Iterator[str]:
+    grave = [each for each in ordered(results.verdicts) if state(each).grave]
+    warned = [each for each in ordered(results.verdicts) if state(each) is State.WARNING]
+    for title, given in (("Not as expected, the worst first", grave), ("Warnings", warned)):
+        if given:
+            lines = []
+            for each in given[:FEW]:
+                published = f", published {each.published}" if each.published else ""
+                figures = measured(each)
+                place = f"{each.renderer} on {each.suite}/{each.case}/{each.check}"
+                lines.append(f"- {SIGNS[state(each)]} {place}: {each.outcome}{published}; {figures or each.message}")
+            lines += [f"- and {len(given) - FEW} more"] * (len(given) > FEW)
+            yield f"## {title}"
+            yield "\n".join(map(_escape, lines))
+    for title, told in (
         ("Errors", [(run, f": {run.error.what}") for run in results.runs if run.error]),
         ("Ended early", [(run, f" {ended_words(run)}") for run in results.runs if run.ended]),
     ):
-        told = [_escape(f"- {run.renderer} on {run.suite}/{run.case}{words}") for run, words in lines]
-        parts += [f"## {title}", "\n".join(told)] if told else []
-    return "\n\n".join(parts) + "\n"
+        if told:
+            yield f"## {title}"
+            yield "\n".join(_escape(f"- {run.renderer} on {run.suite}/{run.case}{words}") for run, words in told[:FEW])
+
+
+def _legend(results: ResultsDocument) -> str:
+    return "; ".join(f"{SIGNS[each]} {each.words}: {MEANING[each]}" for each, _ in counted(results)) + "."
+
+
+def _tile(tile: Tile) -> str:
+    count = tile.counts[tile.state]
+    words = [f"{SIGNS[tile.state]} {tile.state.words}"]
+    words += [f"{count} of {tile.total}"] * (tile.state is not State.PASS)
+    return ", ".join([*words, *([tile.margin] if tile.margin else [])])
+
+
+def _grid(grid: Grid, *, tile: Callable[[Tile], str]) -> str:
+    rows = [[name, *("" if each is None else tile(each) for each in tiles)] for name, tiles in grid.rows]
+    return aligned(["", *grid.columns], rows)
 
 
 def _answer(value: str | None, published: str | None) -> str:
     return value or "-" if published in (None, value) or value is None else f"**{value}** (published: {published})"
-
-
-def _cell(verdict: VerdictEntry | None) -> str:
-    if verdict is None:
-        return ""
-    text, standing = f"{SYMBOLS[verdict.outcome]} {verdict.outcome}", verdict.standing
-    if standing in ("differs", "unexpected"):
-        return f"**{text}**" + (f" (published: {verdict.published})" if standing == "differs" else "")
-    return f"{text} ({standing})" if standing else text
 
 
 def aligned(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import os
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
 from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
-from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
-from hapticeval.reports.comparison import comparison_svg
-from hapticeval.reports.effects_figure import effect_plots
+from hapticeval.recordings.recording import Recording
+from hapticeval.reports.case_page import ASSETS, Around, asset, case_section, write_assets, write_case_page
+from hapticeval.reports.effects_figure import effect_plots, recorded
+from hapticeval.reports.exports import write_tables
+from hapticeval.reports.grid import worst
+from hapticeval.reports.index import MOST, Drawing, Single, render_index
 from hapticeval.reports.junit import junit
-from hapticeval.reports.page import Drawing, render_html
-from hapticeval.reports.plane import refusal_svg
+from hapticeval.reports.places import FOLDER, INDEX, ROOT, case_file
 from hapticeval.reports.run_figure import figure_svg, marks_of
 from hapticeval.reports.table import markdown
 from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, VerdictEntry, read_results
@@ -24,65 +29,202 @@ from hapticeval.study.effects.document import FILE as COSTS
 from hapticeval.study.effects.document import read_costs
 from hapticeval.workers import Answer, Ended, Workers
 
+SINGLE = "report.html"
+"""The report as one file."""
+
+STYLE = "report.css"
+
 PATIENCE = 0.1
 """Seconds after which it is seen at the latest that the drawing is to stop."""
 
+DIED = "the process that drew this figure has ended, for lack of memory perhaps"
+
 
 @dataclass(frozen=True)
-class Order:
-    """One figure to draw: of a run with its verdicts, or of `several` runs of one case, whose key has no renderer."""
+class Page:
+    """The page of one case to write below `pages`; with None, the part of it that a page of all cases holds."""
 
-    key: RunKey
     directory: Path
+    pages: Path | None
     runs: tuple[RunEntry, ...]
-    verdicts: tuple[VerdictEntry, ...]
+    verdicts: Mapping[str, Sequence[VerdictEntry]]
+    order: Sequence[str]
+    around: Around
     prefix: str
 
     @property
-    def several(self) -> bool:
-        """Return whether all renderers of a case are drawn side by side."""
-        return not self.key[2]
+    def case(self) -> tuple[str, str]:
+        """Suite and case."""
+        return self.runs[0].suite, self.runs[0].case
+
+    def make(self) -> str:
+        """Read the recordings and write the page."""
+        return self._made({run.renderer: _recording(self.directory, run) for run in self.runs if not run.error})
+
+    def without(self) -> str:
+        """Write the page without figures, where the process that drew them has ended."""
+        return self._made({run.renderer: DIED for run in self.runs if not run.error})
+
+    def _made(self, recordings: Mapping[str, Recording | str]) -> str:
+        given = (self.case, self.runs, recordings)
+        if self.pages is None:
+            return case_section(*given, verdicts=self.verdicts, order=self.order, prefix=self.prefix)
+        write_case_page(self.pages, *given, verdicts=self.verdicts, order=self.order, around=self.around)
+        return ""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """The figure of one run to draw for the first page."""
+
+    directory: Path
+    run: RunEntry
+    verdicts: Sequence[VerdictEntry]
+    prefix: str
+
+    def make(self) -> Drawing:
+        """Read the recording and draw it; what the user can mend is reported in the figure's place."""
+        if self.run.recording is None:
+            return Drawing()
+        from hapticeval.recordings.channels import REQUIRED
+
+        try:
+            recording, model = recorded(self.directory, self.run)
+        except HapticevalError as error:
+            return Drawing(problem=_problem(self.directory, self.run, error))
+        lacking = [name for name in REQUIRED if name not in recording.channels]
+        if lacking:
+            return Drawing(problem=f"the recording has no channel '{lacking[0]}'")
+        title = f"{'/'.join(self.run.key)}: HIP, IHIP, response force and steps against time"
+        marks = tuple(marks_of(self.verdicts).values())
+        return Drawing(svg=figure_svg(recording, model, marks=marks, prefix=self.prefix, title=title))
+
+    def without(self) -> Drawing:
+        """Return what stands there where the process that drew it has ended."""
+        return Drawing(problem=DIED)
 
 
 def write_reports(
     directory: Path,
     *,
+    single_file: bool = False,
     progress: Callable[[int, int], None] | None = None,
     workers: int = 2,
     stopped: Callable[[], bool] | None = None,
 ) -> list[Path]:
-    """Write table.md, junit.xml and report.html beside the results in `directory`; return the paths written.
+    """Write table.md, junit.xml, tables/ and report/ beside the results in `directory`; return the paths written.
 
-    `progress` is called with how many of how many figures are drawn, which take nearly all of the time and are spread
-    over `workers` processes. `stopped` is asked again and again whether to give up, which then raises
+    report/index.html is the first page, and each case has a page of its own; with `single_file` report.html holds them
+    all instead. `progress` is called with how many of how many cases are drawn, which take nearly all of the time and
+    are spread over `workers` processes. `stopped` is asked again and again whether to give up, which then raises
     `KeyboardInterrupt` as Ctrl-C does. A recording that is missing or damaged is reported in its figure's place. Raises
     `InputError` as `read_results` does, and `HapticevalError` where a file cannot be written.
     """
     directory = Path(directory)
     results = read_results(directory)
-    drawings = _drawn(list(_orders(directory, results)), progress or (lambda *_: None), workers, stopped)
     bench = read_bench(directory) if (directory / BENCH).exists() else None
     effects = effect_plots(directory, results)
     costs = read_costs(directory) if (directory / COSTS).exists() else None
-    texts = {
-        "table.md": markdown(results),
-        "junit.xml": junit(results),
-        "report.html": render_html(results, drawings, bench=bench, effects=effects, costs=costs),
-    }
-    for name, text in texts.items():
-        try:
-            with replacing(directory / name) as temporary:
-                temporary.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise HapticevalError(f"cannot write {directory / name}", why=error.strerror or str(error)) from error
-    return [directory / name for name in texts]
+    with _replacing_folder(directory / FOLDER, single_file) as pages:
+        orders: list[Page | Picture] = [*_pages(directory, results, None if single_file else pages)]
+        orders += _pictures(directory, results)
+        made = _made(orders, progress or (lambda *_: None), workers, stopped)
+        drawings = {
+            order.run.key: drawing
+            for order, drawing in zip(orders, made, strict=True)
+            if isinstance(order, Picture) and isinstance(drawing, Drawing)
+        }
+        single = Single(asset(STYLE).decode(), _head(), [each for each in made if isinstance(each, str)])
+        text = render_index(
+            results, drawings, bench=bench, effects=effects, costs=costs, single=single if single_file else None
+        )
+        written = {"table.md": markdown(results), "junit.xml": junit(results)}
+        if single_file:
+            written[SINGLE] = text
+        else:
+            write_assets(pages)
+            _write(pages / INDEX, text)
+    for name, each in written.items():
+        _write(directory / name, each)
+    tables = write_tables(directory, results)
+    index = [] if single_file else [directory / FOLDER / INDEX]
+    return [*(directory / name for name in written), *index, tables]
 
 
-def _drawn(
-    orders: list[Order], progress: Callable[[int, int], None], workers: int, stopped: Callable[[], bool] | None
-) -> dict[RunKey, Drawing]:
+def _head() -> str:
+    """Return the styles and scripts of the case pages, as they stand in a page that needs nothing else."""
+    parts = []
+    for name in ASSETS:
+        text = asset(name).decode()
+        if name.endswith(".css") and name != STYLE:
+            parts.append(f"<style>\n{text}\n</style>")
+        elif name.endswith(".js"):
+            # A deferred script of a file runs when the page is parsed; one in the page does so as a module.
+            parts.append(f'<script type="module">\n{text}\n</script>')
+    return "\n".join(parts)
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        with replacing(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
+
+
+@contextmanager
+def _replacing_folder(path: Path, unused: bool) -> Iterator[Path]:
+    """Make a folder beside `path` that takes its place when the block ends well; nothing where it is `unused`."""
+    if unused:
+        yield path
+        return
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.mkdir(parents=True)
+        yield temporary
+        shutil.rmtree(path, ignore_errors=True)
+        temporary.replace(path)
+    except OSError as error:
+        raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _pages(directory: Path, results: ResultsDocument, pages: Path | None) -> Iterator[Page]:
+    """One page for each case, that links to the first page and to the cases before and after."""
+    cases: dict[tuple[str, str], list[RunEntry]] = {}
+    for run in results.runs:
+        cases.setdefault((run.suite, run.case), []).append(run)
+    links = [(runs[0].title, ROOT + case_file(*case)) for case, runs in cases.items()]
+    for number, runs in enumerate(cases.values()):
+        around = Around(
+            home=("All results", ROOT + INDEX),
+            before=links[number - 1] if number else None,
+            after=links[number + 1] if number + 1 < len(links) else None,
+        )
+        verdicts = {run.renderer: results.verdicts_of.get(run.key, []) for run in runs}
+        yield Page(directory, pages, tuple(runs), verdicts, results.renderers, around, f"c{number}")
+
+
+def _pictures(directory: Path, results: ResultsDocument) -> list[Picture]:
+    """One figure for each run that the first page shows the failure of."""
+    wanted: dict[RunKey, None] = dict.fromkeys(verdict.key for verdict in worst(results, MOST))
+    runs = {run.key: run for run in results.runs}
+    return [
+        Picture(directory, runs[key], results.verdicts_of[key], f"f{number}")
+        for number, key in enumerate(wanted)
+        if key in runs
+    ]
+
+
+def _made(
+    orders: Sequence[Page | Picture],
+    progress: Callable[[int, int], None],
+    workers: int,
+    stopped: Callable[[], bool] | None,
+) -> list[str | Drawing]:
     progress(0, len(orders))
-    drawings: dict[RunKey, Drawing] = {}
+    made: dict[int, str | Drawing] = {}
     waiting = iter(enumerate(orders))
     with Workers(draw, workers) as crew:
         while True:
@@ -91,75 +233,39 @@ def _drawn(
             if stopped is not None and stopped():
                 raise KeyboardInterrupt
             if not crew.busy:
-                return drawings
+                return [made[number] for number in range(len(orders))]
             for answer in crew.answers(PATIENCE):
-                drawings[orders[answer.call].key] = _answered(answer)
-                progress(len(drawings), len(orders))
+                made[answer.call] = _answered(answer, orders[answer.call])
+                progress(len(made), len(orders))
 
 
-def _answered(answer: Answer[Drawing]) -> Drawing:
+def draw(order: Page | Picture) -> str | Drawing:
+    """Carry out an order."""
+    return order.make()
+
+
+def _answered(answer: Answer[str | Drawing], order: Page | Picture) -> str | Drawing:
     if isinstance(answer.error, Ended):
-        return Drawing(problem="the process that drew this figure has ended, for lack of memory perhaps")
+        return order.without()
     if answer.error is not None:
         raise answer.error
     assert answer.value is not None
     return answer.value
 
 
-def _orders(directory: Path, results: ResultsDocument) -> Iterator[Order]:
-    """One figure for each run, and one for each case in which a constraint holds the tools of several renderers."""
-    cases: dict[tuple[str, str], list[RunEntry]] = {}
-    for index, run in enumerate(results.runs):
-        # Where a refusal names no place its reason lies in the scene, and an outline shows nothing of it.
-        if run.refusal.position is not None if run.refusal else run.recording is not None:
-            yield Order(run.key, directory, (run,), tuple(results.verdicts_of.get(run.key, ())), f"f{index}")
-        if run.stimulus == "experiment" and run.scene.bilateral and run.recording is not None:
-            cases.setdefault((run.suite, run.case), []).append(run)
-    for index, (case, runs) in enumerate(cases.items()):
-        if len(runs) > 1:
-            yield Order((*case, ""), directory, tuple(runs), (), f"c{index}")
-
-
-def draw(order: Order) -> Drawing:
-    """Read what is to be drawn and draw it; what the user can mend is reported in the figure's place."""
-    try:
-        return _draw(order)
-    except HapticevalError as error:
-        problem = " ".join(part for part in (f"{error.what}:", error.why) if part)
-        for run in order.runs:
-            if run.recording is not None:
-                problem = problem.replace(f"{(order.directory / run.recording).parent}/", "")
-        return Drawing(problem=problem)
-
-
-def _draw(order: Order) -> Drawing:
-    from hapticeval.geometry.catalogue import make_model
-    from hapticeval.recordings.channels import REQUIRED
+def _recording(directory: Path, run: RunEntry) -> Recording | str:
+    """Read a run's recording, or return the reason why there is none to draw."""
     from hapticeval.recordings.hdf5 import read_recording
 
-    run = order.runs[0]
-    place, prefix = f"{run.suite}/{run.case}", order.prefix
-    recordings = {
-        each.renderer: read_recording(order.directory / each.recording)
-        for each in order.runs
-        if each.recording is not None and not each.refusal
-    }
-    model = make_model(run.model["kind"], **run.model_parameters)
-    if order.several:
-        title = f"{place}: paths of all renderers, distance from the surface and speed along it"
-        return Drawing(svg=comparison_svg(recordings, model, prefix=prefix, title=title))
-    if run.refusal is not None and run.refusal.position is not None:
-        title = f"{run.renderer} refuses the model of {place}: its outline, and where the reason was seen"
-        return Drawing(svg=refusal_svg(model, run.refusal.position, prefix=prefix, title=title))
-    recording = recordings[run.renderer]
-    lacking = [name for name in REQUIRED if name not in recording.channels]
-    if lacking:
-        return Drawing(problem=f"the recording has no channel '{lacking[0]}'")
-    title = f"{run.renderer} in {place}: HIP, IHIP, response force and steps against time"
-    marks = tuple(marks_of(order.verdicts).values())
-    svg = figure_svg(recording, model, marks=marks, prefix=prefix, title=title)
-    if not has_charts(recording):
-        return Drawing(svg=svg)
-    title = f"{run.renderer} in {place}: distance, coordinates and torques in the two charts of the sphere"
-    charts = atlas_svg(recording, model, prefix=f"{prefix}a", title=title)
-    return Drawing(svg=svg, charts=charts, found=charts_words(recording))
+    if run.recording is None:
+        return "no recording was kept"
+    try:
+        return read_recording(directory / run.recording)
+    except HapticevalError as error:
+        return _problem(directory, run, error)
+
+
+def _problem(directory: Path, run: RunEntry, error: HapticevalError) -> str:
+    """Return an error in one line, without the place of the result folder."""
+    problem = " ".join(part for part in (f"{error.what}:", error.why) if part)
+    return problem if run.recording is None else problem.replace(f"{(directory / run.recording).parent}/", "")

@@ -73,7 +73,7 @@ def test_a_class_has_the_verdicts_of_its_name(suite, tmp_path, monkeypatch):
     names = ["case", "check", "outcome", "value", "bound"]
     assert again.frame()[names].equals(alone.frame()[names])
     np.testing.assert_array_equal(again.recording("flat", "of-mine").force, alone.recording("flat", "Nearest").force)
-    assert {path.name for path in again.report()} == {"results.json", "table.md", "junit.xml", "report.html"}
+    assert {path.name for path in again.report()} == {"results.json", "table.md", "junit.xml", "index.html", "tables"}
     with pytest.raises(InputError, match="is not empty"):
         hapticeval.run(Nearest, suites=suite, output=tmp_path)
 

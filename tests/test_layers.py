@@ -26,6 +26,7 @@ LAYERS = (
     {"strategies"},
     {"closed_forms", "renderer"},
     {"simulation"},
+    {"adapters"},
     {"phenomena"},
     {"discovery", "hardware", "rigid_contact", "suite"},
     {"runner"},
@@ -42,6 +43,7 @@ RENDERERS_MAY = set().union(*LAYERS[: 1 + next(row for row, units in enumerate(L
 """The reference renderers know geometry, devices and the protocol: all that a third party's may know."""
 
 RUNNING = {
+    "adapters",
     "api",
     "simulation",
     "discovery",
@@ -174,7 +176,7 @@ def test_the_command_line_may_import_reports_when_it_writes_them() -> None:
 def test_every_folder_of_the_package_is_installed() -> None:
     listed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
     folders = {file.parent.relative_to(ROOT) for file in (ROOT / "hapticeval").rglob("*.py")}
-    portions = {"hapticeval.renderers", "hapticeval.reports", "hapticeval.suites"}
+    portions = {"hapticeval.examples", "hapticeval.renderers", "hapticeval.reports", "hapticeval.suites"}
     assert {".".join(folder.parts) for folder in folders} | portions == set(listed)
 
 

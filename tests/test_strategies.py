@@ -18,7 +18,18 @@ from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import MODELS
 from hapticeval.stimulus.experiments import ExperimentTable
 from hapticeval.stimulus.moves import ACCELERATION, SPEED, Move, Moves, Tremor
-from hapticeval.strategies import PARTS, PLANE_MODELS, effects, examples, hand_paths, plane_models, pushes, scenes
+from hapticeval.strategies import (
+    MESHES,
+    PARTS,
+    PLANE_MODELS,
+    effects,
+    examples,
+    hand_paths,
+    meshes,
+    plane_models,
+    pushes,
+    scenes,
+)
 
 NAMES = {"Moves": Moves, "Move": Move, "Tremor": Tremor, "ExperimentTable": ExperimentTable, "make_model": make_model}
 MODEL = {kind: make_model(kind) for kind in ("star", "cassinian", "ellipse", "line", "sphere", "torus")}
@@ -127,6 +138,21 @@ def test_models_and_pushes_print_as_what_makes_them(data, model):
     assert eval(repr(push), NAMES) == push
 
 
+@pytest.mark.parametrize("kind", list(MESHES))
+def test_meshes_of_each_kind_are_sound_print_as_what_makes_them_and_can_be_touched(kind):
+    drawn = examples(meshes(kinds=[kind]), 6, seed=2)
+    assert len({str(model.table) for model in drawn}) >= 3
+    for model in drawn:
+        assert 0.01 < model.size < 0.8
+        assert model.dimension == 3
+        assert model.boundary.signed_distance(model.boundary.points(50)) == pytest.approx(np.zeros(50), abs=1e-12)
+    model = drawn[-1]
+    assert eval(repr(model), NAMES).table == model.table
+    (moves,) = examples(hand_paths(model, most=1), 1)
+    assert len(moves.start) == 3
+    assert eval(repr(moves), NAMES) == moves
+
+
 @pytest.mark.parametrize("kind", list(PLANE_MODELS))
 def test_models_of_each_kind_are_sound_and_centimetres_in_size(kind):
     drawn = examples(plane_models(kinds=[kind]), 15, seed=2)
@@ -184,6 +210,7 @@ def test_the_examples_of_a_seed_are_the_same_whatever_is_loaded(tmp_path):
         lambda: pushes(None),
         lambda: plane_models(kinds=[]),
         lambda: plane_models(kinds="star"),
+        lambda: meshes(kinds=[]),
         lambda: scenes(models=MODEL["star"]),
         lambda: examples(st.none(), 0),
     ],
@@ -198,6 +225,7 @@ def test_arguments_that_mean_nothing_are_refused_at_once(wrong):
     [
         lambda: hand_paths(MODEL["star"], parts=["slide", "silde"]),
         lambda: plane_models(kinds=["stars"]),
+        lambda: meshes(kinds=["cubes"]),
         lambda: effects("viscocity"),
     ],
 )

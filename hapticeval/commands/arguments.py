@@ -42,8 +42,8 @@ Renderers = Annotated[
         "-r",
         "--renderer",
         metavar="NAME",
-        help="BASE[+SCHEME][@REPRESENTATION], BASE an entry point or package.module:factory; may be repeated. Without "
-        "it, those that the suite names, or that come with hapticeval.",
+        help="BASE[+SCHEME][@REPRESENTATION], BASE an entry point or package.module:factory; lib:PATH, a C library; "
+        "cmd:COMMAND, a process; may be repeated. Without it, those that the suite names, or that come along.",
     ),
 ]
 
@@ -56,6 +56,11 @@ Scheduler = Annotated[
         metavar="ADDRESS",
         help="Let the workers of a dask scheduler do it, as of tcp://10.0.0.1:8786; see docs/scale.md.",
     ),
+]
+
+Timeout = Annotated[
+    float,
+    typer.Option("--timeout", metavar="SECONDS", help="End a renderer that takes longer in a case: it hangs.", min=0.1),
 ]
 
 FormatName = Annotated[

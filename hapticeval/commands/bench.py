@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from hapticeval.commands.arguments import Folder, Seed, argument, option, parse_knobs
+from hapticeval.commands.arguments import Folder, Renderers, Seed, option, parse_knobs
 from hapticeval.commands.terminal import Terminal, paragraphs, say, wrote
+from hapticeval.errors import InputError
 
 EXIT_CODES = """\b
 Exit codes:
@@ -20,13 +22,7 @@ Exit codes:
 
 
 def bench(
-    renderers: Annotated[
-        list[str] | None,
-        argument(
-            metavar="RENDERER",
-            help="As in `run -r`. Without one, those that come with hapticeval, on every representation.",
-        ),
-    ] = None,
+    renderers: Renderers = None,
     knobs: Annotated[
         list[str] | None,
         option(
@@ -35,7 +31,9 @@ def bench(
             help="Values to sweep a knob over, such as vertices=40,80,160; may be repeated.",
         ),
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Few values and few samples: some minutes.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="One model, one knob a renderer, few values: half a minute.")
+    ] = False,
     within: Annotated[
         str | None,
         option(metavar="LENGTH", help="Name the cheapest setting whose IHIP error is at most this, such as 0.1mm."),
@@ -51,10 +49,17 @@ def bench(
 ) -> None:
     """Measure what accuracy costs in time: sweep the knobs of renderers.
 
+    Without -r, those that come with hapticeval are measured, on every
+    representation. A folder that holds a bench of other renderers, on this
+    machine and with these versions, keeps their settings: so a renderer of
+    your own stands among ours. The error of a renderer without knobs counts
+    from that of ours which it is nearest to.
+
     \b
     Examples:
-      hapticeval bench --quick
-      hapticeval bench constraint@polygon --knob vertices=40,80,160
+      hapticeval bench --quick -o results
+      hapticeval bench --quick -r mymodule:factory -o results
+      hapticeval bench -r constraint@polygon --knob vertices=40,80,160
       hapticeval bench --within 0.1mm --budget 10us
       hapticeval bench --quick -o new --compare old
     """
@@ -63,7 +68,7 @@ def bench(
     from hapticeval.quantity import parse_duration, parse_length
     from hapticeval.runner.folder import prepare
     from hapticeval.study.bench.compare import compare_benches
-    from hapticeval.study.bench.document import read_bench, read_samples, write_bench
+    from hapticeval.study.bench.document import beside, read_bench, read_samples, write_bench
     from hapticeval.study.bench.judge import judged
     from hapticeval.study.bench.sweep import Sweep, own_variants, settings_of
     from hapticeval.study.bench.text import describe
@@ -79,11 +84,48 @@ def bench(
     with Terminal() as terminal:
         sweep.run(terminal.working)
     samples = sweep.samples()
-    results = judged(sweep.results(), within=wanted, budget=limit)
+    results = sweep.results()
     if before is not None:
         results = replace(results, comparison=compare_benches(results, samples, *before))
+    with suppress(InputError):  # one that is not there, or of another version, has nothing to keep
+        results, samples = beside(results, samples, read_bench(directory), read_samples(directory))
+    results = judged(results, within=wanted, budget=limit)
     written = write_bench(directory, results, samples)
     say(paragraphs(describe(results), wrote(written)))
     missed = within is not None and any(each.what == "step" and each.key is None for each in results.answers)
     worse = any(each.verdict == "worse" for each in results.comparison)
     raise typer.Exit(max([int(missed or worse or not results.complete), *(each.exit_code for each in sweep.failures)]))
+
+
+def rates(
+    renderers: Renderers = None,
+    directory: Folder = Path(),
+) -> None:
+    """Measure what a faster loop buys: each phenomenon's error by rate.
+
+    From 1 kHz to 1 MHz, the metric of each of the six phenomena in a case of
+    the thesis, and the largest stable stiffness of the robot's loop. What
+    would take more than some 20 s is left out.
+
+    \b
+    Examples:
+      hapticeval rates -r minimum-distance@lut -r constraint -o pictures
+      hapticeval rates -r mymodule:factory
+    """
+    from hapticeval.discovery import own_renderers
+    from hapticeval.quantity import aligned
+    from hapticeval.reports.rates_figure import write_rates
+    from hapticeval.study.rates import RATES, study_rates
+
+    with Terminal() as terminal:
+        document = study_rates(renderers or own_renderers(), RATES, terminal.working)
+    found: dict[tuple[str, str], dict[float, str]] = {}
+    for row in document["rows"]:
+        cell = row.get("outcome", "left out") + (f" {row['metric']['value']:.2g}" if "metric" in row else "")
+        found.setdefault((row["renderer"], row["check"]), {})[row["rate"]] = cell
+    head = ["", "", *(f"{1e-3 * rate:g} kHz" for rate in RATES)]
+    table = [[*key, *(cells.get(rate, "-") for rate in RATES)] for key, cells in found.items()]
+    limit = ["stable stiffness", "N/m"] + [
+        "none" if row["stable"] is None else f"{row['stable']:.4g}" for row in document["limit"]["rows"]
+    ]
+    say(paragraphs("\n".join(aligned([head, *table, limit], left=2)), wrote(write_rates(directory, document))))

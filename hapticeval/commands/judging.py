@@ -16,6 +16,7 @@ from hapticeval.commands.arguments import (
     Renderers,
     Scheduler,
     Seed,
+    Timeout,
     argument,
     model_named,
     option,
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
     from hapticeval.runner.interrupts import Interrupts
 
 DEFAULT_SUITE = "thesis"
+
+TIMEOUT = 600.0
+"""Seconds in which the built-in renderers end any case of the suites several times over, with kernels to compile."""
 
 EXIT_CODES = """\b
 Exit codes:
@@ -69,6 +73,7 @@ Exit codes:
   0  the reports are written, whatever they say
   1  interrupted: no reports are written
   2  wrong usage, no results in the folder, or no reports can be written there
+  4  --figures: no run matches
 """
 
 
@@ -87,6 +92,7 @@ def run(
     ] = Path("results"),
     seed: Seed = 0,
     strict: Annotated[bool, typer.Option("--strict", help="Let warnings count: checks of level should.")] = False,
+    timeout: Timeout = TIMEOUT,
     resume: Annotated[
         bool, typer.Option("--resume", help="Keep what an earlier run into DIR has finished, and run the rest.")
     ] = False,
@@ -118,6 +124,7 @@ def run(
                 output=directory,
                 seed=seed,
                 strict=strict,
+                timeout=timeout,
                 watch=terminal,
                 resume=resume,
                 shard=shard,
@@ -160,8 +167,8 @@ def reported(judge: Callable[[Terminal], Results], before: Callable[[Results], s
     return max(results.exit_code, int(written is None))
 
 
-def _report(results: Results, terminal: Terminal, interrupts: Interrupts) -> list[Path] | None:
-    """Write the reports of results, and return all paths.
+def _report(results: Results, terminal: Terminal, interrupts: Interrupts, **options: Any) -> list[Path] | None:
+    """Write the reports of results, with the `options` of `Results.report`, and return all paths.
 
     Not where the user has stopped the run at once, or stops the drawing: then it says how to have them later, and
     returns None. A first interrupt that has ended the run early does not stop the drawing as well.
@@ -173,7 +180,7 @@ def _report(results: Results, terminal: Terminal, interrupts: Interrupts) -> lis
 
     if not stopped():
         try:
-            return results.report(progress=terminal.drawn, stopped=stopped)
+            return results.report(progress=terminal.drawn, stopped=stopped, **options)
         except KeyboardInterrupt:
             pass
     terminal.line(f"no reports are written: hapticeval report {results.folder} makes them of what is kept")
@@ -188,19 +195,32 @@ def kernels_are_new(package: Path = Path(__file__).parents[1]) -> bool:
 
 def report(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of an earlier run.")],
+    single_file: Annotated[
+        bool, typer.Option("--single-file", help="Write report.html, which holds all pages, in place of report/.")
+    ] = False,
+    figures: Annotated[
+        list[str] | None,
+        option(
+            "--figures",
+            metavar="GLOB",
+            help="Write the figures of the runs suite/case/renderer that match as SVG and PDF too; may be repeated.",
+        ),
+    ] = None,
 ) -> None:
     """Write the reports of an earlier run anew, from its results.
 
     \b
-    Example:
+    Examples:
       hapticeval report results
+      hapticeval report results --single-file
+      hapticeval report results --figures 'thesis/star-*/constraint'
     """
     from hapticeval.api import Results
     from hapticeval.runner.interrupts import Interrupts
 
     results = Results.read(directory)
     with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
-        written = _report(results, terminal, interrupts)
+        written = _report(results, terminal, interrupts, single_file=single_file, figures=figures or ())
     if written is not None:
         say(wrote(written[1:]))
     raise typer.Exit(int(written is None))

@@ -30,6 +30,7 @@ from hapticeval.geometry.kernels import (
     D,
     E,
     closed_polyline,
+    concatenate_segments,
     evaluate,
     evaluate_many,
 )
@@ -221,29 +222,35 @@ class Curve:
         return (*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
 
     def moved(self, motion: Motion) -> Curve | None:
-        """Return the curve moved; None for a smooth piece that is more than scaled: it is bound to origin and axes."""
+        """Return the curve moved; None for a smooth piece, bound to origin and axes, that would be turned or shifted.
+
+        A smooth piece is its own mirror image in the x axis. The pieces of others follow each other the other way round
+        in a mirror, from the same place on, so that the curve still runs anticlockwise.
+        """
+        rows = self.pieces[:: -1 if motion.mirrors else 1]
         if self.straight:
-            return Curve(self.name, closed_polyline(motion(self.pieces[:, A : B + 1])), self.closed)
-        rows = np.array(self.pieces)
-        if np.isin(rows[:, KIND], (CASSINIAN, ELLIPSE)).any() and not motion.scales_only:
+            corners = motion(self.pieces[:, A : B + 1])
+            return Curve(
+                self.name,
+                closed_polyline(np.roll(corners[::-1], 1, axis=0) if motion.mirrors else corners),
+                self.closed,
+            )
+        if self._smooth:
+            if not motion.keeps_axes:
+                return None
+            row = np.array(rows)
+            row[0, [A, B] if row[0, KIND] == ELLIPSE else [A]] *= motion.scale
+            return Curve(self.name, row, self.closed)
+        return Curve(self.name, concatenate_segments([_moved(row, motion) for row in rows]), self.closed)
+
+    def reordered(self) -> Curve | None:
+        """Return the same curve, begun half way round its pieces; None for a curve of one piece."""
+        if len(self.pieces) < 2:
             return None
-        angle = math.atan2(motion.matrix[1, 0], motion.matrix[0, 0])
-        for row in rows:
-            if row[KIND] == CASSINIAN:
-                row[A] *= motion.scale
-                continue
-            if row[KIND] == ELLIPSE:
-                row[[A, B]] *= motion.scale
-                continue
-            row[[A, B]] = motion(row[[A, B]])
-            if row[KIND] == ARC:
-                row[C] *= motion.scale
-                row[D] += angle
-            else:
-                row[[C, D]] = motion.matrix @ row[[C, D]]
-            if row[KIND] != UNBOUNDED:
-                row[[U0, U1]] *= motion.scale
-        return Curve(self.name, rows, self.closed)
+        rows = np.roll(self.pieces, len(self.pieces) // 2, axis=0)
+        if self.straight:
+            return Curve(self.name, closed_polyline(rows[:, A : B + 1]), self.closed)
+        return Curve(self.name, concatenate_segments([_from_zero(row) for row in rows]), self.closed)
 
     def outline(self, n: int) -> Array:
         """Return points (n, 2) to draw, about equally spaced, corners kept; a closed curve ends where it starts."""
@@ -339,6 +346,32 @@ class Curve:
                     u -= value[2 + axis] / value[4 + axis] if value[4 + axis] != 0.0 else 0.0
                 points.append(evaluate(self._rows[0], u)[:2])
         return np.array([*points, *samples[:, 2:4]])
+
+
+def _from_zero(row: Array) -> Array:
+    """Return a piece of lines or arcs with u from 0."""
+    own = np.array(row)
+    if row[KIND] != UNBOUNDED:
+        own[[U0, U1]] = 0.0, row[U1] - row[U0]
+    return own
+
+
+def _moved(row: Array, motion: Motion) -> Array:
+    """Return a LINE, ARC or UNBOUNDED piece moved, with u from 0; in a mirror it runs from where it ended."""
+    own = _from_zero(row)
+    mirrored = motion.mirrors
+    if row[KIND] == ARC:
+        turn = math.atan2(motion.matrix[1, 0], motion.matrix[0, 0])
+        own[[A, B]] = motion(row[[A, B]])
+        own[C] *= motion.scale
+        own[D] = turn - (row[D] + row[E] * own[U1] / row[C]) if mirrored else turn + row[D]
+    else:
+        start = row[[A, B]] + own[U1] * row[[C, D]] if mirrored and row[KIND] == LINE else row[[A, B]]
+        own[[A, B]] = motion(start)
+        own[[C, D]] = (-1.0 if mirrored else 1.0) * (motion.matrix @ row[[C, D]])
+    if row[KIND] != UNBOUNDED:
+        own[U1] *= motion.scale
+    return own
 
 
 def as_curve(boundary: Boundary | None) -> Curve | None:

@@ -20,6 +20,7 @@ from hapticeval.geometry.mesh_checks import (
     checked_triangles,
     refuse,
 )
+from hapticeval.geometry.mesh_tool import led
 from hapticeval.geometry.mesh_walk import walk
 from hapticeval.geometry.motion import Motion
 from hapticeval.geometry.polygon_kernels import ROUNDING, TOUCH
@@ -87,7 +88,12 @@ class Mesh(InSpace):
 
     def moved(self, motion: Motion) -> Mesh:
         """Return the mesh moved, its vertices rounded anew."""
-        return Mesh(self.name, motion(self.vertices), self.triangles)
+        return Mesh(self.name, motion(self.vertices), self.triangles[:, :: -1 if motion.mirrors else 1])
+
+    def reordered(self) -> Mesh:
+        """Return the same mesh with its vertices and triangles in the opposite order, each from another corner."""
+        last = len(self.vertices) - 1
+        return Mesh(self.name, self.vertices[::-1], np.roll(last - self.triangles[::-1], 1, axis=1))
 
     @property
     def compiled_closest(self) -> Closest:
@@ -123,6 +129,30 @@ class Mesh(InSpace):
         k, feature, foot = kernels.landed(*self.tables, _triple(start), 0)
         _, _, _, foot = walk(*self.tables[:2], False, k, feature, foot, _triple(goal))
         return np.array(foot, dtype=np.float64)
+
+    def rigid_tool(self, hips: Array) -> tuple[IntArray, IntArray, Array]:
+        """Return where a rigid tool is that follows the hand along `hips` (n, 3), m: see `mesh_tool.led`."""
+        return led(*self.tables, self.touch, for_kernels(hips))
+
+    @cached_property
+    def facets(self) -> IntArray:
+        """The flat face of the solid (t,) that each triangle belongs to, counted from 0."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        here, beside = np.repeat(np.arange(len(self.triangles)), 3), self.neighbours.ravel()
+        flat = np.sum((self.normals[here] - self.normals[beside]) ** 2, axis=1) <= kernels.FLAT
+        joined = coo_array((flat[flat], (here[flat], beside[flat])), shape=(len(self.triangles),) * 2)
+        return np.asarray(connected_components(joined, directed=False)[1], dtype=np.int64)
+
+    @cached_property
+    def concave(self) -> bool:
+        """Whether faces meet at an edge from which the solid goes on to both sides of each: a concave edge."""
+        here, i = np.divmod(np.arange(3 * len(self.triangles)), 3)
+        beside = self.neighbours[here, i]
+        start, end = self.vertices[self.triangles[here, i]], self.vertices[self.triangles[here, (i + 1) % 3]]
+        turned = np.sum(np.cross(self.normals[here], self.normals[beside]) * (end - start), axis=1)
+        return bool(np.any((turned < 0.0) & (self.facets[here] != self.facets[beside])))
 
     def points(self, n: int) -> Array:
         """See `Boundary.points`: as many to equal areas."""

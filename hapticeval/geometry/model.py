@@ -14,14 +14,22 @@ from hapticeval.types import Array
 if TYPE_CHECKING:
     from hapticeval.geometry.boundary import Boundary
     from hapticeval.geometry.curve import Curve
+    from hapticeval.geometry.facets import Facets
     from hapticeval.geometry.level_set import LevelSet
     from hapticeval.geometry.motion import Motion
     from hapticeval.geometry.polygon import Polygon
     from hapticeval.geometry.surface import Surface
 
 
-FREE = {"vertices": "polygon", "text": "wkt", "document": "geojson"}
-"""The parameter that only models of a kind without a name of its own have, and that kind."""
+FREE = {
+    "model": "extruded",
+    "triangles": "mesh",
+    "file": "mesh",
+    "vertices": "polygon",
+    "text": "wkt",
+    "document": "geojson",
+}
+"""The first parameter that only models of a kind without a name of its own have, and that kind."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,7 +53,7 @@ class Model:
     @property
     def table(self) -> dict[str, Any]:
         """What a suite file has for it: `kind` and parameters, as `make_model` takes them."""
-        kind = next((FREE[name] for name in self.parameters if name in FREE), self.name)
+        kind = next((FREE[name] for name in FREE if name in self.parameters), self.name)
         return {"kind": kind, **self.parameters}
 
     @property
@@ -87,6 +95,12 @@ class Model:
         boundary = None if move is None else move(motion)
         return None if boundary is None else Model(self.name, self.parameters, boundary)
 
+    def reordered(self) -> Model | None:
+        """Return the model with its vertices in another order; None where its boundary does not offer `reordered`."""
+        order = getattr(self.boundary, "reordered", None)
+        boundary = None if order is None else order()
+        return None if boundary is None else Model(self.name, self.parameters, boundary)
+
     @property
     def size(self) -> float:
         """The largest extent (m) along an axis; for a half-plane that of the window it is drawn in."""
@@ -106,6 +120,20 @@ class Model:
             self._kept[key] = Polygon(self.curve.position(self._steps(n)))
         polygon: Polygon = self._kept[key]
         return polygon
+
+    def mesh(self, *, max_error: float) -> Facets:
+        """Return the model as edges (in the plane) or triangles (in space) that lie off it by `max_error` (m) at most.
+
+        See `Facets`: `vertices` (v, N), `cells` (c, N) and the `chord_error` (m) itself. Corners of the model are kept,
+        and what is made of edges or triangles is returned as it is. Raises as `facets_of` does.
+        """
+        key = ("mesh", max_error)
+        if key not in self._kept:
+            from hapticeval.geometry.facets import facets_of
+
+            self._kept[key] = facets_of(self, max_error)
+        facets: Facets = self._kept[key]
+        return facets
 
     def level_set(self, shape: tuple[int, int] = (100, 100)) -> LevelSet:
         """Return the signed distance on a grid of `shape` = (nx, ny) nodes that covers the model and a margin."""

@@ -14,9 +14,9 @@ from hapticeval.types import Array
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A similarity: a turn `matrix` R (N, N), a `scale`, then a `shift` (N,), m.
+    """A similarity: `matrix` R (N, N), a turn or a mirror, a `scale`, then a `shift` (N,), m.
 
-    Raises `InputError` for a matrix that is no turn, and a scale that is not positive and finite.
+    Raises `InputError` for a matrix that is neither, and a scale that is not positive and finite.
     """
 
     matrix: Array
@@ -27,8 +27,8 @@ class Motion:
         matrix, shift = np.array(self.matrix, dtype=np.float64), np.array(self.shift, dtype=np.float64)
         if matrix.shape != (shift.size, shift.size) or not np.allclose(matrix @ matrix.T, np.eye(shift.size)):
             raise InputError(f"a motion with the matrix {matrix.tolist()} and the shift {shift.tolist()}")
-        if not (math.isfinite(self.scale) and self.scale > 0.0) or np.linalg.det(matrix) < 0.0:
-            raise InputError(f"a motion of scale {self.scale!r} that mirrors, or makes nothing of a model")
+        if not (math.isfinite(self.scale) and self.scale > 0.0):
+            raise InputError(f"a motion of scale {self.scale!r}", why="it makes nothing of a model")
         object.__setattr__(self, "matrix", matrix)
         object.__setattr__(self, "shift", shift)
 
@@ -50,6 +50,18 @@ class Motion:
         return bool(np.array_equal(self.matrix, np.eye(self.shift.size)) and not self.shift.any())
 
     @property
+    def mirrors(self) -> bool:
+        """Whether it makes a left hand of a right one."""
+        return bool(np.linalg.det(self.matrix) < 0.0)
+
+    @property
+    def keeps_axes(self) -> bool:
+        """Whether it changes no more than the scale and the sign of y."""
+        kept = np.eye(self.shift.size)
+        kept[1, 1] = self.matrix[1, 1]
+        return bool(np.array_equal(self.matrix, kept) and not self.shift.any())
+
+    @property
     def rests(self) -> bool:
         """Whether it moves nothing."""
         return self.scales_only and self.scale == 1.0
@@ -58,6 +70,13 @@ class Motion:
 def scaling(factor: float, dimension: int) -> Motion:
     """Return the motion that scales by `factor` about the origin."""
     return Motion(np.eye(dimension), factor, np.zeros(dimension))
+
+
+def mirroring(dimension: int) -> Motion:
+    """Return the mirror in the x axis, in space in the plane of x and z: it changes no digit of a coordinate."""
+    matrix = np.eye(dimension)
+    matrix[1, 1] = -1.0
+    return Motion(matrix, 1.0, np.zeros(dimension))
 
 
 def rigid(angle: float, shift: ArrayLike) -> Motion:

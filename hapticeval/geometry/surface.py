@@ -49,8 +49,8 @@ class Surface(InSpace):
         return of_surface(self.row)
 
     def moved(self, motion: Motion) -> Surface | None:
-        """Return the surface scaled; None where it is turned or shifted too: it is bound to origin and axes."""
-        if not motion.scales_only:
+        """Return the surface scaled, its own mirror image; None where it is turned or shifted: it is bound to axes."""
+        if not motion.keeps_axes:
             return None
         return Surface(self.name, self.kind, tuple(motion.scale * each for each in self.reals))
 

@@ -33,6 +33,8 @@ SPEEDS = (0.5, 0.75)
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Regress the surface error on what the missing centripetal force would cost, over all speeds."""
+    from scipy.linalg import block_diag
+
     base = runs.base
     unsettled = open_loop_reason(base)
     if unsettled is not None:
@@ -44,14 +46,14 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     slower = SPEEDS if runs.at_speed is not None else ()
     everything = [base, *(runs.at_speed(factor) for factor in slower if runs.at_speed is not None)]
     terms = [_terms(recording, scene) for recording in everything]
-    errors, pushes, costs, sizes = zip(*terms, strict=True)
+    errors, pushes, costs, rings, sizes = zip(*terms, strict=True)
     cost = np.concatenate(costs)
     if cost.size < 8:
         return undecided("the tool hardly touches the surface")
     largest = float(np.max(np.abs(cost)))
     if largest <= 1e-12:
         return Finding(Outcome.NOT_APPLICABLE, "the tool does not slide over a curved surface")
-    share, deviation = _share(np.concatenate(errors), np.concatenate(pushes), cost)
+    share, deviation = _share(np.concatenate(errors), np.concatenate(pushes), cost, block_diag(*rings))
     bound = HOLD_TICKS * max(sizes) * base.dt
     contact = np.flatnonzero(touching(base, scene))
     tick = int(contact[np.argmax(np.abs(costs[0]))]) if contact.size else 0
@@ -95,11 +97,12 @@ def _loose(recording: Recording, scene: Scene) -> int | None:
     return int(np.argmax(np.where(free, distance, 0.0))) if np.mean(free) > TELLS else None
 
 
-def _terms(recording: Recording, scene: Scene) -> tuple[Array, Array, Array, float]:
+def _terms(recording: Recording, scene: Scene) -> tuple[Array, Array, Array, Array, float]:
     """Per sample in contact, once under way: surface error, the operator's share of it, the centripetal cost (all m).
 
     The cost is what a spring pays when it alone supplies (3.8): kappa v_t^2 m / K_p, outwards, as the assigned dynamics
-    answer to it. The last number is the largest |kappa| v_t, rad/s, the rate at which the normal turns.
+    answer to it. Then how a spring without damper rings, see `_ringing`, and the largest |kappa| v_t, rad/s, the rate
+    at which the normal turns.
     """
     frame = scene.model.boundary.closest_point(recording.hip)
     turning, speed2 = _bending(frame, recording.velocity)
@@ -114,7 +117,17 @@ def _terms(recording: Recording, scene: Scene) -> tuple[Array, Array, Array, flo
         )  # inside and without force, as after a touch, nothing bends the path
     judged = bearing & _under_way(recording, scene, bearing)
     fastest = float(np.max(turning[judged], initial=0.0))
-    return frame.distance[judged], share[judged], cost[judged], fastest
+    return frame.distance[judged], share[judged], cost[judged], _ringing(recording.time[judged], scene), fastest
+
+
+def _ringing(time: Array, scene: Scene) -> Array:
+    """Return cosine and sine of sqrt(K_p / m) t at each of `time` (n,), s: (n, 2); over less than a period (n, 0).
+
+    A renderer that shows the scene's spring without its damper rings on, and not with what presses it.
+    """
+    turn = math.sqrt(scene.stiffness / scene.mass) * time
+    rings = np.column_stack([np.cos(turn), np.sin(turn)])
+    return rings if turn.size and turn[-1] - turn[0] >= 2.0 * np.pi else rings[:, :0]
 
 
 def _answer(force: Array, recording: Recording, scene: Scene) -> Array:
@@ -157,12 +170,12 @@ def _bending(frame: ClosestPoint, velocity: Array) -> tuple[Array, Array]:
     return np.linalg.norm(turning, axis=1), np.asarray(np.sum(turning * velocity, axis=1))
 
 
-def _share(error: Array, push: Array, cost: Array) -> tuple[float, float]:
-    """Least squares of error = a cost + b push + c: a and its standard error.
+def _share(error: Array, push: Array, cost: Array, rings: Array) -> tuple[float, float]:
+    """Least squares of error = a cost + b push + c + what rings (columns of (n, k)): a and its standard error.
 
     Samples of one oscillation are not independent, so the degrees of freedom are counted in blocks of 50 ticks.
     """
-    columns = [cost, np.ones_like(cost)]
+    columns = [cost, np.ones_like(cost), *rings.T]
     # A push that varies by less than a millionth of the cost cannot explain it, and would spoil the rank.
     if np.ptp(push) > 1e-6 * np.max(np.abs(cost)):
         columns.append(push)
@@ -181,23 +194,29 @@ def _missing_at_zero_error(recording: Recording, scene: Scene) -> float | None:
     """Share of m kappa v^2 that the force lacks at the start, if that lies on a bilateral constraint.
 
     There the position error is zero, so the force must be the centripetal one alone (3.8): that of the sample, or of
-    some time until the next one, where it is a mean. The best of the first counts, as many as a proxy may lag.
+    some time until the next one, where it is a mean. The best of the first counts, as many as a proxy may lag. What the
+    operator pushes with is a force of one direction, of which the turning normal has another share in that time: by so
+    much it may differ.
     """
     if not scene.bilateral or len(recording) < LAG_TICKS + 2:
         return None
     ticks = slice(0, LAG_TICKS + 2)
     frame = scene.model.boundary.closest_point(recording.hip[ticks])
     normal = frame.normal
-    wanted = scene.mass * _bending(frame, recording.velocity[ticks])[1]
+    turning, speed2 = _bending(frame, recording.velocity[ticks])
+    wanted, unknown = scene.mass * speed2, np.zeros(len(normal))
     if abs(frame.distance[0]) > 1e-9 * scene.model.size or not np.all(np.abs(wanted) > 0.0):
         return None
     given = np.sum(recording.force[ticks] * normal, axis=1)
     if "operator_force" in recording.channels:
-        given += np.sum(recording.channels["operator_force"][ticks] * normal, axis=1)
+        push = recording.channels["operator_force"][ticks]
+        given += np.sum(push * normal, axis=1)
+        unknown = HOLD_TICKS * recording.dt * turning * np.linalg.norm(push, axis=1)
     nearest = np.clip(-given[:-1], *np.sort([wanted[:-1], wanted[1:]], axis=0))
     if not np.all(np.abs(nearest) > 0.0):
         return None
     missing = 1.0 + given[:-1] / nearest
+    missing = np.sign(missing) * np.maximum(np.abs(missing) - unknown[:-1] / np.abs(nearest), 0.0)
     return float(missing[np.argmin(np.abs(missing))])
 
 
@@ -216,12 +235,14 @@ CHECK = Check(
     unit="",
     bound=(
         "Cost and push count as the assigned dynamics answer to them, from when the start has died out to a "
-        "hundredth, and while the surface bears a force. 1.5 kappa v T: while a force is held for a tick T the normal "
-        "turns by kappa v T, half of it on average, and one tick more may pass between sample and force. The verdict "
+        "hundredth, and while the surface bears a force; what rings at sqrt(K_p / m), as a spring without damper "
+        "does, is neither's. 1.5 kappa v T: while a force is held for a tick T the normal turns by kappa v T, half of "
+        "it on average, and one tick more may pass between sample and force. The verdict "
         "is inconclusive within two standard errors of the bound. On a bilateral constraint the force at the start, "
         "where the error is zero, must supply m kappa v^2 to the same share, within the three ticks that a proxy may "
-        "lag. A bound above 0.1 is inconclusive, and so is a run of which more than a tenth has the tool off a "
-        "bilateral constraint without any force."
+        "lag, beside the share that the operator's push changes by along a normal that turns so far. A bound above "
+        "0.1 is inconclusive, and so is a run of which more than a tenth has the tool off a bilateral constraint "
+        "without any force."
     ),
     judge=judge,
 )

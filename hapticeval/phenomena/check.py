@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.motion import Motion
+from hapticeval.phenomena.crossings import bends
 from hapticeval.phenomena.sampling import LED
 from hapticeval.phenomena.verdict import Finding, Level, Outcome
 from hapticeval.recordings.recording import Recording
@@ -29,12 +30,15 @@ class Closer(Protocol):
 class Runs:
     """The recording that is judged, and the ways to get its siblings where the runner can make them.
 
-    `refine(k)` runs the same stimulus at k times the sampling rate; `reverse()` leads the hand backwards along
-    the same points; `at_speed(f)` starts the experiment f times as fast; `again()` runs it once more through the same
-    renderer, which is reset in between; `look` is `base` with a way to refine a part of it; `without(kind)` leads the
-    hand along the same path through the renderer made for the scene without the effect of that kind; `moved(motion,
-    nudge)` is the path, off by `nudge` (m), in the scene moved, as it looks when it is moved back, or None where the
-    model cannot be moved so or the renderer refuses it there. Each is None where it cannot be had: a recorded hardware
+    `refine(k)` runs the same stimulus at k times the sampling rate; `reverse()` leads the hand backwards along the same
+    points; `at_speed(f)` starts the experiment f times as fast; `again()` runs it once more through the same renderer,
+    which is reset in between; `look` is `base` with a way to refine a part of it; `without(kind)` leads the hand along
+    the same path through the renderer made for the scene without the effect of that kind; `moved(motion, nudge)` is the
+    path, off by `nudge` (m), in the scene moved, as it looks when it is moved back, or None where the model cannot be
+    moved so or the renderer refuses it there; `reordered()` is the path in the scene with the model's vertices in
+    another order, or None likewise; `subdivided()` leads the hand from each HIP to the next in two steps of half the
+    time, and returns both rows a step; `in_turns()` is the path through a renderer that takes turns with another of the
+    same factory, on a model of half the size, led backwards. Each is None where it cannot be had: a recorded hardware
     run has no siblings. `law` names the closed form (`hapticeval.closed_forms`) that the case gives for this renderer,
     if it does. Raises `InputError` for a recording with rows that are not valid.
     """
@@ -48,6 +52,9 @@ class Runs:
     look: Closer | None = None
     moved: Callable[[Motion, tuple[float, ...]], Recording | None] | None = None
     without: Callable[[str], Recording] | None = None
+    reordered: Callable[[], Recording | None] | None = None
+    subdivided: Callable[[], Recording] | None = None
+    in_turns: Callable[[], Recording] | None = None
 
     def __post_init__(self) -> None:
         if self.base.valid is not None:
@@ -75,6 +82,9 @@ class Sibling(StrEnum):
     LOOK = "look"
     MOVED = "moved"
     WITHOUT = "without"
+    REORDERED = "reordered"
+    SUBDIVIDED = "subdivided"
+    IN_TURNS = "in_turns"
 
 
 class Situation(StrEnum):
@@ -91,14 +101,14 @@ class Situation(StrEnum):
 def situations(runs: Runs, scene: Scene) -> frozenset[Situation]:
     """Return the situations that runs in a scene are in."""
     source = runs.base.meta.get("source")
-    convex = [corner.convex for corner in scene.model.boundary.corners]
+    convex, concave = bends(scene.model.boundary)
     holds = {
         Situation.PLAYBACK: source == "playback",
         Situation.LED: source in LED,
         Situation.UNILATERAL: not scene.bilateral,
         Situation.BILATERAL: scene.bilateral,
-        Situation.NO_CONVEX_CORNER: not any(convex),
-        Situation.NO_CONCAVE_CORNER: all(convex),
+        Situation.NO_CONVEX_CORNER: not convex,
+        Situation.NO_CONCAVE_CORNER: not concave,
     }
     return frozenset(situation for situation, there in holds.items() if there)
 

@@ -1,23 +1,21 @@
-"""What happens at corners (section 3.2.1): broken contact over a convex one, an abrupt switch in a concave one."""
+"""What happens at corners and edges (section 3.2.1): broken contact over convex ones, abrupt switch in concave ones."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
-from hapticeval.geometry.boundary import Boundary, Corner
 from hapticeval.phenomena.check import Check, Runs, Situation
+from hapticeval.phenomena.crossings import Crossing, angle_between, find_crossings
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     NO_IHIP,
     above_force_floor,
     evidence_at,
     hip_step,
-    hip_steps,
     lacks_ihip,
     listed,
     mm,
@@ -27,103 +25,13 @@ from hapticeval.phenomena.sampling import (
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
-from hapticeval.types import Array, BoolArray
+from hapticeval.types import BoolArray, IntArray
 
 NEAR = 0.05
 """Share of the corner's turn within which a direction counts as a face's: far above rounding, far below a switch."""
 
 HELD = 0.5
 """Share of the usual force on the first face below which the force is not kept any more."""
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """A corner that the hand passes, with its faces in the order of travel.
-
-    `normal_pre`, `normal_post` (2,): outward unit normals; `ahead` (2,): unit direction of travel along the first
-    face; `turn` rad, unsigned. The hand is under the first face from tick `first` on, past it from tick `crossed` on,
-    and up to, not including, `end` it does nothing else.
-    """
-
-    corner: Corner
-    normal_pre: Array
-    normal_post: Array
-    ahead: Array
-    turn: float
-    first: int
-    crossed: int
-    end: int
-
-
-def find_crossings(recording: Recording, scene: Scene, *, convex: bool) -> list[Crossing]:
-    """Find where the hand passes a corner as the two phenomena suppose it, whatever the renderer answers.
-
-    It comes under the first face from outside, through that face, or along it, or the recording begins there, and it
-    stays under that face until it is past the corner. Past a convex one it is then in free space: deeper in the model
-    the solid goes on beyond the corner, and a rigid tool would go round it. Past a concave one it goes on under the
-    second face, by the corner's own zone or at once. All of it nearer than half of the way to the next corner.
-    """
-    boundary, slack = scene.model.boundary, rounding(scene)
-    found: list[Crossing] = []
-    for corner in boundary.corners:
-        if corner.convex != convex:
-            continue
-        from_corner = recording.hip - corner.position
-        near = np.linalg.norm(from_corner, axis=1) <= 0.5 * _to_next(boundary, corner)
-        if not near.any():
-            continue
-        for way in (1.0, -1.0):
-            pre, post = (corner.normal_pre, corner.normal_post)[:: int(way)]
-            ahead, leaves = (way * corner.tangent_pre, way * corner.tangent_post)[:: int(way)]
-            along, under = from_corner @ ahead, -from_corner @ pre
-            before = near & (along <= (0.0 if convex else -slack)) & (under >= -slack)
-            if convex:
-                free = near & (along > 0.0)
-                free[free] = boundary.signed_distance(recording.hip[free]) > slack
-                between, after = np.zeros_like(near), free
-            else:
-                beyond = from_corner @ leaves
-                after = near & (beyond > slack) & (-from_corner @ post >= -slack)
-                between = near & (along >= -slack) & (beyond <= slack) & ~before & ~after
-            for crossed in (np.flatnonzero(after[1:] & ~after[:-1]) + 1).tolist():
-                last = crossed - 1
-                while last > 0 and between[last]:
-                    last -= 1
-                first = last - _run(before[last::-1]) + 1
-                end = crossed + _run(after[crossed:])
-                if first > last or end - crossed <= LAG_TICKS:
-                    continue
-                if _comes_from_outside(recording, boundary, first, under, pre, slack):
-                    turn = abs(corner.turn)
-                    found.append(Crossing(corner, pre, post, ahead, turn, first, crossed, end))
-    return found
-
-
-def _run(flags: BoolArray) -> int:
-    """Return how many of the first flags are true in a row."""
-    return int(flags.size if flags.all() else np.argmin(flags))
-
-
-def _comes_from_outside(
-    recording: Recording, boundary: Boundary, first: int, under: Array, normal: Array, slack: float
-) -> bool:
-    """Whether a rigid tool is on a face from tick `first` on: the hand was above it, or it is the nearest one there."""
-    if first > 0 and under[first - 1] < -slack:
-        return True
-    at = boundary.closest_point(recording.hip[first : first + 1])
-    return bool(at.normal[0] @ normal > 1.0 - 1e-9)
-
-
-def _to_next(boundary: Boundary, corner: Corner) -> float:
-    """Return the arc length from a corner to the nearest other one, m; once round where it is the only one."""
-    gaps = [abs(other.s - corner.s) for other in boundary.corners if other is not corner]
-    return min((min(gap, boundary.girth - gap) for gap in gaps), default=boundary.girth)
-
-
-def angle_between(vectors: Array, direction: Array) -> Array:
-    """Return the unsigned angle of each of `vectors` (n, 2) to `direction` (2,), rad; zero vectors give zero."""
-    cross = vectors[:, 0] * direction[1] - vectors[:, 1] * direction[0]
-    return np.asarray(np.abs(np.arctan2(cross, vectors @ direction)))
 
 
 def judge_broken_contact(runs: Runs, scene: Scene) -> Finding:
@@ -141,14 +49,15 @@ def judge_broken_contact(runs: Runs, scene: Scene) -> Finding:
 
 def _broken(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray) -> Finding | None:
     """Judge one convex corner; None where no force is felt before it along the face that the hand is under."""
-    from_corner = base.hip - crossing.corner.position
-    along, under = from_corner @ crossing.ahead, -from_corner @ crossing.normal_pre
+    along, under = crossing.along, crossing.under
     crossed, end = crossing.crossed, crossing.end
     first_face = strong & (angle_between(base.force, crossing.normal_pre) <= NEAR * crossing.turn)
     pressed = np.flatnonzero(strong[crossing.first : crossed])
     if pressed.size == 0:
         return None
-    first = crossing.first + int(pressed[0])
+    # A tool that is struck is given its impulse at once, and what it presses with from then on may begin at nothing.
+    settled = pressed[pressed > pressed[0] + LAG_TICKS]
+    first = crossing.first + int((settled if settled.size else pressed)[0])
     strength = np.linalg.norm(base.force, axis=1)
     usual = float(np.median(strength[first:crossed]))
     kept = first_face[first:crossed]
@@ -170,7 +79,7 @@ def _broken(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray
         position_tolerance(base, scene),
         {
             **evidence_at(base, tick),
-            "corner": listed(crossing.corner.position),
+            "corner": listed(crossing.place),
             "lost_before_corner_m": early,
             "remains_after_corner_m": late,
             "ticks_to_zero_after_corner": gone,
@@ -207,12 +116,21 @@ def _switched(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArr
         angle_between(base.force[pressed], normal) <= NEAR * crossing.turn
         for normal in (crossing.normal_pre, crossing.normal_post)
     )
-    if not pre[0] or not post[-1]:
+    if not pre.any() or not post.any():
         return None
-    left = int(pressed[np.argmin(pre) - 1])
-    reached = int(pressed[post.size - int(np.argmin(post[::-1]))])
+    # As it comes and goes, with no depth yet, a tool that stands off the surface leans: what counts is in between.
+    begin, last = int(np.argmax(pre)), post.size - 1 - int(np.argmax(post[::-1]))
+    leaves = begin + int(np.argmin(pre[begin:]))
+    if leaves > last:
+        return None
+    left = int(pressed[leaves - 1])
+    reached = int(pressed[last - int(np.argmin(post[last::-1])) + 1])
+    # A rigid tool may strike both faces by turns: as long as it is at one place that is one switch.
+    within = position_tolerance(base, scene)
+    left = _last_beside(base, pressed[pre & (pressed < reached)], left, within)
+    reached = _last_beside(base, pressed[post & (pressed > left)][::-1], reached, within)
     takes = float(base.time[reached] - base.time[left])
-    travel = float(np.sum(hip_steps(base)[left:reached]))
+    travel = float(np.sum(crossing.steps[left:reached]))
     depths = np.linalg.norm(base.hip - base.ihip, axis=1)
     depth = max(float(np.median(depths[pressed[pressed <= left]])), hip_step(base, scene))
     return compared(
@@ -220,7 +138,7 @@ def _switched(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArr
         position_tolerance(base, scene) / depth,
         {
             **evidence_at(base, reached),
-            "corner": listed(crossing.corner.position),
+            "corner": listed(crossing.place),
             "switch_starts_s": float(base.time[left]),
             "switch_takes_s": takes,
             "travel_m": travel,
@@ -233,6 +151,12 @@ def _switched(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArr
     )
 
 
+def _last_beside(base: Recording, ticks: IntArray, tick: int, within: float) -> int:
+    """Return the last of `ticks` at which the HIP is `within` metres of where it is at `tick`."""
+    beside = ticks[np.linalg.norm(base.hip[ticks] - base.hip[tick], axis=1) <= within]
+    return int(beside[-1]) if beside.size else tick
+
+
 def worst(findings: Sequence[Finding]) -> Finding | None:
     """Return the finding whose metric is farthest beyond its bound; None of none."""
     return min(findings, key=lambda finding: -math.inf if finding.margin is None else finding.margin, default=None)
@@ -241,13 +165,13 @@ def worst(findings: Sequence[Finding]) -> Finding | None:
 BROKEN_CONTACT = Check(
     id="broken-contact",
     phenomenon="Broken Contact",
-    asks="Sliding over a convex corner: does the force keep its direction up to the corner and vanish there at once?",
+    asks="Sliding over a convex corner or edge: does the force keep its direction up to it and vanish there at once?",
     formula="F = |F| n_pre for (HIP - corner) . t_pre < 0, then F = 0",
     citation="thesis 3.2.1, Figure 3.4; Figures 6.10, 6.11",
     channels=("hip", "force"),
     reads_also=("ihip",),
     not_for={
-        Situation.NO_CONVEX_CORNER: "the model has no convex corner",
+        Situation.NO_CONVEX_CORNER: "the model has no convex corner or edge",
         Situation.BILATERAL: "a tool that is held from both sides does not leave at a corner",
     },
     not_with=(FRICTION,),
@@ -257,9 +181,10 @@ BROKEN_CONTACT = Check(
         "3 HIP steps + standoff: a sampled renderer learns of the corner at the next sample, may lag by three, and "
         "cannot know the corner better than its own surface does. A force within 5 per cent of the corner's turn, and "
         "where the hand keeps to a depth of at least half the usual size on the first face, counts as kept; past the "
-        "corner every force counts until "
-        "the first zero, and every one along n_pre thereafter. Asked of each way under one face past a corner and out "
-        "of the model; without one it is not applicable."
+        "corner every force counts until the first zero, and every one along n_pre thereafter. The first three ticks "
+        "after a touch are that of a strike. Asked of each way under one face past a corner and out of the model; "
+        "without one it is not applicable. On a solid the distance is square to the edge over which a rigid tool that "
+        "follows the hand leaves the face; over a vertex, to the edge that the hand's foot passes."
     ),
     judge=judge_broken_contact,
 )
@@ -267,12 +192,12 @@ BROKEN_CONTACT = Check(
 ABRUPT_SWITCH = Check(
     id="abrupt-switch",
     phenomenon="Abrupt Switch",
-    asks="Sliding into a concave corner: does the force turn from one face's normal to the other's at one HIP?",
+    asks="Sliding into a concave corner or edge: does the force turn from one face's normal to the other's at one HIP?",
     formula="travel of the HIP while n_e turns from n_pre to n_post, in penetration depths; 0 for rigid contact",
     citation="thesis 3.2.1, Figure 3.5; Figures 6.6, 6.7, 6.9",
     channels=("hip", "ihip", "force"),
     not_for={
-        Situation.NO_CONCAVE_CORNER: "the model has no concave corner",
+        Situation.NO_CONCAVE_CORNER: "the model has no concave corner or edge",
         Situation.BILATERAL: "a tool that is held from both sides may be pulled as well as pushed",
     },
     not_with=(FRICTION,),
@@ -283,8 +208,10 @@ ABRUPT_SWITCH = Check(
         "better than the renderer's own surface. Resting on the corner while the HIP goes round it turns the force "
         "over an arc as long as the corner's turn (rad) times the depth, whatever the depth. The switch lasts from "
         "where the force first leaves n_pre, by more than 5 per cent of the turn, to where it is within 5 per cent of "
-        "n_post for good. Asked of each way along one face into a corner and out along the next; without one it is not "
-        "applicable."
+        "n_post for good; turns to and fro while the HIP keeps to within that bound of one place count as one. Asked "
+        "of each way along one face into a corner and out along the next; without one it is not applicable. On a solid "
+        "a rigid tool that follows the hand shows the faces: one that rises from the other, by an edge or by a corner "
+        "of several; what leads that tool along an edge on which it rests is no travel."
     ),
     judge=judge_abrupt_switch,
 )

@@ -39,16 +39,17 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     approach = -float(along[struck])
     if approach <= 0.0:
         return undecided("the tool does not move into the surface when it meets it")
-    normals = scene.model.boundary.closest_point(base.ihip[struck : end + 1]).normal
-    if float(np.min(normals @ normal)) < SAME_FACE:
+    window = scene.model.boundary.closest_point(base.ihip[struck : end + 1])
+    if float(np.min(window.normal @ normal)) < SAME_FACE:
         return Finding(
             Outcome.NOT_APPLICABLE, f"the tool meets another part of the surface within {WINDOW_TICKS} ticks of contact"
         )
     wanted = (1.0 + scene.restitution) * scene.mass * approach
     pushed = _operator_impulse(base, normal, struck, end)
     taken = scene.mass * float(along[end] - along[struck]) - pushed
-    velocity = base.velocity[struck]
-    turning = abs(float(velocity @ frame.shape[0] @ velocity)) * WINDOW_TICKS * base.dt
+    velocity = base.velocity[struck : end + 1]
+    bend = np.einsum("ni,nij,nj->n", velocity, window.shape, velocity)
+    turning = float(np.abs(bend).max()) * WINDOW_TICKS * base.dt
     # A tool that stays in contact has the operator's push answered as well; one that bounces off has not.
     answered = wanted + max(0.0, -pushed)
     missing = max(wanted - taken, taken - answered, 0.0) / wanted
@@ -93,12 +94,12 @@ CHECK = Check(
     metric="share of the impulse of (3.5) missing after four ticks",
     unit="",
     bound=(
-        "m kappa v_t^2 over the window / (m v_n) + 1e-6: while it slides on, the tool turns with the surface. The "
-        "window is four ticks: a sampled renderer meets the contact at the first sample after it, its force acts "
-        "until the next, and it may lag by three. The operator's push over the window is taken out of the momentum's "
-        "change, and a tool that stays in contact may have it answered. A spring needs a quarter period, pi/2 sqrt(m "
-        "/ K_p). Not applicable where the tool starts in contact, and where it meets a surface turned by more than 5.7 "
-        "degrees within the window, as in a valley: it then collides twice."
+        "The largest m kappa v_t^2 in the window, times its length, / (m v_n) + 1e-6: while it slides on, the tool "
+        "turns with the surface. The window is four ticks: a sampled renderer meets the contact at the first sample "
+        "after it, its force acts until the next, and it may lag by three. The operator's push over the window is "
+        "taken out of the momentum's change, and a tool that stays in contact may have it answered. A spring needs a "
+        "quarter period, pi/2 sqrt(m / K_p). Not applicable where the tool starts in contact, and where it meets a "
+        "surface turned by more than 5.7 degrees within the window, as in a valley: it then collides twice."
     ),
     judge=judge,
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import weakref
+
 import numpy as np
 
 from hapticeval.recordings.recording import SINGLE, Recording
@@ -39,8 +41,19 @@ def touching(recording: Recording, scene: Scene) -> BoolArray:
     """Where the tool is in contact, (n,): on a bilateral constraint always, also where no force is called for.
 
     On a surface that only pushes, contact is a force above the floor, or an IHIP apart from the HIP unless it trails
-    the hand in free space: see `trailing`.
+    the hand in free space: see `trailing`. Found once for a recording, which most checks ask for it.
     """
+    known = _TOUCHING.get(recording)
+    if known is None or known[0]() is not scene:
+        known = _TOUCHING[recording] = weakref.ref(scene), _touching(recording, scene)
+    return known[1].copy()
+
+
+_TOUCHING: weakref.WeakKeyDictionary[Recording, tuple[weakref.ref[Scene], BoolArray]] = weakref.WeakKeyDictionary()
+
+
+def _touching(recording: Recording, scene: Scene) -> BoolArray:
+    """Find what `touching` returns."""
     if scene.bilateral:
         return np.ones(len(recording), dtype=bool)
     if "force" not in recording.channels:

@@ -353,7 +353,7 @@ class Recording:
         """Stamps, (n,), ns: the clock's, or `time` in whole nanoseconds where no clock was read."""
         return np.rint(1e9 * self.time).astype(np.int64) if self.clock is None else self.clock.nanoseconds
 
-    @property
+    @cached_property
     def dt(self) -> float:
         """Median sampling time, s."""
         time = self.time if self.valid is None else self.time[self.valid]
@@ -373,13 +373,12 @@ class Recording:
             touches |= np.any(self.force != 0.0, axis=1)
         return touches & self.measured
 
-    @property
+    @cached_property
     def apart(self) -> BoolArray:
-        """Where the IHIP is not the HIP, beyond single precision: (n,)."""
+        """Where the IHIP is not the HIP, beyond single precision: (n,), read-only."""
         sound = self.hip if self.valid is None else self.hip[self.valid]
         rounding = 4.0 * SINGLE * float(np.max(np.abs(sound), initial=0.0))
-        apart: BoolArray = np.linalg.norm(self.ihip - self.hip, axis=1) > rounding
-        return apart
+        return locked(np.linalg.norm(self.ihip - self.hip, axis=1) > rounding, np.bool_)
 
     @property
     def resolution(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
@@ -14,14 +15,14 @@ from hapticeval.errors import InputError
 from hapticeval.files import replacing
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
 from hapticeval.runner.interrupts import Interrupts
-from hapticeval.runner.outcome import carry_out_afar, carry_out_here, ended
+from hapticeval.runner.outcome import carry_out_afar, carry_out_here, ended, overdue
 from hapticeval.runner.outcomes import Outcomes
 from hapticeval.runner.planning import Job, Plan
 from hapticeval.runner.progress import Progress
 from hapticeval.runner.results import RunKey
 from hapticeval.runner.work import Work, derived_seed, run_job
 from hapticeval.suite.files import files_of
-from hapticeval.workers import TRIES, Answer, Crew, Ended, LostError, Workers
+from hapticeval.workers import TRIES, Answer, Crew, Ended, LostError, Overdue, Workers
 
 Carried: TypeAlias = tuple[JobFinished, bytes | None]
 
@@ -35,6 +36,7 @@ def execute(
     *,
     workers: int = 2,
     work: Work = run_job,
+    timeout: float = math.inf,
     scheduler: str | None = None,
     kept: Mapping[RunKey, JobFinished] | None = None,
 ) -> Iterator[Event]:
@@ -42,8 +44,8 @@ def execute(
 
     Each job is run and judged as its case says, or by another `work`. Without a directory nothing is written, and the
     events bring the recordings. With 0 workers jobs run in this process; with the address of a `scheduler` those of its
-    cluster do them. What came of some jobs may be `kept` from an earlier run into that directory, see
-    `resuming.finished`.
+    cluster do them. Elsewhere a job that takes longer than `timeout` seconds is ended, and its verdicts are errors.
+    What came of some jobs may be `kept` from an earlier run into that directory, see `resuming.finished`.
 
     What comes of a job depends on none of that, nor on the order in which jobs end: each has a seed of its own.
 
@@ -75,9 +77,9 @@ def execute(
                         yield Interrupted(1, at_once=True)
                         break
                 while added in finished:
-                    progress.add(finished[added])
+                    job = progress.add(finished[added])
                     if added not in old:
-                        yield finished[added]
+                        yield job
                     del finished[added]
                     added += 1
                 if interrupts.count and not warned:
@@ -86,21 +88,21 @@ def execute(
                 if not crew.busy:
                     break
                 try:
-                    answers = crew.answers(PATIENCE)
+                    answers = [*crew.answers(PATIENCE), *crew.give_up(timeout)]
                 except LostError as error:
                     lost = error
                     break
                 for answer in answers:
-                    finished[answer.call] = _done(answer, plan.jobs[answer.call], directory)
+                    finished[answer.call] = _done(answer, plan.jobs[answer.call], directory, timeout)
                     outcomes.add(finished[answer.call])
                 yield from (WorkerRefused(*each) for each in crew.refused())
                 if interrupts.count > 1 and crew.busy:
                     yield Interrupted(crew.busy, at_once=True)
                     break
         for number in sorted(finished):
-            progress.add(finished[number])
+            job = progress.add(finished[number])
             if number not in old:
-                yield finished[number]
+                yield job
             added += 1
         reason = None
         if added < len(plan.jobs):
@@ -129,10 +131,12 @@ def _crew(work: Work, workers: int, scheduler: str | None, plan: Plan) -> Crew[C
     return Cluster(partial(carry_out_afar, work), scheduler, files=files)
 
 
-def _done(answer: Answer[Carried], job: Job, directory: Path | None) -> JobFinished:
+def _done(answer: Answer[Carried], job: Job, directory: Path | None, timeout: float) -> JobFinished:
     """What came of a job; its recording is in the folder then."""
     if isinstance(answer.error, Ended):
         return ended(job, answer.error)
+    if isinstance(answer.error, Overdue):
+        return overdue(job, timeout)
     if answer.error is not None:
         raise answer.error
     assert answer.value is not None

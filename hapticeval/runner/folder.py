@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 from hapticeval.errors import InputError
@@ -14,7 +15,7 @@ DOCUMENTS = {
 }
 """What hapticeval leaves in a folder, and entries by which it is recognised, of whatever version."""
 
-REPORTS = ("table.md", "junit.xml", "report.html")
+REPORTS = ("table.md", "junit.xml", "report.html", "report", "tables", "figures")
 
 
 def prepare(directory: Path) -> None:
@@ -33,8 +34,11 @@ def prepare(directory: Path) -> None:
         )
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        for report in REPORTS:
-            (directory / report).unlink(missing_ok=True)
+        for report in (directory / name for name in REPORTS):
+            if report.is_dir() and not report.is_symlink():
+                shutil.rmtree(report)
+            else:
+                report.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(
             f"cannot write into the folder '{directory}'", why=str(error), todo="name another with -o"

@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any, cast
 
 import numpy as np
 
 from hapticeval.errors import HapticevalError, RefusalError, described, renderer_errors
-from hapticeval.geometry.motion import Motion
+from hapticeval.geometry.model import Model
+from hapticeval.geometry.motion import Motion, scaling
 from hapticeval.phenomena.check import Runs, without_channel
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
@@ -21,7 +21,7 @@ from hapticeval.runner.results import Replay
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import with_effects
 from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.simulation.playback import Closeup, compare_batch, play
+from hapticeval.simulation.playback import Closeup, compare_batch, play, play_in_turns
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.suite.case import Case
 
@@ -48,7 +48,7 @@ class _RunFactory:
 
     def __init__(self, factory: RendererFactory, scene: Scene, case: Case, name: str) -> None:
         self.factory, self.scene = factory, scene
-        self._moved = cache(self._made_moved)
+        self._moved: dict[Motion, tuple[Scene, Renderer | TrajectoryRenderer | None]] = {}
         self.simulated = 0.0
         self.renderer = make_renderer(factory, scene)
         self.stimulus = case.build_stimulus(scene, self.renderer)
@@ -75,31 +75,80 @@ class _RunFactory:
         else:
             back = Path(*stimulus.sampled(dt)).reversed()
             siblings |= {"reverse": lambda: self.record(back, dt), "look": self.closeup(base)}
-            siblings |= {"without": self.without, "moved": self.moved}
+            siblings |= {"without": self.without, "moved": self.moved, "reordered": self.reordered}
+            siblings |= {"in_turns": self.in_turns}
+            if isinstance(self.renderer, Renderer):
+                siblings["subdivided"] = self.subdivided
         return Runs(base, **siblings).remembered()
 
     def moved(self, motion: Motion, nudge: tuple[float, ...]) -> Recording | None:
         """Record the path in the moved scene, with the hand off by `nudge`; see `Runs.moved`."""
-        scene, renderer = self._moved(motion)
+        if motion not in self._moved:
+            self._moved[motion] = self._made_moved(motion)
+        scene, renderer = self._moved[motion]
         if renderer is None:
             return None
-        dt = self.scene.sampling_time
-        time, hips = cast("Path", self.stimulus).sampled(dt)
-        try:
-            found = play(renderer, Path(time, motion(hips + np.array(nudge))), dt, scene=scene)
-        except RefusalError:
+        path = self.path()
+        found = self._played(renderer, scene, Path(path.time, motion(path.points + np.array(nudge))))
+        if found is None:
             return None
-        self.simulated += len(found) * dt
         back = {"hip": motion.back(found.hip), "ihip": motion.back(found.ihip)}
         force = motion.turned_back(found.force) / motion.scale
         lengths = {name: found.meta[name] / motion.scale for name in ("resolution", "standoff")}
         return Recording(found.time, {**back, "force": force}, meta={**found.meta, **lengths})
 
+    def reordered(self) -> Recording | None:
+        """Record the path on the model with its vertices in another order; see `Runs.reordered`."""
+        scene, renderer = self._made(self.scene.model.reordered())
+        return None if renderer is None else self._played(renderer, scene, self.path())
+
+    def subdivided(self) -> Recording:
+        """Record the path with a HIP half way between each two, in half the time; see `Runs.subdivided`."""
+        hips = self.path().points
+        half = 0.5 * np.arange(2.0 * len(hips) - 1.0)
+        between = np.repeat(hips, 2, axis=0)[:-1]
+        between[1::2] = 0.5 * (hips[:-1] + hips[1:])
+        return self.record(Path(self.scene.sampling_time * half, between), 0.5 * self.scene.sampling_time)
+
+    def in_turns(self) -> Recording:
+        """Record the path by turns with another renderer; see `Runs.in_turns`."""
+        dt = self.scene.sampling_time
+        half = scaling(0.5, self.scene.model.dimension)
+        path = self.path()
+        scene, other = self._made(self.scene.model.moved(half))
+        back = path.reversed()
+        if other is None:
+            scene, other = self.scene, make_renderer(self.factory, self.scene)
+        else:
+            back = Path(back.time, half(back.points))
+        if isinstance(self.renderer, Renderer) and isinstance(other, Renderer):
+            recording = play_in_turns((self.renderer, path, self.scene), (other, back, scene), dt)
+        else:
+            play(other, back, dt, scene=scene)
+            recording = play(self.renderer, path, dt, scene=self.scene)
+        self.simulated += 2.0 * len(recording) * dt
+        return recording
+
+    def path(self) -> Path:
+        """Return the path, its points the HIPs of the recording unless the renderer answers it whole."""
+        path = cast("Path", self.stimulus)
+        return Path(*path.sampled(self.scene.sampling_time)) if isinstance(self.renderer, Renderer) else path
+
+    def _played(self, renderer: Renderer | TrajectoryRenderer, scene: Scene, path: Path) -> Recording | None:
+        """Return what a renderer answers along a path; None where it refuses."""
+        try:
+            found = play(renderer, path, scene.sampling_time, scene=scene)
+        except RefusalError:
+            return None
+        self.simulated += len(found) * scene.sampling_time
+        return found
+
     def _made_moved(self, motion: Motion) -> tuple[Scene, Renderer | TrajectoryRenderer | None]:
         """Return the scene moved, and the renderer in it; None where there is none."""
-        if motion.rests:
-            return self.scene, self.renderer
-        model = self.scene.model.moved(motion)
+        return (self.scene, self.renderer) if motion.rests else self._made(self.scene.model.moved(motion))
+
+    def _made(self, model: Model | None) -> tuple[Scene, Renderer | TrajectoryRenderer | None]:
+        """Return the scene with another model, and the renderer in it; None where there is none."""
         if model is None:
             return self.scene, None
         scene = replace(self.scene, model=model)

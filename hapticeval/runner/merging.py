@@ -98,6 +98,8 @@ def merged(given: Mapping[str, ResultsDocument]) -> ResultsDocument:
         table=fill_table(suites, verdicts),
         published_table=published,
         suites=suites,
+        date=min(document.date for document in documents),
+        commits={name: commit for document in documents for name, commit in document.commits.items()},
         timing=timing(runs, sum(document.timing.wall_seconds for document in documents)),
     )
 

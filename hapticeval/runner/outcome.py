@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import tempfile
 from pathlib import Path
 
@@ -34,7 +35,7 @@ def carry_out_afar(work: Work, job: Job, directory: Path | None, seed: int) -> t
 def outcome_of(job: Job, judged: Judged, file: Path | None) -> JobFinished:
     """Return the entries of a judged job, and its recording where no file keeps it."""
     return JobFinished(
-        _run(job, judged, file), tuple(map(VerdictEntry.of, judged.verdicts)), judged.error, judged.recording
+        run_entry(job, judged, file), tuple(map(VerdictEntry.of, judged.verdicts)), judged.error, judged.recording
     )
 
 
@@ -48,14 +49,29 @@ def ended(job: Job, how: EndedProcess) -> JobFinished:
         )
     else:
         error = RendererError(
-            "the renderer ended the process that it ran in",
+            f"the renderer ended the process that it ran in: {how.how}",
             why="a crash in compiled code, os._exit(), or memory that ran out",
-            todo="run it alone under a debugger: python -X faulthandler",
+            todo=f"see what `hapticeval doctor -r {shlex.quote(job.renderer)}` finds, or {_alone(job)}",
         )
     return outcome_of(job, error_verdicts(error, job.renderer, job.suite, job.case), None)
 
 
-def _run(job: Job, judged: Judged, file: Path | None) -> RunEntry:
+def overdue(job: Job, seconds: float) -> JobFinished:
+    """Return what is left of a job that took longer than so many seconds and was ended."""
+    error = RendererError(
+        f"the renderer was ended after {seconds:g} s in this case",
+        why="it hangs, or takes longer than --timeout",
+        todo=f"give it more time with --timeout, or {_alone(job)}",
+    )
+    return outcome_of(job, error_verdicts(error, job.renderer, job.suite, job.case), None)
+
+
+def _alone(job: Job) -> str:
+    return f"run the case alone under a debugger: -k {job.case.name}"
+
+
+def run_entry(job: Job, judged: Judged, file: Path | None) -> RunEntry:
+    """Return the entry of a judged job, whose recording lies in `file` below the result folder."""
     case, error = job.case, judged.error
     return RunEntry(
         suite=job.suite,

@@ -8,9 +8,10 @@ from fnmatch import fnmatchcase
 
 from msgspec.structs import replace
 
-from hapticeval.discovery import own_renderers, resolve
+from hapticeval.discovery import own_renderers, resolve, resolve_installed
 from hapticeval.errors import InputError, NothingSelectedError, at
 from hapticeval.renderer import RendererFactory
+from hapticeval.runner.known import NONE_KNOWN, Known
 from hapticeval.runner.sharding import Shard
 from hapticeval.suite.case import Case
 from hapticeval.suite.installed import suites_named
@@ -34,7 +35,7 @@ class Plan:
     """What will run. `suites` are whole; `jobs` hold only the selected cases, with only the selected checks.
 
     Of a `shard` they hold its part, and `asked` for each suite the cases and the renderers of the whole plan. With
-    `strict` a warning stops a gate, as a failure does.
+    `strict` a warning stops a gate, as a failure does. A failure that is `known` does not.
     """
 
     suites: tuple[Suite, ...]
@@ -43,6 +44,7 @@ class Plan:
     select: tuple[str, ...]
     seed: int
     strict: bool = False
+    known: Known = NONE_KNOWN
     shard: Shard | None = None
     asked: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = field(default_factory=dict)
 
@@ -60,6 +62,7 @@ def plan(
     select: Sequence[str] = (),
     seed: int = 0,
     strict: bool = False,
+    known: Known = NONE_KNOWN,
     shard: Shard | None = None,
 ) -> Plan:
     """Load the suites, see that every renderer can be found, and apply the selection.
@@ -69,15 +72,20 @@ def plan(
     `select` holds globs on case names, on `suite/case`, or on `case/check`; what any of them matches is run, and
     everything where there are none; of that, a `shard` is the part that this run does.
 
-    Raises `NothingSelectedError` for a glob that matches nothing and where nothing is
-    left, and what `load_suite` and `resolve` raise.
+    Raises `NothingSelectedError` for a glob that matches nothing and where nothing is left, and what `load_suite`,
+    `resolve`, `Known.check` and, for the renderers that a suite names, `resolve_installed` raise.
     """
     given = factories or {}
     members = {name: None for each in suites if isinstance(each, str) for name in suites_named(each)}
     loaded = (*map(load_suite, members), *(each for each in suites if not isinstance(each, str)))
     _refuse_namesakes(loaded)
+    known.check(loaded)
     chosen = {suite.name: tuple(dict.fromkeys(renderers or suite.renderers or own_renderers())) for suite in loaded}
     names = tuple(dict.fromkeys(name for each in chosen.values() for name in each))
+    for suite in loaded:
+        for name in chosen[suite.name]:
+            if name not in (*renderers, *given) and name in suite.renderers:
+                resolve_installed(name, source=f"suite '{suite.name}'")
     for name in names:
         if name not in given:
             resolve(name)
@@ -104,7 +112,8 @@ def plan(
     for (suite, _), case in {(job.suite, job.case.name): job.case for job in jobs}.items():
         with at(f"suite '{suite}'"):
             case.check_stimulus()
-    return Plan(loaded, names, jobs if shard is None else shard.of(jobs), tuple(select), seed, strict, shard, asked)
+    held = jobs if shard is None else shard.of(jobs)
+    return Plan(loaded, names, held, tuple(select), seed, strict, known, shard, asked)
 
 
 def _refuse_namesakes(suites: Sequence[Suite]) -> None:

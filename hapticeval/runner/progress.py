@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
 
 import msgspec
 
+from hapticeval.runner.commits import commits
 from hapticeval.runner.events import JobFinished
 from hapticeval.runner.planning import Plan
 from hapticeval.runner.results import (
@@ -44,16 +47,20 @@ class Progress:
         self.verdicts: list[VerdictEntry] = []
         self.runs: list[RunEntry] = []
         self.started = time.perf_counter()
+        self.date = datetime.now(UTC).isoformat(timespec="seconds")
+        self.commits = commits(plan)
         self.environment = Environment(**environment())
         self.suites = suite_entries(plan)
         self._save(RUNNING)
 
-    def add(self, job: JobFinished) -> None:
-        """Take what came of a job."""
-        self.runs.append(job.run)
-        self.verdicts += job.verdicts
+    def add(self, job: JobFinished) -> JobFinished:
+        """Take what came of a job, and return it with its known failures marked."""
+        marked = replace(job, verdicts=tuple(map(self.plan.known.marked, job.verdicts)))
+        self.runs.append(marked.run)
+        self.verdicts += marked.verdicts
         if time.perf_counter() - self.saved > self._pause:
             self._save(RUNNING)
+        return marked
 
     def finish(self, reason: str | None) -> ResultsDocument:
         """Write the results for the last time, incomplete for that `reason` where there is one."""
@@ -77,6 +84,8 @@ class Progress:
             table=fill_table(self.suites, self.verdicts),
             published_table={row.title: dict(row.published) for suite in plan.suites for row in suite.rows},
             suites=self.suites,
+            date=self.date,
+            commits=self.commits,
             timing=timing(self.runs, begun - self.started),
         )
         if self.directory is not None:

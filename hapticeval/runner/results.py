@@ -223,7 +223,8 @@ class Measure(Entry, frozen=True, kw_only=True):
 class VerdictEntry(Entry, frozen=True, kw_only=True):
     """A verdict: `evidence` holds where and when, time (s), hip and ihip (m), and what else was measured.
 
-    `bound` and `margin` are in the metric's unit; the margin, bound less metric, is negative for a failure.
+    `bound` and `margin` are in the metric's unit; the margin, bound less metric, is negative for a failure. `known` is
+    the reason that a list of known failures gives for this one, see `hapticeval.runner.known`.
     """
 
     renderer: str
@@ -239,6 +240,7 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
     message: str
     published: Outcome | None
     as_expected: bool
+    known: str | None = None
 
     @classmethod
     def of(cls, verdict: Verdict) -> VerdictEntry:
@@ -286,15 +288,24 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
     @property
     def warns(self) -> bool:
         """Return whether a verdict of level `should` would stop a gate at level `must`."""
-        return self.level is Level.SHOULD and self.outcome in UNSATISFIED and self.published is None
+        unforeseen = self.published is None and self.known is None
+        return self.level is Level.SHOULD and self.outcome in UNSATISFIED and unforeseen
+
+    @property
+    def outdated(self) -> bool:
+        """Return whether the failure that is known of this check is no more."""
+        return self.known is not None and self.outcome not in UNSATISFIED
 
     @property
     def standing(self) -> str:
         """Compare the outcome with what was expected.
 
-        "as known" and "differs" compare with what is published; "unexpected" is an error, or a check of level `must`
-        that failed or could not decide; "warning" one of level `should` that did; "" needs no remark.
+        "known" is a failure on the list of known ones, "outdated" one on the list that is none any more. "as known" and
+        "differs" compare with what is published; "unexpected" is an error, or a check of level `must` that failed or
+        could not decide; "warning" one of level `should` that did; "" needs no remark.
         """
+        if self.known is not None:
+            return "outdated" if self.outdated else "known"
         if self.published is not None:
             return "as known" if self.outcome == self.published else "differs"
         if self.warns:
@@ -306,7 +317,8 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
     """Everything that a report needs. `planned` and `ran` count verdicts; an incomplete run has a `reason`.
 
     `runs` has one entry per suite, case and renderer, `verdicts` one per check of it. `table` holds what was found,
-    `published_table` what is in print.
+    `published_table` what is in print. `date` is when the run began (ISO 8601, UTC), "" where unknown, and `commits`
+    maps renderers to the commit of the repository that their source lies in, if it lies in one.
     """
 
     format_version: Literal[1] = FORMAT_VERSION
@@ -323,6 +335,8 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
     timing: Timing
     published_table: Table = {}
     suites: list[SuiteEntry] = []
+    date: str = ""
+    commits: dict[str, str] = {}
 
     def __post_init__(self) -> None:
         if not self.complete and not self.reason:
@@ -360,8 +374,11 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
         return bool(runs) and all(run.refusal for run in runs)
 
     def stops(self, verdict: VerdictEntry) -> bool:
-        """Return whether a verdict stops a gate: it is not as expected, or a warning of a run that is strict."""
-        return not verdict.as_expected or (self.command.strict and verdict.warns)
+        """Return whether a verdict stops a gate: it is not as expected.
+
+        In a strict run a warning does, too, and what is listed as a known failure and is none any more.
+        """
+        return not verdict.as_expected or (self.command.strict and (verdict.warns or verdict.outdated))
 
 
 def schema() -> dict[str, Any]:

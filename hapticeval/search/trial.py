@@ -27,7 +27,10 @@ RENDERER = "renderer"
 SUITE = "search"
 
 FIRST, LATER = 30.0, 10.0
-"""Seconds that a renderer may take for the first case on a model, which it may prepare, and for any other."""
+"""Seconds that a renderer may take for the first case on a model, which it may prepare, and for any other.
+
+Seconds in which its process waits for a processor do not count: others use the machine then.
+"""
 
 FEWEST = 2.0
 """Seconds that it gets at least once it is known how long it takes."""
@@ -110,23 +113,27 @@ class Bench:
             patience = min(FIRST, max(FEWEST, AGAIN * self._prepared[model]))
         if self._workers is None:
             self._workers = Workers(_called, 1)
-        begun = time.monotonic()
         self._workers.begin(0, function, self._renderer, self._seed, *arguments)
+        begun, starved = time.monotonic(), self._workers.starved(0)
+        waited = 0.0
         while True:
             for answer in self._workers.answers(POLL):
                 if isinstance(answer.error, Ended):
                     self._end()
-                    return Tried((Fault(RENDERER, "dies", "the renderer ends the process that it runs in"),))
+                    return Tried(
+                        (Fault(RENDERER, "dies", f"the renderer ends the process that it runs in: {answer.error.how}"),)
+                    )
                 if answer.error is not None:
                     raise answer.error
-                took = time.monotonic() - begun
+                took = time.monotonic() - begun - waited
                 if model in self._warm:
                     self._slowest = max(self._slowest, took)
                 else:
                     self._prepared[model] = took
                     self._warm.add(model)
                 return answer.value
-            if time.monotonic() - begun > patience:
+            waited = self._workers.starved(0) - starved
+            if time.monotonic() - begun - waited > patience:
                 self._end()
                 return Tried((Fault(RENDERER, "hangs", f"the renderer gives no answer in {patience:.3g} s"),))
             if self._over():

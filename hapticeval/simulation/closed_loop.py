@@ -12,7 +12,7 @@ from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.devices.integration import default_method
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Stage
-from hapticeval.errors import DomainError, InputError, RunawayError, renderer_errors
+from hapticeval.errors import DomainError, InputError, RendererError, RunawayError, renderer_errors
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import CompiledStep, Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
@@ -137,6 +137,13 @@ def _drive_device(
             raise _ran_away(tick, out[kernels.HIP, tick], loop.state[kernels.JOINTS])
         elif status == kernels.NOT_FINITE:
             raise not_finite(tick, *(out[each, tick] for each in (kernels.MEASURED_HIP, kernels.IHIP, kernels.FORCE)))
+        elif status < 0:
+            raise RendererError(
+                f"the renderer's compiled step returned {status}",
+                tick=tick,
+                hip=out[kernels.MEASURED_HIP, tick],
+                why="it is below 0: the renderer broke",
+            )
         elif status >= kernels.REFUSED:
             end = _ended(tick, _refused(law, status - kernels.REFUSED + 1, out[kernels.MEASURED_HIP, tick]))
     return _recorded(renderer, time, _channels(loop, scene), dt, end)

@@ -29,7 +29,7 @@ JOINTS, RATES, SEEN, SEEN_RATES, BEFORE, PLACE, PACE, DRAWN, START, ROWS = range
 position and velocity at the end of a part of a tick, the integral of the position; joints at the start."""
 
 DONE, OUTSIDE, RAN_AWAY, NOT_FINITE, REFUSED = range(5)
-"""How a run ends; REFUSED and above is REFUSED - 1 plus the law's own number."""
+"""How a run ends; REFUSED and above is REFUSED - 1 plus the law's own number, and one below 0 is the law's own."""
 
 
 class Attached(NamedTuple):
@@ -265,7 +265,7 @@ def run(law: Callable[..., Any], data: Any, loop: Loop) -> tuple[int, int]:
             out[FORCE, tick],
         )  # fmt: skip
         if number != 0:
-            return tick, REFUSED - 1 + number
+            return tick, number if number < 0 else REFUSED - 1 + number
         for i in range(out.shape[2]):
             if not math.isfinite(out[IHIP, tick, i]) or not math.isfinite(out[FORCE, tick, i]):
                 return tick, NOT_FINITE

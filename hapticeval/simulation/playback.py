@@ -214,7 +214,10 @@ def _step_by_step(
 def reset_checked(renderer: Renderer, hip: Array) -> None:
     """Call `renderer.reset(hip)`. Raises `RendererError` for what it raises."""
     with renderer_errors("reset()", tick=0, hip=hip):
-        renderer.reset(hip.copy())
+        try:
+            renderer.reset(hip.copy())
+        except RendererError as error:
+            raise error.placed(0, hip) from error
 
 
 def observe_force_checked(renderer: Renderer, tick: int, hip: Array, push: Array) -> None:
@@ -231,6 +234,8 @@ def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt:
     """
     try:
         answer = renderer.step(hip.copy(), velocity.copy(), dt)  # an (ihip, force) pair of any kind
+    except RendererError as error:
+        raise error.placed(tick, hip) from error
     except HapticevalError:
         raise
     except (Exception, SystemExit) as error:
@@ -345,6 +350,37 @@ class _Rows(NamedTuple):
     @classmethod
     def resting(cls, hip: Array, dt: float, count: int) -> _Rows:
         return cls(np.tile(hip, (count, 1)), np.zeros((count, hip.size)), np.full(count, dt))
+
+
+TURN = 8
+"""Ticks that a renderer answers before it is another one's turn."""
+
+Party = tuple[Renderer, Path, Scene]
+"""A renderer, the path that it is led along, and its scene."""
+
+
+def play_in_turns(first: Party, second: Party, dt: float) -> Recording:
+    """Return what the first renderer answers along its path, while the second is led along its own by turns.
+
+    Both are reset at the beginning, and then answer `TURN` ticks each until the first path ends.
+    """
+    led = []
+    for renderer, path, scene in (first, second):
+        time, hips = path.sampled(dt)
+        rows = _Rows(hips, backward_difference(hips, time), np.full(time.size, dt))
+        way = way_in(renderer, hips, scene)
+        ahead = _Rows(way, np.diff(way, axis=0, prepend=way[:1]) / dt, np.full(len(way), dt))
+        led.append((renderer, ahead.followed_by(rows)))
+        reset_checked(renderer, led[-1][1].hip[0])
+    ways = led[0][1]
+    ihips, forces = np.empty_like(ways.hip), np.empty_like(ways.hip)
+    for begin in range(0, len(ways.dt), TURN):
+        answers = [_led_on(renderer, rows.part(begin, begin + TURN), begin) for renderer, rows in led]
+        ihips[begin : begin + TURN], forces[begin : begin + TURN] = answers[0]
+    time, hips = first[1].sampled(dt)
+    ahead_ = len(ways.dt) - len(time)
+    channels = {"hip": hips, "ihip": ihips[ahead_:], "force": forces[ahead_:], "velocity": ways.velocity[ahead_:]}
+    return Recording(time, channels, meta={"source": "playback", "dt": dt, **abilities_of(first[0]).meta})
 
 
 PATIENCE = 32

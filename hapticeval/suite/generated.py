@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path as FilePath
 from typing import Annotated, Literal
@@ -31,17 +32,22 @@ class Generated(Trajectory, frozen=True, kw_only=True, tag="generated"):
     most: int = 3
 
     def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
-        """Return the path; see `Trajectory.path` and `hand_paths`."""
-        from hapticeval import strategies
+        """Return the path, drawn once for a surface; see `Trajectory.path` and `hand_paths`."""
+        return _path(self, surface)
 
-        model = Model(surface.name, {}, surface)
-        drawn = strategies.hand_paths(
-            model, parts=self.parts or strategies.PARTS, most=self.most, tremor=self.strategy == "hand-with-tremor"
-        )
-        paths = strategies.examples(drawn, self.examples, seed=self.seed)
-        moves = list(paths[0].moves)
-        for before, after in pairwise(paths):
-            length = math.dist(before.moves[-1].to, after.start)
-            moves += [Move(to=after.start, seconds=shortest(length)), *after.moves] if length else after.moves
-        tremor = next((each.tremor for each in paths if each.tremor is not None), None)
-        return Moves(start=paths[0].start, moves=tuple(moves), tremor=tremor).path()
+
+@lru_cache(maxsize=8)
+def _path(table: Generated, surface: Boundary) -> Path:
+    from hapticeval import strategies
+
+    model = Model(surface.name, {}, surface)
+    drawn = strategies.hand_paths(
+        model, parts=table.parts or strategies.PARTS, most=table.most, tremor=table.strategy == "hand-with-tremor"
+    )
+    paths = strategies.examples(drawn, table.examples, seed=table.seed)
+    moves = list(paths[0].moves)
+    for before, after in pairwise(paths):
+        length = math.dist(before.moves[-1].to, after.start)
+        moves += [Move(to=after.start, seconds=shortest(length)), *after.moves] if length else after.moves
+    tremor = next((each.tremor for each in paths if each.tremor is not None), None)
+    return Moves(start=paths[0].start, moves=tuple(moves), tremor=tremor).path()

@@ -112,7 +112,7 @@ def test_what_has_begun_is_finished_and_the_rest_is_not_begun(here):
     assert "Traceback" not in err
     assert "3 of 4 planned verdicts ran (incomplete: interrupted by the user)" in out
     assert cases(here) == ["flat", "flat", "flat-back"]
-    assert (here / "results" / "report.html").exists()
+    assert (here / "results" / "report" / "index.html").exists()
 
 
 def test_a_second_one_stops_at_once(here):
@@ -132,7 +132,7 @@ def test_a_second_one_stops_at_once(here):
     assert f"wrote results/{FILE}" in out
     assert cases(here) == ["flat", "flat"]
     assert main(["report", "results"]) == 0
-    assert (here / "results" / "report.html").exists()
+    assert (here / "results" / "report" / "index.html").exists()
 
 
 def test_a_replay_says_and_does_the_same(here):

@@ -11,14 +11,17 @@ from hypothesis import strategies as st
 
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import from_vertices, make_model
-from hapticeval.geometry.motion import Motion, rigid, scaling
+from hapticeval.geometry.motion import Motion, mirroring, rigid, scaling
 
 MOVABLE = ("star", "dumbbell", "circle", "line")
 BOUND = ("cassinian", "ellipse", "sphere", "ellipsoid", "torus")
 
 motions = st.builds(
-    lambda angle, scale, x, y: Motion(rigid(angle, (0.0, 0.0)).matrix, scale, np.array([x, y])),
+    lambda angle, flip, scale, x, y: Motion(
+        rigid(angle, (0.0, 0.0)).matrix @ np.diag([1.0, flip]), scale, np.array([x, y])
+    ),
     st.floats(-math.pi, math.pi),
+    st.sampled_from([1.0, -1.0]),
     st.floats(0.01, 100.0),
     st.floats(-1.0, 1.0),
     st.floats(-1.0, 1.0),
@@ -50,6 +53,47 @@ def test_a_model_about_the_origin_is_scaled(kind, scale, seed):
     assert model.moved(rigid(0.3, np.zeros(size))) is None
 
 
+def same_frames(here, there, motion):
+    """Whether two models answer alike, the second in the scene moved."""
+    np.testing.assert_allclose(there.distance, motion.scale * here.distance, atol=1e-14)
+    np.testing.assert_allclose(motion.back(there.foot), here.foot, atol=1e-13)
+    smooth = np.linalg.norm(here.normal - motion.turned_back(there.normal), axis=1) < 1e-9  # at a corner either face's
+    assert smooth.mean() > 0.3
+    np.testing.assert_allclose(there.shape, motion.matrix @ here.shape @ motion.matrix.T, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("kind", [*MOVABLE, *BOUND, "cube", "l-block"])
+def test_every_model_has_a_mirror_image(kind):
+    model = make_model(kind)
+    mirror = mirroring(model.dimension)
+    points = np.random.default_rng(1).uniform(-0.12, 0.12, (40, model.dimension))
+    image = model.moved(mirror)
+    same_frames(model.boundary.closest_point(points), image.boundary.closest_point(mirror(points)), mirror)
+    assert mirror.mirrors
+    assert not mirror.rests
+    again = image.moved(mirror)
+    same_frames(
+        model.boundary.closest_point(points), again.boundary.closest_point(points), scaling(1.0, points.shape[1])
+    )
+
+
+@pytest.mark.parametrize("kind", ["star", "dumbbell", "cube", "l-block"])
+def test_a_model_is_the_same_with_its_vertices_in_another_order(kind):
+    model = make_model(kind)
+    points = np.random.default_rng(1).uniform(-0.12, 0.12, (40, model.dimension))
+    other = model.reordered()
+    here = getattr(model.boundary, "pieces", None)
+    assert here is None or not np.array_equal(here[:, 3:], other.boundary.pieces[:, 3:])
+    same_frames(
+        model.boundary.closest_point(points), other.boundary.closest_point(points), scaling(1.0, points.shape[1])
+    )
+
+
+@pytest.mark.parametrize("kind", ["circle", "ellipse", "line", "sphere"])
+def test_a_model_of_one_piece_has_no_other_order(kind):
+    assert make_model(kind).reordered() is None
+
+
 @given(motion=motions, seed=st.integers(0, 99))
 def test_a_motion_has_a_way_back(motion, seed):
     points = np.random.default_rng(seed).uniform(-1.0, 1.0, (5, 2))
@@ -67,7 +111,7 @@ def test_a_motion_in_space_turns_about_an_axis():
 
 @pytest.mark.parametrize(
     "wrong",
-    [(np.eye(2), 0.0, np.zeros(2)), (np.diag([1.0, -1.0]), 1.0, np.zeros(2)), (2.0 * np.eye(2), 1.0, np.zeros(2))],
+    [(np.eye(2), 0.0, np.zeros(2)), (np.eye(2), np.nan, np.zeros(2)), (2.0 * np.eye(2), 1.0, np.zeros(2))],
 )
 def test_what_is_no_motion_is_refused(wrong):
     with pytest.raises(InputError, match="a motion"):

@@ -28,6 +28,7 @@ class Tick:
     hip: np.ndarray
     number: int = 0
     time: float = 0.0
+    dt: float = 0.0
     velocity: np.ndarray = field(default_factory=lambda: np.zeros(2))
     ihip: np.ndarray = field(default_factory=lambda: np.zeros(2))
     force: np.ndarray = field(default_factory=lambda: np.zeros(2))
@@ -55,7 +56,7 @@ class Spoiled(Changed):
 
     def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
         tick = self.tick
-        tick.hip, tick.velocity = hip, velocity
+        tick.hip, tick.velocity, tick.dt = hip, velocity, dt
         tick.ihip, tick.force = super().step(hip, velocity, dt)
         answer = Response(*self.fault(tick))
         tick.number, tick.time = tick.number + 1, tick.time + dt
@@ -129,7 +130,57 @@ OVERPOWERING: dict[str, tuple[frozenset[str], Fault]] = {
 `kicks` gives a tenth more on the way out, `swirls` a fifth of the force across it, which drives the hand round one way.
 """
 
+
+def stale(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
+    """In one tick of fifty the answer is that of the tick before."""
+    before = tick.memory.get("answer", (tick.ihip, tick.force))
+    tick.memory["answer"] = tick.ihip, tick.force
+    return before if tick.number % 50 == 49 else (tick.ihip, tick.force)
+
+
+def mirrored(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
+    """The force follows the normal mirrored in the line under 45 degrees: x and y are exchanged."""
+    return tick.ihip, tick.force[::-1].copy()
+
+
+def left_handed(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
+    """On the left of the model the force is a hundredth larger than on the right, seen along the x axis."""
+    return tick.ihip, tick.force * (1.01 if tick.hip[1] > 0.0 else 1.0)
+
+
+def first_edge(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
+    """Up to a quarter of the outline from where it is listed first the force is a hundredth larger."""
+    curve = tick.scene.model.curve
+    along = curve.arc_length(curve.nearest(tick.ihip[np.newaxis]))[0] / curve.length
+    return tick.ihip, tick.force * (1.01 if min(along, 1.0 - along) < 0.25 else 1.0)
+
+
+class Shared:
+    """What a renderer keeps in its class by mistake: all objects of it have it in common."""
+
+    steps = 0
+
+
+def shares(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
+    """The force is a hundredth larger once another object has answered since this one's last answer."""
+    own = tick.memory.get("steps", Shared.steps)
+    Shared.steps += 1
+    tick.memory["steps"] = Shared.steps
+    return tick.ihip, tick.force * (1.0 if own == Shared.steps - 1 else 1.01)
+
+
+RELATIONS: dict[str, tuple[str, Fault]] = {
+    "left-handed": ("mirror-image", left_handed),
+    "first-edge": ("vertex-order", first_edge),
+    "ticks": ("time-subdivision", scaled(lambda tick: 1.0 if tick.dt == tick.scene.sampling_time else 1.01)),
+    "stale": ("time-subdivision", stale),
+    "shares": ("two-at-once", shares),
+}
+"""Fault: the relation that it breaks, and what it does. None of them breaks another."""
+
 FAULTS: dict[str, Fault] = {
+    "mirrored": mirrored,
+    **{name: fault for name, (_, fault) in RELATIONS.items()},
     **{name: fault for name, (_, fault) in (LETTING_GO | OVERPOWERING).items()},
     "falls-through": free_where(falls_through),
     "strays": strays,

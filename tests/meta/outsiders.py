@@ -13,7 +13,7 @@ from typing import Any
 import honest
 import jumping
 import numpy as np
-from broken import spoiled
+from broken import RELATIONS, spoiled
 from honest import Spring
 
 from hapticeval.discovery import resolve
@@ -73,6 +73,12 @@ CASES = {
             ("numerical-stability",),
             trajectory={"kind": "hard-places", "of": ["vertices", "medial", "teleports"]},
         ),
+        case(
+            "restated",
+            {"kind": "star"},
+            ("mirror-image", "vertex-order", "time-subdivision", "two-at-once"),
+            trajectory={"kind": "generated", "seed": 3, "examples": 2, "parts": ["slide"], "most": 1},
+        ),
     )
 }
 """What the outsiders are led along: each begins in free space, and is the shortest that shows the faults."""
@@ -126,6 +132,10 @@ BROKEN: Mapping[str, Outsider] = {
         name: Outsider(spoiled(name, Spring if name in OF_A_SPRING else "minimum-distance"), fails)
         for name, fails in FAILS.items()
     },
+    **{
+        name: Outsider(spoiled(name, Spring), {check: (fault.__doc__ or "a hundredth more").strip()}, ("restated",))
+        for name, (check, fault) in RELATIONS.items()
+    },
     "tunnels": Outsider(Spring, {"contact-kept": "a hand that passes a plate of 1 mm in a tick is free"}, ("plate",)),
     "fine-pop": Outsider(
         jumping.factory("fine-pop"),
@@ -144,7 +154,7 @@ IN_A_LOOP = ("late-3", "standoff")
 """The changes that alter the motion of a loop."""
 
 HONEST: Mapping[str, Outsider] = {
-    "spring": Outsider(Spring, cases=("slide", "press", "moved")),
+    "spring": Outsider(Spring, cases=("slide", "press", "moved", "restated")),
     "held": Outsider(resolve("constraint"), cases=("plate",)),
     **{
         name: Outsider(honest.factory(name, Spring), cases=("slide", "press") if name in IN_A_LOOP else ("slide",))

@@ -83,8 +83,8 @@ def test_an_installed_check_is_listed_explained_judged_and_reported(toy, command
     verdicts = json.loads((toy / "out" / "results.json").read_text())["verdicts"]
     found = {verdict["check"]: (verdict["outcome"], verdict["metric"]["unit"]) for verdict in verdicts}
     assert found == {"toy-strength": ("fail", "N"), "reset-clears": ("pass", "N")}
-    assert (toy / "out" / "report.html").exists(), ran
-    assert "half a newton" in (toy / "out" / "report.html").read_text()
+    assert (toy / "out" / "report" / "index.html").exists(), ran
+    assert "half a newton" in (toy / "out" / "report" / "index.html").read_text()
 
 
 @pytest.mark.parametrize(

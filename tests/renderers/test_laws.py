@@ -44,14 +44,17 @@ quick = settings(max_examples=25, suppress_health_check=[HealthCheck.function_sc
 COARSE = {"lut": {"cell": 2e-3}, "mapping": {"cells": 60.0}}
 NAMES = ["minimum-distance", "minimum-distance@polygon", "minimum-distance@level-set", "minimum-distance@lut"]
 NAMES += ["constraint", "constraint@curve", "conformal", "conformal@lut", "mapping", "set-stabilisation"]
+NAMES += ["homothetic", "homothetic@polygon", "homothetic@lut", "combescure", "combescure@lut"]
 EVERY = {
     (name, model): MODELS[model]
     for name in NAMES
     for model in ("cassinian", "star", "dumbbell", "line")
     if (name, model) not in {("set-stabilisation", "star"), ("mapping", "dumbbell")}
+    and not (name.startswith(("homothetic", "combescure")) and model in ("dumbbell", "line"))
 }
 SOLIDS = {m.name: m for m in (sphere(), ellipsoid(), torus())}
 EVERY |= {(name, model): SOLIDS[model] for name in ("minimum-distance", "set-stabilisation") for model in SOLIDS}
+EVERY |= {(name, model): SOLIDS[model] for name in ("homothetic", "combescure") for model in ("sphere", "ellipsoid")}
 EVERY |= {("set-stabilisation@atlas", "sphere"): SOLIDS["sphere"]}
 
 

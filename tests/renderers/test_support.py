@@ -159,6 +159,9 @@ SUPPORTED = {
     "constraint": {"plane", "bilateral", "force-sensor"},
     "minimum-distance": {"plane", "space", "bilateral", "force-sensor"},
     "minimum-distance@polygon": {"plane", "bilateral", "force-sensor"},
+    "homothetic": {"plane", "space", "bilateral", "force-sensor"},
+    "homothetic@polygon": {"plane", "bilateral", "force-sensor"},
+    "combescure": {"plane", "space", "bilateral", "force-sensor"},
     "set-stabilisation": set(ASKING),
 }
 

@@ -14,7 +14,6 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.canvas import THEME
-from hapticeval.reports.comparison import comparison_svg, surface_motion
 from hapticeval.reports.plane import along_path, labels, solid
 from hapticeval.reports.run_figure import Mark, _page, figure_svg, marks_of
 
@@ -148,52 +147,3 @@ def test_marks_are_numbered_and_share_labels_where_they_meet():
     assert marks == {"a": Mark(1, 1.0, True), "c": Mark(2, 1.0, False)}
     places = [np.array([0.0]), np.array([5.0]), np.array([0.1])]
     assert [text for _, text in labels([1, 2, 3], places, 0.5)] == ["1,3", "2"]
-
-
-# The figure that shows all renderers of a case.
-
-
-def orbit(radius, speed, count=500, dt=1e-3):
-    time = np.arange(count) * dt
-    angle = speed / radius * time
-    hip = radius * np.column_stack([np.cos(angle), np.sin(angle)])
-    velocity = speed * np.column_stack([-np.sin(angle), np.cos(angle)])
-    foot = hip * (0.1 / radius)
-    return Recording(time, {"hip": hip, "ihip": foot, "force": np.zeros_like(hip), "velocity": velocity})
-
-
-def compared(model="circle", **runs):
-    return comparison_svg(runs, make_model(model, size=0.2), prefix="c", title="three")
-
-
-@pytest.mark.parametrize("radius", [0.08, 0.1, 0.13])
-def test_the_foot_of_an_orbit_moves_slower_outside_and_faster_inside(radius):
-    plane = orbit(radius, 0.5)
-    distance, speed = surface_motion(plane, make_model("circle", size=0.2))
-    np.testing.assert_allclose(distance, radius - 0.1, atol=1e-12)
-    np.testing.assert_allclose(speed, 0.5 * 0.1 / radius, rtol=1e-9)
-    lifted = {name: np.column_stack([each, np.zeros(len(plane))]) for name, each in plane.channels.items()}
-    distance, speed = surface_motion(Recording(plane.time, lifted), make_model("sphere", size=0.2))
-    np.testing.assert_allclose(distance, radius - 0.1, atol=1e-12)
-    np.testing.assert_allclose(speed, 0.5 * 0.1 / radius, rtol=1e-9)
-
-
-def test_every_renderer_has_its_curve_and_a_run_that_leaves_does_not_shrink_the_others():
-    svg = compared(stays=orbit(0.1, 0.5), also=orbit(0.101, 0.5), leaves=orbit(50.0, 20.0))
-    assert svg.startswith("<svg")
-    assert 'aria-label="three"' in svg
-    assert {"stays", "also", "leaves"} <= set(words(svg))
-    assert max(float(each) for each in re.findall(r"(\d+(?:\.\d+)?)</text>", svg)) < 1000.0
-
-
-def test_what_set_stabilisation_leaves_is_seen_beside_millimetres():
-    shown = re.findall(r"10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)</text>", compared(near=orbit(0.1 + 2e-7, 0.5), off=orbit(0.104, 0.5)))
-    assert {"⁻⁷", "⁻³"} <= set(shown)
-
-
-def test_runs_in_space_are_drawn_by_their_shadow():
-    angle = np.linspace(0.0, 6.0, 300)
-    hip = 0.1 * np.column_stack([np.cos(angle), np.zeros(300), np.sin(angle)])
-    run = Recording(np.arange(300) * 1e-3, {"hip": hip, "ihip": hip, "force": np.zeros_like(hip)})
-    shown = words(compared("sphere", one=run))
-    assert {"y₁ (mm), seen along y₂", "y₃ (mm)"} <= set(shown)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from hapticeval.workers import Answer, Ended, Workers
+from hapticeval.workers import Answer, Ended, Overdue, Workers
 
 
 class Untold(Exception):
@@ -120,6 +120,24 @@ def test_a_process_that_dies_in_idleness_is_replaced():
         assert answered(crew, 1)[1].value not in (None, pid)
 
 
+def test_a_call_that_takes_too_long_is_given_up_and_its_place_is_free():
+    with Workers(act, 1) as crew:
+        crew.begin(0, "wait")
+        assert crew.give_up(60.0) == []
+        assert crew.answers(0.05) == []
+        (late,) = crew.give_up(0.05)
+        assert (late.call, late.value, type(late.error)) == (0, None, Overdue)
+        assert crew.busy == 0
+        crew.begin(1, "double", 4)
+        assert answered(crew, 1)[1].value == 8
+
+
+def test_an_ended_process_has_a_cause():
+    with Workers(act, 1) as crew:
+        crew.begin(0, "die")
+        assert answered(crew, 1)[0].error.how == "SIGKILL"
+
+
 def test_a_process_that_is_stopped_in_the_middle_of_an_answer_does_not_hold_up_the_end():
     """The answer is larger than a pipe takes, so that its process stands in the middle of sending it."""
     with Workers(act, 2) as crew:
@@ -127,6 +145,14 @@ def test_a_process_that_is_stopped_in_the_middle_of_an_answer_does_not_hold_up_t
         crew.begin(1, "wait")
         assert crew._at[0].worker.pipe.poll(60.0)
     assert crew.busy == 0
+
+
+def test_what_a_process_waits_for_a_processor_is_known_while_it_is_at_a_call():
+    with Workers(act, 1) as crew:
+        assert crew.starved(0) == 0.0
+        crew.begin(0, "wait")
+        first = crew.starved(0)
+        assert 0.0 <= first <= crew.starved(0)
 
 
 ORPHANS = """

@@ -41,6 +41,38 @@ class Hangs(Raises):
     def bad(self, hip):
         time.sleep(3600)
 
+class Ticks(Nearest):
+    """Depends on the length of a tick by one per cent."""
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        return Response(ihip, force * (1.0 + 0.01 * (1e3 * dt - 1.0)))
+
+class Keeps(Nearest):
+    """Keeps over a reset that it was in contact: a second contact is softer."""
+    softer = 1.0
+    def reset(self, hip):
+        self.softer = 0.99 if self.__dict__.get("touched") else 1.0
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        self.touched = self.__dict__.get("touched") or bool(force.any())
+        return Response(ihip, self.softer * force)
+
+class Mirrored(Nearest):
+    """Its normal has the wrong sign in x."""
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        return Response(ihip, force * [-1.0, 1.0])
+
+class Stale(Nearest):
+    """Answers every fiftieth tick with the answer of the tick before."""
+    def reset(self, hip):
+        self.tick, self.last = 0, None
+    def step(self, hip, velocity, dt):
+        answer = super().step(hip, velocity, dt)
+        self.tick += 1
+        answer, self.last = (self.last if self.tick % 50 == 0 else answer), answer
+        return answer
+
 class Refuses:
     def __init__(self, scene):
         from hapticeval import RefusalError

@@ -206,6 +206,30 @@ def test_a_file_that_is_none_of_ours_is_refused_by_name(tmp_path):
         read_all(Path(tmp_path))
 
 
+MUTANTS = {
+    "Ticks": "time-subdivision",
+    "Keeps": "reset-clears",
+    "Mirrored": "contact-normal-force",
+    "Stale": "time-subdivision",
+}
+"""Faults of one per cent, of one tick, of one sign: the check that finds each, among others."""
+
+
+@pytest.mark.parametrize("name", MUTANTS)
+def test_a_small_fault_is_found_within_a_few_examples(mine, monkeypatch, name):
+    monkeypatch.setattr("hapticeval.search.shrink.MOST", 4)
+    made = searched(f"mine:{name}", [MUTANTS[name]], models=["circle"], most=2)
+    assert set(made.found) == {MUTANTS[name]}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MUTANTS)
+def test_the_command_finds_a_small_fault_in_a_minute(mine, name):
+    assert run("-r", f"mine:{name}", "--seconds", 60, "-o", mine / "found") == 1
+    found = {each.fault.check for each in read_all(mine / "found")}
+    assert MUTANTS[name] in found
+
+
 @pytest.mark.slow
 def test_the_ideal_contact_fails_in_none_of_ten_thousand_examples():
     made = searched("ideal", list(judgeable()), most=10_000)

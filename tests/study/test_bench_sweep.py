@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from functools import cache
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -21,17 +22,18 @@ from hapticeval.study.bench.accuracy import (
     errors,
     fresh_scene,
     interior_points,
+    nearest_of_ours,
     reference_of,
     refinements,
     workload,
 )
-from hapticeval.study.bench.document import FILE, SAMPLES, read_bench, read_samples, write_bench
+from hapticeval.study.bench.document import FILE, SAMPLES, beside, read_bench, read_samples, write_bench
 from hapticeval.study.bench.judge import judged, unproven
 from hapticeval.study.bench.measure import array_bytes, batch_times, step_times, timed_build, track
 from hapticeval.study.bench.sweep import Effort, Setting, Sweep, settings_of
 from hapticeval.study.bench.text import describe
 
-TINY = Effort(rounds=3, steps=20, batches=3, builds=2)
+TINY = Effort(models=("cassinian", "star"), rounds=3, steps=20, batches=3, builds=2)
 
 
 class Blurred:
@@ -141,7 +143,22 @@ def test_a_reference_that_has_not_converged_is_not_called_accurate(work):
     assert reference.claims(finest)["ihip"]["p99"] == pytest.approx(10.0 * apart)
 
 
-def test_a_renderer_without_exact_form_or_knob_has_no_reference(work):
+def test_the_reference_of_a_renderer_without_exact_form_or_knob_is_the_nearest_of_ours(work):
+    found = answers(Blurred(lambda n: 1e-4)(work.scene), work)
+    reference = nearest_of_ours(found, work)
+    assert "of ours the nearest" in reference.what
+    assert errors(found, reference.answers, stiffness=1.0)["ihip"]["max"] == pytest.approx(1e-4)
+
+
+def test_a_quick_reference_is_the_setting_after_the_last_quick_one():
+    knob = Knob(values=(1.0, 2.0, 4.0, 8.0), quick=(1.0, 4.0), finest=(16.0, 32.0), unit="", meaning="")
+    last = replace(knob, quick=(8.0,), finest=())
+    assert refinements({"n": knob}) == ({"n": 16.0}, {"n": 32.0})
+    assert refinements({"n": knob}, quick=True) == ({"n": 4.0}, {"n": 8.0})
+    assert refinements({"n": last}, quick=True) == refinements({"n": last}) == ({"n": 4.0}, {"n": 8.0})
+
+
+def test_a_renderer_without_exact_form_or_knob_has_no_reference_of_its_own(work):
     assert reference_of("mine", lambda scene: minimum_distance(scene), work) is None
     with pytest.raises(InputError, match="one value only"):
         refinements({"n": Knob(values=(1.0,), unit="", meaning="")})
@@ -149,7 +166,7 @@ def test_a_renderer_without_exact_form_or_knob_has_no_reference(work):
 
 def test_the_bench_says_so_and_holds_back_its_answer(run):
     slow = Blurred(lambda n: 1e-3 / n)
-    settings = [Setting("blurred", {"n": n}, slow.with_knobs(n=n), {"n": ""}) for n in (1.0, 2.0, 4.0)]
+    settings = [Setting("blurred", {"n": n}, slow, slow.with_knobs(n=n), {"n": ""}) for n in (1.0, 2.0, 4.0)]
     costs = judged(run(settings).results(), within=1e-4)
     assert all(each.proven is False for each in costs.settings)
     assert [each.label for each in costs.answers] == [None] * 4
@@ -210,6 +227,21 @@ def test_a_bench_from_end_to_end(run, tmp_path):
     for name, kept in read_samples(tmp_path).items():
         np.testing.assert_array_equal(kept, samples[name])
     assert "order of convergence, minimum-distance@polygon on the cassinian" in describe(again)
+
+
+def test_settings_of_other_renderers_stay_beside_new_ones(run):
+    old, new = (run(settings_of([name], quick=True)) for name in ("minimum-distance@polygon", "constraint@curve"))
+    before, after = old.results(), new.results()
+    joined, samples = beside(after, new.samples(), before, old.samples())
+    assert [each.kept for each in joined.settings] == [True] * len(before.settings) + [False] * len(after.settings)
+    assert {each.renderer for each in joined.references} == {"minimum-distance@polygon", "constraint@curve"}
+    assert len({each.key for each in joined.settings}) == len(joined.settings)
+    for each, once in zip(joined.settings, before.settings, strict=False):
+        np.testing.assert_array_equal(samples[f"{each.key}/step"], old.samples()[f"{once.key}/step"])
+    again, _ = beside(after, new.samples(), joined, samples)
+    assert [each.label for each in again.settings] == [each.label for each in joined.settings]
+    elsewhere = msgspec.structs.replace(before, machine={**before.machine, "processor": "another"})
+    assert beside(after, new.samples(), elsewhere, old.samples())[0] == after
 
 
 def test_ctrl_c_keeps_what_was_measured(run):

@@ -7,13 +7,15 @@ renderer's own projection on the exact curve, or else its finest setting, as far
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any, cast
 
 import numpy as np
 
-from hapticeval.errors import InputError
+from hapticeval.discovery import own_renderers, resolve
+from hapticeval.errors import HapticevalError, InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.model import Model
 from hapticeval.knob import Knob, Settings
@@ -180,17 +182,18 @@ def on_the_exact_curve(factory: RendererFactory) -> RendererFactory:
     return choices.variant(representation="curve")
 
 
-def reference_of(name: str, factory: RendererFactory, work: Workload) -> Reference | None:
+def reference_of(name: str, factory: RendererFactory, work: Workload, *, quick: bool = False) -> Reference | None:
     """Build the reference of a renderer on a workload; None for one that has neither an exact form nor a knob.
 
-    With knobs the finest setting is the reference, and the one before it shows how far that has converged.
+    With knobs the finest setting is the reference, and the one before it shows how far that has converged: see
+    `refinements`.
     """
     exact = on_the_exact_curve(factory)
     knobs = choices_of(exact).knobs
     if not knobs:
         known = choices_of(exact).representation == "curve"
         return Reference("the exact curve", _asked(exact, work), None) if known else None
-    before, last = refinements(knobs)
+    before, last = refinements(knobs, quick=quick)
     coarse, fine = (_asked(configured(exact, each, name=name), work) for each in (before, last))
     return Reference(
         f"itself at {', '.join(f'{knob} {value:g}' for knob, value in last.items())}",
@@ -199,20 +202,47 @@ def reference_of(name: str, factory: RendererFactory, work: Workload) -> Referen
     )
 
 
-def refinements(knobs: Mapping[str, Knob]) -> tuple[Settings, Settings]:
+def nearest_of_ours(found: Answers, work: Workload) -> Reference | None:
+    """Return the answers of that renderer of ours on the exact curve whose IHIPs are nearest to those found.
+
+    For a renderer with neither an exact form nor a knob: most approximate a projection that one of ours computes.
+    None where none of ours has an exact form on the model.
+    """
+    known = {}
+    for name in own_renderers():
+        exact = on_the_exact_curve(resolve(name))
+        choices = choices_of(exact)
+        if choices.representation == "curve" and not choices.knobs:
+            with suppress(HapticevalError):
+                known[name] = _asked(exact, work)
+    if not known:
+        return None
+
+    def apart(name: str) -> float:
+        return errors(found, known[name], stiffness=work.scene.stiffness)["ihip"]["p99"]
+
+    nearest = min(known, key=apart)
+    return Reference(f"{nearest} on the exact curve, of ours the nearest to it", known[nearest], None)
+
+
+def refinements(knobs: Mapping[str, Knob], *, quick: bool = False) -> tuple[Settings, Settings]:
     """Return the last but one and the last refinement of all knobs together.
 
-    Raises `InputError` for a knob with one value only: nothing shows then whether it has converged.
+    A quick sweep needs no finer reference than the value after its own last one. Raises `InputError` for a knob with
+    one value only: nothing shows then whether it has converged.
     """
-    chosen = {name: knob.finest or knob.values for name, knob in knobs.items()}
-    for name, values in chosen.items():
+    chosen = {}
+    for name, knob in knobs.items():
+        values = tuple(dict.fromkeys((*knob.values, *knob.finest)))
         if len(values) < 2:
             raise InputError(
                 f"the knob '{name}' has one value only",
                 why="a reference without an exact form needs a second, coarser one to show that it has converged",
                 todo="give the knob at least two values",
             )
-    return {name: values[-2] for name, values in chosen.items()}, {name: values[-1] for name, values in chosen.items()}
+        last = max(values.index(knob.quick[-1]) + 1, 1) if quick and knob.quick else -1
+        chosen[name] = values[: last + 1][-2:] if 0 < last < len(values) else values[-2:]
+    return {name: pair[0] for name, pair in chosen.items()}, {name: pair[1] for name, pair in chosen.items()}
 
 
 def _asked(factory: Callable[..., object], work: Workload) -> Answers:

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.files import read_json, replacing, write_json
@@ -50,7 +51,7 @@ class SettingEntry(_Part, frozen=True):
 
     `errors` count from the reference, and `claims` are those that it can prove, None without one; `step` and `batch`
     are None where not measured; `front` has the kinds of time on whose Pareto front the setting lies; `problem` is why
-    an entry has nothing else.
+    an entry has nothing else; `kept` entries are of an earlier bench, see `beside`.
     """
 
     renderer: str
@@ -67,6 +68,7 @@ class SettingEntry(_Part, frozen=True):
     key: str
     front: list[Kind]
     problem: str | None
+    kept: bool = False
 
     def times(self, kind: Kind) -> Times | None:
         """Return the times of a kind."""
@@ -142,6 +144,39 @@ class BenchResults(_Part, frozen=True):
         for each in self.settings:
             found.setdefault(each.model, []).append(each)
         return found
+
+
+def beside(
+    results: BenchResults, samples: Samples, before: BenchResults, earlier: Samples
+) -> tuple[BenchResults, Samples]:
+    """Add the settings of an earlier bench of other renderers, so that new ones stand among them.
+
+    Nothing is added where versions, processor, cores, seed or effort differ: their times could not be compared.
+    """
+    if any(
+        one != other
+        for one, other in (
+            (results.environment, before.environment),
+            (results.seed, before.seed),
+            (results.quick, before.quick),
+            *((results.machine.get(name), before.machine.get(name)) for name in ("processor", "cores")),
+        )
+    ):
+        return results, samples
+    measured = {each.renderer for each in results.settings}
+    keys = {
+        each.key: f"k{number:03d}"
+        for number, each in enumerate(each for each in before.settings if each.renderer not in measured)
+    }
+    settings = [replace(each, key=keys[each.key], kept=True) for each in before.settings if each.key in keys]
+    references = [each for each in before.references if each.renderer not in measured]
+    old = {
+        f"{keys[key]}/{kind}": rows
+        for (key, _, kind), rows in ((name.partition("/"), rows) for name, rows in earlier.items())
+        if key in keys
+    }
+    joined = replace(results, settings=[*settings, *results.settings], references=[*references, *results.references])
+    return joined, {**old, **samples}
 
 
 def write_bench(directory: Path, results: BenchResults, samples: Samples) -> list[Path]:

@@ -67,12 +67,11 @@ def step_times(renderer: Renderer, along: Track, count: int, *, first: int) -> I
     for k in range(WARM_UP):
         hip, velocity = rows[(first + k) % len(rows)]
         step(hip, velocity, dt)
-    with quiet():
-        for k in range(count):
-            hip, velocity = rows[(first + WARM_UP + k) % len(rows)]
-            begun = clock()
-            step(hip, velocity, dt)
-            samples[k] = clock() - begun
+    for k in range(count):
+        hip, velocity = rows[(first + WARM_UP + k) % len(rows)]
+        begun = clock()
+        step(hip, velocity, dt)
+        samples[k] = clock() - begun
     return samples
 
 
@@ -86,11 +85,10 @@ def batch_times(renderer: Renderer, along: Track, count: int) -> IntArray | None
     took = (clock() - begun) * 1e-9
     repeats = int(np.clip(LONG_BATCH / max(took, 1e-9), 3, count))
     samples = np.empty(repeats, dtype=np.int64)
-    with quiet():
-        for k in range(repeats):
-            begun = clock()
-            run(hips, dt)
-            samples[k] = (clock() - begun) * 1000 // len(hips)
+    for k in range(repeats):
+        begun = clock()
+        run(hips, dt)
+        samples[k] = (clock() - begun) * 1000 // len(hips)
     return samples
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import count, product
+from itertools import count, islice, product
 from typing import Any
 
 import numpy as np
@@ -19,17 +19,19 @@ from hapticeval.runner.results import environment
 from hapticeval.study.bench.accuracy import (
     MODELS,
     ROUNDING,
+    Answers,
     Reference,
     Workload,
     answers,
     errors,
     fresh_scene,
+    nearest_of_ours,
     on_the_exact_curve,
     reference_of,
     workload,
 )
 from hapticeval.study.bench.document import BenchResults, Errors, ReferenceEntry, Samples, SettingEntry, Times
-from hapticeval.study.bench.measure import array_bytes, batch_times, machine, step_times, timed_build, track
+from hapticeval.study.bench.measure import array_bytes, batch_times, machine, quiet, step_times, timed_build, track
 from hapticeval.types import IntArray
 
 TICK = 1e-3
@@ -41,24 +43,26 @@ Progress = Callable[[int, int, str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """How much is measured: rounds of timing, steps and batches per round, and builds."""
+    """How much is measured: models, rounds of timing, steps and batches per round, and builds."""
 
+    models: tuple[str, ...]
     rounds: int
     steps: int
     batches: int
     builds: int
 
 
-QUICK = Effort(rounds=8, steps=250, batches=5, builds=2)
-FULL = Effort(rounds=20, steps=1000, batches=10, builds=5)
+QUICK = Effort(models=("cassinian",), rounds=8, steps=250, batches=3, builds=1)
+FULL = Effort(models=tuple(MODELS), rounds=20, steps=1000, batches=10, builds=5)
 
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """A renderer with its knobs at given values."""
+    """A renderer with its knobs at given values: `factory` builds it, `base` with the knobs as it has them."""
 
     renderer: str
     values: Settings
+    base: RendererFactory
     factory: RendererFactory
     units: Mapping[str, str] = field(default_factory=dict)
 
@@ -86,9 +90,9 @@ def settings_of(
 ) -> list[Setting]:
     """List every setting of the renderers, in the order given, coarse before fine.
 
-    Each knob is swept alone, the others as the renderer itself has them. `chosen` names the knobs to sweep instead,
-    with their values, on the renderers that have them: then in every combination. Raises `UnknownNameError` for a
-    knob that none of them has, and as `resolve` does.
+    Each knob is swept alone, the others as the renderer itself has them; only the first knob where `quick`. `chosen`
+    names the knobs to sweep instead, with their values, on the renderers that have them: then in every combination.
+    Raises `UnknownNameError` for a knob that none of them has, and as `resolve` does.
     """
     factories = {name: resolve(name) for name in dict.fromkeys(renderers)}
     knobs = {name: choices_of(factory).knobs for name, factory in factories.items()}
@@ -105,12 +109,12 @@ def settings_of(
         else:
             every = [
                 {knob: value}
-                for knob, each in knobs[name].items()
+                for knob, each in islice(knobs[name].items(), 1 if quick else None)
                 for value in (each.quick if quick and each.quick else each.values)
             ]
         units = {knob: each.unit for knob, each in knobs[name].items()}
         for setting in every or [{}]:
-            found.append(Setting(name, setting, configured(factory, setting, name=name), units))
+            found.append(Setting(name, setting, factory, configured(factory, setting, name=name), units))
     return found
 
 
@@ -166,8 +170,9 @@ class Sweep:
         self.seed = seed
         self.command = command
         self.effort = QUICK if quick else FULL
-        self.works = [workload(kind, seed=seed) for kind in MODELS]
+        self.works = [workload(kind, seed=seed) for kind in self.effort.models]
         pairs = [(work, setting) for work in self.works for setting in settings]
+        self.factories = {each.renderer: each.base for each in settings}
         self.entries = [_Entry(setting, work, f"s{k:03d}") for k, (work, setting) in enumerate(pairs)]
         self.references: dict[tuple[str, str], Reference | None] = {}
         self.rounds = 0
@@ -187,7 +192,8 @@ class Sweep:
             order = np.random.default_rng(self.seed)
             for done in range(self.effort.rounds):
                 progress(len(self.entries) + done, total, f"timing, round {done + 1} of {self.effort.rounds}")
-                self._round(done, order)
+                with quiet():
+                    self._round(done, order)
             progress(total, total, "")
         except KeyboardInterrupt:
             self.reason = "interrupted by the user"
@@ -217,29 +223,30 @@ class Sweep:
                 f"'{setting.renderer}' has no reset and step to be timed",
                 why="it answers a whole stimulus at once",
             )
-        entry.reference = self._reference(setting, work)
         found = answers(warm, work)
+        entry.reference = self._reference(setting, work, found)
         if entry.reference is not None:
             entry.errors = errors(found, entry.reference.answers, stiffness=work.scene.stiffness)
         scenes = (fresh_scene(work.name, next(self._fresh)) for _ in range(self.effort.builds))
         entry.renderer, entry.builds = timed_build(setting.factory, scenes, self.effort.builds)
         entry.memory = array_bytes(entry.renderer)
 
-    def _reference(self, setting: Setting, work: Workload) -> Reference | None:
+    def _reference(self, setting: Setting, work: Workload, found: Answers) -> Reference | None:
         """Return the reference of a setting, which renderers share that are the same on the exact curve."""
         key = (setting.renderer, work.name)
         if key not in self.references:
-            base = on_the_exact_curve(setting.factory)
+            base = on_the_exact_curve(self.factories[setting.renderer])
             shared = [
                 reference
                 for (name, model), reference in self.references.items()
-                if model == work.name and _same(base, self._factory_of(name))
+                if model == work.name and _same(base, on_the_exact_curve(self.factories[name]))
             ]
-            self.references[key] = shared[0] if shared else reference_of(setting.renderer, setting.factory, work)
+            if shared:
+                self.references[key] = shared[0]
+            else:
+                made = reference_of(setting.renderer, setting.factory, work, quick=self.quick)
+                self.references[key] = made or nearest_of_ours(found, work)
         return self.references[key]
-
-    def _factory_of(self, name: str) -> Any:
-        return on_the_exact_curve(next(each.setting.factory for each in self.entries if each.setting.renderer == name))
 
     def _round(self, number: int, order: np.random.Generator) -> None:
         """Time every setting once, in an order of its own. A round that is cut short is dropped whole."""

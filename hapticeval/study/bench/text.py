@@ -39,6 +39,7 @@ def describe(results: BenchResults) -> str:
         "\n".join(_answers(results)),
         "\n".join(_comparison(results.comparison)),
         f"{len(results.settings)} settings in {results.timing['wall_seconds']:.3g} s, {results.rounds} rounds of timing"
+        + _kept(results)
         + ("" if results.complete else f"; incomplete: {results.reason}"),
     ]
     return "\n\n".join(part for part in parts if part)
@@ -55,6 +56,11 @@ def _tables(results: BenchResults) -> Iterator[str]:
             *(f"   {each.label}: {each.problem}" for each in settings if each.problem),
         ]
         yield "\n".join(lines)
+
+
+def _kept(results: BenchResults) -> str:
+    kept = sum(each.kept for each in results.settings)
+    return f"; {kept} of them kept from an earlier bench" if kept else ""
 
 
 def _orders(results: BenchResults) -> Iterator[str]:

@@ -1,0 +1,1 @@
+"""Examples; those in folders are what `hapticeval new` writes."""

@@ -1,0 +1,38 @@
+% A penalty renderer for the plane that hapticeval asks in JSON lines, for Octave 7 or later:
+%   hapticeval run -r 'cmd:octave-cli -qf mine.m'
+while true
+  line = fgetl(stdin);  % in MATLAB: input('', 's')
+  if ~ischar(line), break, end
+  m = jsondecode(line);
+  answer = struct('id', m.id);
+  switch m.call
+    case 'hello'
+      answer.version = 1; answer.supports = {'plane'}; answer.spring = true; answer.run = true;
+    case 'scene'
+      a = m.vertices(m.cells(:, 1) + 1, :);  % edges: from a along u
+      u = m.vertices(m.cells(:, 2) + 1, :) - a;
+      stiffness = m.stiffness;
+    case {'step', 'run'}
+      if strcmp(m.call, 'run'), hips = m.hips; else hips = m.hip'; end
+      ihips = hips;
+      for k = 1:size(hips, 1)
+        p = hips(k, :) - a;
+        q = p - u;
+        turn = sum(atan2(p(:, 1) .* q(:, 2) - p(:, 2) .* q(:, 1), sum(p .* q, 2)));
+        if abs(turn) > 3  % 2 pi inside, 0 outside
+          share = min(max(sum(p .* u, 2) ./ sum(u .^ 2, 2), 0), 1);
+          [~, n] = min(sum((p - share .* u) .^ 2, 2));
+          ihips(k, :) = a(n, :) + share(n) * u(n, :);
+        end
+      end
+      forces = stiffness * (ihips - hips);
+      if strcmp(m.call, 'run')
+        answer.ihips = ihips; answer.forces = forces;
+      else
+        answer.ihip = ihips; answer.force = forces;
+      end
+    case 'bye'
+      break
+  end
+  disp(jsonencode(answer)); fflush(stdout);
+end

@@ -1,0 +1,359 @@
+"""A renderer in a shared library, `lib:./libmine.so`, by the C ABI of `hapticeval.h`.
+
+What the library is, a process of its own finds out: one that crashes or hangs when it is loaded takes nothing along.
+Compiled loops call its step by its address, without Python.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import subprocess
+import sys
+import weakref
+from ctypes import POINTER, byref, c_char_p, c_double, c_int32, c_uint32, c_void_p
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+
+from hapticeval.adapters.outside import Outside, path_of
+from hapticeval.compiled import LAW, LawData, borrowing, call_step, first_class, law_data
+from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
+from hapticeval.renderer import CompiledStep, Declaration, Response, Spring
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+from hapticeval.workers import ending
+
+HEADER = Path(__file__).with_name("hapticeval.h")
+
+ABI = 1
+CONTACT, REFUSES_MODEL, REFUSES_HIP = 1, 1, 2
+BILATERAL, SPRING = 4, 16
+FLAGS = {1: "plane", 2: "space", BILATERAL: "bilateral", 8: "viscosity"}
+"""Flags of the header that are requirements of scenes."""
+
+REQUIRED = ("hr_abi", "hr_info_get", "hr_create", "hr_reset", "hr_step", "hr_destroy")
+
+WORDS = 1024
+"""Bytes that a library may write to say why it refuses."""
+
+PATIENCE = 30.0
+"""Seconds in which a library is loaded and says what it can."""
+
+REFUSED = "the library refuses the HIP"
+
+
+class SceneStruct(ctypes.Structure):
+    """`hr_scene` of the header."""
+
+    _fields_ = [
+        *((name, c_uint32) for name in ("size", "dimension", "flags", "n_vertices", "n_cells")),
+        *((name, c_double) for name in ("stiffness", "damping", "mass", "restitution", "viscosity", "sampling_time")),
+        ("vertices", POINTER(c_double)),
+        ("cells", POINTER(c_uint32)),
+        ("chord_error", c_double),
+    ]
+
+
+class InfoStruct(ctypes.Structure):
+    """`hr_info` of the header."""
+
+    _fields_ = [
+        *((name, c_uint32) for name in ("size", "flags")),
+        *((name, c_double) for name in ("max_error", "standoff", "resolution")),
+    ]
+
+
+PROBE = """
+import ctypes, json, sys
+path, names, fields = sys.argv[1], sys.argv[2].split(), sys.argv[3].split()
+class Info(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_uint32) for name in fields[:2]] + [(name, ctypes.c_double) for name in fields[2:]]
+try:
+    library = ctypes.CDLL(path)
+except OSError as error:
+    found = {"error": str(error)}
+else:
+    found = {"missing": [name for name in names if not hasattr(library, name)]}
+    if "hr_abi" not in found["missing"]:
+        library.hr_abi.restype = ctypes.c_uint32
+        found["abi"] = library.hr_abi()
+    if not found["missing"] and found["abi"] == int(sys.argv[4]):
+        info = Info(ctypes.sizeof(Info))
+        found["status"] = library.hr_info_get(None, ctypes.byref(info))
+        found["info"] = {name: getattr(info, name) for name in fields}
+print("\\nhapticeval", json.dumps(found), flush=True)
+"""
+"""What asks a library what it is. Only the last line counts: a library may print."""
+
+
+@lru_cache(maxsize=32)
+def _asked(path: Path, changed: int) -> dict[str, Any]:  # noqa: ARG001 - a library that is built anew is asked again
+    """Return what the library answers: missing symbols, its ABI, flags and `max_error`. Raises `InputError`."""
+    fields = " ".join(name for name, *_ in InfoStruct._fields_)
+    command = [sys.executable, "-I", "-c", PROBE, str(path), " ".join(REQUIRED), fields, str(ABI)]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, stdin=subprocess.DEVNULL, timeout=PATIENCE, check=False, errors="replace"
+        )
+    except subprocess.TimeoutExpired as error:
+        raise InputError(
+            f"the library {path} gives no answer in {PATIENCE:g} s",
+            why="what it does when it is loaded, hr_abi() or hr_info_get(NULL, info) hangs",
+            todo="do the work in hr_create",
+        ) from error
+    last = done.stdout.rpartition("\nhapticeval ")[2]
+    if done.returncode or not last.startswith("{"):
+        raise InputError(
+            f"the library {path} ends the process that loads it: {ending(done.returncode)}",
+            why="what it does when it is loaded, hr_abi() or hr_info_get(NULL, info) crashes",
+            todo="hr_info_get is first called with self NULL, before a scene: write flags and max_error then",
+        )
+    found: dict[str, Any] = json.loads(last)
+    return found
+
+
+class Info(NamedTuple):
+    """What a library says of itself before a scene: its flags, and the chord error (m) that it asks for, or 0."""
+
+    flags: int
+    max_error: float
+
+    @property
+    def supports(self) -> frozenset[str]:
+        """What its flags declare."""
+        return frozenset(name for flag, name in FLAGS.items() if self.flags & flag)
+
+
+def info_of(path: Path) -> Info:
+    """Ask a library what it is. Raises `InputError` for what is none with our ABI, with the reason."""
+    if not path.is_file():
+        raise InputError(
+            f"no library {path}",
+            why="there is no such file",
+            todo="build it first, and give its path: lib:./libmine.so. A Python module is named package.module:factory",
+        )
+    found = _asked(path, path.stat().st_mtime_ns)
+    if "error" in found:
+        raise InputError(
+            f"{path} cannot be loaded as a library",
+            why=found["error"],
+            todo="build a shared library for this machine: cc -shared -fPIC -o libmine.so mine.c. Of what it needs "
+            "itself, `ldd` shows what is not found",
+        )
+    if found["missing"]:
+        raise InputError(
+            f"the library {path} has no {', '.join(found['missing'])}",
+            why="these functions of hapticeval.h are not optional, and it does not export them",
+            todo='define them; in C++ as extern "C", which including hapticeval.h does; see `hapticeval header`',
+        )
+    if found["abi"] != ABI:
+        raise InputError(
+            f"the library {path} has the ABI {found['abi']}",
+            why=f"this version of hapticeval calls libraries of ABI {ABI}",
+            todo="build it anew with the header that `hapticeval header` prints, and let hr_abi() return HR_ABI",
+        )
+    info = found["info"]
+    if found["status"]:
+        raise InputError(
+            f"the library {path}: hr_info_get(NULL, info) returned {found['status']}",
+            why="it is called with self NULL first, before a scene",
+            todo="write flags and max_error then, and return 0",
+        )
+    if info["flags"] >= 2 * SPRING:
+        raise InputError(
+            f"the library {path} has the flags {info['flags']:#x}",
+            why="this version of hapticeval does not know all of them",
+            todo="use the flags of the header that `hapticeval header` prints",
+        )
+    if not 0.0 <= info["max_error"] < np.inf:
+        raise InputError(
+            f"the library {path} asks for max_error = {info['max_error']!r} m",
+            why="it is a length: finite and not negative",
+        )
+    return Info(int(info["flags"]), float(info["max_error"]))
+
+
+@dataclass(frozen=True)
+class LibraryFactory:
+    """Makes renderers of a library; it can travel to other processes."""
+
+    path: Path
+    info: Info
+
+    @property
+    def summary(self) -> str:
+        """In a line what it makes."""
+        return f"the library {self.path.name}"
+
+    @property
+    def supports(self) -> frozenset[str]:
+        """What its flags declare."""
+        return self.info.supports
+
+    def __call__(self, scene: Scene) -> LibraryRenderer:
+        """Make the renderer of a scene."""
+        return LibraryRenderer(_loaded(self.path), self.info, Outside(scene, self.info.max_error))
+
+
+def library(place: str) -> LibraryFactory:
+    """Return the factory of the library at `place`. Raises as `info_of` does."""
+    path = Path(place).resolve()
+    return LibraryFactory(path, info_of(path))
+
+
+@lru_cache(maxsize=32)
+def _loaded(path: Path) -> ctypes.CDLL:
+    found = ctypes.CDLL(str(path))
+    point = c_void_p
+    found.hr_info_get.argtypes = [c_void_p, POINTER(InfoStruct)]
+    found.hr_create.argtypes = [POINTER(SceneStruct), POINTER(c_void_p), c_char_p, c_uint32]
+    found.hr_reset.argtypes = [c_void_p, point, point]
+    found.hr_step.argtypes = [c_void_p, point, point, c_double, point, point]
+    found.hr_destroy.argtypes, found.hr_destroy.restype = [c_void_p], None
+    for name in ("hr_info_get", "hr_create", "hr_reset", "hr_step"):
+        getattr(found, name).restype = c_int32
+    if hasattr(found, "hr_run"):
+        found.hr_run.argtypes = [c_void_p, c_uint32, point, point, c_double, point, point]
+        found.hr_run.restype = c_int32
+    return found
+
+
+@borrowing
+def ask(
+    data: LawData, hip: Array, velocity: Array, push: Array, dt: float, ihip: Array, force: Array  # noqa: ARG001
+) -> int:  # fmt: skip
+    """One tick of a library, of signature `LAW`: `params` holds the addresses of its `hr_step` and of its self.
+
+    The answer goes to `state`. What the library does not write is not finite.
+    """
+    for i in range(hip.shape[0]):
+        ihip[i] = force[i] = np.nan
+    places = data.params.view(np.uint64)
+    answer = call_step(
+        places[0], places[1], hip.ctypes.data, velocity.ctypes.data, dt, ihip.ctypes.data, force.ctypes.data
+    )
+    data.state[0] = answer
+    if 0 <= answer <= CONTACT:
+        return 0
+    return REFUSES_HIP if answer == REFUSES_HIP else -abs(int(answer))
+
+
+class LibraryRenderer:
+    """A renderer of a library, with the same bits in `step`, in `run` and in a compiled loop: each calls `hr_step`.
+
+    `run` calls the library's `hr_run` where it has one. `contact` is whether the library's last answer was HR_CONTACT.
+    """
+
+    def __init__(self, library: ctypes.CDLL, info: Info, outside: Outside) -> None:
+        self._library, self._outside = library, outside
+        self._self = c_void_p()
+        self._create()
+        weakref.finalize(self, library.hr_destroy, self._self)
+        lengths = InfoStruct(ctypes.sizeof(InfoStruct))
+        status = library.hr_info_get(self._self, byref(lengths))
+        if status:
+            raise RendererError(f"the library's hr_info_get() returned {status}", why="0 is what all is well with")
+        for name in ("standoff", "resolution"):
+            if not 0.0 <= getattr(lengths, name) < np.inf:
+                raise RendererError(
+                    f"the library's hr_info_get() has {name} = {getattr(lengths, name)!r} m",
+                    why="it is a length: finite and not negative",
+                    todo="leave it zero, or write metres",
+                )
+        self.__dict__.update(outside.lengths(float(lengths.standoff), float(lengths.resolution)))
+        self.supports = info.supports
+        if info.flags & SPRING:
+            self.declares = Declaration(spring=Spring.ERROR)
+        places = np.array([ctypes.cast(library.hr_step, c_void_p).value, self._self.value or 0], dtype=np.uint64)
+        self.law = CompiledStep(ask, law_data(places.view(np.float64), state=1), {REFUSES_HIP: REFUSED})
+
+    def _create(self) -> None:
+        scene, facets = self._outside.scene, self._outside.facets
+        vertices = np.ascontiguousarray(facets.vertices, dtype=np.float64)
+        cells = np.ascontiguousarray(facets.cells, dtype=np.uint32)
+        self._kept = vertices, cells  # the library reads them as long as it lives
+        struct = SceneStruct(
+            size=ctypes.sizeof(SceneStruct),
+            dimension=scene.model.dimension,
+            flags=BILATERAL if scene.bilateral else 0,
+            n_vertices=len(vertices),
+            n_cells=len(cells),
+            vertices=vertices.ctypes.data_as(POINTER(c_double)),
+            cells=cells.ctypes.data_as(POINTER(c_uint32)),
+            **self._outside.numbers,
+        )
+        why = ctypes.create_string_buffer(WORDS)
+        status = self._library.hr_create(byref(struct), byref(self._self), why, WORDS)
+        text = why.raw.split(b"\0", 1)[0].decode(errors="replace").strip()
+        if status == REFUSES_MODEL:
+            raise RefusalError(
+                f"the library refuses the model '{scene.model.name}'",
+                why=text or "it does not say why",
+                todo="choose another case" if text else "write the reason to `why` in hr_create",
+            )
+        if status:
+            raise RendererError(f"the library's hr_create() returned {status}", why=text)
+
+    @property
+    def contact(self) -> bool:
+        """Whether the library's last answer was HR_CONTACT."""
+        return bool(self.law.data.state[0] == CONTACT)
+
+    def reset(self, hip: Array) -> None:
+        """Start a run with the hand at `hip` (N,), m. Raises `DomainError` where the library refuses it."""
+        self.law.data.state[0] = 0.0
+        hip = np.array(hip, dtype=np.float64)
+        tool = np.array(self._outside.tool(hip), dtype=np.float64)
+        status = self._library.hr_reset(self._self, hip.ctypes.data, tool.ctypes.data)
+        if status:
+            self._refuse("hr_reset", status, hip)
+
+    def step(self, hip: Array, velocity: Array, dt: float) -> Response:
+        """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the library refuses it."""
+        hip, velocity = (np.array(each, dtype=np.float64) for each in (hip, velocity))
+        ihip, force = np.full_like(hip, np.nan), np.full_like(hip, np.nan)
+        answer = self._library.hr_step(
+            self._self, hip.ctypes.data, velocity.ctypes.data, dt, ihip.ctypes.data, force.ctypes.data
+        )
+        self.law.data.state[0] = answer
+        if not 0 <= answer <= CONTACT:
+            self._refuse("hr_step", answer, hip)
+        return Response(ihip, force)
+
+    def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
+        """A whole path: `reset` at the first row of `hips` (n, N), and a `step` a row. Returns IHIPs and forces."""
+        from hapticeval.simulation.playback_kernels import lead
+
+        hips, velocities = path_of(hips, dt)
+        ihips, forces = np.full_like(hips, np.nan), np.full_like(hips, np.nan)
+        self.reset(hips[0])
+        if hasattr(self._library, "hr_run"):
+            places = (each.ctypes.data for each in (hips, velocities))
+            status = self._library.hr_run(
+                self._self, len(hips), *places, dt, ihips.ctypes.data, forces.ctypes.data
+            )  # fmt: skip
+            if status:
+                raise RuntimeError(f"hr_run returned {status}")  # single steps find out where
+        else:
+            law, push = first_class(self.law.function, LAW), np.zeros(hips.shape[1])
+            row = lead(law, self.law.data, push, hips, velocities, np.full(len(hips), dt), (ihips, forces))
+            if row < len(hips):
+                raise RuntimeError(f"hr_step returned {self.law.data.state[0]:.0f}")
+        return ihips, forces
+
+    def _refuse(self, function: str, status: int, hip: Array) -> NoReturn:
+        """Raise `DomainError` where the library refuses a HIP, and `RendererError` where it broke."""
+        place = ", ".join(f"{x:.6g}" for x in hip)
+        if status == REFUSES_HIP:
+            raise DomainError(f"{REFUSED}: ({place}) m", why=f"{function} returned HR_REFUSES_HIP")
+        raise RendererError(
+            f"the library's {function}() returned {status}", why="it is below 0, or none of the header's: it broke"
+        )
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> NoReturn:
+        """Refuse: a copy would be the same state of the library once more."""
+        raise TypeError("a library's renderer cannot be copied")

@@ -1,0 +1,385 @@
+"""A renderer in a process of its own, `cmd:./mine`: one JSON object a line, asked on its stdin and answered on stdout.
+
+Each message has an `id` and a `call`, and each answer that `id`. No wait is without end: a child that is late, has died
+or answers nonsense is ended, and the error says which.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import json
+import os
+import selectors
+import shlex
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import weakref
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import pairwise
+from typing import IO, Any, NoReturn
+
+import numpy as np
+
+from hapticeval.adapters.outside import Outside, path_of
+from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
+from hapticeval.renderer import Declaration, Response, Spring
+from hapticeval.scene import Scene, requirements
+from hapticeval.types import Array
+from hapticeval.workers import ending
+
+VERSION = 1
+"""Of the protocol."""
+
+START, PATIENCE, A_TICK = 60.0, 20.0, 0.02
+"""Seconds that a child may take to say hello, which a large program needs; for any other answer; and more for each tick
+of a batch."""
+
+GRACE = 1.0
+"""Seconds that it has to end after bye."""
+
+LINE, A_NUMBER = 1 << 20, 64
+"""Bytes that an answer may have, and more for each number of a batch: what prints without end is no answer."""
+
+SHOWN = 300
+"""Characters of an odd answer, and of what the child wrote to stderr, that an error shows."""
+
+
+class Child:
+    """A process that is asked, and its end. Ends with the process that made it, where the system offers that."""
+
+    def __init__(self, command: tuple[str, ...]) -> None:
+        self.command = shlex.join(command)
+        self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the child
+        try:
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._errors,
+                bufsize=0,
+                start_new_session=True,  # Ctrl-C is the parent's, and what the child starts can be ended with it
+                preexec_fn=_dies_with_parent(),
+            )
+        except OSError as error:
+            self._errors.close()
+            raise InputError(
+                f"cannot start '{self.command}'",
+                why=error.strerror or str(error),
+                todo="give a program as in a shell: cmd:./mine, 'cmd:python3 mine.py'",
+            ) from error
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._in, self._out = self._process.stdin.fileno(), self._process.stdout.fileno()
+        os.set_blocking(self._in, False)
+        self._pending = b""
+        self._id = 0
+        self._failure: RendererError | None = None
+        self._close = weakref.finalize(self, _end, self._process, self._in, self._errors)
+
+    def ask(self, call: str, patience: float, most: int = LINE, **entries: Any) -> dict[str, Any]:
+        """Return the child's answer to a message. Raises `RendererError` where there is none that makes sense.
+
+        Lines before the answer to hello that are no JSON are left out: programs greet.
+        """
+        if self._failure is not None:
+            raise self._failure
+        self._id += 1
+        message = json.dumps({"id": self._id, "call": call, **entries}).encode() + b"\n"
+        until = time.monotonic() + patience
+        while True:
+            line = self._exchange(message, call, until, patience, most)
+            message = b""
+            try:
+                answer = json.loads(line)
+            except (ValueError, RecursionError):
+                answer = None
+            if isinstance(answer, dict) and answer.get("id") == self._id:
+                break
+            if call != "hello" or isinstance(answer, dict):
+                shown = line[:SHOWN].decode(errors="replace")
+                self.fail(
+                    f"answers '{call}' with something else: {shown}",
+                    why=f"an answer is one line: a JSON object with the message's id, here {self._id}",
+                    todo="print nothing else to stdout, and flush after each line; notes go to stderr",
+                )
+        if "error" in answer:
+            self.fail(f"reports an error in '{call}': {_text(answer['error'])}")
+        return answer
+
+    def _exchange(self, message: bytes, call: str, until: float, patience: float, most: int) -> bytes:
+        """Write a message, and read until there is a line: both at once, for a child may do so too."""
+        with selectors.DefaultSelector() as ready:
+            ready.register(self._out, selectors.EVENT_READ)
+            if message:
+                ready.register(self._in, selectors.EVENT_WRITE)
+            while b"\n" not in self._pending:
+                left = until - time.monotonic()
+                if left <= 0.0:
+                    self.fail(
+                        f"gives no answer to '{call}' in {patience:.3g} s",
+                        why="it hangs, is too slow, or keeps its answer in a buffer",
+                        todo="write a line for each message, and flush stdout after it",
+                    )
+                for key, _ in ready.select(left):
+                    if key.fd == self._in:
+                        message = message[self._write(message, call) :]
+                        if not message:
+                            ready.unregister(self._in)
+                        continue
+                    found = os.read(self._out, 1 << 16)
+                    self._pending += found
+                    if not found:
+                        self._died(call)
+                    if len(self._pending) > most:
+                        self.fail(
+                            f"prints more than {most} bytes in answer to '{call}'",
+                            todo="print one line for each message",
+                        )
+        line, _, self._pending = self._pending.partition(b"\n")
+        return line
+
+    def _write(self, message: bytes, call: str) -> int:
+        try:
+            return os.write(self._in, message[: 1 << 16])
+        except BlockingIOError:
+            return 0
+        except OSError:
+            self._died(call)
+
+    def _died(self, call: str) -> NoReturn:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(GRACE)
+        code = self._process.poll()
+        how = "closed its stdout" if code is None else f"ended: {ending(code)}"
+        self.fail(f"{how}, with '{call}' to answer", todo="let it read messages until 'bye' or the end of its stdin")
+
+    def fail(self, what: str, *, why: str = "", todo: str = "") -> NoReturn:
+        """End the child and raise `RendererError`, with the end of what it wrote to stderr."""
+        _kill(self._process)
+        size = self._errors.seek(0, os.SEEK_END)
+        self._errors.seek(max(size - SHOWN, 0))
+        noted = self._errors.read().decode(errors="replace").strip()
+        self._close()
+        why = "; ".join(part for part in (why, noted and f"its stderr ends: {noted}") if part)
+        self._failure = RendererError(f"the process '{self.command}' {what}", why=why, todo=todo)
+        raise self._failure
+
+
+def _end(process: subprocess.Popen[bytes], stdin: int, errors: IO[bytes]) -> None:
+    """End a child: by bye and the end of its stdin, and then at once."""
+    if process.poll() is None:
+        with contextlib.suppress(OSError):
+            os.write(stdin, b'{"id": 0, "call": "bye"}\n')
+    for pipe in (process.stdin, process.stdout, errors):
+        if pipe is not None:
+            with contextlib.suppress(OSError):
+                pipe.close()
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(GRACE)
+    _kill(process)
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    """End a child at once, with all that it has started."""
+    with contextlib.suppress(OSError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+def _dies_with_parent() -> Callable[[], None] | None:
+    """Return what a child calls to be killed when its parent is; None where the system has no such thing."""
+    if not sys.platform.startswith("linux"):
+        return None
+    control = ctypes.CDLL(None).prctl
+
+    def call() -> None:
+        control(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+
+    return call
+
+
+def _text(value: Any) -> str:
+    return " ".join(str(value).split())[:SHOWN]
+
+
+@dataclass(frozen=True)
+class Hello:
+    """What a process says of itself before a scene."""
+
+    supports: frozenset[str] = frozenset()
+    max_error: float = 0.0
+    spring: bool = False
+    run: bool = False
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class ProcessFactory:
+    """Makes renderers that are processes, one each; it can travel to other processes."""
+
+    command: tuple[str, ...]
+    hello: Hello = field(repr=False)
+
+    @property
+    def summary(self) -> str:
+        """In a line what it makes."""
+        return self.hello.name or f"the process {shlex.join(self.command)}"
+
+    @property
+    def supports(self) -> frozenset[str]:
+        """What the process has said."""
+        return self.hello.supports
+
+    def __call__(self, scene: Scene) -> ProcessRenderer:
+        """Start a process for a scene."""
+        child = Child(self.command)
+        _greeted(child)
+        return ProcessRenderer(child, self.hello, scene)
+
+
+def process(command: str) -> ProcessFactory:
+    """Return the factory of what a command starts. Raises `InputError` where that cannot say hello."""
+    try:
+        words = tuple(shlex.split(command))
+    except ValueError as error:
+        raise InputError(f"'cmd:{command}' is no command", why=str(error)) from error
+    if os.name != "posix":
+        raise InputError("renderers in processes need pipes that can be waited for", why=f"this system is {os.name}")
+    return ProcessFactory(words, _met(words))
+
+
+@lru_cache(maxsize=32)
+def _met(command: tuple[str, ...]) -> Hello:
+    try:
+        return _greeted(Child(command))
+    except RendererError as error:
+        raise InputError(error.what, why=error.why, todo=error.todo or "see docs/outside-renderers.md") from error
+
+
+def _greeted(child: Child) -> Hello:
+    answer = child.ask("hello", START, version=VERSION)
+    if answer.get("version") != VERSION:
+        child.fail(
+            f"speaks version {_text(answer.get('version'))} of the protocol",
+            why=f"this version of hapticeval speaks {VERSION}",
+            todo=f'answer hello with "version": {VERSION}',
+        )
+    supports = answer.get("supports", [])
+    if not isinstance(supports, list) or not set(map(str, supports)) <= set(requirements()):
+        child.fail(f"supports {_text(supports)}", why=f'"supports" is a list of names, of {", ".join(requirements())}')
+    lengths = _lengths(child, answer, "max_error")
+    name = _text(answer.get("name", ""))
+    flags = {each: bool(answer.get(each)) for each in ("spring", "run")}
+    return Hello(frozenset(supports), lengths["max_error"], name=name, **flags)
+
+
+def _lengths(child: Child, answer: Mapping[str, Any], *names: str) -> dict[str, float]:
+    found = {name: answer.get(name, 0.0) for name in names}
+    for name, value in found.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < float("inf"):
+            child.fail(f"has {name} = {_text(value)}", why="it is a length in metres: finite and not negative")
+    return {name: float(value) for name, value in found.items()}
+
+
+class ProcessRenderer:
+    """A renderer that is a process. `contact` is what its last answer had of that, None where it had nothing."""
+
+    def __init__(self, child: Child, hello: Hello, scene: Scene) -> None:
+        self._child, self._outside = child, Outside(scene, hello.max_error)
+        self.contact: bool | None = None
+        facets = self._outside.facets
+        answer = child.ask(
+            "scene",
+            START,
+            dimension=scene.model.dimension,
+            bilateral=scene.bilateral,
+            vertices=facets.vertices.tolist(),
+            cells=facets.cells.tolist(),
+            **self._outside.numbers,
+        )
+        if "refuse" in answer:
+            raise RefusalError(
+                f"the process refuses the model '{scene.model.name}'",
+                why=_text(answer["refuse"]),
+                todo="choose another case",
+            )
+        self.__dict__.update(self._outside.lengths(**_lengths(child, answer, "standoff", "resolution")))
+        if hello.spring:
+            self.declares = Declaration(spring=Spring.ERROR)
+        self._batch = hello.run
+        self.supports = hello.supports
+
+    def reset(self, hip: Array) -> None:
+        """Start a run with the hand at `hip` (N,), m. Raises `DomainError` where the process refuses it."""
+        hip = np.asarray(hip, dtype=np.float64)
+        self.contact = None
+        tool = self._outside.tool(hip)
+        self._refused(self._child.ask("reset", PATIENCE, hip=hip.tolist(), tool=tool.tolist()), hip)
+
+    def step(self, hip: Array, velocity: Array, dt: float) -> Response:
+        """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the process refuses it."""
+        hip = np.asarray(hip, dtype=np.float64)
+        entries = {"hip": hip.tolist(), "velocity": np.asarray(velocity).tolist(), "dt": float(dt)}
+        answer = self._child.ask("step", PATIENCE, **entries)
+        self._refused(answer, hip)
+        self.contact = bool(answer["contact"]) if "contact" in answer else None
+        return Response(*(self._numbers(answer, name, hip.shape) for name in ("ihip", "force")))
+
+    @property
+    def run(self) -> Callable[[Array, float], tuple[Array, Array]] | None:
+        """A whole path at once, where the process can: `reset` at the first row of the HIPs, and a `step` a row."""
+        return self._run if self._batch else None
+
+    @property
+    def lead(self) -> Callable[[Array, Array, Array], tuple[Array, Array]] | None:
+        """A `step` a row from where the last one ended, where the process can: HIPs, velocities (n, N) and dt (n,)."""
+        return self._lead if self._batch else None
+
+    def _run(self, hips: Array, dt: float) -> tuple[Array, Array]:
+        hips, velocities = path_of(hips, dt)
+        self.reset(hips[0])
+        return self._asked(hips, velocities, dt)
+
+    def _lead(self, hips: Array, velocities: Array, dt: Array) -> tuple[Array, Array]:
+        cuts = [0, *np.flatnonzero(np.diff(dt)) + 1, len(dt)]
+        parts = [self._asked(hips[a:b], velocities[a:b], float(dt[a])) for a, b in pairwise(cuts)]
+        ihips, forces = (np.concatenate(each) for each in zip(*parts, strict=True))
+        return ihips, forces
+
+    def _asked(self, hips: Array, velocities: Array, dt: float) -> tuple[Array, Array]:
+        """Return IHIPs and forces (n, N) of a stretch in steps of `dt` (s)."""
+        patience, most = PATIENCE + A_TICK * len(hips), LINE + 2 * A_NUMBER * hips.size
+        entries = {"hips": hips.tolist(), "velocities": velocities.tolist(), "dt": float(dt)}
+        answer = self._child.ask("run", patience, most, **entries)
+        self._refused(answer, hips[0])
+        ihips, forces = (self._numbers(answer, name, hips.shape) for name in ("ihips", "forces"))
+        return ihips, forces
+
+    def _refused(self, answer: Mapping[str, Any], hip: Array) -> None:
+        if "refuse" in answer:
+            place = ", ".join(f"{x:.6g}" for x in hip)
+            raise DomainError(f"the process refuses the HIP ({place}) m", why=_text(answer["refuse"]))
+
+    def _numbers(self, answer: Mapping[str, Any], name: str, shape: tuple[int, ...]) -> Array:
+        """Return an entry of an answer as numbers of the HIP's shape; null is a number that is not finite."""
+        try:
+            found = np.array(answer[name], dtype=np.float64)
+        except KeyError:
+            self._child.fail(f"answers without '{name}'", why=f"the answer has {', '.join(answer)}")
+        except (TypeError, ValueError):
+            self._child.fail(f"answers {name} = {_text(answer[name])}", why="it is a list of numbers")
+        if len(shape) == 2 and shape[0] == 1 and found.size == shape[1]:
+            found = found.reshape(shape)  # some languages write a single row so
+        if found.shape != shape:
+            self._child.fail(f"answers {name} of shape {found.shape}", why=f"the HIP has {shape}")
+        return found
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> NoReturn:
+        """Refuse: a copy would be the same process once more."""
+        raise TypeError("a renderer in a process cannot be copied")

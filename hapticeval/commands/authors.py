@@ -1,0 +1,83 @@
+"""The commands for authors of renderers: the header of the C ABI, a walk through the contract, one to start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hapticeval.commands.arguments import argument
+from hapticeval.commands.terminal import columns, say, wrote
+
+EXAMINED = """\b
+Exit codes:
+  0  the contract is kept
+  1  something is missing
+  2  wrong usage, or no such renderer
+  3  the renderer broke: it raised, crashed or hung
+"""
+
+WRITTEN = """\b
+Exit codes:
+  0  the files are written
+  2  wrong usage, or the folder is not empty
+"""
+
+PRINTED = """\b
+Exit codes:
+  0  printed
+"""
+
+
+def header() -> None:
+    """Print hapticeval.h, the C header that a library for `-r lib:PATH` is built with.
+
+    \b
+    Example:
+      hapticeval header > hapticeval.h
+    """
+    import importlib.resources
+
+    say(importlib.resources.files("hapticeval.adapters").joinpath("hapticeval.h").read_text(encoding="utf-8").rstrip())
+
+
+def doctor(
+    renderer: Annotated[str, typer.Option("-r", "--renderer", metavar="NAME", help="As for `hapticeval run`.")],
+) -> None:
+    """Walk a renderer through the contract, and print what holds and what is missing.
+
+    \b
+    Examples:
+      hapticeval doctor -r mymodule:factory
+      hapticeval doctor -r lib:./libmine.so
+    """
+    from hapticeval.study.doctor import examine, exit_code
+
+    found = []
+    kind = ""
+    for each in examine(renderer):
+        found.append(each)
+        if each.kind != kind:
+            kind = each.kind
+            say(f"in {'the ' * (kind == 'plane')}{kind}" if kind else "")
+        say(columns([(f"  {each.state:<8}{each.what:<12}", each.text)]))
+    raise typer.Exit(exit_code(found))
+
+
+def new(
+    kind: Annotated[str, argument(metavar="KIND", help="python, c, cpp or process.")],
+    directory: Annotated[Path, argument(metavar="DIR", help="A new or empty folder.")],
+) -> None:
+    """Write a renderer to start from, with its test and a file for continuous integration.
+
+    \b
+    Examples:
+      hapticeval new python myrenderer
+      hapticeval new cpp myrenderer
+    """
+    from hapticeval.commands.starters import write
+
+    written, steps = write(kind, directory)
+    say(wrote(written))
+    say("\n".join(["", "then:", *(f"  {step}" for step in steps)]))

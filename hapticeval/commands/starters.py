@@ -1,0 +1,89 @@
+"""Renderers to start from: the examples in their folders, with a file for continuous integration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from types import MappingProxyType
+
+from hapticeval.errors import InputError, UnknownNameError
+
+WORKFLOW = Path(".github", "workflows", "hapticeval.yml")
+
+CI = """\
+name: hapticeval
+on: [push, pull_request]
+jobs:
+  judge:
+    runs-on: ubuntu-latest
+    steps:
+      - uses: actions/checkout@v4
+      - uses: actions/setup-python@v5
+        with: {{ python-version: "3.12" }}
+      - run: pip install hapticeval pytest
+{build}      - run: pytest
+      - run: hapticeval doctor -r {renderer}
+      # Without the selection it is judged by the whole suite: begin with what must hold, and add to it.
+      - run: hapticeval run {judged} -r {renderer} --strict
+      - uses: actions/upload-artifact@v4
+        if: always()
+        with: {{ name: results, path: results }}
+"""
+
+
+@dataclass(frozen=True)
+class Starter:
+    """A renderer to start from: its files, its name, what builds it, and what it is judged by."""
+
+    files: tuple[str, ...]
+    renderer: str
+    judged: str = "-k plane-press"
+    build: str = ""
+    header: bool = False
+
+
+STARTERS: Mapping[str, Starter] = MappingProxyType(
+    {
+        "python": Starter(("mine.py", "test_mine.py"), "mine:Nearest"),
+        "c": Starter(("penalty.c", "Makefile", "test_penalty.py"), "lib:./libpenalty.so", build="make", header=True),
+        "cpp": Starter(
+            ("god_object.cpp", "CMakeLists.txt", "Makefile", "blocks.toml", "test_god_object.py"),
+            "lib:./libgod_object.so",
+            judged="blocks.toml",
+            build="make",
+            header=True,
+        ),
+        "process": Starter(("mine.py", "mine.m", "test_mine.py"), "'cmd:python3 mine.py'", judged="-k star-loops"),
+    }
+)
+"""By kind, which is the folder of its files among the examples."""
+
+
+def write(kind: str, directory: Path) -> tuple[list[Path], list[str]]:
+    """Write a renderer to start from; return the files, and the commands that come next.
+
+    Raises `UnknownNameError` for another kind, and `InputError` for a folder that has something in it.
+    """
+    if kind not in STARTERS:
+        raise UnknownNameError("kind of renderer", kind, STARTERS)
+    if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
+        raise InputError(f"'{directory}' is not an empty folder", why="what is there is not written over")
+    starter = STARTERS[kind]
+    texts = {name: files("hapticeval.examples").joinpath(kind, name).read_text("utf-8") for name in starter.files}
+    if starter.header:
+        texts["hapticeval.h"] = files("hapticeval.adapters").joinpath("hapticeval.h").read_text("utf-8")
+    build = f"      - run: {starter.build}\n" if starter.build else ""
+    texts[str(WORKFLOW)] = CI.format(build=build, renderer=starter.renderer, judged=starter.judged)
+    written = []
+    for name, text in texts.items():
+        file = directory / name
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"cannot write {file}", why=error.strerror or str(error)) from error
+        written.append(file)
+    steps = [f"cd {directory}", starter.build, f"hapticeval doctor -r {starter.renderer}"]
+    return written, [*filter(None, steps), f"hapticeval run {starter.judged} -r {starter.renderer}"]

@@ -1,0 +1,78 @@
+"""The command that shows a recording: one page with a slider over time, and the verdicts beside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from hapticeval.commands.arguments import FormatName, MappingFile, MemoryLimit, argument, model_named, option
+from hapticeval.commands.terminal import lines, say
+from hapticeval.errors import InputError
+from hapticeval.files import file_stem
+from hapticeval.recordings.memory import LIMIT
+
+SHOWN = """\b
+Exit codes:
+  0  the page is written, whatever it shows
+  2  wrong usage, or the recording cannot be read
+"""
+
+
+def view(
+    file: Annotated[Path, argument(metavar="FILE", help="A recording, or a foreign file.")],
+    model: Annotated[
+        str | None,
+        option(metavar="MODEL", help="What was touched, as in star:points=6, where the recording does not say."),
+    ] = None,
+    suite_case: Annotated[
+        str | None, option("--suite-case", metavar="SUITE/CASE", help="Take model, scene and checks from a case.")
+    ] = None,
+    scene: Annotated[
+        list[str] | None,
+        option(
+            "--scene",
+            metavar="KEY=VALUE",
+            help="An entry of the scene, such as stiffness=1000, in SI units; may be repeated.",
+        ),
+    ] = None,
+    mapping: MappingFile = None,
+    format_: FormatName = None,
+    memory_limit: MemoryLimit = LIMIT,
+    directory: Annotated[
+        Path | None, option("-o", "--output", metavar="DIR", help="Where the page goes: view-FILE.")
+    ] = None,
+) -> None:
+    """Show a recording in a page: the hand and the tool on the model, force and motion against time.
+
+    What the recording says of its scene decides what is judged; without a model or a stiffness it is shown alone. One
+    of one dimension is shown before its wall. The page needs no network.
+
+    \b
+    Examples:
+      hapticeval view run7.h5
+      hapticeval view log.mat --mapping rig.toml --scene stiffness=2000
+      hapticeval view signal.svc --mapping handwriting.toml --model circle
+    """
+    from hapticeval.hardware.logs import load
+    from hapticeval.recordings.memory import limited
+    from hapticeval.replay.viewing import viewed
+    from hapticeval.reports.case_page import write_view
+
+    directory = directory or Path(f"view-{file_stem(file.stem)}")
+    named = None if model is None else model_named(model)
+    with limited(memory_limit):
+        recording = load(file, mapping=mapping, format=format_)
+    if named is not None and named.dimension != max(recording.dimension, 2):
+        raise InputError(
+            f"the recording is in {recording.dimension}D, the model '{model}' in {named.dimension}D",
+            why="hand and model must live in the same space",
+            todo="give another model with --model",
+        )
+    found = viewed(
+        file, recording, suite_case=suite_case, scene=scene or (),
+        model=None if named is None else {"kind": named.name, **named.parameters},
+    )  # fmt: skip
+    page = write_view(directory, found.entry, found.recording, found.verdicts, note=found.unjudged)
+    say(
+        lines([*(f"suspicious: {each}" for each in found.suspicious), *filter(None, [found.unjudged]), f"wrote {page}"])
+    )

@@ -1,0 +1,173 @@
+"""A model as straight edges or flat triangles: what a renderer that takes nothing else is given, with its error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from hapticeval.errors import InputError, RefusalError
+from hapticeval.geometry import solids
+from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.mesh import Mesh
+from hapticeval.geometry.polygon import Polygon
+from hapticeval.geometry.solids import Triangles
+from hapticeval.geometry.surface import Surface
+from hapticeval.types import Array, IntArray
+
+if TYPE_CHECKING:
+    from hapticeval.geometry.model import Model
+
+MOST = {2: 100_000, 3: 20 * 4**8}
+"""Edges, and triangles, that are made at the most: the errors of a model of 0.2 m are then 5e-11 m and 5e-7 m."""
+
+FAR = 100.0
+"""A half-plane is cut off this far (m) from its origin, to either side and below: no hand gets there."""
+
+ORDER, BATCH = 9, 4096
+"""Steps of the lattice of points on a triangle at which it is measured, and triangles that are measured together."""
+
+
+class Facets(NamedTuple):
+    """A model as a polygon or a mesh, and how far that lies off it.
+
+    `boundary` is the `Polygon` or the `Mesh`; `chord_error` (m) the largest distance between the two surfaces, measured
+    from both; 0 for a model that is one of the two itself.
+    """
+
+    boundary: Polygon | Mesh
+    chord_error: float
+
+    @property
+    def vertices(self) -> Array:
+        """Return the positions (v, N), m."""
+        return self.boundary.vertices
+
+    @property
+    def cells(self) -> IntArray:
+        """Return rows of `vertices`: edges (c, 2) with the inside on their left, or triangles (c, 3).
+
+        The corners of a triangle run anticlockwise seen from outside.
+        """
+        if isinstance(self.boundary, Mesh):
+            return self.boundary.triangles
+        here = np.arange(len(self.boundary.vertices))
+        return np.column_stack([here, np.roll(here, -1)])
+
+
+def facets_of(model: Model, max_error: float) -> Facets:
+    """Return the model as edges or triangles that lie off it by `max_error` (m) at the most.
+
+    Raises `InputError` for a `max_error` that is not positive, or takes more than `MOST` cells, and `RefusalError` for
+    a boundary of a kind of its own.
+    """
+    if not max_error > 0.0:
+        raise InputError(f"max_error = {max_error!r}", why="it must be positive", todo="give it in metres")
+    boundary = model.boundary
+    if isinstance(boundary, Mesh):
+        return Facets(boundary, 0.0)
+    if isinstance(boundary, Curve):
+        if not boundary.closed:
+            return Facets(_half_plane(boundary), 0.0)
+        if boundary.straight:
+            return Facets(model.polygon(), 0.0)
+        return _fine_enough(_polygons(model, boundary), max_error, model.name)
+    if isinstance(boundary, Surface):
+        return _fine_enough(_meshes(boundary), max_error, model.name)
+    raise RefusalError(
+        f"model '{model.name}' is a {type(boundary).__name__}",
+        why="edges and triangles are made of plane curves, meshes, spheres, ellipsoids and tori",
+        todo="use scene.model.boundary as it is, or give the model as a mesh",
+    )
+
+
+def _fine_enough(made: Callable[[float], Facets], max_error: float, name: str) -> Facets:
+    """Return the first facets that are fine enough, each finer than the last by what its error asks for.
+
+    The error of facets with their corners on a smooth surface goes with the square of their size.
+    """
+    finer = 1.0
+    while True:
+        facets = made(finer)
+        if facets.chord_error <= max_error:
+            return facets
+        count = len(facets.cells)
+        if count >= MOST[facets.boundary.dimension]:
+            raise InputError(
+                f"model '{name}' with a chord error of at most {max_error:g} m",
+                why=f"{count} {'edges' if facets.boundary.dimension == 2 else 'triangles'} are the most that are "
+                f"made, and their error is {facets.chord_error:.3g} m",
+                todo="allow a larger max_error",
+            )
+        finer *= 1.02 * math.sqrt(facets.chord_error / max_error)
+
+
+def _polygons(model: Model, curve: Curve) -> Callable[[float], Facets]:
+    """Return what makes polygons with 40 corners and finer, see `Model.polygon`."""
+
+    def made(finer: float) -> Facets:
+        polygon = model.polygon(math.ceil(min(40.0 * finer, MOST[2])))
+        return Facets(polygon, polygon.standoff_from(curve))
+
+    return made
+
+
+def _half_plane(curve: Curve) -> Polygon:
+    """Return a square on the left of an unbounded line: one edge lies along it."""
+    start, end = curve.position(np.array([-FAR, FAR]))
+    inward = -2.0 * FAR * curve.normal(0.0)
+    return Polygon([start, end, end + inward, start + inward])
+
+
+def _meshes(surface: Surface) -> Callable[[float], Facets]:
+    """Return what makes meshes: the sphere's are `solids.icosphere`, which are stretched to ellipsoids."""
+
+    def made(finer: float) -> Facets:
+        if surface.kind == "torus":
+            major, minor = surface.reals
+            mesh = Mesh(surface.name, *_torus(major, minor, finer))
+        else:
+            points, rows = solids.icosphere(min(math.ceil(math.log2(finer)) + 1, 8), 1.0)
+            mesh = Mesh(surface.name, points * np.array(surface.reals), rows)
+        return Facets(mesh, _apart(mesh, surface))
+
+    return made
+
+
+def _torus(major: float, minor: float, finer: float) -> Triangles:
+    """Return a torus as a grid of `8 * finer` steps round the tube, and about the axis as many as err by as much.
+
+    A chord of a circle of radius R over an angle a lies R a^2 / 8 off it.
+    """
+    ratio = math.sqrt((major + minor) / minor)
+    finer = min(finer, math.sqrt(MOST[3] / (2.0 * 64.0 * ratio)))
+    around, about = math.ceil(8.0 * finer), math.ceil(8.0 * finer * ratio)
+    u, v = np.meshgrid(np.arange(about), np.arange(around), indexing="ij")
+    turn, angle = 2.0 * math.pi / about * u, 2.0 * math.pi / around * v
+    out = major + minor * np.cos(angle)
+    points = np.stack([out * np.cos(turn), out * np.sin(turn), minor * np.sin(angle)], axis=-1)
+    number = around * u + v
+    on, up, both = (np.roll(number, shift, (0, 1)) for shift in ((-1, 0), (0, -1), (-1, -1)))
+    rows = np.concatenate([np.stack([number, on, both], axis=-1), np.stack([number, both, up], axis=-1)])
+    return points.reshape(-1, 3), rows.reshape(-1, 3)
+
+
+def _apart(mesh: Mesh, surface: Surface) -> float:
+    """Return the largest distance (m) between a mesh and the smooth surface that its vertices lie on.
+
+    Each point of the surface is the foot of one of the mesh, so that the distance from the mesh is all of it. It is
+    measured at a lattice of points on every triangle. Between corners on a surface of one curvature k it is
+    k (R^2 - r^2) / 2, r from the middle of the circle of radius R round them, and a lattice of n steps leaves no point
+    farther than R / n from the next: what is measured falls short by 1 / n^2 at the most. Twice that is added, for
+    curvature that changes.
+    """
+    u, v = np.array([(i, j) for i in range(ORDER + 1) for j in range(ORDER + 1 - i)]).T[:, :, np.newaxis] / ORDER
+    corners = mesh.vertices[mesh.triangles]
+    largest = 0.0
+    for begin in range(0, len(corners), BATCH):
+        a, b, c = (each[:, np.newaxis] for each in corners[begin : begin + BATCH].transpose(1, 0, 2))
+        points = (a + u * (b - a) + v * (c - a)).reshape(-1, 3)
+        largest = max(largest, float(np.abs(surface.signed_distance(points)).max()))
+    return largest * (1.0 + 2.0 / ORDER**2)

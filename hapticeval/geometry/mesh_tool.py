@@ -1,0 +1,63 @@
+"""Compiled rigid tool that follows a hand on a triangle mesh: where it flies, lands, slides, rests and lets go."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.compiled import compiled
+from hapticeval.geometry.mesh_kernels import entered, landed, place
+from hapticeval.geometry.mesh_walk import RESTS, walk
+from hapticeval.geometry.surface_kernels import Triple
+from hapticeval.types import Array, IntArray
+
+FLIGHTS = 64
+"""Ways within one tick, each from where the slide before has ended; each brings the tool nearer to the hand."""
+
+FREE = -1
+"""In place of a feature: the tool is where the hand is."""
+
+
+@compiled
+def fly(
+    faces: Array, vertices: Array, tree: Array, touch: float, start: Triple, hip: Triple, k: int
+) -> tuple[bool, int, int, Triple]:
+    """Go straight to the hand: whether the tool runs into something on the way, and where it then comes to rest."""
+    for _flight in range(FLIGHTS):
+        meets, k, foot, _ = entered(faces, vertices, tree, start, hip, touch, k)
+        if not meets:
+            return False, k, 0, hip
+        k, feature, foot = landed(faces, vertices, tree, foot, k)
+        status, k, feature, start = walk(faces, vertices, True, k, feature, foot, hip)
+        if status == RESTS:
+            return True, k, feature, start
+    k, feature, foot = landed(faces, vertices, tree, hip, k)
+    _, _, _, distance = place(faces, vertices, tree, hip, k)
+    return distance < 0.0, k, feature, foot
+
+
+@compiled
+def led(faces: Array, vertices: Array, tree: Array, touch: float, hips: Array) -> tuple[IntArray, IntArray, Array]:
+    """Return a rigid tool's triangle (n,), the feature of it (n,) and its place (n, 3) at each of `hips` (n, 3), m.
+
+    Where the tool is with the hand the feature is `FREE`. A tool whose hand begins inside begins at the closest point.
+    """
+    n = hips.shape[0]
+    triangles, features, places = np.empty(n, np.int64), np.empty(n, np.int64), np.empty((n, 3))
+    hip = (hips[0, 0], hips[0, 1], hips[0, 2])
+    k, feature, tool = landed(faces, vertices, tree, hip, 0)
+    _, _, _, distance = place(faces, vertices, tree, hip, k)
+    touches = distance < 0.0
+    if not touches:
+        tool = hip
+    for row in range(n):
+        hip = (hips[row, 0], hips[row, 1], hips[row, 2])
+        rests = False
+        if touches:
+            status, k, feature, tool = walk(faces, vertices, True, k, feature, tool, hip)
+            rests = status == RESTS
+        if not rests:
+            touches, k, feature, tool = fly(faces, vertices, tree, touch, tool, hip, k)
+        triangles[row], features[row] = k, feature if touches else FREE
+        for i in range(3):
+            places[row, i] = tool[i]
+    return triangles, features, places

@@ -1,0 +1,232 @@
+"""Where the hand passes a corner of a plane model, or an edge or a vertex of a solid, as two phenomena suppose it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from hapticeval.geometry.boundary import Boundary, Corner
+from hapticeval.geometry.mesh import Mesh
+from hapticeval.geometry.mesh_kernels import EDGE, FACE, PSEUDO, VERTEX
+from hapticeval.geometry.mesh_tool import FREE
+from hapticeval.phenomena.sampling import LAG_TICKS, hip_steps, rounding
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array, BoolArray, IntArray
+
+RESTS = -2
+"""In place of a face: the rigid tool rests on an edge or in a corner."""
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A corner that the hand passes, with its faces in the order of travel.
+
+    `place` (N,), m: the corner, or where an edge is passed; `normal_pre`, `normal_post` (N,): outward unit normals;
+    `turn` rad, unsigned, from one to the other. The hand is under the first face from tick `first` on, past it from
+    tick `crossed` on, and up to, not including, `end` it does nothing else. `along` (n,), m: at each tick of the
+    recording how far it is past the corner, square to it, along the first face; `under` (n,), m, how deep under that
+    face. `steps` (n - 1,), m: its ways from tick to tick, without what leads a tool that rests on an edge along it.
+    """
+
+    place: Array
+    normal_pre: Array
+    normal_post: Array
+    turn: float
+    first: int
+    crossed: int
+    end: int
+    along: Array
+    under: Array
+    steps: Array
+
+
+def find_crossings(recording: Recording, scene: Scene, *, convex: bool) -> list[Crossing]:
+    """Find where the hand passes a corner as the two phenomena suppose it, whatever the renderer answers.
+
+    It comes under the first face from outside, through that face, or along it, or the recording begins there, and it
+    stays under that face until it is past the corner. Past a convex one it is then in free space: deeper in the model
+    the solid goes on beyond the corner, and a rigid tool would go round it. Past a concave one it goes on under the
+    second face, by the corner's own zone or at once. In the plane all of it is nearer than half of the way to the next
+    corner; on a mesh a rigid tool that follows the hand shows under which face it is.
+    """
+    boundary = scene.model.boundary
+    if isinstance(boundary, Mesh):
+        return list((_past_edges if convex else _into_edges)(recording, boundary, rounding(scene)))
+    return [
+        crossing
+        for corner in boundary.corners
+        if corner.convex == convex
+        for crossing in _past_corner(recording, boundary, corner, rounding(scene))
+    ]
+
+
+def bends(boundary: Boundary) -> tuple[bool, bool]:
+    """Return whether a boundary has convex corners or edges, and whether it has concave ones."""
+    if isinstance(boundary, Mesh):
+        return True, boundary.concave  # a closed mesh has convex edges
+    convex = [corner.convex for corner in boundary.corners]
+    return any(convex), not all(convex)
+
+
+def angle_between(vectors: Array, direction: Array) -> Array:
+    """Return the unsigned angle of each of `vectors` (n, N) to a unit `direction` (N,), rad; zero vectors give zero."""
+    along = vectors @ direction
+    return np.asarray(np.arctan2(np.linalg.norm(vectors - along[:, np.newaxis] * direction, axis=1), along))
+
+
+def _past_corner(recording: Recording, boundary: Boundary, corner: Corner, slack: float) -> Iterator[Crossing]:
+    """Yield the crossings of a corner in the plane, either way."""
+    from_corner = recording.hip - corner.position
+    near = np.linalg.norm(from_corner, axis=1) <= 0.5 * _to_next(boundary, corner)
+    if not near.any():
+        return
+    for way in (1.0, -1.0):
+        pre, post = (corner.normal_pre, corner.normal_post)[:: int(way)]
+        ahead, leaves = (way * corner.tangent_pre, way * corner.tangent_post)[:: int(way)]
+        along, under = from_corner @ ahead, -from_corner @ pre
+        before = near & (along <= (0.0 if corner.convex else -slack)) & (under >= -slack)
+        if corner.convex:
+            free = near & (along > 0.0)
+            free[free] = boundary.signed_distance(recording.hip[free]) > slack
+            between, after = np.zeros_like(near), free
+        else:
+            beyond = from_corner @ leaves
+            after = near & (beyond > slack) & (-from_corner @ post >= -slack)
+            between = near & (along >= -slack) & (beyond <= slack) & ~before & ~after
+        for crossed in (np.flatnonzero(after[1:] & ~after[:-1]) + 1).tolist():
+            last = crossed - 1
+            while last > 0 and between[last]:
+                last -= 1
+            first = last - _run(before[last::-1]) + 1
+            end = crossed + _run(after[crossed:])
+            if first > last or end - crossed <= LAG_TICKS:
+                continue
+            if _comes_from_outside(recording, boundary, first, under, pre, slack):
+                turn, steps = abs(corner.turn), hip_steps(recording)
+                yield Crossing(corner.position, pre, post, turn, first, crossed, end, along, under, steps)
+
+
+def _run(flags: BoolArray) -> int:
+    """Return how many of the first flags are true in a row."""
+    return int(flags.size if flags.all() else np.argmin(flags))
+
+
+def _comes_from_outside(
+    recording: Recording, boundary: Boundary, first: int, under: Array, normal: Array, slack: float
+) -> bool:
+    """Whether a rigid tool is on a face from tick `first` on: the hand was above it, or it is the nearest one there."""
+    if first > 0 and under[first - 1] < -slack:
+        return True
+    at = boundary.closest_point(recording.hip[first : first + 1])
+    return bool(at.normal[0] @ normal > 1.0 - 1e-9)
+
+
+def _to_next(boundary: Boundary, corner: Corner) -> float:
+    """Return the arc length from a corner to the nearest other one, m; once round where it is the only one."""
+    gaps = [abs(other.s - corner.s) for other in boundary.corners if other is not corner]
+    return min((min(gap, boundary.girth - gap) for gap in gaps), default=boundary.girth)
+
+
+def _past_edges(recording: Recording, mesh: Mesh, slack: float) -> Iterator[Crossing]:
+    """Yield where a rigid tool is let go past the border of a face, with the hand still under that face's plane."""
+    faces, triangles, tools = _followed(recording, mesh)
+    steps = hip_steps(recording)
+    for (first, crossed, face), (_, end, after) in pairwise(_stretches(faces)):
+        if face < 0 or after != FREE:
+            continue
+        pre = mesh.normals[triangles[first]]
+        under = (tools[first] - recording.hip) @ pre
+        feet = recording.hip[crossed - 1 : crossed + 1] + under[crossed - 1 : crossed + 1, np.newaxis] * pre
+        left = _leaves(mesh, face, pre, *feet) if under[crossed] > slack else None
+        if left is None:
+            continue
+        place, ahead, post = left
+        along = (recording.hip - place) @ ahead
+        free = (along > 0.0) & (faces == FREE)
+        free[crossed:end] &= mesh.signed_distance(recording.hip[crossed:end]) > slack
+        end = crossed + _run(free[crossed:end])
+        if end - crossed > LAG_TICKS:
+            turn = float(angle_between(post[np.newaxis], pre)[0])
+            yield Crossing(place, pre, post, turn, first, crossed, end, along, under, steps)
+
+
+def _into_edges(recording: Recording, mesh: Mesh, slack: float) -> Iterator[Crossing]:
+    """Yield where a rigid tool goes from one face to another that rises from it: by an edge, or a corner of three."""
+    faces, triangles, tools = _followed(recording, mesh)
+    rests = (faces[1:] == RESTS) & (faces[:-1] == RESTS)
+    led_along = np.where(rests[:, np.newaxis], np.diff(tools, axis=0), 0.0)
+    steps = np.linalg.norm(np.diff(recording.hip, axis=0) - led_along, axis=1)
+    stretches = _stretches(faces)
+    for number, (first, last, face) in enumerate(stretches[:-1]):
+        rested = stretches[number + 1][2] == RESTS
+        following = number + 1 + rested
+        if face < 0 or following >= len(stretches):
+            continue
+        crossed, end, other = stretches[following]
+        if other < 0 or other == face or end - crossed <= LAG_TICKS:
+            continue
+        pre, post = mesh.normals[triangles[first]], mesh.normals[triangles[crossed]]
+        # Seen from a concave edge each face lies on the outer side of the other; a tool does not rest on a convex one.
+        rise, least = tools[crossed] - tools[last - 1], -slack if rested else slack
+        if min(rise @ pre, -rise @ post) > least:
+            turn = float(angle_between(post[np.newaxis], pre)[0])
+            under = (tools[first] - recording.hip) @ pre
+            along = np.zeros(len(recording))  # of what is left at an edge, which this is not asked for
+            yield Crossing(tools[crossed], pre, post, turn, first, crossed, end, along, under, steps)
+
+
+def _followed(recording: Recording, mesh: Mesh) -> tuple[IntArray, IntArray, Array]:
+    """Return the flat face of the mesh (n,) that a rigid tool is on, `FREE` or `RESTS`; its triangle, and its place.
+
+    On an edge or a vertex in the middle of a flat face it is on that face.
+    """
+    triangles, features, tools = mesh.rigid_tool(recording.hip)
+    faces = mesh.facets[triangles]
+    corners, vertices, across = mesh.triangles, mesh.tables[1], mesh.neighbours
+    for tick in np.flatnonzero(features > FACE).tolist():
+        triangle, feature = int(triangles[tick]), int(features[tick])
+        if feature < VERTEX:
+            flat = mesh.facets[across[triangle, feature - EDGE]] == faces[tick]
+        else:
+            mean = vertices[corners[triangle, feature - VERTEX], PSEUDO:]
+            flat = bool(np.linalg.norm(mean - mesh.normals[triangle]) <= 1e-9)
+        if not flat:
+            faces[tick] = RESTS
+    faces[features == FREE] = FREE
+    return faces, triangles, tools
+
+
+def _stretches(labels: IntArray) -> list[tuple[int, int, int]]:
+    """Return the stretches of equal labels: first row, the row after the last, label."""
+    cuts = [0, *(np.flatnonzero(np.diff(labels)) + 1).tolist(), labels.size]
+    return [(first, end, int(labels[first])) for first, end in pairwise(cuts)]
+
+
+def _leaves(mesh: Mesh, face: int, normal: Array, start: Array, end: Array) -> tuple[Array, Array, Array] | None:
+    """Return where a way in the plane of a face, from `start` on it to `end`, leaves it; None where it does not.
+
+    As the place (3,), m, the direction (3,) out of the face square to its border there, and the normal (3,) beyond.
+    """
+    rows = np.flatnonzero(mesh.facets == face)
+    here, i = np.repeat(rows, 3), np.tile(np.arange(3), rows.size)
+    beside = mesh.neighbours[here, i]
+    border = mesh.facets[beside] != face
+    here, i, beside = here[border], i[border], beside[border]
+    a, b = mesh.vertices[mesh.triangles[here, i]], mesh.vertices[mesh.triangles[here, (i + 1) % 3]]
+    lengths = np.linalg.norm(b - a, axis=1)
+    ways = (b - a) / lengths[:, np.newaxis]
+    outward = np.cross(ways, normal)
+    before, after = np.sum(outward * (start - a), axis=1), np.sum(outward * (end - a), axis=1)
+    crosses = np.flatnonzero((after > 0.0) & (before < after))
+    share = np.clip(before[crosses] / (before[crosses] - after[crosses]), 0.0, 1.0)
+    places = start + share[:, np.newaxis] * (end - start)
+    along = np.sum(ways[crosses] * (places - a[crosses]), axis=1)
+    beyond = np.maximum(np.maximum(-along, along - lengths[crosses]), np.maximum(before[crosses], 0.0))
+    if not beyond.size or beyond.min() > 1e-6 * float(np.linalg.norm(end - start)) + 1e-12:
+        return None
+    best = int(np.argmin(beyond))
+    return places[best], outward[crosses[best]], mesh.normals[beside[crosses[best]]]

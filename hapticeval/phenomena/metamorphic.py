@@ -1,0 +1,270 @@
+"""Metamorphic relations: the same contact stated otherwise gives the same answers, whatever the right answers are.
+
+They need no truth to compare with, and so apply to any renderer on any path: a mirror, another order of the model's
+vertices, each step of the hand taken in two of half the time, and a second renderer of the same kind beside. Of the
+same kind are `numerical-stability`, for a turn, a shift and a scale, and `reset-clears`, for a run after a reset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from hapticeval.geometry.motion import mirroring
+from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.nudges import AMPLIFIED, ROUNDINGS, STEEP, answered, answers_apart, steepness
+from hapticeval.phenomena.sampling import LAG_TICKS, believed_standoff, evidence_at, hip_step, mm, resolution, rounding
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
+from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+SAME = 1e-12
+"""Share of the model's size by which answers may differ beside what is declared and what rounding of the hand changes:
+some four thousand roundings of a double, those of an iteration that ends at rounding."""
+
+SIMULATED = 1e-9
+"""The same for a renderer that answers a stimulus whole: its tool has a motion of its own, with events at instants that
+it has to find, and in a corner ever more of them, until rounding ends them."""
+
+NOBODY = "a recording shows one run only, and nobody can be asked for another"
+
+
+def judge_mirror(runs: Runs, scene: Scene) -> Finding:
+    """Compare a run with the same in the mirror."""
+    assert runs.moved is not None
+    other = runs.moved(mirroring(scene.model.dimension), (0.0,) * scene.model.dimension)
+    return _compared(MIRROR, runs, scene, other, "in the mirror")
+
+
+def judge_order(runs: Runs, scene: Scene) -> Finding:
+    """Compare a run with the same on the model with its vertices in another order."""
+    assert runs.reordered is not None
+    return _compared(ORDER, runs, scene, runs.reordered(), "with the vertices in another order")
+
+
+def judge_subdivision(runs: Runs, scene: Scene) -> Finding:
+    """Compare a run with the same in steps of half the length and half the time, at the hands that both have."""
+    assert runs.subdivided is not None
+    if scene.effects:
+        kind = scene.effects[0].kind
+        return Finding(Outcome.NOT_APPLICABLE, f"the scene calls for {kind}, which may change with time by itself")
+    fine = runs.subdivided()
+    finding = _compared(SUBDIVISION, runs, scene, _every_second(fine, 0), "in steps of half the time", among=_on_jumps)
+    if finding.outcome is not Outcome.FAIL:
+        return finding
+    late = _ticks_late(runs.base, fine, scene)
+    if late is None:
+        return finding
+    many = f"{late} tick{'s' * (late > 1)}"
+    message = f"{finding.message}: in either it comes {many} late, so that it is a tick that it depends on"
+    evidence = {**finding.evidence, "ticks_late": late}
+    return Finding(finding.outcome, message, finding.metric, finding.bound, evidence)
+
+
+def judge_in_turns(runs: Runs, scene: Scene) -> Finding:
+    """Compare a run with the same by a renderer that takes turns with another one."""
+    assert runs.in_turns is not None
+    base, other = runs.base, runs.in_turns()
+    if not answered(base).any():
+        return undecided("the hand never touches the model")
+    # What `run` answers at once, `step` may answer to single precision.
+    step = rounding(scene) + 4.0 * SINGLE * float(np.abs(base.hip).max())
+    force = (1.0 + 2.0 * scene.damping / (scene.stiffness * base.dt)) * step
+    force += 4.0 * SINGLE * float(np.abs(base.force).max()) / scene.stiffness
+    scatter = [float(base.meta.get(f"{name}_scatter", 0.0)) for name in ("ihip", "force")]
+    allowed = np.full(len(base), max(step, force) + max(scatter[0], scatter[1] / scene.stiffness))
+    off = answers_apart(base, other, scene)
+    return _finding(IN_TURNS, base, scene, off, allowed, np.zeros(len(base), dtype=bool), "beside another renderer")
+
+
+def _compared(
+    check: Check,
+    runs: Runs,
+    scene: Scene,
+    other: Recording | None,
+    how: str,
+    *,
+    among: Callable[[Runs, Scene], Array] | None = None,
+) -> Finding:
+    """Compare the base run with `other`; rows that `among` returns, and those beside a discontinuity, are exempt."""
+    base = runs.base
+    if other is None:
+        return Finding(Outcome.NOT_APPLICABLE, f"the model has no such form, or the renderer refuses it {how}")
+    if not (answered(base) | answered(other)).any():
+        return undecided("the hand never touches the model")
+    off = answers_apart(base, other, scene)
+    hand = ROUNDINGS * float(np.abs(base.hip).max())
+    declared = max(resolution(each, scene) + believed_standoff(each, scene) for each in (base, other))
+    # A damper takes the velocity from hands that are off by rounding, a step of half a tick apart.
+    damped = 2.0 * hand * scene.damping / (scene.stiffness * 0.5 * base.dt)
+    allowed = np.full(len(base), hand + declared + damped)
+    exempt = np.zeros(len(base), dtype=bool)
+    bound = SIMULATED if runs.subdivided is None else SAME
+    if np.any(off > allowed + bound * scene.model.size) and runs.moved is not None:
+        allowed += STEEP * steepness(runs, hand + declared, scene)
+        if among is not None:
+            exempt = among(runs, scene)
+    return _finding(check, base, scene, off, allowed, exempt, how, bound)
+
+
+def _finding(
+    check: Check,
+    base: Recording,
+    scene: Scene,
+    off: Array,
+    allowed: Array,
+    exempt: Array,
+    how: str,
+    bound: float = SAME,
+) -> Finding:
+    size = scene.model.size
+    lost = np.where(exempt, 0.0, np.maximum(off - allowed, 0.0)) / size
+    worst = int(np.argmax(lost if lost.max() > 0.0 else np.where(exempt, -1.0, off)))
+    return compared(
+        Metric(check.metric, float(lost.max()), check.unit),
+        bound,
+        {
+            **evidence_at(base, worst),
+            "off_m": float(off[worst]),
+            "allowed_m": float(allowed[worst]),
+            "rows_off": int(np.sum(lost > bound)),
+            "rows_exempt": int(exempt.sum()),
+        },
+        passes=f"the answers are the same {how}",
+        fails=f"{how} the answer is off by {mm(off[worst])}, {off[worst] / size:.2g} of the model's size, "
+        f"at {int(np.sum(lost > bound))} of {len(base)} HIPs",
+    )
+
+
+def _on_jumps(runs: Runs, scene: Scene) -> Array:
+    """Return the rows (n,) on a discontinuity, or behind one that a renderer with memory has crossed.
+
+    A hand that is off by half a step on its whole way finds it elsewhere on that way, and steps of half the length may
+    cross it from elsewhere: the answers are more than tenfold of that apart there.
+    """
+    half = 0.5 * hip_step(runs.base, scene)
+    return steepness(runs, half, scene) > AMPLIFIED * half
+
+
+def _every_second(fine: Recording, first: int) -> Recording:
+    """Return every second row of a subdivided run, from row `first` on."""
+    rows = slice(first, None, 2)
+    channels = {name: fine.channels[name][rows] for name in ("hip", "ihip", "force")}
+    return Recording(fine.time[rows], channels, meta={**fine.meta, "dt": 2.0 * fine.dt})
+
+
+def _ticks_late(base: Recording, fine: Recording, scene: Scene) -> int | None:
+    """Return by how many ticks both runs' answers come late, where that is all that is between them.
+
+    The answer to HIP k of an answer that comes L ticks late stands in row k + L of the base, and in row 2 k + L of the
+    subdivided run.
+    """
+    ways: Mapping[str, Array] = {"ihip": base.ihip, "force": base.force / scene.stiffness}
+    finer: Mapping[str, Array] = {"ihip": fine.ihip, "force": fine.force / scene.stiffness}
+    for late in range(1, LAG_TICKS + 1):
+        rows = np.arange(LAG_TICKS, len(base) - late)
+        if rows.size and all(
+            np.allclose(ways[name][rows + late], finer[name][2 * rows + late], rtol=0.0, atol=SAME * scene.model.size)
+            for name in ways
+        ):
+            return late
+    return None
+
+
+NONE = "none of the six: a relation that every rigid contact keeps to"
+OFF = "change of the answer beside what is explained, as a share of the model's size"
+EXPLAINED = (
+    "1e-12 of the model's size, and 1e-9 for a renderer that answers a stimulus whole, beside what is explained: the "
+    "declared resolution and standoff, four roundings of the largest coordinate, what a damper makes of these, and "
+    "ten times the change of the answer where the hand is off by those along axes and diagonals, as beside a "
+    "discontinuity, where either answer is right. Forces count by the stiffness, as lengths."
+)
+
+MIRROR = Check(
+    id="mirror-image",
+    phenomenon=NONE,
+    asks="Does the mirror image of a path, on that of the model, give the mirror image of the answers?",
+    formula="IHIP(M HIP; M scene) = M IHIP(HIP; scene), and F likewise, for the mirror M: y to -y",
+    citation="a rigid, frictionless contact has no left and no right; 3.1",
+    channels=("hip", "ihip", "force"),
+    siblings={Sibling.MOVED: "the same path on the model, both mirrored in the x axis, in space in the x-z plane"},
+    needs={Sibling.MOVED: Finding(Outcome.NOT_APPLICABLE, NOBODY)},
+    metric=OFF,
+    unit="1",
+    bound=f"{EXPLAINED} The mirror changes no digit of a coordinate.",
+    judge=judge_mirror,
+    level=Level.SHOULD,
+)
+
+ORDER = Check(
+    id="vertex-order",
+    phenomenon=NONE,
+    asks="Do the answers stay the same when the model's vertices are listed in another order?",
+    formula="IHIP(HIP; p_k, ..., p_n, p_1, ..., p_k-1) = IHIP(HIP; p_1, ..., p_n), and F likewise",
+    citation="a surface is a set of points; 3.1",
+    channels=("hip", "ihip", "force"),
+    siblings={
+        Sibling.REORDERED: "the same path on the outline begun half way round its pieces, or on the mesh with vertices "
+        "and triangles in the opposite order",
+        Sibling.MOVED: "the same path with the hand off by what rounding may change",
+    },
+    needs={Sibling.REORDERED: Finding(Outcome.NOT_APPLICABLE, NOBODY)},
+    metric=OFF,
+    unit="1",
+    bound=f"{EXPLAINED} Not applicable to a curve of one piece, and to surfaces of a formula.",
+    judge=judge_order,
+    level=Level.SHOULD,
+)
+
+SUBDIVISION = Check(
+    id="time-subdivision",
+    phenomenon=NONE,
+    asks="Do the answers stay the same when the hand takes each of its steps in two of half the time?",
+    formula="IHIP and F of HIP k of n = those of HIP 2 k of 2 n, with dt / 2",
+    citation="a rigid contact answers the hand's way and velocity, and knows no ticks; 3.1, 3.8",
+    channels=("hip", "ihip", "force"),
+    siblings={
+        Sibling.SUBDIVIDED: "the same HIPs with one half way between each two, at twice the sampling rate",
+        Sibling.MOVED: "the same path with the hand off by what rounding may change, and by half a step",
+    },
+    needs={
+        Sibling.SUBDIVIDED: Finding(
+            Outcome.NOT_APPLICABLE, f"{NOBODY}, or the renderer answers a stimulus whole, and not in ticks"
+        )
+    },
+    metric=OFF,
+    unit="1",
+    bound=(
+        f"{EXPLAINED} The hand has the same velocity at the HIPs that are compared. Exempt are HIPs where a hand that "
+        "is off by half a step gets an answer that is off by more than ten times that: steps of half the length cross "
+        "a discontinuity elsewhere. An answer that comes late by as many ticks in both runs fails as well, and the "
+        "finding says so. Not applicable with effects, which may change with time by themselves."
+    ),
+    judge=judge_subdivision,
+    level=Level.SHOULD,
+)
+
+IN_TURNS = Check(
+    id="two-at-once",
+    phenomenon="none of the six: a property of the renderer's state",
+    asks="Do the answers stay the same while another renderer of the same factory answers in between?",
+    formula="(ihip, force) of the run = (ihip, force) of the same run, eight ticks by turns with another renderer",
+    citation="the renderer protocol: factory(scene) makes a renderer",
+    channels=("hip", "ihip", "force"),
+    siblings={
+        Sibling.IN_TURNS: "the same path, by turns with another renderer, on the model at half its size where it has "
+        "one, led backwards"
+    },
+    needs={Sibling.IN_TURNS: Finding(Outcome.NOT_APPLICABLE, NOBODY)},
+    metric=OFF,
+    unit="1",
+    bound=(
+        "1e-12 of the model's size, beside the rounding of coordinates in single precision by which run() may differ "
+        "from step(), what damper and stiffness make of that, and the declared scatter"
+    ),
+    judge=judge_in_turns,
+)
+
+CHECKS = (MIRROR, ORDER, SUBDIVISION, IN_TURNS)

@@ -1,0 +1,58 @@
+"""How far apart the answers of two runs are, and how much of that a hand that is off by a little explains."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from hapticeval.geometry.motion import scaling
+from hapticeval.phenomena.check import Runs
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array, BoolArray
+
+STEEP = 10.0
+"""Times that an answer may change by what nudging the hand by its rounding changes it: a few roundings add up."""
+
+AMPLIFIED = 10.0
+"""Times its nudge by which an answer may change for a row not to count as one on a discontinuity."""
+
+ROUNDINGS = 4.0 * float(np.finfo(np.float64).eps)
+"""Share of a coordinate by which the hand of a run that is stated otherwise may be off: four roundings."""
+
+
+def answered(run: Recording) -> BoolArray:
+    """Return the rows (n,) in which there is anything to compare: an IHIP apart from the HIP, or a force."""
+    return np.asarray(np.any(run.ihip != run.hip, axis=1) | np.any(run.force != 0.0, axis=1))
+
+
+def answers_apart(base: Recording, other: Recording, scene: Scene, *, forces: bool = True) -> Array:
+    """Return how far two runs' answers are apart row by row, (n,), m: IHIPs, and forces by the stiffness."""
+    off = np.linalg.norm(base.ihip - other.ihip, axis=1)
+    if forces:
+        off = np.maximum(off, np.linalg.norm(base.force - other.force, axis=1) / scene.stiffness)
+    return np.asarray(off)
+
+
+def steepness(runs: Runs, reach: float, scene: Scene) -> Array:
+    """Return by how much the answer changes, (n,), m, where the hand is off by up to `reach` (m) on its whole way.
+
+    Along the axes and the diagonals, and at a quarter of the length: a renderer with memory may take another way from a
+    tie on, and few nudges find every one. Needs the sibling `moved`.
+    """
+    assert runs.moved is not None
+    identity = scaling(1.0, scene.model.dimension)
+    steep = np.zeros(len(runs.base))
+    for nudge in reach * _directions(scene.model.dimension):
+        near = runs.moved(identity, tuple(nudge.tolist()))
+        if near is not None:
+            steep = np.maximum(steep, answers_apart(runs.base, near, scene))
+    return steep
+
+
+def _directions(dimension: int) -> Array:
+    """Return unit vectors along the axes and the diagonals, and the same at a quarter of the length: (k, N)."""
+    signs = np.array([each for each in itertools.product((-1.0, 0.0, 1.0), repeat=dimension) if any(each)])
+    units = signs / np.linalg.norm(signs, axis=1, keepdims=True)
+    return np.vstack([units, 0.25 * units])

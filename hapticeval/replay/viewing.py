@@ -1,0 +1,95 @@
+"""One recording to look at: the run as it was recorded, and what checks find in it where its scene is known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from hapticeval.errors import InputError
+from hapticeval.files import file_stem
+from hapticeval.recordings.provenance import LINE, model_of, scene_of
+from hapticeval.recordings.recording import Recording
+from hapticeval.replay import RECORDED
+from hapticeval.replay.job import prepared
+from hapticeval.replay.subject import SUITE, subject
+from hapticeval.runner.outcome import run_entry
+from hapticeval.runner.planning import Job
+from hapticeval.runner.results import RunEntry, SceneEntry, VerdictEntry
+
+
+@dataclass(frozen=True)
+class Viewed:
+    """A run with what a page needs of it; `verdicts` are none where `unjudged` gives the reason."""
+
+    entry: RunEntry
+    recording: Recording
+    verdicts: tuple[VerdictEntry, ...]
+    suspicious: tuple[str, ...] = ()
+    unjudged: str = ""
+
+
+def viewed(
+    file: Path,
+    recording: Recording,
+    *,
+    model: Mapping[str, Any] | None = None,
+    suite_case: str | None = None,
+    scene: Sequence[str] = (),
+) -> Viewed:
+    """Return the recorded run, judged as a replay judges it; see `subject` for what is given.
+
+    Where neither that nor the recording names the model and the stiffness, it is shown and not judged. A recording in
+    one dimension that names no model is before a wall, `line`. Raises `InputError` as `subject` and `hand_path` do, and
+    for a recording without a HIP.
+    """
+    recording.require("hip")
+    touched = model or model_of(recording) or ({"kind": LINE} if recording.dimension == 1 else None)
+    lacks = []
+    if suite_case is None:
+        if touched is None:
+            lacks.append("the model that was touched: --model circle:size=0.2")
+        if "stiffness" not in scene_of(recording) and not any(each.partition("=")[0] == "stiffness" for each in scene):
+            lacks.append("the stiffness of the scene: --scene stiffness=1000")
+    if lacks:
+        return _unjudged(file, recording, touched, f"Not judged, for want of {' and '.join(lacks)}.")
+    made = subject(file, recording, model=touched if suite_case is None else model, suite_case=suite_case, scene=scene)
+    work, job = prepared(made), Job(SUITE, made.case, RECORDED)
+    judged, _ = work(job, None, 0)
+    entry = msgspec.structs.replace(run_entry(job, judged, None), title=_title(file), shows=None)
+    if judged.recording is None:
+        raise judged.error or InputError(f"{file} cannot be shown")
+    return Viewed(entry, judged.recording, tuple(map(VerdictEntry.of, judged.verdicts)), work.path.suspicious)
+
+
+def _title(file: Path) -> str:
+    return f"Recording {file.name}"
+
+
+def _unjudged(file: Path, recording: Recording, model: Mapping[str, Any] | None, why: str) -> Viewed:
+    said = scene_of(recording)
+    numbers = {name: float(said.get(name, 0.0)) for name in ("stiffness", "damping", "mass", "restitution")}
+    entry = RunEntry(
+        suite=SUITE,
+        case=file_stem(file.stem),
+        renderer=RECORDED,
+        recording=None,
+        simulated_seconds=0.0,
+        wall_seconds=0.0,
+        stimulus="experiment",
+        title=_title(file),
+        shows=None,
+        citation=None,
+        model=dict(model or {"kind": "unknown"}),
+        depth_of=None,
+        judged=False,
+        scene=SceneEntry(**numbers, bilateral=bool(said.get("bilateral", False)), sampling_time=float(recording.dt)),
+        closed_form=None,
+        ended=None,
+        error=None,
+        refusal=None,
+    )
+    return Viewed(entry, recording, (), unjudged=why)

@@ -1,0 +1,186 @@
+"""Known failures: a list that a project keeps, each with a reason, so that a gate stops at new ones only.
+
+[[known]]
+renderer = "mine:Nearest"
+outcome = "fail"                  # or "inconclusive"; fail if not given
+reason = "the nearest point jumps across the medial axis, #41"
+verdicts = ["thesis/star-convex-corner/continuous-contact", "thesis/cassinian-deep-slide/memoryless"]
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct
+from msgspec.structs import replace
+
+from hapticeval.documents import convert, read_toml
+from hapticeval.errors import HapticevalError, InputError, UnknownNameError, at
+from hapticeval.files import replacing
+from hapticeval.phenomena.verdict import UNSATISFIED, Outcome
+from hapticeval.runner.results import ResultsDocument, VerdictEntry
+from hapticeval.suite.suite import Suite
+
+UNEXPLAINED = "not explained yet"
+"""How the reason of an entry begins that nobody has written a reason for."""
+
+TODO = 'write renderer, reason and verdicts = ["suite/case/check"] as docs/gate.md shows, or have --write-known do it'
+
+
+class KnownEntry(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A `[[known]]` table: verdicts, as `suite/case/check`, of one renderer that fail for one reason."""
+
+    renderer: str
+    reason: str
+    verdicts: Annotated[tuple[str, ...], Meta(min_length=1)]
+    outcome: Literal["fail", "inconclusive"] = "fail"
+
+    def __post_init__(self) -> None:
+        if not self.reason.strip():
+            raise ValueError(f"the reason why '{self.verdicts[0]}' is known to {self.outcome} is empty")
+
+
+class KnownFile(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A file of known failures as it is written."""
+
+    known: tuple[KnownEntry, ...] = ()
+
+
+Place = tuple[str, str]
+"""Renderer and `suite/case/check`."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """Known failures by renderer and place; `source` is the file that lists them."""
+
+    entries: Mapping[Place, KnownEntry] = field(default_factory=dict)
+    source: str = ""
+
+    def check(self, suites: Iterable[Suite]) -> None:
+        """Raise `UnknownNameError` for an entry about one of these suites that has no such case or check.
+
+        Such an entry would never be missed: its case has been renamed, or its name is misspelt.
+        """
+        checks = {suite.name: {case.name: case.checks for case in suite.cases} for suite in suites}
+        for _, place in self.entries:
+            suite, case, check = place.split("/")
+            with at(f"{self.source}: '{place}'"):
+                if case not in checks.get(suite, {case: ()}):
+                    raise UnknownNameError(f"case of {suite}", case, checks[suite])
+                if suite in checks and check not in checks[suite][case]:
+                    raise UnknownNameError(f"check of {suite}/{case}", check, checks[suite][case])
+
+    def marked(self, verdict: VerdictEntry) -> VerdictEntry:
+        """Return the verdict with the reason why it is known, if it is.
+
+        A known failure is as expected. One that fails in another way than the known one is judged as any other.
+        """
+        entry = self.entries.get((verdict.renderer, place_of(verdict)))
+        if entry is None or verdict.outcome is Outcome.ERROR:
+            return verdict
+        if verdict.outcome not in UNSATISFIED:
+            return replace(verdict, known=entry.reason)
+        return replace(verdict, known=entry.reason, as_expected=True) if verdict.outcome == entry.outcome else verdict
+
+    def renewed(self, results: ResultsDocument) -> Known:
+        """Return the list as these results have it: what stops the gate is on it, and what passes now is not.
+
+        Reasons that were given stay, and so does what has not run. A reason that nobody has given begins with
+        `UNEXPLAINED` and goes on with what was measured at the worst of its verdicts.
+        """
+        ran = {(verdict.renderer, place_of(verdict)): verdict for verdict in results.verdicts}
+        kept = {place: entry for place, entry in self.entries.items() if place not in ran}
+        fresh: dict[tuple[str, str, Outcome], list[VerdictEntry]] = {}
+        for place, verdict in ran.items():
+            if verdict.outcome not in UNSATISFIED:
+                continue
+            if verdict.known is not None:
+                kept[place] = self.entries[place]
+            elif results.stops(verdict):
+                fresh.setdefault((verdict.renderer, verdict.check, verdict.outcome), []).append(verdict)
+        for (renderer, _, outcome), verdicts in fresh.items():
+            worst = max(verdicts, key=severity)
+            entry = KnownEntry(
+                renderer=renderer,
+                reason=f"{UNEXPLAINED}: {worst.message} ({worst.suite}/{worst.case})",
+                verdicts=tuple(map(place_of, verdicts)),
+                outcome="fail" if outcome is Outcome.FAIL else "inconclusive",
+            )
+            kept |= {(renderer, place): entry for place in entry.verdicts}
+        return Known(kept, self.source)
+
+
+NONE_KNOWN = Known()
+
+
+def place_of(verdict: VerdictEntry) -> str:
+    """Return `suite/case/check`."""
+    return f"{verdict.suite}/{verdict.case}/{verdict.check}"
+
+
+def severity(verdict: VerdictEntry) -> tuple[bool, float]:
+    """Return what orders failures: errors are the worst, then those that are the most bounds away."""
+    metric, bound = verdict.metric, verdict.bound
+    if metric is None or bound is None:
+        return verdict.outcome is Outcome.ERROR, 0.0
+    over = float("inf") if metric.value is None else metric.value / bound if bound > 0.0 else metric.value
+    return verdict.outcome is Outcome.ERROR, over
+
+
+def read_known(file: Path) -> Known:
+    """Read a list of known failures.
+
+    Raises `InputError`, naming the entry, for a file that cannot be read or does not fit `KnownFile`, an empty reason,
+    what is no `suite/case/check`, and one that is listed twice.
+    """
+    given: KnownFile = convert(read_toml(file), KnownFile, file.name, todo=TODO)
+    entries: dict[Place, KnownEntry] = {}
+    with at(file.name):
+        for entry in given.known:
+            for place in entry.verdicts:
+                if place.count("/") != 2 or not all(place.split("/")):
+                    raise InputError(f"'{place}' names no verdict", why="one is named suite/case/check", todo=TODO)
+                if (entry.renderer, place) in entries:
+                    raise InputError(
+                        f"'{place}' of {entry.renderer} is listed twice",
+                        why=f"the reasons are '{entries[entry.renderer, place].reason}' and '{entry.reason}'",
+                        todo="keep one of them",
+                    )
+                entries[entry.renderer, place] = entry
+    return Known(entries, file.name)
+
+
+def write_known(file: Path, known: Known) -> None:
+    """Write a list of known failures, a table for each renderer, outcome and reason. Raises `HapticevalError`."""
+    grouped: dict[tuple[str, str, str], list[str]] = {}
+    for (renderer, place), entry in known.entries.items():
+        grouped.setdefault((renderer, entry.outcome, entry.reason), []).append(place)
+    tables = [_table(*key, places) for key, places in sorted(grouped.items())]
+    try:
+        with replacing(file) as temporary:
+            temporary.write_text("\n".join([HEAD, *tables]), encoding="utf-8")
+    except OSError as error:
+        raise HapticevalError(f"cannot write {file}", why=error.strerror or str(error)) from error
+
+
+HEAD = """\
+# Known failures: they do not stop `hapticeval run --known` of this file. Give each a reason.
+# `hapticeval run --write-known` of this file adds new ones, drops what passes now, and keeps your reasons.
+"""
+
+
+def _table(renderer: str, outcome: str, reason: str, places: Sequence[str]) -> str:
+    texts = {"renderer": renderer, "outcome": outcome, "reason": reason}
+    lines = [f"{name} = {_quoted(text)}" for name, text in texts.items()]
+    listed = [f"  {_quoted(place)}," for place in sorted(places)]
+    return "\n".join(["[[known]]", *lines, "verdicts = [", *listed, "]", ""])
+
+
+def _quoted(text: str) -> str:
+    """Return a basic string of TOML: those of JSON, but that the delete character is escaped as well."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,329 @@
+"""The renderer contract walked through, on a model in the plane and one in space: what holds, what is missing.
+
+Each question is put to the renderer in a process beside this one, so that it may crash or hang.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from enum import StrEnum
+from functools import lru_cache
+from types import MappingProxyType
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from hapticeval.discovery import resolve
+from hapticeval.errors import HapticevalError, RefusalError, described
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.phenomena.sampling import LAG_TICKS
+from hapticeval.recordings.recording import SINGLE, backward_difference
+from hapticeval.renderer import Batch, Renderer, abilities_of
+from hapticeval.runner.judging import make_renderer
+from hapticeval.scene import Scene
+from hapticeval.simulation.playback import reset_checked, step_checked
+from hapticeval.types import Array
+from hapticeval.workers import Ended, Workers
+
+MODELS = {"plane": "circle", "space": "cube"}
+
+PATIENCE = 60.0
+"""Seconds for a question, kernels to compile and a large program to start included."""
+
+HANGS = f"no answer in {PATIENCE:g} s: it hangs"
+
+DEPTH, PACE, REST = 1e-2, 1e-3, 20
+"""How deep the hand is led in, and how far it goes in a tick, in sizes of the model; and ticks that it rests there."""
+
+TIMED = 500
+"""Ticks that are timed."""
+
+
+class State(StrEnum):
+    """What came of a question."""
+
+    OK = "ok"
+    NOTE = "note"
+    MISSING = "missing"
+    BROKE = "broke"
+
+
+class Found(NamedTuple):
+    """An answer: what was asked, on which kind of model ("plane", "space" or ""), its state, and the words."""
+
+    what: str
+    kind: str
+    state: State
+    text: str
+
+
+Answered = tuple[State, str]
+"""What a question returns."""
+
+
+class Way(NamedTuple):
+    """A hand's way (n, N), m, from free space to the deepest point at row `deep`, a rest there, and out again."""
+
+    hips: Array
+    deep: int
+    out: int
+    foot: Array
+    normal: Array
+
+
+class Case(NamedTuple):
+    """A renderer in a scene, and a way for its hand."""
+
+    renderer: Renderer
+    scene: Scene
+    way: Way
+
+
+def examine(name: str) -> Iterator[Found]:
+    """Ask the renderer of that name all questions, and yield what is found. Raises as `resolve` does."""
+    resolve(name)
+    refused = 0
+    with Workers(_asked, 1) as crew:
+        for kind in MODELS:
+            for what in QUESTIONS:
+                state, text = _answer(crew, name, kind, what)
+                yield Found(what, kind, state, text)
+                if (what == "made" and state is not State.OK) or text == HANGS:
+                    refused += state is State.NOTE
+                    break
+    if refused == len(MODELS):
+        yield Found("dimension", "", State.MISSING, "it refuses models in the plane and in space: there is no other")
+
+
+def _answer(crew: Workers[Answered], name: str, kind: str, what: str) -> Answered:
+    crew.begin(0, name, kind, what)
+    found = crew.answers(PATIENCE)
+    if not found:
+        crew.give_up(0.0)
+        return State.BROKE, HANGS
+    answer = found[0]
+    if isinstance(answer.error, Ended):
+        return State.BROKE, f"it ends the process that it runs in: {answer.error.how}"
+    if answer.error is not None:
+        raise answer.error
+    assert answer.value is not None
+    return answer.value
+
+
+def _asked(name: str, kind: str, what: str) -> Answered:
+    """Put one question, in a process of its own; whatever the renderer raises is its answer."""
+    try:
+        if what == "made":
+            return _made(name, kind)
+        return QUESTIONS[what](_case(name, kind))
+    except HapticevalError as error:
+        return State.BROKE, "; ".join(part for part in (error.what, error.why) if part)
+    except Exception as error:
+        return State.BROKE, described(error)
+
+
+@lru_cache(maxsize=2)
+def _case(name: str, kind: str) -> Case:
+    scene = Scene(model=make_model(MODELS[kind]))
+    renderer = make_renderer(resolve(name), scene)
+    return Case(cast("Renderer", renderer), scene, _way(scene))
+
+
+def _made(name: str, kind: str) -> Answered:
+    """Whether a renderer is made of a scene, and what it declares."""
+    try:
+        case = _case(name, kind)
+    except RefusalError as refusal:
+        return State.NOTE, f"it refuses the model: {refusal.what}; {refusal.why}"
+    can = abilities_of(case.renderer)
+    if not can.steps:
+        return State.NOTE, "it answers a stimulus whole, by simulate(): there are no ticks to ask for"
+    parts = [f"model '{case.scene.model.name}'"]
+    parts += [f"{each} {getattr(can, each):.3g} m" for each in ("standoff", "resolution") if getattr(can, each)]
+    parts.append(f"supports {', '.join(sorted(can.supports)) if can.supports else 'what every renderer must'}")
+    if can.declares is not None and can.declares.spring is not None:
+        parts.append(f"a spring along the {can.declares.spring}")
+    ways = [each for each in ("run", "lead", "law") if getattr(can, each)]
+    parts.append(f"offers {', '.join(ways) if ways else 'single steps'}")
+    return State.OK, "; ".join(parts)
+
+
+def _way(scene: Scene) -> Way:
+    """Return a way in along a normal, away from corners."""
+    model = scene.model
+    size = model.size
+    low, high = np.reshape(model.boundary.bounds, (2, -1))
+    beside = 0.5 * (low + high) + 0.05 * size * np.arange(1, low.size + 1) / low.size
+    beside[0] = high[0] + 0.1 * size
+    frame = model.boundary.closest_point(beside[np.newaxis])
+    foot, normal = frame.foot[0], frame.normal[0]
+    heights = np.arange(0.5 * DEPTH, -DEPTH, -PACE) * size
+    heights = np.concatenate([heights, np.full(REST, -DEPTH * size), heights[::-1], np.full(REST, heights[0])])
+    deep = int(np.argmin(heights)) + REST - 1
+    return Way(foot + heights[:, np.newaxis] * normal, deep, len(heights) - REST, foot, normal)
+
+
+def _led(case: Case, hips: Array, dt: float) -> tuple[Array, Array]:
+    """Return the answers, (n, N) each, of a reset and a step a row."""
+    velocity = backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))
+    reset_checked(case.renderer, hips[0])
+    answers = [step_checked(case.renderer, k, hip, velocity[k], dt) for k, hip in enumerate(hips)]
+    return np.array([ihip for ihip, _ in answers]), np.array([force for _, force in answers])
+
+
+def _rounding(hips: Array) -> float:
+    return 4.0 * SINGLE * float(np.abs(hips).max())
+
+
+def _free(case: Case) -> Answered:
+    """In free space the IHIP is the HIP, and the force zero."""
+    hips = case.way.hips[:3]
+    ihips, forces = _led(case, hips, case.scene.sampling_time)
+    off, force = float(np.linalg.norm(ihips - hips, axis=1).max()), float(np.linalg.norm(forces, axis=1).max())
+    if force > 0.0:
+        return State.MISSING, f"a force of {force:.3g} N in free space: return zero there"
+    if off > _rounding(hips):
+        return State.MISSING, f"the IHIP is {1e3 * off:.3g} mm from the HIP in free space: return the HIP there"
+    told = getattr(case.renderer, "contact", None)
+    if told:
+        return State.MISSING, "it reports contact in free space"
+    return State.OK, "the IHIP is the HIP, and the force zero"
+
+
+def _contact(case: Case) -> Answered:
+    """Under the surface the IHIP is on it, and the force pushes out."""
+    scene, way = case.scene, case.way
+    ihips, forces = _led(case, way.hips[: way.deep + 1], scene.sampling_time)
+    told = getattr(case.renderer, "contact", None)
+    depth = DEPTH * scene.model.size
+    outwards = float(forces[-1] @ way.normal)
+    if not forces[-1].any() and np.linalg.norm(ihips[-1] - way.hips[way.deep]) <= _rounding(way.hips):
+        return (
+            State.MISSING,
+            f"no contact {1e3 * depth:.3g} mm under the surface: neither a force nor an IHIP of its own",
+        )
+    if not outwards > 0.0:
+        return State.MISSING, f"the force {forces[-1]} N does not push the hand out, along {way.normal}"
+    if told is False:
+        return State.MISSING, f"it reports free space {1e3 * depth:.3g} mm under the surface"
+    off = abs(float(scene.model.boundary.signed_distance(ihips[-1:])[0]))
+    can = abilities_of(case.renderer)
+    force = f"{outwards:.3g} N at {1e3 * depth:.3g} mm, of {scene.stiffness * depth:.3g} N of a spring"
+    if np.array_equal(ihips[-1], way.hips[way.deep]):
+        return State.NOTE, f"{force}; it has no IHIP of its own: checks of the contact point are inconclusive"
+    if off > can.standoff + _rounding(way.hips) + 1e-3 * depth:
+        return (
+            State.MISSING,
+            f"the IHIP is {1e3 * off:.3g} mm off the surface: declare a standoff of that, or put it there",
+        )
+    return State.OK, f"{force}; the IHIP is {1e3 * off:.2g} mm off the surface"
+
+
+def _leaving(case: Case) -> Answered:
+    """Out again it lets go, within the lag that is granted."""
+    way = case.way
+    ihips, forces = _led(case, way.hips, case.scene.sampling_time)
+    last = slice(way.out + LAG_TICKS, None)
+    if forces[last].any() or np.linalg.norm(ihips[last] - way.hips[last], axis=1).max() > _rounding(way.hips):
+        return State.MISSING, "it still holds the hand that has left the model: compare with the surface in each tick"
+    return State.OK, "it lets go of the hand"
+
+
+def _again(case: Case) -> Answered:
+    """A reset begins anew: the same way gives the same bits."""
+    dt = case.scene.sampling_time
+    first = _led(case, case.way.hips[: case.way.deep + 1], dt)
+    second = _led(case, case.way.hips[: case.way.deep + 1], dt)
+    apart = [float(np.abs(a - b).max()) for a, b in zip(first, second, strict=True)]
+    said = abilities_of(case.renderer).declares
+    allowed = (0.0, 0.0) if said is None else (said.ihip_scatter, said.force_scatter)
+    if any(by > may for by, may in zip(apart, allowed, strict=True)):
+        return (
+            State.MISSING,
+            f"the same way after a reset differs by {apart[0]:.3g} m and {apart[1]:.3g} N: clear it all",
+        )
+    return State.OK, "a reset begins anew"
+
+
+def _inside(case: Case) -> Answered:
+    """A reset with the hand inside, as closed loops do, begins in contact."""
+    hip = case.way.hips[case.way.deep]
+    _, forces = _led(case, np.repeat(hip[np.newaxis], LAG_TICKS + 1, axis=0), case.scene.sampling_time)
+    if not float(forces[-1] @ case.way.normal) > 0.0:
+        return State.MISSING, "no force after a reset with the hand inside: start the tool at the nearest surface point"
+    return State.OK, "a reset with the hand inside begins in contact"
+
+
+def _batch(case: Case) -> Answered:
+    """A batch is a reset and a step a row."""
+    if not abilities_of(case.renderer).run:
+        return State.NOTE, "there is no run(hips, dt): each tick is a call"
+    dt = case.scene.sampling_time
+    single = _led(case, case.way.hips, dt)
+    batch = [np.asarray(each, dtype=np.float64) for each in cast("Batch", case.renderer).run(case.way.hips.copy(), dt)]
+    apart = [float(np.abs(a - b).max()) for a, b in zip(single, batch, strict=True)]
+    if not apart[0] <= _rounding(case.way.hips) or not apart[1] <= case.scene.stiffness * _rounding(case.way.hips):
+        return State.MISSING, f"run() differs from single steps by {apart[0]:.3g} m and {apart[1]:.3g} N"
+    return State.OK, "run() is equal to single steps" + (", to the bit" if not any(apart) else "")
+
+
+def _not_finite(case: Case) -> Answered:
+    """A HIP that is not finite is refused, and leaves nothing behind."""
+    dt, hips = case.scene.sampling_time, case.way.hips[: case.way.deep + 1]
+    before = _led(case, hips, dt)
+    nowhere = np.full_like(hips[0], np.nan)
+    try:
+        answer = case.renderer.step(nowhere, np.zeros_like(nowhere), dt)
+        finite = all(np.isfinite(np.asarray(each, dtype=np.float64)).all() for each in answer)
+    except Exception:  # as it should
+        finite = False
+    if not all(map(np.array_equal, before, _led(case, hips, dt))):
+        return State.MISSING, "after a HIP that is not finite, and a reset, it answers otherwise than before"
+    if finite:
+        return State.MISSING, "it answers finite numbers to a HIP that is not finite: refuse it, so that a motor stops"
+    return State.OK, "a HIP that is not finite is not answered"
+
+
+def _speed(case: Case) -> Answered:
+    """It keeps up with the sampling time."""
+    dt, hips = case.scene.sampling_time, case.way.hips
+    reset_checked(case.renderer, hips[0])
+    rest, spent = np.zeros_like(hips[0]), []
+    for k in range(TIMED):
+        begun = time.perf_counter()
+        case.renderer.step(hips[k % len(hips)], rest, dt)
+        spent.append(time.perf_counter() - begun)
+    usual, most = (1e6 * float(np.percentile(spent, share)) for share in (50, 99))
+    words = f"{usual:.3g} us a step, 99 % in {most:.3g} us, through Python; a tick has {1e6 * dt:g} us"
+    return (State.OK if usual < 1e6 * dt else State.MISSING), words
+
+
+def _bilateral(case: Case) -> Answered:
+    """Whether it can hold the tool from both sides."""
+    if "bilateral" in (abilities_of(case.renderer).supports or ()):
+        return State.OK, "declares that it holds the tool from both sides"
+    return State.NOTE, "it does not declare 'bilateral': cases that hold the tool from both sides are not applicable"
+
+
+QUESTIONS: Mapping[str, Callable[..., Any]] = MappingProxyType(
+    {
+        "made": _made,
+        "free space": _free,
+        "contact": _contact,
+        "leaving": _leaving,
+        "reset": _again,
+        "reset inside": _inside,
+        "batch": _batch,
+        "non-finite": _not_finite,
+        "bilateral": _bilateral,
+        "speed": _speed,
+    }
+)
+"""All questions in order, by name; the first makes the renderer."""
+
+
+def exit_code(found: list[Found]) -> int:
+    """Return 3 where it broke, 1 where something is missing, and else 0."""
+    states = {each.state for each in found}
+    return 3 if State.BROKE in states else int(State.MISSING in states)

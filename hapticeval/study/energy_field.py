@@ -1,0 +1,114 @@
+"""Where a renderer's force creates energy: its curl over the inside of a plane model, and the loop that gains most.
+
+For renderers without memory. The curl of a cell of a grid is the work of the force once round it, anticlockwise, over
+its area: so it is defined where the force jumps too, and summed over cells it is the work round all of them. What a
+hand gets round a loop is the integral of the curl over what the loop encloses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticeval.errors import InputError
+from hapticeval.geometry.curve import Curve
+from hapticeval.renderer import Batch
+from hapticeval.types import Array
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+"""Of the rule for the work along one side of a cell."""
+
+TURNS = 20_000
+"""Points of a loop whose work is measured."""
+
+CANDIDATES = 12
+"""Loops of a scan that are measured."""
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyField:
+    """The curl (rows, columns), N/m, over cells of side `cell` (m) about `centres` (rows, columns, 2), m.
+
+    It is NaN in cells that are not wholly inside; `depth` (rows, columns), m, is that of the cells' centres.
+    """
+
+    centres: Array
+    cell: float
+    curl: Array
+    depth: Array
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A circle, led round anticlockwise, and the `work` (J) that the hand gets by it; negative, clockwise."""
+
+    centre: tuple[float, float]
+    radius: float
+    work: float
+
+
+def energy_field(renderer: Batch, curve: Curve, *, cell: float = 1e-3) -> EnergyField:
+    """Measure the curl of a renderer's force inside a closed curve, in cells of a side (m)."""
+    xmin, ymin, xmax, ymax = curve.bounds
+    counts = [max(1, int(np.ceil((high - low) / cell))) for low, high in ((xmin, xmax), (ymin, ymax))]
+    xs, ys = xmin + cell * np.arange(counts[0] + 1), ymin + cell * np.arange(counts[1] + 1)
+    centres = np.stack(np.meshgrid(xs[:-1] + 0.5 * cell, ys[:-1] + 0.5 * cell), axis=-1)
+    depth = -curve.signed_distance(centres.reshape(-1, 2)).reshape(centres.shape[:2])
+    shares, weights = 0.5 * cell * (1.0 + NODES), 0.5 * cell * WEIGHTS
+    along_x = np.stack(np.broadcast_arrays(xs[:-1, np.newaxis] + shares, ys[:, np.newaxis, np.newaxis]), axis=-1)
+    along_y = np.stack(np.broadcast_arrays(xs[:, np.newaxis], (ys[:-1, np.newaxis] + shares)[:, np.newaxis]), axis=-1)
+    right = _forces(renderer, along_x)[..., 0] @ weights
+    up = _forces(renderer, along_y)[..., 1] @ weights
+    round_about = right[:-1] + up[:, 1:] - right[1:] - up[:, :-1]
+    return EnergyField(centres, cell, np.where(depth > cell, round_about / cell**2, np.nan), depth)
+
+
+def _forces(renderer: Batch, points: Array) -> Array:
+    rows = np.ascontiguousarray(points.reshape(-1, 2))
+    return np.asarray(renderer.run(rows, 1.0)[1]).reshape(points.shape)
+
+
+def work_round(renderer: Batch, centre: tuple[float, float], radius: float) -> Loop:
+    """Lead a renderer once round a circle (m), by the trapezoid over `TURNS` points."""
+    angles = np.linspace(0.0, 2.0 * np.pi, TURNS + 1)
+    hips = np.asarray(centre) + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    _, forces = renderer.run(hips, 1.0)
+    work = float(np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(hips, axis=0)))
+    return Loop((float(centre[0]), float(centre[1])), radius, work)
+
+
+def works_at(field: EnergyField, radius: float) -> Array:
+    """Return the integral of the curl (rows, columns), J, over discs (m) about each cell's centre.
+
+    NaN for discs that are not wholly inside.
+    """
+    from scipy.signal import fftconvolve
+
+    reach = int(np.ceil(radius / field.cell))
+    steps = field.cell * np.arange(-reach, reach + 1)
+    disc = (np.hypot(steps[:, np.newaxis], steps) <= radius).astype(np.float64)
+    total = fftconvolve(np.nan_to_num(field.curl), disc, mode="same") * field.cell**2
+    # the disc as cells has another area
+    share = np.pi * radius**2 / (disc.sum() * field.cell**2)
+    return np.where(field.depth > radius + field.cell, share * total, np.nan)
+
+
+def worst_loop(
+    renderer: Batch, field: EnergyField, radius: float, *, depths: tuple[float, float] = (0.0, np.inf)
+) -> Loop:
+    """Find the circle of a radius (m) wholly inside by which the hand gains most, in either sense: scanned, measured.
+
+    Its centre is between two `depths`, m. Where a force jumps the scan is off by the rule's error at the jump, and so
+    the `CANDIDATES` best are measured. Raises `InputError` where no such circle is inside.
+    """
+    works = np.abs(works_at(field, radius))
+    works[(field.depth < depths[0]) | (field.depth > depths[1])] = np.nan
+    order = np.argsort(np.where(np.isnan(works), -1.0, works), axis=None)[::-1][:CANDIDATES]
+    chosen = [tuple(field.centres.reshape(-1, 2)[each].tolist()) for each in order if works.flat[each] >= 0.0]
+    if not chosen:
+        raise InputError(
+            f"no circle of {1e3 * radius:g} mm is inside at these depths",
+            todo="choose a smaller radius, or finer cells",
+        )
+    return max((work_round(renderer, each, radius) for each in chosen), key=lambda each: abs(each.work))

@@ -1,0 +1,107 @@
+"""What a faster loop buys (thesis 8.2.4): each phenomenon's error and the largest stable stiffness, by rate."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from hapticeval.devices.catalogue import device_named
+from hapticeval.discovery import resolve
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.runner.judging import judge
+from hapticeval.runner.results import environment
+from hapticeval.study.limits.loop import Place, SampledLoop, passive_stiffness, robot_at
+from hapticeval.study.limits.search import eigenvalue_limit, family_of
+from hapticeval.study.limits.study import finite
+from hapticeval.suite.reading import case_named
+
+Progress = Callable[[int, int, str], None]
+
+RATES = (1e3, 3e3, 1e4, 3e4, 1e5, 3e5, 1e6)
+"""Sampling rates (Hz)."""
+
+CASES: Mapping[str, str] = {
+    "continuous-contact": "thesis/cassinian-shallow-slide",
+    "contact-normal-force": "thesis/cassinian-shallow-slide",
+    "broken-contact": "thesis/star-convex-corner",
+    "abrupt-switch": "thesis/star-concave-corner",
+    "impulsive-collision": "thesis/plane-impact",
+    "centripetal-force": "thesis/circle-slide",
+}
+"""A case of the thesis for each phenomenon."""
+
+PRESSED, ROBOT, HELD = "thesis/plane-press", "parallelogram-2dof", "minimum-distance"
+"""The limit is that of the robot against a plane, under a spring: the same for every renderer with one."""
+
+SECONDS = 20.0
+"""A rate is left out where the one before lets expect that it takes longer: s, for one renderer and phenomenon."""
+
+
+def study_rates(renderers: Sequence[str], rates: Sequence[float], progress: Progress) -> dict[str, Any]:
+    """Judge renderers at each rate (Hz), each phenomenon in a case of the thesis, as a document in SI units.
+
+    Metrics are those of the checks, at the stiffness of the case. Raises as `resolve` does; a renderer that refuses a
+    case or breaks in it has the reason in its row.
+    """
+    factories = {name: resolve(name) for name in renderers}
+    total = len(factories) * len(CASES)
+    rows = []
+    for done, (name, check) in enumerate((name, check) for name in factories for check in CASES):
+        progress(done, total, f"{name}: {check}")
+        rows += _rows(name, factories[name], check, rates)
+    progress(total, total, "")
+    return {
+        "environment": environment(),
+        "rates": list(rates),
+        "cases": dict(CASES),
+        "rows": rows,
+        "limit": {"device": ROBOT, "place": PRESSED, "rows": [_limit(rate) for rate in rates]},
+    }
+
+
+def _rows(name: str, factory: Any, check: str, rates: Sequence[float]) -> list[dict[str, Any]]:
+    """One row per rate, until one would take too long: what a tick takes follows from the two rates before."""
+    case = case_named(CASES[check])
+    rows: list[dict[str, Any]] = []
+    took: list[tuple[float, float]] = []
+    for rate in rates:
+        row: dict[str, Any] = {"renderer": name, "check": check, "rate": rate}
+        if (expected := _expected(took, rate)) > SECONDS:
+            rows.append({**row, "left_out": f"it would take some {expected:.0f} s"})
+            continue
+        faster = msgspec.structs.replace(case, checks=(check,), scene={**case.scene, "sampling_time": 1.0 / rate})
+        begun = time.perf_counter()
+        judged = judge(factory, name, "rates", faster)
+        took.append((rate, time.perf_counter() - begun))
+        finding = judged.verdicts[0].finding
+        row |= {"outcome": finding.outcome.value, "message": finding.message}
+        if finding.metric is not None:
+            row |= {"metric": msgspec.to_builtins(finding.metric), "bound": finding.bound}
+        rows.append(row)
+        if finding.outcome in (Outcome.ERROR, Outcome.NOT_APPLICABLE):
+            break
+    return rows
+
+
+def _expected(took: Sequence[tuple[float, float]], rate: float) -> float:
+    """Extrapolate seconds from the last two of `took`, each a rate and its seconds; 0 where there are no two."""
+    if len(took) < 2:
+        return 0.0
+    (first, quick), (second, slow) = took[-2:]
+    return slow + max(slow - quick, 0.0) / (second - first) * (rate - second)
+
+
+def _limit(rate: float) -> dict[str, float | None]:
+    """Find the largest stiffness (N/m) of the robot's loop at a rate: by its eigenvalues, and by (2.40)."""
+    case = case_named(PRESSED)
+    scene = replace(case.build_scene(), device=device_named(ROBOT), sampling_time=1.0 / rate)
+    frame = scene.model.boundary.closest_point(np.zeros((1, scene.model.dimension)))
+    place = Place(frame.foot[0], frame.normal[0])
+    robot = robot_at(scene.robot, place.point)
+    stable = eigenvalue_limit(SampledLoop(scene, robot), family_of(resolve(HELD), scene, place))
+    return {"rate": rate, "stable": finite(stable), "passive": passive_stiffness(scene, robot, place.normal)}

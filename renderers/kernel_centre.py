@@ -1,0 +1,262 @@
+"""The point from which all of a model's surface is seen: the centre of its kernel, for renderers of star-shaped models.
+
+The kernel of a closed model is what lies behind the tangent planes of all of its surface: the centres c with a support
+distance h = n.(y - c) > 0 at every surface point y with outward unit normal n. A model that has such a point is
+star-shaped about it: each ray from c meets the surface once.
+
+Of the kernel the centre is taken that makes the mean of log h over the surface largest: the analytic centre, weighted
+by length, in space by area. The mean is strictly concave, so that there is one such point; it moves with the model, and
+does not depend on how an edge or a face is divided. `support`, H, is the geometric mean of h there: with a stiffness
+K H^2 / h^2 the mean of its logarithm over the surface is that of K.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import linprog
+
+from hapticeval.compiled import for_kernels
+from hapticeval.errors import RefusalError
+from hapticeval.geometry.boundary import Boundary
+from hapticeval.geometry.curve import Curve
+from hapticeval.geometry.curve_kernels import NODES, WEIGHTS
+from hapticeval.geometry.kernels import ARC, KIND, LINE, U0, U1, evaluate_many
+from hapticeval.geometry.mesh import Mesh
+from hapticeval.geometry.surface import Surface
+from hapticeval.types import Array
+
+GRAZES = 1e-9
+"""Least support distance, as a share of the largest: with less a ray runs along the surface, to rounding."""
+
+SPREAD = 4096
+"""Points on a smooth surface in space, or along a smooth curve at least."""
+
+STEPS = 100
+"""Most steps of Newton's method to the centre; it takes some ten."""
+
+
+class NoKernelError(RefusalError):
+    """No point sees all of the model's surface, or the centre that was given does not; `position` (m) is one place."""
+
+    def __init__(self, what: str, *, why: str, todo: str, position: Array) -> None:
+        super().__init__(what, why=why, todo=todo)
+        self.position = tuple(float(each) for each in position)
+
+
+@dataclass(frozen=True, eq=False)
+class Centre:
+    """A point (N,), m, of the kernel, and the support distances (m) of the surface from it.
+
+    `support` is their geometric mean over the surface, `least` the smallest and `largest` the largest.
+    """
+
+    point: Array
+    support: float
+    least: float
+    largest: float
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """Points (k, N), m, of a boundary with outward unit normals (k, N), and the share of the surface each stands for.
+
+    A flat face or edge is one of them: its support distance is the same all over it.
+    """
+
+    points: Array
+    normals: Array
+    shares: Array
+
+    def supports(self, centre: Array) -> Array:
+        """Return h (k,), m, about a centre (N,)."""
+        return np.asarray(np.sum(self.normals * (self.points - centre), axis=1))
+
+
+def sampled(boundary: Boundary) -> Sampled:
+    """Return a closed boundary as points with normals; a polygon and a mesh exactly."""
+    if isinstance(boundary, Mesh):
+        corners = boundary.vertices[boundary.triangles]
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return _shared(corners.mean(axis=1), boundary.normals, np.linalg.norm(across, axis=1))
+    if isinstance(boundary, Curve):
+        us, lengths = _along(boundary)
+        return _shared(boundary.position(us), boundary.normal(us), lengths)
+    if isinstance(boundary, Surface) and boundary.kind != "torus":
+        return _ellipsoid(np.resize(boundary.reals, 3))
+    points = boundary.points(SPREAD)
+    return _shared(points, boundary.closest_point(points).normal, np.ones(SPREAD))
+
+
+def _ellipsoid(axes: Array) -> Sampled:
+    """Return an ellipsoid: Gauss's rule along its longest axis, and equal steps round it, whichever axis that is."""
+    high, turn = np.meshgrid(NODES, (np.arange(4 * NODES.size) + 0.5) * (2.0 * np.pi / (4 * NODES.size)), indexing="ij")
+    out = np.sqrt(1.0 - high * high)
+    directions = np.empty((high.size, 3))
+    shortest, middle, longest = np.argsort(axes, kind="stable")
+    directions[:, shortest], directions[:, middle] = (out * np.cos(turn)).ravel(), (out * np.sin(turn)).ravel()
+    directions[:, longest] = high.ravel()
+    normals = directions / axes
+    size = np.linalg.norm(normals, axis=1, keepdims=True)
+    # an area of the sphere is stretched in the ratio of 1 / h
+    return _shared(directions * axes, normals / size, np.repeat(WEIGHTS, 4 * NODES.size) * size[:, 0])
+
+
+def _shared(points: Array, normals: Array, sizes: Array) -> Sampled:
+    return Sampled(points, normals, sizes / sizes.sum())
+
+
+def _along(curve: Curve) -> tuple[Array, Array]:
+    """Return parameters of a closed curve and the length (m) that each stands for: Gauss's rule, one for an edge."""
+    us, lengths = [], []
+    for row in curve.pieces:
+        if row[KIND] == LINE:
+            us.append(np.array([0.5 * (row[U0] + row[U1])]))
+            lengths.append(np.array([row[U1] - row[U0]]))
+            continue
+        cuts = np.linspace(row[U0], row[U1], SPREAD // NODES.size + 1)
+        if row[KIND] != ARC:
+            # the rows of the table are dense where the curve bends
+            cuts = np.unique(np.concatenate([cuts, curve.samples[:, 0]]))
+        half = 0.5 * np.diff(cuts)[:, np.newaxis]
+        nodes = 0.5 * (cuts[1:] + cuts[:-1])[:, np.newaxis] + half * NODES
+        speeds = (
+            1.0
+            if row[KIND] == ARC
+            else np.linalg.norm(evaluate_many(for_kernels(curve.pieces), nodes.ravel())[:, 2:4], axis=1)
+        )
+        us.append(nodes.ravel())
+        lengths.append((half * WEIGHTS).ravel() * speeds)
+    return np.concatenate(us), np.concatenate(lengths)
+
+
+def centre_of(boundary: Boundary, name: str, centre: ArrayLike | None = None) -> Centre:
+    """Return the centre of the kernel of a model's boundary, or the given `centre` (N,), m, if it is in the kernel.
+
+    `name` is that of the model. Raises `RefusalError` for an open curve, and `NoKernelError` for a model without a
+    kernel, with two places that cannot see each other, and for a centre outside the kernel, with a ray that meets the
+    boundary more than once.
+    """
+    if not boundary.closed:
+        raise RefusalError(
+            f"model '{name}' is open",
+            why="a ray from a centre inside has to meet the surface, and an open curve bounds no inside",
+            todo="choose a closed model, or a renderer that needs no centre, such as minimum-distance",
+        )
+    surface = sampled(boundary)
+    if centre is not None:
+        return _given(boundary, surface, name, np.asarray(centre, dtype=np.float64))
+    return _centre(surface, _inside_kernel(surface, name))
+
+
+def _measured(surface: Sampled, point: Array) -> Centre:
+    supports = surface.supports(point)
+    mean = math.exp(float(np.sum(surface.shares * np.log(supports))))
+    return Centre(point, mean, float(supports.min()), float(supports.max()))
+
+
+def _inside_kernel(surface: Sampled, name: str) -> Array:
+    """Return a point of the kernel: the mean of the surface's points, or that of the largest least support distance."""
+    start = np.asarray(surface.shares @ surface.points)
+    supports = surface.supports(start)
+    if supports.min() > GRAZES * supports.max():
+        return start
+    # in the size of the model, for the solver's tolerances are absolute
+    size = float(np.ptp(surface.points, axis=0).max())
+    places = (surface.points - start) / size
+    rows = np.column_stack([surface.normals, np.ones(len(places))])
+    found = linprog(
+        np.append(np.zeros(start.size), -1.0),
+        A_ub=rows,
+        b_ub=np.sum(surface.normals * places, axis=1),
+        bounds=[(None, None)] * rows.shape[1],
+        method="highs",
+    )
+    point = start + size * found.x[:-1]
+    supports = surface.supports(point)
+    if supports.min() > GRAZES * supports.max():
+        return np.asarray(point)
+    carrying = np.flatnonzero(-found.ineqlin.marginals > 1e-9)
+    here, there = _apart(surface, carrying)
+    others = [_place(surface.points[each]) for each in carrying if each not in (here, there)]
+    raise NoKernelError(
+        f"model '{name}' has no kernel: no point sees all of its surface",
+        why=f"{_place(surface.points[here])} and {_place(surface.points[there])} cannot see each other, and no point "
+        f"sees {' and '.join(['these', *others]) if others else 'both'}",
+        todo="choose a model that is star-shaped, or a renderer that needs no centre, such as minimum-distance",
+        position=surface.points[here],
+    )
+
+
+def _apart(surface: Sampled, carrying: Array) -> tuple[int, int]:
+    """Return two of the places that leave no kernel, the way from the first to the second of which leads outside.
+
+    Those that carry the optimum have weights m > 0 with sum m n = 0 and sum m n.y <= 0. So for each y_j of them sum_k
+    m_k n_k.(y_j - y_k) >= 0, and unless all its terms vanish one is positive: from y_k the way to y_j leads outside.
+    """
+    points, normals = surface.points[carrying], surface.normals[carrying]
+    ways = points[np.newaxis] - points[:, np.newaxis]
+    length = np.maximum(np.linalg.norm(ways, axis=2), np.finfo(float).tiny)
+    outwards = np.einsum("ki,kji->kj", normals, ways) / length
+    first, second = np.unravel_index(int(np.argmax(outwards)), outwards.shape)
+    return int(carrying[first]), int(carrying[second])
+
+
+def _centre(surface: Sampled, point: Array) -> Centre:
+    """Return the analytic centre, by Newton's method on the mean of log h from a point inside the kernel."""
+    value = -math.inf
+    for _ in range(STEPS):
+        supports = surface.supports(point)
+        value = float(np.sum(surface.shares * np.log(supports)))
+        # minus the second derivative is rows^T rows: by its root, for of a thin plate itself loses all digits
+        roots = np.sqrt(surface.shares)
+        rows = surface.normals * (roots / supports)[:, np.newaxis]
+        step = np.linalg.lstsq(rows, -roots, rcond=None)[0]
+        gain = float(np.sum((rows @ step) ** 2))
+        share = 1.0
+        while share > 1e-9:
+            trial = point + share * step
+            there = surface.supports(trial)
+            if there.min() > 0.0 and np.sum(surface.shares * np.log(there)) >= value + 0.1 * share * gain - 1e-15:
+                break
+            share *= 0.5
+        else:
+            break
+        point = trial
+        if gain <= 1e-28:
+            break
+    return _measured(surface, point)
+
+
+def _given(boundary: Boundary, surface: Sampled, name: str, centre: Array) -> Centre:
+    """Return a given centre, measured. Raises `NoKernelError` where it is none."""
+    if centre.shape != (boundary.dimension,) or not np.isfinite(centre).all():
+        raise RefusalError(
+            f"the centre {np.asarray(centre).tolist()} for model '{name}'",
+            why=f"it must be {boundary.dimension} finite numbers, m",
+        )
+    supports = surface.supports(centre)
+    worst = int(np.argmin(supports))
+    if supports[worst] > GRAZES * supports.max():
+        return _measured(surface, centre)
+    place = surface.points[worst]
+    if not float(boundary.signed_distance(centre[np.newaxis])[0]) < 0.0:
+        why = "it is not inside the model"
+    else:
+        size = float(np.ptp(surface.points, axis=0).max())
+        other = boundary.first_crossing(place, centre, grain=1e-4 * size)
+        again = f", and at {_place(other)} too" if other is not None else " without going through it"
+        why = f"the ray from it to {_place(place)} meets the boundary there{again}: one surface point must answer a ray"
+    raise NoKernelError(
+        f"the centre {_place(centre)} is outside the kernel of model '{name}'",
+        why=why,
+        todo="leave the centre out: the centre of the kernel is then looked for",
+        position=place,
+    )
+
+
+def _place(point: Array) -> str:
+    return f"({', '.join(f'{x:.4g}' for x in point)}) m"

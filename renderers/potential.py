@@ -1,0 +1,99 @@
+"""The force of a potential whose level curves keep the normals of the surface: what makes a continuous map passive.
+
+The surface y_0(s), its outward unit normal n and its support distance h = n.(y_0 - c) about a centre c in the kernel
+give the level curves (Combescure's transforms; in space the same)
+
+    y_t(s) = c + A(t) (y_0(s) - c) - B(t) n(s)
+
+The hand at y_t(s) has y_0(s) as IHIP and, with U = K t^2 / 2, the force F = K t / v n, where v = B' - A' h is the speed
+at which the level curves go inwards. It is -grad U, for n.dy_t/ds = 0 makes F.dx = -U'(t) dt. Here B = A b, with
+
+    b(t) = t up to half of m, then with a derivative that falls to zero smoothly, from three quarters of m on constant
+    A(t) = (H - t) / (H - b(t))
+
+so that t is the depth n.(IHIP - HIP) wherever h = H. Up to the depth m / 2 the level curves are parallel curves, v = 1,
+and F = K t is the nearest point's spring; deeper they are smaller copies of one another, and at t = H the point c. A
+and B have continuous second derivatives. With m < 1 / kappa_max and m <= h_min the curves lie one inside the other and
+cover the inside once (docs/continuous-and-passive.md). With m = 0 all are smaller copies of the surface.
+
+`numbers` are H and m (m), and the centre (N,), m.
+"""
+
+from __future__ import annotations
+
+from hapticeval.compiled import borrowing, inner
+from hapticeval.types import Array
+
+SUPPORT, REACH, CENTRE = range(3)
+"""Where H, m and the centre are in the numbers of a potential."""
+
+PARALLEL, LAST = 0.5, 0.75
+"""Shares of m up to which b is t, and from which it is constant."""
+
+STEPS = 60
+"""Most steps to the level of a point, between these two."""
+
+
+@inner
+def level(numbers: Array, first: int, t: float) -> tuple[float, float, float, float]:
+    """Return A, b and their derivatives at level t, of the numbers from `first` on."""
+    support, reach = numbers[first + SUPPORT], numbers[first + REACH]
+    begin, end = PARALLEL * reach, LAST * reach
+    if t <= begin and reach > 0.0:
+        return 1.0, t, 0.0, 1.0
+    span = end - begin
+    if t >= end or reach == 0.0:
+        b, rate = begin + 0.5 * span, 0.0
+    else:
+        x = (t - begin) / span
+        b = begin + span * (x - x * x * x + 0.5 * x * x * x * x)
+        rate = 1.0 - (3.0 - 2.0 * x) * x * x
+    left = support - b
+    return (support - t) / left, b, ((support - t) * rate - left) / (left * left), rate
+
+
+@borrowing
+def level_at(numbers: Array, first: int, across: float, h: float) -> float:
+    """Return the level t of a point with n.(x - c) = `across` whose IHIP has the support distance h: A (h - b) = it.
+
+    A (h - b) falls with t at the rate v > 0.
+    """
+    support, reach = numbers[first + SUPPORT], numbers[first + REACH]
+    if reach > 0.0 and h - across <= PARALLEL * reach:
+        return h - across
+    low, high = PARALLEL * reach, LAST * reach
+    a, b, _, _ = level(numbers, first, high)
+    if reach == 0.0 or across <= a * (h - b):
+        return support - across / (h - b) * (support - b)
+    t = 0.5 * (low + high)
+    for _ in range(STEPS):
+        a, b, da, db = level(numbers, first, t)
+        off = a * (h - b) - across
+        if off > 0.0:
+            low = t
+        else:
+            high = t
+        following = t + off / (a * db - da * (h - b))
+        if not low <= following <= high:
+            following = 0.5 * (low + high)
+        if abs(following - t) <= 1e-16 * support:
+            return following
+        t = following
+    return t
+
+
+@inner
+def stretch(numbers: Array, first: int, t: float, h: float) -> float:
+    """Return t / v (m): K times that is the force at level t where the support distance is h."""
+    a, b, da, db = level(numbers, first, t)
+    return t / (a * db - da * (h - b))
+
+
+@borrowing
+def pressed(numbers: Array, first: int, hip: Array, ihip: Array, normal: Array) -> float:
+    """Return what K is to be multiplied by (m) for the force on a hand with that IHIP and outward unit normal."""
+    across, h = 0.0, 0.0
+    for i in range(hip.shape[0]):
+        across += normal[i] * (hip[i] - numbers[first + CENTRE + i])
+        h += normal[i] * (ihip[i] - numbers[first + CENTRE + i])
+    return stretch(numbers, first, level_at(numbers, first, across, h), h)

@@ -1,0 +1,367 @@
+"""What a case page holds of its runs: a thousand samples of each at most, chosen so that extremes stay, packed small.
+
+A packed array is whole numbers times a scale, 16 bits of them (32 of time), as zigzag varints of the differences from
+row to row, deflated in one piece for the whole case. The page's script unpacks it with the browser's own
+`DecompressionStream`.
+"""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from heapq import heapify, heappop, heappush
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from hapticeval.geometry.model import Model
+from hapticeval.recordings.provenance import before_the_wall
+from hapticeval.recordings.recording import Recording
+from hapticeval.recordings.stretches import joined
+from hapticeval.types import Array, BoolArray, IntArray
+
+SAMPLES = 1000
+"""At most about so many samples of a run are kept beside those that are kept for certain."""
+
+WITHIN = 1.0 / 1500.0
+"""Share of each channel's range that straight lines between the samples may be off: less than can be seen."""
+
+INTERVALS = 12
+"""The largest and smallest of force, depth and step in so many intervals are kept exactly."""
+
+MOST = 200
+"""Of what happens more often than so many times, the largest so many are kept for certain."""
+
+JUMPS = 4.0
+"""An IHIP step this many times as long as the HIP's, and as the IHIP steps on both sides of it, is kept: a jump."""
+
+FULL = 32767
+"""The largest number that an array of 16 bits has."""
+
+DRAWN = 8191
+"""The largest number of what is drawn against time only, in plots of 200 px."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """One run, at the samples that are shown: `rows` (n,) of the recording, and its channels there.
+
+    `apart` is IHIP less HIP (n, N), m; `force` (n, N), N; `step` and `hip_step` (n,), m, how far IHIP and HIP move in
+    the tick before each sample, 0 where there is none before it. `starts` are the samples that begin after a gap. What
+    was not recorded is None.
+    """
+
+    name: str
+    rows: IntArray
+    time: Array
+    hip: Array
+    apart: Array | None
+    force: Array | None
+    step: Array | None
+    hip_step: Array
+    starts: IntArray
+    dt: float
+    """The sampling time, s: between samples that are farther apart, lines are as good as the rest."""
+    led: bool
+    """Whether the hand was led along a given path."""
+    off: Array | None = None
+    """The HIP's signed distance (n,), m, from the surface that it is held on; None where nothing holds it."""
+    along: Array | None = None
+    """The speed (n,), m/s, of the HIP's foot along that surface."""
+
+    @property
+    def ihip(self) -> Array:
+        """The IHIP (n, N), m; the HIP where none was recorded."""
+        return self.hip if self.apart is None else self.hip + self.apart
+
+
+def placed(recording: Recording) -> Recording:
+    """Return the rows of a recording that are measurements, in the plane where it is in one dimension."""
+    if recording.dimension == 1:
+        recording = before_the_wall(recording)
+    if recording.valid is None:
+        return recording
+    keep = recording.valid
+    channels = {name: values[keep] for name, values in recording.channels.items()}
+    return Recording(recording.time[keep], channels, recording.meta, signals=recording.signals)
+
+
+def tracks(
+    recordings: Mapping[str, Recording], times: Mapping[str, Collection[float]], count: int = SAMPLES
+) -> list[Track]:
+    """Return samples of each recording (`placed`), see `kept`, with those at the `times` (s) that verdicts name.
+
+    Runs along one hand path are given the same samples, so that it is held once.
+    """
+    alike: dict[tuple[bytes, bytes], list[str]] = {}
+    for name, each in recordings.items():
+        alike.setdefault((each.time.tobytes(), each.hip.tobytes()), []).append(name)
+    found: dict[str, Track] = {}
+    for names in alike.values():
+        time = recordings[names[0]].time
+        asked = {int(np.argmin(np.abs(time - each))) for name in names for each in times.get(name, ())}
+        rows = kept([recordings[name] for name in names], asked, count)
+        for name in names:
+            found[name] = _track(name, recordings[name], rows)
+    return [found[name] for name in recordings]
+
+
+def kept(runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLES) -> IntArray:
+    """Return the rows to show of runs along one hand path, so that straight lines between them are `WITHIN` the rest.
+
+    For certain: the ends, `ticks` and those beside them, gaps, contacts, jumps, and extremes; what happens from one row
+    to the next is kept with the row before. Then those that are farthest from the lines, up to `count` of them.
+    """
+    n = len(runs[0])
+    if n <= count:
+        return np.arange(n)
+    chosen = np.unique(np.concatenate([_special(run, ticks) for run in runs]))
+    for signal in (signal for run in runs for signal in _signals(run)):
+        chosen = np.union1d(chosen, _extremes(signal, INTERVALS))
+    return _straightened(runs[0].time, np.column_stack([_scaled(run) for run in runs]), chosen, count)
+
+
+def _scaled(run: Recording) -> Array:
+    """The channels that are shown (n, k), in units of what straight lines may be off."""
+    parts = [4.0 * run.hip / max(float(np.ptp(run.hip, axis=0).max()), 1e-300)]  # a picture can be enlarged
+    if "ihip" in run.channels:
+        apart = run.ihip - run.hip
+        parts += [apart / max(float(np.ptp(apart, axis=0).max()), 1e-300)]
+    if "force" in run.channels:
+        parts += [run.force / max(float(np.ptp(run.force, axis=0).max()), 1e-300)]
+    return np.hstack(parts) / WITHIN
+
+
+def _straightened(time: Array, values: Array, chosen: IntArray, count: int) -> IntArray:
+    """Add up to `count` rows, always the one that is farthest from the line between those chosen on its sides.
+
+    `values` (n, k) are lines of `time` (n,) where they are off by less than 1.
+    """
+    rows = chosen.tolist()
+
+    def farthest(first: int, last: int) -> tuple[float, int, int, int] | None:
+        if last - first < 2:
+            return None
+        share = ((time[first + 1 : last] - time[first]) / (time[last] - time[first]))[:, None]
+        line = values[first] + share * (values[last] - values[first])
+        off = np.abs(values[first + 1 : last] - line).max(axis=1)
+        most = int(np.argmax(off))
+        return (-float(off[most]), first, first + 1 + most, last) if off[most] > 1.0 else None
+
+    waiting = [each for pair in pairwise(rows) if (each := farthest(*pair)) is not None]
+    heapify(waiting)
+    for _ in range(count):
+        if not waiting:
+            break
+        _, first, middle, last = heappop(waiting)
+        rows.append(middle)
+        for pair in ((first, middle), (middle, last)):
+            each = farthest(*pair)
+            if each is not None:
+                heappush(waiting, each)
+    return np.array(sorted(rows), dtype=np.int64)
+
+
+def _signals(recording: Recording) -> list[Array]:
+    """What must keep its extremes: the size of the force, the depth, the IHIP's steps."""
+    found = []
+    if "force" in recording.channels:
+        found.append(np.linalg.norm(recording.force, axis=1))
+    if "ihip" in recording.channels:
+        found += [np.linalg.norm(recording.ihip - recording.hip, axis=1), steps(recording, recording.ihip)]
+    return found
+
+
+def steps(recording: Recording, points: Array) -> Array:
+    """Return how far points (n, N) move in the tick before each row, (n,); 0 where no row lies right before."""
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    return np.append(0.0, np.where(joined(recording), lengths, 0.0)) if len(points) > 1 else np.zeros(len(points))
+
+
+def jumps(recording: Recording) -> IntArray:
+    """Return the rows at which the IHIP has just jumped, the longest `MOST` of them.
+
+    A jump is a step `JUMPS` times as long as the HIP's and as the steps before and after it.
+    """
+    if "ihip" not in recording.channels or len(recording) < 3:
+        return np.zeros(0, dtype=np.int64)
+    step, hip = steps(recording, recording.ihip), steps(recording, recording.hip)
+    around = np.maximum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
+    # a jump of two ticks has a neighbour as long as itself: that of either side which is shorter decides
+    calm = np.minimum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
+    floor = 1e-6 * float(np.max(np.abs(recording.hip), initial=0.0))
+    found = np.flatnonzero((step > JUMPS * np.maximum(hip, calm)) & (step > floor) & (step >= 0.5 * around))
+    return np.sort(found[np.argsort(-step[found], kind="stable")[:MOST]]).astype(np.int64)
+
+
+def _special(recording: Recording, ticks: Collection[int]) -> IntArray:
+    """What is kept for certain, with the row before: ends, verdicts' places, gaps, jumps, contacts."""
+    n = len(recording)
+    found = [np.array([0, n - 1, *(tick + 1 for tick in ticks)]), np.array([*ticks], dtype=np.int64)]
+    if n > 1:
+        found.append(np.flatnonzero(~joined(recording))[:MOST] + 1)
+    found.append(jumps(recording))
+    if {"ihip", "force"} & recording.channels.keys():
+        found.append(np.flatnonzero(np.diff(recording.contact))[:MOST] + 1)
+    each = np.concatenate(found).astype(np.int64)
+    both = np.union1d(each, each - 1)
+    return both[(both >= 0) & (both < n)]
+
+
+def _extremes(signal: Array, intervals: int) -> IntArray:
+    """The rows of the largest and the smallest value in each of so many intervals."""
+    edges = np.linspace(0, signal.size, intervals + 1).astype(np.int64)
+    parts = [(begin, signal[begin:end]) for begin, end in pairwise(edges) if end > begin]
+    return np.unique([begin + int(pick(part)) for begin, part in parts for pick in (np.argmax, np.argmin)])
+
+
+def _track(name: str, recording: Recording, rows: IntArray) -> Track:
+    gaps: BoolArray = np.append(False, ~joined(recording)) if len(recording) > 1 else np.zeros(1, dtype=bool)
+    after = np.cumsum(gaps)[rows]
+    has_ihip = "ihip" in recording.channels
+    return Track(
+        name=name,
+        rows=rows,
+        time=recording.time[rows],
+        hip=recording.hip[rows],
+        apart=(recording.ihip - recording.hip)[rows] if has_ihip else None,
+        force=recording.force[rows] if "force" in recording.channels else None,
+        step=steps(recording, recording.ihip)[rows] if has_ihip else None,
+        hip_step=steps(recording, recording.hip)[rows],
+        starts=np.flatnonzero(np.diff(after)) + 1,
+        dt=recording.dt,
+        led=recording.meta.get("source") in ("playback", "replay"),
+    )
+
+
+def held(track: Track, recording: Recording, model: Model) -> Track:
+    """Return the track of a recording with the motion across and along the surface that holds it."""
+    off, along = surface_motion(recording, model)
+    return replace(track, off=off[track.rows], along=along[track.rows])
+
+
+def surface_motion(recording: Recording, model: Model) -> tuple[Array, Array]:
+    """Return the HIP's signed distance (n,), m, and the speed of its foot along the surface (n,), m/s.
+
+    In the plane the speed has the sign of the tangent; P_T ẏ = (I + n W) ṗ.
+    """
+    frame = model.boundary.closest_point(recording.hip)
+    velocity = recording.velocity
+    across = np.sum(velocity * frame.normal, axis=1)[:, None] * frame.normal
+    count = recording.hip.shape[1]
+    stretch = np.eye(count) + frame.distance[:, None, None] * frame.shape
+    foot = np.linalg.solve(stretch, (velocity - across)[..., None])[..., 0]
+    if count == 2:
+        tangent = np.column_stack([-frame.normal[:, 1], frame.normal[:, 0]])
+        return frame.distance, np.sum(foot * tangent, axis=1)
+    return frame.distance, np.linalg.norm(foot, axis=1)
+
+
+@dataclass
+class Packer:
+    """Collects arrays: `add` returns the number of each, `document` all of them as the page's script reads them."""
+
+    shapes: list[list[Any]] = field(default_factory=list)
+    parts: list[bytes] = field(default_factory=list)
+
+    def add(self, values: Array, *, scale: float | None = None) -> int:
+        """Pack an array (n,) or (n, k) in steps of `scale`, or of 1/32767 of its largest value."""
+        table = values.reshape(len(values), -1)
+        if scale is None:
+            scale = float(np.max(np.abs(table), initial=0.0)) / FULL or 1.0
+        whole = np.rint(table / scale).astype(np.int64)
+        self.shapes.append([*table.shape, scale])
+        self.parts.append(varints(np.diff(whole, axis=0, prepend=0).T.ravel()))
+        return len(self.shapes) - 1
+
+    def document(self) -> dict[str, Any]:
+        """Return `arrays`, the rows, columns and scale of each, and `packed`, their numbers, deflated, in base64."""
+        packed = zlib.compress(b"".join(self.parts), 9)
+        return {"arrays": self.shapes, "packed": base64.b64encode(packed).decode("ascii")}
+
+
+def varints(whole: IntArray) -> bytes:
+    """Return whole numbers as varints of seven bits a byte, the lowest first, with the sign as the lowest bit."""
+    left = np.where(whole < 0, -2 * whole - 1, 2 * whole).astype(np.uint64)
+    width = 1
+    while width < 10 and bool(np.any(left >> np.uint64(7 * width))):
+        width += 1
+    digits = (left[:, np.newaxis] >> (7 * np.arange(width, dtype=np.uint64))) & np.uint64(127)
+    used = np.maximum(1, width - np.argmax(digits[:, ::-1] != 0, axis=1))
+    used[left == 0] = 1
+    place = np.arange(width)
+    digits[place[np.newaxis] < used[:, np.newaxis] - 1] |= np.uint64(128)
+    out: bytes = digits[place[np.newaxis] < used[:, np.newaxis]].astype(np.uint8).tobytes()
+    return out
+
+
+def unpacked(document: Mapping[str, Any]) -> list[Array]:
+    """Return the arrays of a document of `Packer`, each (n, k): what the page's script makes of it."""
+    data = np.frombuffer(zlib.decompress(base64.b64decode(document["packed"])), dtype=np.uint8)
+    ends = np.flatnonzero(data < 128)
+    owner = np.searchsorted(ends, np.arange(data.size))
+    first = np.append(0, ends[:-1] + 1)
+    shift = (7 * (np.arange(data.size) - first[owner])).astype(np.uint64)
+    numbers = np.zeros(ends.size, dtype=np.uint64)
+    np.add.at(numbers, owner, (data & 127).astype(np.uint64) << shift)
+    whole = (numbers >> np.uint64(1)).astype(np.int64) ^ -(numbers & np.uint64(1)).astype(np.int64)
+    found, at = [], 0
+    for rows, columns, scale in document["arrays"]:
+        block = whole[at : at + rows * columns].reshape(columns, rows).T
+        found.append(np.cumsum(block, axis=0) * scale)
+        at += rows * columns
+    return found
+
+
+def tick_scale(time: Array) -> float:
+    """Return the power of ten, s, in steps of which times are held: below a hundredth of a tick, in 31 bits."""
+    span = float(time[-1] - time[0]) + abs(float(time[0]))
+    shortest = float(np.min(np.diff(time), initial=span or 1.0))
+    fine = 10.0 ** np.floor(np.log10(max(shortest, 1e-12) / 100.0))
+    coarse = 10.0 ** np.ceil(np.log10(max(span, 1e-12) / 2.0**31))
+    return float(max(fine, coarse))
+
+
+def fineness(found: Sequence[Track]) -> float:
+    """Return in steps of what length, m, places are held: 1/32767 of the largest, or 1/100 of the depth if less."""
+    largest = max(float(np.max(np.abs(each.hip), initial=0.0)) for each in found) or 1.0
+    depths = [np.linalg.norm(each.apart, axis=1).max(initial=0.0) for each in found if each.apart is not None]
+    deepest = float(max(depths, default=0.0)) or largest
+    return float(max(min(largest / FULL, deepest / 100.0), largest * 2.0**-30))
+
+
+def packed_runs(found: Sequence[Track], packer: Packer) -> list[dict[str, Any]]:
+    """Pack tracks, each array once, and return for each the numbers of its arrays by name."""
+    held: dict[bytes, int] = {}
+    fine = fineness(found)
+
+    def add(values: Array | None, **how: Any) -> int | None:
+        if values is None:
+            return None
+        key = values.tobytes()
+        if key not in held:
+            held[key] = packer.add(values, **how)
+        return held[key]
+
+    def drawn(values: Array | None) -> int | None:
+        return None if values is None else add(values, scale=float(np.max(np.abs(values))) / DRAWN or 1.0)
+
+    return [
+        {
+            "name": each.name,
+            "time": add(each.time, scale=tick_scale(each.time)),
+            "hip": add(each.hip, scale=fine),
+            "apart": add(each.apart),
+            "force": drawn(each.force),
+            "step": drawn(each.step) if each.led else None,
+            "hip_step": drawn(each.hip_step) if each.led or each.apart is None else None,
+            "off": add(each.off),
+            "along": drawn(each.along),
+            "dt": each.dt,
+            "starts": each.starts.tolist(),
+        }
+        for each in found
+    ]

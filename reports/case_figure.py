@@ -1,0 +1,361 @@
+"""The figures of a case with all its renderers laid over each other, as they stand on a page without script.
+
+One shows the model with the hand's path and where each renderer put the tool; the other force and steps against time.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hapticeval.geometry.model import Model
+from hapticeval.reports.canvas import MM, drawn, figure, page_svg
+from hapticeval.reports.case_data import Track
+from hapticeval.reports.case_model import TURN, triangles_of
+from hapticeval.reports.plane import Box, box_round, draw_body, labels, name_axes, shape_of
+from hapticeval.types import Array, BoolArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+ROLES = ("ihip", "hip", "one", "two", "ink", "three", "mark")
+DASHES = ((), (6, 2), (2, 2), (6, 2, 2, 2))
+"""Lengths of lines and gaps, in points."""
+MARKERS = "osD^vPX"
+
+OUT_OF_SIGHT = 3.0
+"""A run that goes this many times as far as the median run leaves the picture, which would show nothing else."""
+
+SMALL: Mapping[str, Any] = {"path.simplify_threshold": 0.8}
+"""Settings of figures that a page has beside its data."""
+
+LEAST = 1e-12
+"""m: distances below are rounding errors, and lie on the floor of a logarithmic panel."""
+
+FOLD = 0.5
+"""Turn (rad) of the faces at an edge of a solid that is drawn: round ones of few triangles have none."""
+
+EVERY = 12
+"""A path bears about so many markers."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a renderer is drawn: the role of its colour, its dashes and its marker, no two alike of 28 renderers."""
+
+    role: str
+    dash: tuple[int, ...]
+    marker: str
+
+
+def look(index: int) -> Look:
+    """Return the look of the renderer at a place in the order of the columns."""
+    return Look(ROLES[index % len(ROLES)], DASHES[index % len(DASHES)], MARKERS[index % len(MARKERS)])
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place that a verdict names: its `number` in the figures, the renderer, and the time, s."""
+
+    number: int
+    renderer: str
+    time: float
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One plot against time: the label of its axis, and what is drawn of each run; see `term`.
+
+    Of `terms` the first is drawn of every run, the others where one run is shown alone.
+    """
+
+    label: str
+    terms: tuple[tuple[str, str], ...]
+    powers: tuple[float, float] | None = None
+    """Of a logarithmic axis, both ends."""
+
+
+def panels(found: Sequence[Track], *, held: bool) -> list[Panel]:
+    """Return the panels of a case: force, and steps or depth; of a tool that is `held` on the surface its distance."""
+    made = []
+    if all(each.hip.shape[1] == 2 and not each.hip[:, 0].any() for each in found):
+        made.append(Panel("place (mm)", (("hip.1", "HIP"), ("ihip.1", "IHIP"))))
+    widest = max((each.hip.shape[1] for each in found), default=2)
+    if any(each.force is not None for each in found):
+        parts = tuple((f"force.{k}", f"F{'₁₂₃'[k]}") for k in range(widest))
+        made.append(Panel("force (N)", (("|force|", "|F|"), *parts)))
+    if held:
+        made.append(Panel("off the surface (mm)", (("off", "off"),)))
+        made.append(Panel("the same, size (mm)", (("|off|", "off"),), powers=_powers(found)))
+        made.append(Panel("speed along it (m/s)", (("along", "along"),)))
+    elif any(each.apart is None for each in found) and len(found) == 1:
+        made.append(Panel("HIP step a tick (mm)", (("hip_step", "HIP"),)))
+    elif all(each.led for each in found):
+        made.append(Panel("step a tick (mm)", (("step", "IHIP"), ("hip_step", "HIP"))))
+    else:
+        made.append(Panel("depth (mm)", (("|apart|", "depth"),)))
+    return made
+
+
+def _powers(found: Sequence[Track]) -> tuple[float, float]:
+    """Return whole powers of ten, mm, down to where the run that keeps closest is for half of its time."""
+    sizes = [np.abs(each.off) for each in found if each.off is not None]
+    close = max(min(float(np.median(each)) for each in sizes), LEAST)
+    worst = max(*(float(each.max()) for each in sizes), 10.0 * LEAST)
+    return float(MM * 10.0 ** np.floor(np.log10(close))), float(MM * 10.0 ** (np.ceil(np.log10(worst)) + 0.3))
+
+
+def term(each: Track, name: str) -> Array | None:
+    """Return what a panel draws of a run, (n,), in N or mm; None where it was not recorded."""
+    channel, _, column = name.strip("|").partition(".")
+    values: Array | None = getattr(each, channel)
+    if values is None:
+        return None
+    scale = 1.0 if channel in ("force", "along") else MM
+    if column:
+        return scale * values[:, int(column)] if int(column) < values.shape[1] else None
+    if name.startswith("|"):
+        size = np.linalg.norm(values, axis=1) if values.ndim == 2 else np.abs(values)
+        return scale * size
+    return scale * values
+
+
+def plane_svg(
+    found: Sequence[Track],
+    model: Model | None,
+    looks: Mapping[str, Look],
+    places: Sequence[Place],
+    *,
+    crosses: Mapping[str, Sequence[float]],
+    prefix: str,
+    title: str,
+) -> str:
+    """Return the model with the paths of all runs as an SVG element; `places` are ringed and numbered.
+
+    `crosses` are points, m, by renderer: where it refuses the model. A run in space is seen along the last row of
+    `TURN`; what the model hides of it is drawn faintly.
+    """
+    space = found[0].hip.shape[1] == 3
+    onto = MM * (TURN[:2].T if space else np.eye(2))
+    with figure(5.0, 4.6, page=True, settings=SMALL) as made:
+        axes = made.add_axes((0.01, 0.01, 0.98, 0.98) if space else (0.115, 0.1, 0.875, 0.89))
+        view = view_of(found, model, onto, shape_of(axes))
+        if model is not None and space:
+            _draw_solid(axes, model)
+        elif model is not None:
+            draw_body(axes, model, view)
+        hands: dict[bytes, list[Track]] = {}
+        for each in found:
+            hands.setdefault(each.hip.tobytes(), []).append(each)
+        for group in hands.values():
+            colour = looks[group[0].name].role if len(hands) > 1 and len(group) == 1 else "quiet"
+            path = _broken(group[0].hip @ onto, group[0].starts)
+            axes.plot(*path.T, color=drawn(colour), linewidth=0.8, zorder=2)
+        for each in found:
+            _draw_path(axes, each, each.ihip @ onto, looks[each.name], _hidden(each, model) if space else None)
+        where = []
+        for place in places:
+            each = next(track for track in found if track.name == place.renderer)
+            where.append(each.ihip[int(np.argmin(np.abs(each.time - place.time)))] @ onto)
+            axes.plot(
+                *where[-1], marker="o", markersize=9.0, markerfacecolor="none", markeredgewidth=1.3,
+                color=drawn(looks[each.name].role), zorder=5,
+            )  # fmt: skip
+        for name, position in crosses.items():
+            axes.plot(*(np.array(position) @ onto), marker="x", markersize=8.0, color=drawn(looks[name].role), zorder=5)
+        for point, text in labels([place.number for place in places], where, 0.05 * (view[2] - view[0])):
+            axes.annotate(text, tuple(point), xytext=(5.5, 3.5), textcoords="offset points", fontsize=8, zorder=6)
+        axes.set(xlim=view[::2], ylim=view[1::2], aspect="auto")
+        if space:
+            _draw_directions(axes, view)
+        else:
+            name_axes(axes, (0, 1), 2)
+        return compact(page_svg(made, prefix=prefix, title=title))
+
+
+def _draw_path(axes: Axes, each: Track, ihip: Array, style: Look, hidden: BoolArray | None) -> None:
+    """The way of the tool where it is in contact; without IHIP there is none, and where it is `hidden` it is faint."""
+    if each.apart is None:
+        return
+    path = np.where(np.any(each.apart != 0.0, axis=1)[:, None], ihip, np.nan)
+    how: dict[str, Any] = {"color": drawn(style.role), "dashes": style.dash or (None, None), "zorder": 3}
+    seen = path if hidden is None else np.where(hidden[:, None], np.nan, path)
+    if hidden is not None:
+        axes.plot(*_broken(path, each.starts).T, **{**how, "linewidth": 0.7, "alpha": 0.5})
+    axes.plot(
+        *_broken(seen, each.starts).T, **how, linewidth=1.3, marker=style.marker, markersize=3.5,
+        markeredgewidth=0.0, markevery=np.unique(np.searchsorted(each.time, _evenly(each.time))).tolist(),
+    )  # fmt: skip
+
+
+def _evenly(time: Array) -> Array:
+    return np.linspace(time[0], time[-1], EVERY, endpoint=False)
+
+
+def _hidden(each: Track, model: Model | None) -> BoolArray | None:
+    """Where the surface under the tool faces away from the eye, (n,)."""
+    if model is None:
+        return None
+    return np.asarray(model.boundary.closest_point(each.ihip).normal @ TURN[2] < 0.0)
+
+
+def _draw_solid(axes: Axes, model: Model) -> None:
+    """What a solid covers, and the edges at which it turns away from the eye or is sharp."""
+    import shapely
+
+    vertices, rows = triangles_of(model.boundary)
+    corners = MM * vertices @ TURN[:2].T
+    a, b, c = vertices[rows.T]
+    across = np.cross(b - a, c - a)
+    normals = across / np.maximum(np.linalg.norm(across, axis=1), 1e-300)[:, None]
+    facing = normals @ TURN[2] > 0.0
+    shadow = shapely.union_all(shapely.polygons(corners[rows[facing]]), grid_size=1e-3)
+    for part in shapely.get_parts(shadow):
+        axes.fill(*shapely.get_coordinates(part.exterior).T, facecolor=drawn("model"), edgecolor="none", zorder=0.5)
+    ends = np.sort(np.concatenate([rows[:, [0, 1]], rows[:, [1, 2]], rows[:, [2, 0]]]), axis=1)
+    owner = np.tile(np.arange(len(rows)), 3)
+    order = np.lexsort(ends.T)
+    first, second = owner[order[::2]], owner[order[1::2]]
+    sharp = np.sum(normals[first] * normals[second], axis=1) < np.cos(FOLD)
+    drawn_edges = (facing[first] != facing[second]) | (sharp & (facing[first] | facing[second]))
+    lines = corners[ends[order[::2][drawn_edges]]]
+    apart = np.concatenate([lines, np.full((len(lines), 1, 2), np.nan)], axis=1).reshape(-1, 2)
+    axes.plot(*apart.T, color=drawn("ink"), linewidth=0.8, zorder=1)
+
+
+def _draw_directions(axes: Axes, view: Box) -> None:
+    """Three arrows for the axes, in a corner, and the length of a scale bar."""
+    size = 0.07 * (view[2] - view[0])
+    origin = np.array([view[2] - 1.8 * size, view[1] + 1.6 * size])
+    for k, name in enumerate("₁₂₃"):
+        tip = origin + size * TURN[:2, k]
+        axes.plot(*np.stack([origin, tip]).T, color=drawn("quiet"), linewidth=0.8)
+        axes.annotate(f"y{name}", tuple(origin + 1.35 * size * TURN[:2, k]), ha="center", va="center", fontsize=8)
+    length = 10.0 ** np.floor(np.log10(0.4 * (view[2] - view[0])))
+    start = np.array([view[0] + 0.4 * size, view[1] + 0.5 * size])
+    axes.plot([start[0], start[0] + length], [start[1]] * 2, color=drawn("quiet"), linewidth=1.4)
+    axes.annotate(f"{length:g} mm", tuple(start), xytext=(0, 3), textcoords="offset points", fontsize=8)
+    axes.set_axis_off()
+
+
+def _broken(values: Array, starts: Sequence[int] | Any) -> Array:
+    """Values with a row of NaN before each start, so that no line crosses a gap."""
+    return np.insert(values, starts, np.nan, axis=0)
+
+
+def view_of(found: Sequence[Track], model: Model | None, onto: Array, aspect: float) -> Box:
+    """Return what the figure shows, mm: the paths that do not run away, and the whole solid if it is not far larger.
+
+    `onto` (N, 2) maps points, m, onto the figure.
+    """
+    extent = [float(np.max(np.abs(each.hip))) for each in found]
+    near = [each for each, far in zip(found, extent, strict=True) if far <= OUT_OF_SIGHT * float(np.median(extent))]
+    points = np.vstack([np.vstack([each.hip, each.ihip]) for each in near]) @ onto
+    if model is not None and (model.dimension == 3 or model.boundary.closed):
+        solid = (triangles_of(model.boundary)[0] if model.dimension == 3 else model.boundary.points(200)) @ onto
+        if np.all(np.ptp(solid, axis=0) < 2.5 * np.ptp(points, axis=0).max()):
+            points = np.vstack([points, solid])
+    low, high = points.min(axis=0), points.max(axis=0)
+    return box_round(0.5 * (low + high), 1.14 * (high - low), aspect)
+
+
+def panels_svg(
+    found: Sequence[Track],
+    shown: Sequence[Panel],
+    looks: Mapping[str, Look],
+    places: Sequence[Place],
+    *,
+    prefix: str,
+    title: str,
+) -> str:
+    """Return the panels, one above the other, as an SVG element."""
+    height = 1.55 if len(shown) > 2 else 2.1
+    with figure(5.0, 0.5 + height * len(shown), page=True, settings=SMALL) as made:
+        share = 1.0 / len(shown)
+        below = 0.42 / (0.5 + height * len(shown))
+        free = 1.0 - below
+        start = min(float(each.time[0]) for each in found)
+        end = max(float(each.time[-1]) for each in found)
+        for k, panel in enumerate(shown):
+            axes = made.add_axes((0.135, below + free * (1.0 - (k + 1) * share) + 0.02, 0.855, free * share - 0.05))
+            _draw_panel(axes, found, panel, looks, alone=len(found) == 1)
+            axes.set_xlim(start, end if end > start else start + 1e-3)
+            axes.set_ylabel(panel.label)
+            axes.yaxis.set_label_coords(-0.115, 0.5)
+            axes.grid(True)
+            last = k == len(shown) - 1
+            axes.tick_params(labelbottom=last)
+            if last:
+                axes.set_xlabel("time (s)")
+            for place in places:
+                axes.axvline(
+                    place.time,
+                    color=drawn(looks[place.renderer].role),
+                    linewidth=0.9,
+                    linestyle=(0, (1.5, 1.5)),
+                    zorder=1,
+                )
+            times = [np.array([place.time]) for place in places]
+            if k == 0:
+                for time, text in labels([place.number for place in places], times, 0.03 * (end - start)):
+                    axes.annotate(text, (float(time[0]), 1.0), xycoords=("data", "axes fraction"), xytext=(0, 1),
+                                  textcoords="offset points", ha="center", fontsize=7.5)  # fmt: skip
+        return compact(page_svg(made, prefix=prefix, title=title))
+
+
+def _draw_panel(axes: Axes, found: Sequence[Track], panel: Panel, looks: Mapping[str, Look], *, alone: bool) -> None:
+    highs, lows = [0.0], [0.0]
+    for each in found:
+        style = looks[each.name]
+        for k, (name, _) in enumerate(panel.terms if alone else panel.terms[:1]):
+            values = term(each, name)
+            if values is None:
+                continue
+            if panel.powers:
+                values = np.maximum(values, panel.powers[0])
+            time = each.time
+            colour, dash = (style.role, style.dash) if k == 0 else (("one", "two", "three")[k - 1], DASHES[k])
+            axes.plot(
+                np.insert(time, each.starts, np.nan), _broken(values, each.starts), color=drawn(colour),
+                dashes=dash or (None, None), linewidth=1.1,
+            )  # fmt: skip
+            highs.append(float(values.max()))
+            lows.append(float(values.min()))
+    if panel.powers:
+        axes.set_yscale("log")
+        axes.set_ylim(*panel.powers)
+        return
+    low, high = min(lows), max(highs)
+    if high - low < 1e-9:
+        high = 1.0
+    pad = 0.07 * (high - low)
+    axes.set_ylim(low - (pad if low < 0.0 else 0.3 * pad), high + pad)
+
+
+def compact(svg: str) -> str:
+    """Return the same figure with its lines to a tenth of a point, each point by its distance from the last."""
+    return re.sub(r' d="([^"A-KN-Za-y]*)"', lambda found: f' d="{_stepwise(found[1])}"', svg)
+
+
+def _stepwise(path: str) -> str:
+    parts, at = [], (0, 0)
+    for stroke in path.replace("L", " ").split("M")[1:]:
+        closed = stroke.rstrip().endswith("z")
+        numbers = [round(10.0 * float(each)) for each in stroke.replace("z", " ").split()]
+        steps: list[str] = []
+        for x, y in zip(numbers[::2], numbers[1::2], strict=True):
+            if not steps or (x, y) != at:
+                steps.append(f"{_tenth(x - at[0])} {_tenth(y - at[1])}")
+                at = (x, y)
+        parts.append("m" + " ".join(steps).replace(" -", "-") + ("z" if closed else ""))
+        if closed:
+            at = (numbers[0], numbers[1])
+    return "".join(parts)
+
+
+def _tenth(value: int) -> str:
+    return f"{value / 10:.1f}".replace("-0.", "-.").removesuffix(".0").removeprefix("0") or "0"

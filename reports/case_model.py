@@ -1,0 +1,122 @@
+"""A model as the script of a case page draws it: rings in the plane, triangles in space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hapticeval.geometry.boundary import Boundary
+from hapticeval.geometry.mesh import Mesh
+from hapticeval.geometry.model import Model
+from hapticeval.geometry.surface import Surface
+from hapticeval.reports.canvas import MM
+from hapticeval.reports.case_data import Packer, Track, fineness
+from hapticeval.reports.plane import Box, solid
+from hapticeval.types import Array, IntArray
+
+if TYPE_CHECKING:
+    from shapely import Geometry
+
+POINTS = 700
+"""Points of a round solid that is drawn as the hull of them."""
+
+ROUND = 48
+"""Quadrilaterals of a torus round its axis."""
+
+TURN = np.array([[0.866, 0.5, 0.0], [-0.25, 0.433, 0.866], [0.433, -0.75, 0.5]])
+"""From where a solid is seen first: rows are what lies to the right, up, and towards the eye, 30 degrees above."""
+
+AROUND = 3.0
+"""An open model, or one far larger than the paths, is drawn this many times as far as they go."""
+
+
+def packed_model(model: Model | None, found: Sequence[Track], packer: Packer) -> dict[str, Any] | None:
+    """Pack the outline of a model in the plane as `rings`, or its `vertices` (m) and `triangles`; None for no model."""
+    if model is None:
+        return None
+    if model.dimension == 3:
+        vertices, triangles = triangles_of(model.boundary)
+        return {
+            "closed": True,
+            "vertices": packer.add(vertices),
+            "triangles": packer.add(triangles.astype(np.float64), scale=1.0),
+            "sharp": isinstance(model.boundary, Mesh),
+            "turn": TURN.tolist(),
+        }
+    import shapely
+
+    parts = shapely.get_parts(_outline(model, found))
+    rings = [ring for part in parts if part.geom_type == "Polygon" for ring in (part.exterior, *part.interiors)]
+    scale = fineness(found)
+    return {
+        "closed": model.boundary.closed,
+        "rings": [packer.add(shapely.get_coordinates(ring) / MM, scale=scale) for ring in rings],
+    }
+
+
+def triangles_of(boundary: Boundary) -> tuple[Array, IntArray]:
+    """Return vertices (v, 3), m, and triangles (t, 3) of a solid, anticlockwise seen from outside."""
+    if isinstance(boundary, Mesh):
+        return boundary.vertices, boundary.triangles
+    if isinstance(boundary, Surface) and boundary.kind == "torus":
+        return torus(*boundary.reals)
+    points = boundary.points(POINTS)
+    return points, outward(points, convex_faces(points))
+
+
+def outward(points: Array, rows: IntArray) -> IntArray:
+    """Return the triangles of a convex solid, each turned so that it is anticlockwise seen from outside."""
+    a, b, c = points[rows.T]
+    inwards = np.sum(np.cross(b - a, c - a) * (a - points.mean(axis=0)), axis=1) < 0.0
+    rows[inwards] = rows[inwards][:, ::-1]
+    return rows
+
+
+def convex_faces(points: Array) -> IntArray:
+    """Return the triangles (t, 3) of the convex hull of points (n, 3)."""
+    from scipy.spatial import ConvexHull
+
+    return np.asarray(ConvexHull(points).simplices, dtype=np.int64)
+
+
+def torus(major: float, minor: float) -> tuple[Array, IntArray]:
+    """Return vertices and triangles of a torus about the z axis: `ROUND` by half as many quadrilaterals."""
+    n, m = ROUND, ROUND // 2
+    turn, tube = np.meshgrid(np.arange(n) * 2.0 * np.pi / n, np.arange(m) * 2.0 * np.pi / m, indexing="ij")
+    out = major + minor * np.cos(tube)
+    vertices = np.stack([out * np.cos(turn), out * np.sin(turn), minor * np.sin(tube)], axis=-1).reshape(-1, 3)
+    i, k = np.meshgrid(np.arange(n), np.arange(m), indexing="ij")
+    corner = [((i + a) % n * m + (k + b) % m).ravel() for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    rows = np.concatenate(
+        [np.column_stack([corner[0], corner[1], corner[2]]), np.column_stack([corner[0], corner[2], corner[3]])]
+    )
+    return vertices, rows.astype(np.int64)
+
+
+def _outline(model: Model, found: Sequence[Track]) -> Geometry:
+    """What the model fills round the paths, mm: a closed outline as fine as the depth asks for."""
+    view = _round(model, found)
+    whole = solid(model, view)
+    if not model.boundary.closed or view[2] - view[0] < MM * model.size:
+        return whole
+    import shapely
+
+    depths = [np.linalg.norm(each.apart, axis=1).max(initial=0.0) for each in found if each.apart is not None]
+    within = float(np.clip(MM * max(depths, default=0.0) / 30.0, MM * model.size / 2e5, MM * model.size / 2000.0))
+    ring = shapely.make_valid(shapely.Polygon(MM * model.boundary.points(max(6000, 8 * len(model.boundary.corners)))))
+    return shapely.simplify(ring, within)
+
+
+def _round(model: Model, found: Sequence[Track]) -> Box:
+    points = MM * np.vstack([np.vstack([each.hip, each.ihip]) for each in found])
+    low, high = points.min(axis=0), points.max(axis=0)
+    half = 0.5 * AROUND * max(float(np.ptp(points, axis=0).max()), 1.0)
+    middle = 0.5 * (low + high)
+    low, high = middle - half, middle + half
+    if model.boundary.closed:
+        bounds = MM * np.array(model.boundary.bounds)
+        if np.all(np.abs(bounds - np.tile(middle, 2)) < 3.0 * half):
+            low, high = np.minimum(low, bounds[:2]), np.maximum(high, bounds[2:])
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])

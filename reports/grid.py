@@ -1,0 +1,349 @@
+"""What verdicts amount to: the state of each, tiles of several, and the grids of renderers by phenomena, cases, digits.
+
+A state compares an outcome with what was expected: a failure that is published is *known*, and one of a case that is
+only shown is *not judged*. Neither is a failure of the run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from types import MappingProxyType
+
+from hapticeval.phenomena.verdict import Level, Outcome
+from hapticeval.quantity import quantity
+from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
+
+
+class State(StrEnum):
+    """What a verdict means for the reader, the gravest first."""
+
+    ERROR = "error"
+    FAIL = "fail"
+    DIFFERS = "differs"
+    UNDECIDED = "undecided"
+    WARNING = "warning"
+    KNOWN = "known"
+    PASS = "pass"
+    NOT_JUDGED = "not-judged"
+    NOT_APPLICABLE = "not-applicable"
+
+    @property
+    def words(self) -> str:
+        """The state as a reader sees it."""
+        return {State.NOT_JUDGED: "not judged", State.NOT_APPLICABLE: "n/a"}.get(self, str(self))
+
+    @property
+    def many(self) -> str:
+        """The state of several verdicts, in a sentence after their number."""
+        special = {
+            State.ERROR: "in error",
+            State.DIFFERS: "differ from what is published",
+            State.KNOWN: "fail as published",
+            State.NOT_JUDGED: "shown and not judged",
+            State.NOT_APPLICABLE: "do not apply",
+            State.WARNING: "warn",
+        }
+        return special.get(self, str(self))
+
+    @property
+    def grave(self) -> bool:
+        """Return whether it is not as expected."""
+        return self in (State.ERROR, State.FAIL, State.DIFFERS, State.UNDECIDED)
+
+
+SYMBOLS: Mapping[State, str] = MappingProxyType(
+    {
+        State.ERROR: "!",
+        State.FAIL: "✗",
+        State.DIFFERS: "≠",
+        State.UNDECIDED: "?",
+        State.WARNING: "▲",
+        State.KNOWN: "◇",
+        State.PASS: "✓",
+        State.NOT_JUDGED: "○",
+        State.NOT_APPLICABLE: "–",  # noqa: RUF001 - a dash as wide as the other signs
+    }
+)
+"""A shape for each state, so that none is told by its colour alone."""
+
+MEANING: Mapping[State, str] = MappingProxyType(
+    {
+        State.ERROR: "the renderer broke",
+        State.FAIL: "fails, and nothing beforehand said so",
+        State.DIFFERS: "another outcome than the published one",
+        State.UNDECIDED: "a check that must decide could not",
+        State.WARNING: "a check of level should fails or cannot decide; stops a gate with --strict only",
+        State.KNOWN: "fails, as published",
+        State.PASS: "passes",
+        State.NOT_JUDGED: "shown only: what a case or a check of level info finds is no verdict on the renderer",
+        State.NOT_APPLICABLE: "not applicable: the question does not arise, or the renderer refuses the model",
+    }
+)
+
+OTHER, HELD, EFFECTS = "Other properties", "Held constraint", "Effects of the surface"
+SIX = (
+    "Continuous Contact Point",
+    "Contact Normal Force",
+    "Broken Contact",
+    "Abrupt Switch",
+    "Impulsive Collision Force",
+    "Centripetal Force",
+)
+"""The phenomena of thesis section 3.2, as checks name them."""
+
+
+def state(verdict: VerdictEntry) -> State:
+    """Return what a verdict means."""
+    outcome, published = verdict.outcome, verdict.published
+    if not verdict.as_expected and published is not None and outcome is not Outcome.ERROR:
+        return State.DIFFERS
+    if published is not None and outcome is published:
+        return State.KNOWN if outcome in (Outcome.FAIL, Outcome.INCONCLUSIVE, Outcome.ERROR) else _plain(outcome)
+    if outcome is Outcome.NOT_APPLICABLE or outcome is Outcome.ERROR:
+        return _plain(outcome)
+    if verdict.level is Level.INFO:
+        return State.NOT_JUDGED
+    return State.WARNING if verdict.warns else _plain(outcome)
+
+
+def _plain(outcome: Outcome) -> State:
+    return State.UNDECIDED if outcome is Outcome.INCONCLUSIVE else State(str(outcome))
+
+
+def used(verdict: VerdictEntry) -> float | None:
+    """Return a metric as a share of its bound, infinity where it was not finite; None where that says nothing."""
+    if verdict.metric is None or verdict.bound is None or verdict.bound < 0.0:
+        return None
+    value = verdict.metric.value
+    if value is None:
+        return math.inf
+    if verdict.bound == 0.0:
+        return math.inf if value > 0.0 else 0.0
+    return max(value, 0.0) / verdict.bound
+
+
+@dataclass(frozen=True)
+class Tile:
+    """Several verdicts as one cell: at least one, and the runs that broke before any check."""
+
+    verdicts: Sequence[VerdictEntry]
+    broken: Sequence[RunEntry] = ()
+
+    @cached_property
+    def counts(self) -> Counter[State]:
+        """How many verdicts have each state; a run that broke counts as an error."""
+        return Counter([*map(state, self.verdicts), *(State.ERROR for _ in self.broken)])
+
+    @property
+    def total(self) -> int:
+        """How many verdicts there are."""
+        return sum(self.counts.values())
+
+    @cached_property
+    def state(self) -> State:
+        """The gravest state."""
+        return min(self.counts, key=list(State).index)
+
+    @cached_property
+    def worst(self) -> VerdictEntry | RunEntry:
+        """The verdict of the gravest state that is farthest beyond its bound, or closest to it."""
+        found = sorted((each for each in self.verdicts if state(each) is self.state), key=_load, reverse=True)
+        return [*found, *self.broken][0]
+
+    @property
+    def heat(self) -> int:
+        """From 1 to 3: how close to its bound the worst passes (half, nine tenths), or how far beyond it is (2, 10)."""
+        load = _load(self.worst) if isinstance(self.worst, VerdictEntry) else 0.0
+        limits = (0.5, 0.9) if self.state is State.PASS else (2.0, 10.0)
+        return 1 + sum(load >= limit for limit in limits)
+
+    @property
+    def margin(self) -> str:
+        """The worst margin in per cent of its bound, or how many times its bound the metric is; "" without a bound."""
+        if not isinstance(self.worst, VerdictEntry) or self.state is State.NOT_APPLICABLE:
+            return ""
+        share = used(self.worst)
+        if share is None:
+            return ""
+        if share <= 1.0:
+            return f"{100.0 * (1.0 - share):.0f} % left"
+        return f"{times(share)}×"  # noqa: RUF001
+
+    @property
+    def where(self) -> str:
+        """The worst verdict in words, for a tooltip."""
+        worst = self.worst
+        place = f"{worst.suite}/{worst.case}"
+        if isinstance(worst, RunEntry):
+            return f"broke in {place}: {worst.error.what if worst.error else ''}"
+        figures = measured(worst)
+        return f"worst of {self.total}: {worst.check} in {place}" + (f": {figures}" if figures else "")
+
+
+def times(share: float) -> str:
+    """Return a ratio in few signs: 1.3, 48, 840, 4,200, 9e5."""
+    if math.isinf(share):
+        return "∞"
+    if share < 1e4:
+        return f"{float(f'{share:.2g}'):,.10g}"
+    return f"{share:.0e}".replace("e+0", "e").replace("e+", "e")
+
+
+def _load(entry: VerdictEntry | RunEntry) -> float:
+    """How much of its bound a verdict uses; what has no bound lies below."""
+    share = used(entry) if isinstance(entry, VerdictEntry) else None
+    return -1.0 if share is None else share
+
+
+def measured(verdict: VerdictEntry) -> str:
+    """Return metric and bound of a verdict, for instance `IHIP jump 4.1 mm, bound 0.1 mm`; "" without one."""
+    metric = verdict.metric
+    if metric is None:
+        return ""
+    text = f"{metric.name} {quantity(metric.value, metric.unit)}"
+    return text if verdict.bound is None else f"{text}, bound {quantity(verdict.bound, metric.unit)}"
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Named rows of tiles, one for each column, None where nothing ran."""
+
+    columns: Sequence[str]
+    rows: Sequence[tuple[str, Sequence[Tile | None]]]
+
+
+def phenomena(results: ResultsDocument) -> Grid:
+    """Return the grid of renderers by phenomena: the six of thesis section 3.2 that were asked for, then the others."""
+    from hapticeval.phenomena.registry import CHECKS
+
+    groups = {name: _group(CHECKS[name]) if name in CHECKS else OTHER for name in {v.check for v in results.verdicts}}
+    columns = [name for name in (*SIX, HELD, EFFECTS, OTHER) if name in groups.values()]
+    found: dict[tuple[str, str], list[VerdictEntry]] = {}
+    for verdict in results.verdicts:
+        found.setdefault((verdict.renderer, groups[verdict.check]), []).append(verdict)
+    names = {each.renderer: None for each in results.entries()}
+    return Grid(
+        columns,
+        [(name, [Tile(found[name, each]) if (name, each) in found else None for each in columns]) for name in names],
+    )
+
+
+def _group(check: object) -> str:
+    """Return the column of a check; those of other packages may name one of the six as well."""
+    from hapticeval.phenomena.check import Check
+
+    assert isinstance(check, Check)
+    if check.phenomenon in SIX:
+        return check.phenomenon
+    if check.effects:
+        return EFFECTS
+    return HELD if check.holds or check.needs_closed_form else OTHER
+
+
+def cases(results: ResultsDocument, suite: str) -> Grid:
+    """Return the grid of a suite's cases by the renderers that ran there."""
+    runs = [run for run in results.runs if run.suite == suite]
+    renderers = list(dict.fromkeys(run.renderer for run in runs))
+    by_key = {run.key: run for run in runs}
+    rows: list[tuple[str, list[Tile | None]]] = []
+    for case in dict.fromkeys(run.case for run in runs):
+        tiles: list[Tile | None] = []
+        for name in renderers:
+            run = by_key.get((suite, case, name))
+            verdicts = results.verdicts_of.get((suite, case, name), [])
+            broken = [run] if run is not None and run.error and not verdicts else []
+            tiles.append(Tile(verdicts, broken) if verdicts or broken else None)
+        rows.append((case, tiles))
+    return Grid(renderers, rows)
+
+
+def counted(results: ResultsDocument) -> list[tuple[State, int]]:
+    """Return how many verdicts have each state, of those that there are: what calls for attention, then what passes."""
+    counts = Counter(map(state, results.verdicts))
+    order = sorted(State, key=lambda each: (not each.grave, each is not State.WARNING, each is not State.PASS))
+    return [(each, counts[each]) for each in order if counts[each]]
+
+
+def headline(results: ResultsDocument) -> str:
+    """Return the verdict of the run, in one sentence."""
+    if not results.complete:
+        return f"Incomplete: {results.reason}"
+    if results.all_refused:
+        return "Every renderer refused every case"
+    broken = sum(run.error is not None for run in results.runs)
+    unexpected = sum(not each.as_expected for each in results.verdicts)
+    are = "is" if unexpected == 1 else "are"
+    parts = [f"{unexpected} of {_plural(results.ran, 'verdict')} {are} not as expected"] * bool(unexpected)
+    parts += [f"{_plural(broken, 'run')} broke"] * bool(broken)
+    if not results.verdicts and not parts:
+        return "No verdict was given"
+    return ", ".join(parts) or "Every verdict is as expected"
+
+
+def sound(results: ResultsDocument) -> bool:
+    """Return whether nothing of a run calls for attention, as its exit code has it."""
+    return (
+        results.complete
+        and not results.all_refused
+        and not any(run.error for run in results.runs)
+        and not any(map(results.stops, results.verdicts))
+    )
+
+
+def _plural(count: int, noun: str) -> str:
+    return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"
+
+
+def worst(results: ResultsDocument, most: int) -> list[VerdictEntry]:
+    """Return what is not as expected, or warns, the gravest first; where there is none, the failures that are known.
+
+    Of the verdicts of a check on a renderer, only the worst; of known ones, only the worst of a check.
+    """
+    grave = [each for each in results.verdicts if state(each).grave or state(each) is State.WARNING]
+    given = grave or [each for each in results.verdicts if state(each) is State.KNOWN]
+    found: dict[tuple[str, ...], VerdictEntry] = {}
+    for each in ordered(given):
+        found.setdefault((each.check, each.renderer) if grave else (each.check,), each)
+    return list(found.values())[:most]
+
+
+@dataclass(frozen=True)
+class Digits:
+    """The digits that renderers keep in a hard case; None where none were counted."""
+
+    suite: str
+    case: str
+    title: str
+    cells: Sequence[tuple[int | None, VerdictEntry | None]]
+
+
+def hard_cases(results: ResultsDocument) -> tuple[Sequence[str], Sequence[Digits]]:
+    """Return the renderers, and by case the decimal digits that their answers keep when the scene is moved.
+
+    Read off the evidence `digits`; a case that no renderer has it for is left out.
+    """
+    found: dict[tuple[str, str], dict[str, VerdictEntry]] = {}
+    for verdict in results.verdicts:
+        if isinstance(verdict.evidence.get("digits"), int | float):
+            found.setdefault((verdict.suite, verdict.case), {})[verdict.renderer] = verdict
+    names = [name for name in results.renderers if any(name in row for row in found.values())]
+    titles = {(run.suite, run.case): run.title for run in results.runs}
+    return names, [
+        Digits(*key, titles.get(key, key[1]), [(_digits(row.get(name)), row.get(name)) for name in names])
+        for key, row in found.items()
+    ]
+
+
+def _digits(verdict: VerdictEntry | None) -> int | None:
+    return None if verdict is None else max(0, math.floor(verdict.evidence["digits"]))
+
+
+def ordered(verdicts: Iterable[VerdictEntry]) -> list[VerdictEntry]:
+    """Return verdicts, the gravest first."""
+    order = list(State).index
+    return sorted(verdicts, key=lambda each: (order(state(each)), -_load(each)))

@@ -1,0 +1,187 @@
+"""The first screen of a report: the verdict of the run, renderers by phenomena, the worst failures, every case."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.reports.bench_figure import TITLES, bench_plots
+from hapticeval.reports.canvas import classed
+from hapticeval.reports.effects_figure import EffectPlot, cost_svg
+from hapticeval.reports.grid import (
+    Grid,
+    State,
+    cases,
+    counted,
+    hard_cases,
+    headline,
+    phenomena,
+    sound,
+    state,
+    worst,
+)
+from hapticeval.reports.places import anchor, case_file
+from hapticeval.reports.table import by_commit, provenance, ran, summaries
+from hapticeval.reports.templates import environment
+from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, SuiteEntry, VerdictEntry
+from hapticeval.study.bench.document import BenchResults
+from hapticeval.study.effects.document import EffectsDocument
+
+MOST = 6
+"""Failures that are shown with their figure."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What stands where a figure belongs: an SVG element, or the reason why there is none."""
+
+    svg: str = ""
+    problem: str = ""
+
+
+@dataclass(frozen=True)
+class ShownSuite:
+    """A suite with the grid of its cases by renderers."""
+
+    name: str
+    title: str
+    citation: str
+    grid: Grid
+    counted: Sequence[tuple[State, int]]
+
+    @property
+    def grave(self) -> bool:
+        """Return whether anything here is not as expected."""
+        return any(each.grave for each, _ in self.counted)
+
+
+@dataclass(frozen=True)
+class Single:
+    """What the page holds when it stands alone: its style, the head of the case pages, and the cases themselves."""
+
+    css: str
+    head: str = ""
+    bodies: Sequence[str] = ()
+
+
+def render_index(
+    results: ResultsDocument,
+    drawings: Mapping[RunKey, Drawing] | None = None,
+    *,
+    bench: BenchResults | None = None,
+    effects: Sequence[EffectPlot] = (),
+    costs: EffectsDocument | None = None,
+    single: Single | None = None,
+) -> str:
+    """Return the page; `drawings` are the figures of the runs that `worst` names.
+
+    It has a section on `bench` where there is one, and on `effects` and their `costs`. Without `single` it needs the
+    style beside it, and links to the pages of the cases; with it, to places in itself. Everything that comes from
+    results is escaped; the figures' SVG is put in as it is.
+    """
+    from hapticeval.closed_forms import CLOSED_FORMS
+    from hapticeval.phenomena.registry import CHECKS
+
+    given = worst(results, MOST)
+    shown = [(verdict, (drawings or {}).get(verdict.key, Drawing())) for verdict in given]
+    plots = [] if bench is None else bench_plots(bench)
+    elements, styles = classed([drawing.svg for _, drawing in shown])
+    known = {name: CHECKS[name] for name in dict.fromkeys(v.check for v in results.verdicts) if name in CHECKS}
+    recorded = {run.renderer for run in results.runs if run.is_recorded}
+    names, hard = hard_cases(results)
+    replays = [run for run in results.runs if run.replay]
+
+    def page(suite: str, case: str) -> str:
+        return f"#{anchor(suite, case)}" if single else case_file(suite, case)
+
+    def to(entry: VerdictEntry | RunEntry) -> str:
+        more = (entry.check,) if isinstance(entry, VerdictEntry) else ()
+        inside = f"#{anchor(entry.suite, entry.case, entry.renderer, *more)}"
+        return inside if single else case_file(entry.suite, entry.case) + inside
+
+    return environment().get_template("index.html.j2").render(
+        css=single.css if single else "",
+        case_head=single.head if single else "",
+        bodies=single.bodies if single else (),
+        styles=styles,
+        results=results,
+        headline=headline(results),
+        sound=sound(results),
+        provenance=provenance(results),
+        ran=ran(results),
+        counted=counted(results),
+        judged_renderers=[name for name in results.renderers if name not in recorded],
+        recorded=bool(recorded),
+        case_count=len({(run.suite, run.case) for run in results.runs}),
+        replays=replays,
+        replayed=[run for run in replays if run.replay is not None and run.replay.difference is not None],
+        replay=replays[0].replay if replays else None,
+        commits=by_commit(results),
+        broken=sum(run.error is not None for run in results.runs),
+        broken_runs=[run for run in results.runs if run.error],
+        ended=sum(run.ended is not None for run in results.runs),
+        grid=phenomena(results),
+        grave=any(state(each) is not State.KNOWN for each in given),
+        failures=[(verdict, Drawing(svg, each.problem)) for (verdict, each), svg in zip(shown, elements, strict=True)],
+        more=sum(state(each).grave or state(each) is State.WARNING for each in results.verdicts) - len(given),
+        hard_names=names,
+        hard=hard,
+        summaries=summaries(results),
+        closed_forms=_closed_forms(results, {name for name, check in known.items() if check.needs_closed_form}),
+        forms=CLOSED_FORMS,
+        suites=_suites(results),
+        grave_states=[each for each in State if each.grave],
+        failing_states=[State.KNOWN, State.WARNING, *(each for each in State if each.grave)],
+        titles={(run.suite, run.case): run.title for run in results.runs},
+        aside={(run.suite, run.case) for run in results.runs if not run.judged},
+        page=page,
+        to=to,
+        checks=list(known.values()),
+        command={name: getattr(results.command, name) for name in results.command.__struct_fields__},
+        bench=bench,
+        bench_plots=plots,
+        bench_titles=TITLES,
+        effects=effects,
+        costs=costs,
+        cost_svg="" if costs is None else cost_svg(costs),
+    )  # fmt: skip
+
+
+def _suites(results: ResultsDocument) -> list[ShownSuite]:
+    """Every suite in the order in which they ran."""
+    given = {suite.name: suite for suite in results.suites}
+    shown = []
+    for name in dict.fromkeys(run.suite for run in results.runs):
+        suite = given.get(name, SuiteEntry(name=name, title="", citation="", rows=[]))
+        counts = Counter(state(each) for each in results.verdicts if each.suite == name)
+        grid = cases(results, name)
+        shown.append(
+            ShownSuite(
+                name,
+                suite.title or name,
+                suite.citation,
+                grid,
+                [(each, counts[each]) for each in State if counts[each]],
+            )
+        )
+    return shown
+
+
+def _closed_forms(results: ResultsDocument, checks: set[str]) -> list[tuple[RunEntry, list[VerdictEntry], str]]:
+    """One table per case with verdicts of these checks: a run, the verdicts, and the number of the table in print.
+
+    Those that cite a table come first, by its number.
+    """
+    runs = {(run.suite, run.case): run for run in results.runs}
+    grouped: dict[tuple[str, str], list[VerdictEntry]] = {}
+    for verdict in results.verdicts:
+        if verdict.check in checks and verdict.outcome is not Outcome.NOT_APPLICABLE:
+            grouped.setdefault((verdict.suite, verdict.case), []).append(verdict)
+    tables = []
+    for key, verdicts in grouped.items():
+        cited = re.search(r"Table (\d+\.\d+)", runs[key].citation or "")
+        tables.append((runs[key], verdicts, cited[1] if cited else ""))
+    return sorted(tables, key=lambda table: (not table[2], table[2]))

@@ -1,0 +1,54 @@
+"""What a faster loop buys, as a picture: a panel per phenomenon, and the largest stable stiffness."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hapticeval.reports.canvas import drawn, figure, save_figure
+
+COLOURS = ("one", "two", "three", "ihip", "hip", "mark", "ink")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+LEAST = 1e-7
+"""Share of the largest value at which nothing, which no logarithm reaches, is drawn."""
+
+
+def write_rates(directory: Path, document: Mapping[str, Any]) -> list[Path]:
+    """Draw the document of `study_rates` into `directory` as SVG and PNG, with the numbers as JSON.
+
+    Return the paths written. Raises `HapticevalError` where a file cannot be written.
+    """
+    names = list(dict.fromkeys(row["renderer"] for row in document["rows"]))
+    checks = list(document["cases"])
+    with figure(13.0, 3.4 * ((len(checks) + 1 + 3) // 4), layout="constrained") as made:
+        panels = made.subplots((len(checks) + 1 + 3) // 4, 4).ravel()
+        for axes, check in zip(panels, checks, strict=False):
+            shown = [row for row in document["rows"] if row["check"] == check and "metric" in row]
+            top = max((row["metric"]["value"] for row in shown), default=1.0) or 1.0
+            for k, name in enumerate(names):
+                held = [row for row in shown if row["renderer"] == name]
+                if held:
+                    values = [max(row["metric"]["value"], LEAST * top) for row in held]
+                    axes.plot(
+                        [row["rate"] for row in held], values, label=name, color=drawn(COLOURS[k % len(COLOURS)]),
+                        marker=MARKERS[k % len(MARKERS)], markersize=4, linewidth=1.0,
+                    )  # fmt: skip
+            unit = shown[0]["metric"]["unit"] if shown else ""
+            axes.set(xscale="log", yscale="log", title=check, ylabel=f"metric ({unit})" if unit else "metric (share)")
+            least = min((row["metric"]["value"] for row in shown), default=top)
+            axes.set_ylim(0.5 * max(least, LEAST * top), 3.0 * top)
+        limit, *rest = panels[len(checks) :]
+        rows = document["limit"]["rows"]
+        for entry, style in (("stable", "-"), ("passive", "--")):
+            held = [row for row in rows if row[entry] is not None]
+            limit.plot([row["rate"] for row in held], [row[entry] for row in held], style, label=entry)
+        limit.set(xscale="log", yscale="log", title="largest stiffness of the robot's loop", ylabel="N/m")
+        limit.legend(fontsize=7)
+        for axes in panels[: len(checks) + 1]:
+            axes.set(xlabel="sampling rate (Hz)", xlim=(0.7 * min(document["rates"]), 1.4 * max(document["rates"])))
+            axes.grid(True, which="major")
+        for axes in rest:
+            axes.remove()
+        made.legend(*panels[0].get_legend_handles_labels(), loc="lower right", fontsize=8)
+        return save_figure(made, directory, "rates", document=document)

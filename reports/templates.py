@@ -1,0 +1,92 @@
+"""The templates of the pages, and how numbers and names are written in them."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from hapticeval.quantity import duration, length, quantity, size
+from hapticeval.reports.grid import MEANING, SYMBOLS, State, state
+from hapticeval.reports.places import ASSETS, INDEX, ROOT, anchor, case_file
+from hapticeval.runner.results import RunEntry
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+BRIEF = 120
+"""Characters of a model's parameters above which only its kind is named: an imported outline has thousands."""
+
+
+@cache
+def environment() -> Environment:
+    """Return jinja's environment: everything is escaped, but for what the filter `svg` lets through as it is."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    made = Environment(
+        loader=PackageLoader("hapticeval.reports", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters |= {
+        "breakable": lambda name: name.replace("+", "+\u200b").replace("@", "\u200b@").replace("/", "/\u200b"),
+        "brief": _brief,
+        "bytes": size,
+        "duration": duration,
+        "in_unit": length,
+        "millimetres": _millimetres,
+        "place": lambda metres: f"({', '.join(map(_millimetres, metres))})",
+        "plural": lambda count, noun: f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s",
+        "quantity": quantity,
+        "short": _short,
+        "svg": Markup,
+    }
+    made.globals |= {
+        "State": State,
+        "state": state,
+        "symbols": SYMBOLS,
+        "meaning": MEANING,
+        "anchor": anchor,
+        "case_file": case_file,
+        "model_words": model_words,
+        "root": ROOT,
+        "index": INDEX,
+        "assets": ASSETS,
+    }
+    return made
+
+
+def model_words(run: RunEntry) -> str:
+    """Return the model in a few words."""
+    words = ", ".join(f"{name} {_brief(each)}" for name, each in run.model_parameters.items())
+    kind = str(run.model["kind"])
+    return f"{kind} ({words})" if 0 < len(words) < BRIEF else kind
+
+
+def _brief(value: Any) -> str:
+    """Evidence as JSON text, numbers to six digits."""
+    if isinstance(value, str):
+        return value
+    rounded = json.loads(json.dumps(value), parse_float=lambda text: float(f"{float(text):.6g}"))
+    return json.dumps(rounded, ensure_ascii=False)
+
+
+def _millimetres(metres: float | None) -> str:
+    """To a nanometre; what rounds to zero has no sign."""
+    if metres is None:
+        return "not finite"
+    text = f"{1e3 * metres:.6f}"
+    return text.removeprefix("-") if not float(text) else text.replace("-", "−")  # noqa: RUF001
+
+
+def _short(metres: float | None) -> str:
+    """A length for which millimetres may be far too much."""
+    if metres is None or not 0.0 < metres < 1e-4:
+        return quantity(metres, "m")
+    unit, scale = next(
+        ((unit, scale) for unit, scale in (("µm", 1e6), ("nm", 1e9)) if metres * scale >= 1.0), ("pm", 1e12)
+    )
+    return quantity(metres * scale, unit)

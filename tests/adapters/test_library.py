@@ -1,0 +1,291 @@
+"""Renderers in shared libraries: built here, called alike by every way, and what is said of those that are none."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hapticeval
+from hapticeval.adapters import library as adapter
+from hapticeval.adapters.library import HEADER, LibraryRenderer
+from hapticeval.compiled import law_value
+from hapticeval.discovery import Name, parse, resolve, resolve_installed
+from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.recordings.recording import backward_difference
+from hapticeval.renderer import Spring, abilities_of
+from hapticeval.runner.judging import make_renderer
+from hapticeval.scene import Scene
+from hapticeval.simulation.closed_loop import simulate_closed_loop
+from hapticeval.simulation.playback import play
+from hapticeval.simulation.playback_kernels import lead
+from hapticeval.stimulus.stimulus import Experiment
+from hapticeval.stimulus.stimulus import Path as HandPath
+from hapticeval.types import Array
+
+Build = Callable[..., Path]
+
+LINE = Scene(model=make_model("line"), mass=1.0)
+DT = 1e-3
+
+
+def made(file: Path, scene: Scene = LINE) -> LibraryRenderer:
+    renderer = make_renderer(resolve(f"lib:{file}"), scene)
+    assert isinstance(renderer, LibraryRenderer)
+    return renderer
+
+
+def pushed(duration: float) -> Experiment:
+    """A hand that pushes a tool down on the line, from 1 mm above."""
+    start = np.array([0.0, 0.001])
+    return Experiment(duration, start, np.zeros(2), np.array([0.0]), np.array([[0.1, -2.0]]))
+
+
+def slide(dimension: int) -> Array:
+    """A way in, along and out of a model of 0.2 m about the origin."""
+    time = np.linspace(0.0, 1.0, 300)[:, np.newaxis]
+    angle = 2.0 * time
+    radius = 0.12 - 0.03 * np.sin(np.pi * time)
+    third = np.zeros((300, dimension - 2)) + 0.01 * time
+    return np.hstack([radius * np.cos(angle), radius * np.sin(angle), third])
+
+
+@pytest.mark.parametrize(("kind", "example"), [("circle", "penalty"), ("cube", "penalty"), ("cube", "god_object")])
+def test_step_run_and_the_compiled_step_give_the_same_bits(
+    kind: str, example: str, request: pytest.FixtureRequest
+) -> None:
+    scene = Scene(model=make_model(kind, size=0.2), damping=3.0)
+    renderer = made(request.getfixturevalue(example), scene)
+    hips = slide(scene.model.dimension)
+    velocities = backward_difference(hips, DT * np.arange(len(hips)))
+    renderer.reset(hips[0])
+    steps = [renderer.step(hip, velocity, DT) for hip, velocity in zip(hips, velocities, strict=True)]
+    batch = renderer.run(hips, DT)
+    law = abilities_of(renderer).law
+    assert law is not None
+    answers = np.empty_like(hips), np.empty_like(hips)
+    renderer.reset(hips[0])
+    value = law_value(law.function, law.data)
+    rows = lead(value, law.data, np.zeros(hips.shape[1]), hips, velocities, np.full(len(hips), DT), answers)
+    assert rows == len(hips)
+    for part in range(2):
+        single = np.array([step[part] for step in steps])
+        np.testing.assert_array_equal(batch[part], single)
+        np.testing.assert_array_equal(answers[part], single)
+    assert np.any(batch[1] != 0.0)
+
+
+def test_a_closed_loop_is_the_same_with_and_without_the_compiled_step(build: Build) -> None:
+    renderer = made(build())
+    push = pushed(0.2)
+    loop = simulate_closed_loop(renderer, push, LINE, DT)
+
+    class Plain:
+        reset, step = renderer.reset, renderer.step
+
+    plain = simulate_closed_loop(Plain(), push, LINE, DT)
+    np.testing.assert_allclose(loop.hip, plain.hip, atol=1e-12)
+    assert loop.contact.any()
+
+
+def test_what_a_scene_is_reaches_the_library(build: Build) -> None:
+    told = (
+        "if (scene->size != sizeof *scene || scene->mass != 1.0 || scene->stiffness != 1000.0 || scene->flags != 4"
+        " || scene->sampling_time != 1e-3 || scene->n_vertices != scene->n_cells || scene->cells[1] != 1) return -7"
+    )
+    scene = Scene(model=make_model("circle"), mass=1.0, bilateral=True)
+    renderer = made(build(CREATE=told, FLAGS="(HR_PLANE | HR_BILATERAL | HR_SPRING)"), scene)
+    facets = scene.model.mesh(max_error=1e-4 * scene.model.size)
+    assert renderer.standoff == facets.chord_error  # type: ignore[attr-defined]
+    assert renderer.surface is facets.boundary  # type: ignore[attr-defined]
+    declared = abilities_of(renderer).declares
+    assert declared is not None
+    assert declared.spring is Spring.ERROR
+
+
+def test_lengths_are_asked_for_with_the_scene_and_add_to_the_chord_error(build: Build) -> None:
+    info = "if (self) { info->standoff = 1e-4; info->resolution = 2e-3; } else info->max_error = 5e-5"
+    assert made(build(INFO=info)).standoff == 1e-4  # type: ignore[attr-defined]
+    renderer = made(build(INFO=info), Scene(model=make_model("circle")))
+    assert 1e-4 < renderer.standoff <= 1.5e-4  # type: ignore[attr-defined]
+    assert renderer.resolution >= 2e-3  # type: ignore[attr-defined]
+
+
+def test_a_reset_gives_the_tool_a_free_point(build: Build) -> None:
+    near = "tool[1] > 0 && tool[1] < 1e-3 && fabs(tool[0] - hip[0]) < 1e-9"
+    check = f"if (hip[1] < 0 ? !({near}) : tool[0] != hip[0] || tool[1] != hip[1]) return -3"
+    renderer = made(build(RESET=check))
+    renderer.reset(np.array([0.01, -0.02]))
+    renderer.reset(np.array([0.01, 0.02]))
+
+
+def test_what_it_does_not_write_is_not_finite(build: Build) -> None:
+    path = HandPath(np.array([0.0, 0.01]), np.array([[0.0, 0.001], [0.0, -0.001]]))
+    with pytest.raises(RendererError, match="not finite"):
+        play(made(build(STEP="if (hip[1] < 0) return HR_CONTACT")), path, DT, scene=LINE)
+
+
+@pytest.mark.parametrize("returned", [-3, 7])
+def test_a_step_that_broke_names_tick_and_number(build: Build, returned: int) -> None:
+    library = build(STEP=f"if (m->ticks > 5) return {returned}")
+    path = HandPath(np.array([0.0, 0.01]), np.array([[0.0, 0.001], [0.0, -0.001]]))
+    with pytest.raises(RendererError, match=rf"hr_step\(\) returned {returned} at tick 5"):
+        play(Stepping(made(library)), path, DT, scene=LINE)
+    push = pushed(0.1)
+    with pytest.raises(RendererError, match=f"returned {-abs(returned)} at tick 5"):
+        simulate_closed_loop(made(library), push, LINE, DT)
+
+
+class Stepping:
+    def __init__(self, renderer: LibraryRenderer) -> None:
+        self.reset, self.step = renderer.reset, renderer.step
+
+
+def test_a_step_that_refuses_ends_a_loop_and_leaves_what_was(build: Build) -> None:
+    renderer = made(build(STEP="if (hip[1] < -0.0005) return HR_REFUSES_HIP"))
+    push = pushed(0.5)
+    recording = simulate_closed_loop(renderer, push, LINE, DT)
+    assert "refuses the HIP" in recording.meta["ended"]["what"]
+    with pytest.raises(DomainError, match=r"\(0, -0.001\)"):
+        renderer.step(np.array([0.0, -0.001]), np.zeros(2), DT)
+
+
+def test_a_library_is_destroyed_with_its_renderer(build: Build, tmp_path: Path) -> None:
+    file = tmp_path / "destroyed"
+    renderer = made(build(DESTROY=f'fclose(fopen("{file}", "w"))'))
+    assert not file.exists()
+    del renderer
+    assert file.exists()
+
+
+def test_a_batch_of_its_own_is_used_and_held_to_its_steps(build: Build, compiler: str, tmp_path: Path) -> None:
+    run = """
+int32_t hr_run(void *self, uint32_t n, const double *hips, const double *v, double dt, double *ihips, double *forces) {
+  for (uint32_t k = 0; k < 2 * n; k += 2) if (hr_step(self, hips + k, v + k, dt, ihips + k, forces + k) < 0) return -1;
+  if (n > 3) forces[5] += OFF;
+  return 0;
+}
+"""
+    source = build().with_name("plane.c").read_text() + run
+    (tmp_path / "run.c").write_text(source)
+    for off in (0, 1):
+        flags = ["-shared", "-fPIC", f"-DOFF={off}", f"-I{HEADER.parent}", "-o", f"librun{off}.so", "run.c"]
+        subprocess.run([compiler, *flags], cwd=tmp_path, check=True)
+    honest = hapticeval.run(f"lib:{tmp_path}/librun0.so", select="plane-impact", workers=0)
+    assert honest.errors == ()
+    hips = np.column_stack([np.zeros(9), np.linspace(0.002, -0.002, 9)])
+    single = np.array([made(tmp_path / "librun0.so").step(hip, 0.0 * hip, DT).force for hip in hips])
+    np.testing.assert_array_equal(made(tmp_path / "librun0.so").run(hips, DT)[1], single)
+    assert made(tmp_path / "librun1.so").run(hips, DT)[1][2, 1] == single[2, 1] + 1.0
+
+
+@pytest.mark.parametrize(
+    ("code", "error", "words"),
+    [
+        ({"KEEP": ""}, InputError, "has no hr_destroy"),
+        ({"ABI": "9"}, InputError, "has the ABI 9"),
+        ({"FLAGS": "1024"}, InputError, "flags 0x400"),
+        ({"INFO": "if (!self) return -2"}, InputError, "returned -2"),
+        ({"INFO": "if (!self) abort()"}, InputError, "ends the process that loads it: SIGABRT"),
+        ({"INFO": "if (!self) info->max_error = -1"}, InputError, "max_error = -1.0"),
+        ({"INFO": "if (self) info->standoff = NAN"}, RendererError, "standoff = nan"),
+        ({"CREATE": 'snprintf(why, n, "no %s today", "lines"); return 1'}, RefusalError, "refuses the model 'line'"),
+        ({"CREATE": "return -5"}, RendererError, "hr_create.. returned -5"),
+        ({"FLAGS": "HR_SPACE"}, RefusalError, "asks for 'plane'"),
+    ],
+)
+def test_what_is_wrong_with_a_library_is_named(build: Build, code: dict[str, str], error: type, words: str) -> None:
+    with pytest.raises(error, match=words):
+        made(build(**code))
+
+
+def test_a_refusal_has_the_library_s_reason(build: Build) -> None:
+    with pytest.raises(RefusalError) as refused:
+        made(build(CREATE='snprintf(why, n, "no %s today", "lines"); return 1'))
+    assert refused.value.why == "no lines today"
+
+
+def test_what_is_no_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match="no library"):
+        resolve(f"lib:{tmp_path}/none.so")
+    (tmp_path / "text.so").write_text("not a library")
+    with pytest.raises(InputError, match="cannot be loaded as a library"):
+        resolve(f"lib:{tmp_path}/text.so")
+    with pytest.raises(InputError, match="does not name a renderer"):
+        resolve("lib:")
+
+
+def test_one_that_hangs_when_it_is_loaded_is_ended(build: Build, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(adapter, "PATIENCE", 0.5)
+    with pytest.raises(InputError, match=r"no answer in 0.5 s"):
+        resolve(f"lib:{build(INFO='for (;;) {}')}")
+
+
+@pytest.mark.parametrize(
+    ("step", "words"), [("abort()", "SIGABRT"), ("*(volatile int *)0 = 1", "SIGSEGV"), ("for (;;) {}", "after 2 s")]
+)
+def test_a_crash_and_a_hang_cost_their_case(build: Build, step: str, words: str, tmp_path: Path) -> None:
+    suite = tmp_path / "two.toml"
+    case = '[[case]]\nname = "{}"\ntitle = "{}"\nmodel = {{ kind = "line" }}\nchecks = ["continuous-contact"]\n'
+    way = 'trajectory = {{ kind = "points", points = [[0.0, 0.001], [0.0, {}]], duration = 0.02 }}\n'
+    suite.write_text(
+        'title = "two"\n' + (case + way).format("deep", "deep", -0.001) + (case + way).format("off", "off", 0.002)
+    )
+    library = build(STEP=f"if (hip[1] < 0) {step}")
+    results = hapticeval.run(f"lib:{library}", suites=str(suite), workers=1, timeout=2.0)
+    assert [verdict.outcome for verdict in results.verdicts] == ["error", "inconclusive"]
+    assert words in results.errors[0].what
+    assert results.exit_code == 3
+
+
+@pytest.mark.parametrize("name", ["lib:./libmine.so", "cmd:python3 mine.py"])
+def test_a_file_may_not_name_one(name: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="never code"):
+        resolve_installed(name, source="mysuite.toml")
+    suite = tmp_path / "mine.toml"
+    case = '[[case]]\nname = "a"\ntitle = "a"\nmodel = { kind = "line" }\nchecks = ["continuous-contact"]\n'
+    way = 'trajectory = { kind = "points", points = [[0.0, 0.1], [0.0, 0.2]], duration = 1 }\n'
+    suite.write_text(f'title = "a"\nrenderers = ["{name}"]\n' + case + way)
+    with pytest.raises(InputError, match="suite 'mine' names the renderer"):
+        hapticeval.run(suites=str(suite))
+
+
+@pytest.mark.parametrize("name", ["lib:./a+b@c.so", "cmd:mine --to a@b +x"])
+def test_paths_and_commands_are_taken_as_they_are(name: str) -> None:
+    assert parse(name) == Name(name, None, None)
+
+
+def test_the_header_is_printed_and_is_c99(compiler: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    from hapticeval.cli import main
+
+    assert main(["header"]) == 0
+    (tmp_path / "hapticeval.h").write_text(capsys.readouterr().out)
+    (tmp_path / "a.c").write_text('#include "hapticeval.h"\n')
+    flags = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-fsyntax-only"]
+    subprocess.run([compiler, *flags, "a.c"], cwd=tmp_path, check=True)
+    assert len((tmp_path / "hapticeval.h").read_text().splitlines()) <= 50
+
+
+def test_the_structs_are_those_of_the_header(compiler: str, tmp_path: Path) -> None:
+    from hapticeval.adapters.library import InfoStruct, SceneStruct
+
+    fields = [("hr_scene", SceneStruct), ("hr_info", InfoStruct)]
+    lines = [f'printf("%zu ", offsetof({name}, {field}));' for name, struct in fields for field, *_ in struct._fields_]
+    source = '#include <stddef.h>\n#include <stdio.h>\n#include "hapticeval.h"\nint main(void) {' + "".join(lines)
+    (tmp_path / "a.c").write_text(source + 'printf("%zu %zu", sizeof(hr_scene), sizeof(hr_info)); return 0; }')
+    subprocess.run([compiler, f"-I{HEADER.parent}", "-o", "a", "a.c"], cwd=tmp_path, check=True)
+    offsets = subprocess.run([str(tmp_path / "a")], capture_output=True, text=True, check=True).stdout.split()
+    import ctypes
+
+    ours = [getattr(struct, field).offset for _, struct in fields for field, *_ in struct._fields_]
+    assert list(map(int, offsets)) == [*ours, ctypes.sizeof(SceneStruct), ctypes.sizeof(InfoStruct)]
+
+
+def test_importing_the_names_loads_no_library() -> None:
+    code = "import sys, hapticeval.discovery; print('hapticeval.adapters.library' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"

@@ -1,0 +1,204 @@
+"""Renderers in processes of their own: what they answer, and that none keeps anybody waiting."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hapticeval
+from hapticeval.adapters import process as adapter
+from hapticeval.adapters.process import ProcessRenderer
+from hapticeval.discovery import resolve
+from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.renderer import Spring, abilities_of
+from hapticeval.runner.judging import make_renderer
+from hapticeval.scene import Scene
+
+PROCESS = Path(__file__).parents[2] / "examples" / "process"
+LINE = Scene(model=make_model("line"))
+CIRCLE = Scene(model=make_model("circle"))
+DT = 1e-3
+
+MINE = """
+import json, os, sys, time
+def say(**answer):
+    print(json.dumps(answer), flush=True)
+for line in sys.stdin:
+    m = json.loads(line)
+    call, id = m["call"], m["id"]
+    if call == "hello" and not {hello!r}:
+        say(id=id, version=1)
+    elif call == "scene" and not {scene!r}:
+        say(id=id)
+    elif call == "reset":
+        say(id=id)
+    elif call == "bye":
+        break
+    else:
+        exec({{"hello": {hello!r}, "scene": {scene!r}, "step": {step!r}}}[call])
+"""
+
+
+@pytest.fixture
+def command(tmp_path: Path) -> Callable[..., str]:
+    """Write a process with code put into it; return its name."""
+
+    def written(hello: str = "", scene: str = "", step: str = "pass") -> str:
+        file = tmp_path / "mine.py"
+        file.write_text(MINE.format(hello=hello, scene=scene, step=step))
+        adapter._met.cache_clear()
+        return f"cmd:{shlex.join([sys.executable, str(file)])}"
+
+    return written
+
+
+def made(name: str, scene: Scene = LINE) -> ProcessRenderer:
+    renderer = make_renderer(resolve(name), scene)
+    assert isinstance(renderer, ProcessRenderer)
+    return renderer
+
+
+@pytest.fixture(params=["mine.py", "mine.m"])
+def example(request: pytest.FixtureRequest) -> str:
+    """The reference clients."""
+    if request.param == "mine.m":
+        octave = shutil.which("octave-cli") or shutil.which("octave")
+        if octave is None:
+            pytest.skip("no Octave")
+        return f"cmd:{shlex.join([octave, '-qf', str(PROCESS / 'mine.m')])}"
+    return f"cmd:{shlex.join([sys.executable, str(PROCESS / 'mine.py')])}"
+
+
+def test_the_reference_client_answers_as_the_nearest_point(example: str) -> None:
+    renderer = made(example, CIRCLE)
+    facets = CIRCLE.model.mesh(max_error=1e-4 * CIRCLE.model.size)
+    hips = np.array([[0.11, 0.0], [0.09, 0.01], [0.05, 0.06], [0.0, -0.098], [0.0, -0.12]])
+    renderer.reset(hips[0])
+    answers = [renderer.step(hip, 0.0 * hip, DT) for hip in hips]
+    ihips, forces = (np.array(each) for each in zip(*answers, strict=True))
+    frame = facets.boundary.closest_point(hips)
+    inside = frame.distance[:, np.newaxis] < 0.0
+    np.testing.assert_allclose(ihips, np.where(inside, frame.foot, hips), atol=1e-14)
+    np.testing.assert_allclose(forces, 1000.0 * (ihips - hips), atol=1e-11)
+    can = abilities_of(renderer)
+    assert can.declares is not None
+    assert (can.declares.spring, can.supports) == (Spring.ERROR, {"plane"})
+    assert renderer.run is not None
+    assert renderer.lead is not None
+    for batch in (renderer.run(hips, DT), renderer.lead(hips, 0.0 * hips, np.array([1.0, 1.0, 0.5, 0.5, 1.0]))):
+        np.testing.assert_array_equal(batch[0], ihips)
+        np.testing.assert_array_equal(batch[1], forces)
+    assert renderer.run(hips[:1], DT)[0].shape == (1, 2)
+
+
+@pytest.mark.parametrize("name", ["mine.py", "mine.m"])
+def test_the_reference_clients_are_short(name: str) -> None:
+    assert len((PROCESS / name).read_text().splitlines()) <= 40
+
+
+def test_it_is_judged_by_its_name(example: str) -> None:
+    results = hapticeval.run(example, select="plane-press/force-magnitude")
+    assert [verdict.outcome for verdict in results.verdicts] == ["pass"]
+
+
+def test_a_renderer_ends_its_process(command: Callable[..., str]) -> None:
+    renderer = made(command())
+    pid = renderer._child._process.pid
+    del renderer
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [
+        ("print('rubbish', flush=True)", "answers 'step' with something else: rubbish"),
+        ("say(id=99, ihip=[0, 0], force=[0, 0])", "something else"),
+        ("say(id=id)", "answers without 'ihip'"),
+        ("say(id=id, ihip=[0, 0, 0], force=[0, 0, 0])", r"ihip of shape \(3,\)"),
+        ("say(id=id, ihip='left', force=[0, 0])", "ihip = left"),
+        ("say(id=id, error='no idea')", "reports an error in 'step': no idea"),
+        ("sys.exit(3)", "ended: exit code 3"),
+        ("os.kill(os.getpid(), 11)", "ended: SIGSEGV"),
+        ("os.close(1); time.sleep(60)", "closed its stdout"),
+        ("time.sleep(60)", "no answer to 'step' in 0.3 s"),
+        ("[print('x' * 1000000, end='', flush=True) for _ in iter(int, 1)]", "prints more than"),
+        ("sys.stderr.write('it is the valve'); sys.exit(1)", "exit code 1"),
+    ],
+)
+def test_an_answer_that_makes_no_sense_ends_it(
+    command: Callable[..., str], step: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(adapter, "PATIENCE", 0.3 if "sleep(60)" in step and "close" not in step else 20.0)
+    renderer = made(command(step=step))
+    renderer.reset(np.zeros(2))
+    begun = time.monotonic()
+    for _ in range(2):  # and so ever after
+        with pytest.raises(RendererError, match=words) as raised:
+            renderer.step(np.zeros(2), np.zeros(2), DT)
+    assert time.monotonic() - begun < 10.0
+    assert ("valve" in step) == ("its stderr ends: it is the valve" in raised.value.why)
+
+
+@pytest.mark.parametrize("number", ["float('nan')", "None"])
+def test_an_answer_that_is_not_finite_is_handed_on(command: Callable[..., str], number: str) -> None:
+    renderer = made(command(step=f"say(id=id, ihip=[{number}, 0], force=[0, 0])"))
+    assert np.isnan(renderer.step(np.zeros(2), np.zeros(2), DT).ihip[0])
+
+
+@pytest.mark.parametrize(
+    ("hello", "words"),
+    [
+        ("say(id=id, version=2)", "speaks version 2"),
+        ("say(id=id, version=1, supports=['everything'])", "supports"),
+        ("say(id=id, version=1, max_error=-1)", "max_error = -1"),
+        ("sys.exit(1)", "ended: exit code 1"),
+    ],
+)
+def test_who_cannot_say_hello_is_no_renderer(command: Callable[..., str], hello: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        resolve(command(hello=hello))
+
+
+def test_a_greeting_before_hello_is_left_out(command: Callable[..., str]) -> None:
+    name = command(hello="print('Welcome to the program'); say(id=id, version=1, name='greeter')")
+    assert resolve(name).summary == "greeter"  # type: ignore[attr-defined]
+
+
+def test_it_may_refuse_the_model_and_the_hip(command: Callable[..., str]) -> None:
+    with pytest.raises(RefusalError) as refused:
+        made(command(scene="say(id=id, refuse='too thin')"))
+    assert refused.value.why == "too thin"
+    with pytest.raises(DomainError, match=r"refuses the HIP \(0, 0\)"):
+        made(command(step="say(id=id, refuse='too far')")).step(np.zeros(2), np.zeros(2), DT)
+
+
+def test_what_is_no_command_is_named() -> None:
+    with pytest.raises(InputError, match="cannot start"):
+        resolve("cmd:./there-is-none")
+    with pytest.raises(InputError, match="is no command"):
+        resolve("cmd:'open")
+
+
+def test_a_long_message_to_a_child_that_does_not_read_ends(
+    command: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(adapter, "PATIENCE", 0.5)
+    monkeypatch.setattr(adapter, "A_TICK", 0.0)
+    name = command(
+        hello="say(id=id, version=1, run=True)",
+        scene="say(id=id); sys.stdin.readline(); print(json.dumps({'id': 3}), flush=True); time.sleep(60)",
+    )
+    renderer = made(name)
+    assert renderer.run is not None
+    with pytest.raises(RendererError, match="no answer to 'run'"):
+        renderer.run(np.zeros((20_000, 2)), DT)

@@ -1,0 +1,65 @@
+"""Renderers to start from: written, built, tested by their own tests, and judged as their CI file does."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hapticeval.cli import main
+from hapticeval.commands.starters import STARTERS, WORKFLOW
+
+
+@pytest.fixture(params=STARTERS)
+def kind(request: pytest.FixtureRequest) -> str:
+    if request.param in ("c", "cpp") and not (shutil.which("make") and shutil.which("cc") and shutil.which("c++")):
+        pytest.skip("no compiler, or no make")
+    return str(request.param)
+
+
+@pytest.fixture
+def folder(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [str(tmp_path / "mine"), *sys.path])
+    assert main(["new", kind, "mine"]) == 0
+    monkeypatch.chdir(tmp_path / "mine")
+    yield tmp_path / "mine"
+    sys.modules.pop("mine", None)
+
+
+def test_it_passes_its_own_test_and_its_ci(kind: str, folder: Path) -> None:
+    (test,) = folder.glob("test_*.py")
+    names = runpy.run_path(str(test))
+    (check,) = (value for name, value in names.items() if name.startswith("test_"))
+    check()
+    steps = re.findall(r"- run: (.*)", (folder / WORKFLOW).read_text())
+    (judged,) = (shlex.split(each) for each in steps if each.startswith("hapticeval run"))
+    assert ("make" in steps) == (kind in ("c", "cpp"))
+    assert main(judged[1:]) == 0
+
+
+def test_a_folder_with_something_in_it_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mine.py").write_text("precious")
+    assert main(["new", "python", str(tmp_path)]) == 2
+    assert "not an empty folder" in capsys.readouterr().err
+    assert [each.name for each in tmp_path.iterdir()] == ["mine.py"]
+
+
+def test_another_kind_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", "pyton", str(tmp_path / "a")]) == 2
+    assert "did you mean python?" in capsys.readouterr().err
+
+
+def test_the_cmake_project_builds(tmp_path: Path) -> None:
+    if not (shutil.which("cmake") and shutil.which("c++")):
+        pytest.skip("no CMake, or no compiler")
+    assert main(["new", "cpp", str(tmp_path / "mine")]) == 0
+    for command in (["cmake", "-B", "build", "."], ["cmake", "--build", "build"]):
+        subprocess.run(command, cwd=tmp_path / "mine", check=True, capture_output=True)
+    assert (tmp_path / "mine" / "libgod_object.so").is_file()

@@ -1,0 +1,135 @@
+"""Broken contact and abrupt switch on edges and vertices of solids: as in the plane, with the fault's size known."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
+
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.geometry.mesh_tool import FREE
+from hapticeval.phenomena.crossings import find_crossings
+from hapticeval.renderers import constraint
+from hapticeval.scene import Scene
+
+STEP, DEPTH = 2e-5, 3e-3
+CUBE = Scene(model=make_model("cube"))
+NOTCHED = Scene(model=make_model("l-block"))
+STAR, PRISM = (Scene(model=make_model(kind, **more)) for kind, more in (("star", {}), ("extruded", {"length": 1.0})))
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def over_the_top(towards, *, early=0.0, late=0.0):
+    """3 mm under the top of a cube and over its border at the middle of an edge, or over a vertex, along `towards`.
+
+    The force is lost `early` metres before or `late` metres after, square to the edge.
+    """
+    ahead = np.array([*towards, 0.0]) / np.linalg.norm(towards)
+    end = 0.05 / np.max(np.abs(ahead)) * ahead + 0.05 * UP
+    x = (np.arange(-0.02, 0.02, STEP) + STEP / 3)[:, None]
+    hip = end + x * ahead - DEPTH * UP
+    square = x * np.max(np.abs(ahead))
+    held = (square <= late) & ((square <= -early) | (square > 0.0))
+    return recorded(hip, np.where(held, hip + DEPTH * UP, hip))
+
+
+@pytest.mark.parametrize("towards", [(1.0, 0.0), (-1.0, 0.4), (0.3, 1.0), (1.0, 1.0), (-1.0, 1.0)])
+def test_a_force_that_keeps_to_the_edge_or_the_vertex_and_is_gone_passes(towards):
+    base = over_the_top(towards)
+    assert outcome("broken-contact", base, CUBE) is PASS
+    (crossing,) = find_crossings(base, CUBE, convex=True)
+    assert crossing.turn == pytest.approx(0.5 * np.pi)
+    assert np.array_equal(crossing.normal_pre, UP)
+    assert np.abs(crossing.place).max() == pytest.approx(0.05, abs=1e-12)
+
+
+@given(distance=st.floats(2e-4, 0.012), angle=st.floats(0.0, 6.28))
+@settings(max_examples=30)
+def test_how_far_too_early_or_too_late_is_measured_square_to_the_edge(distance, angle):
+    towards = (np.cos(angle), np.sin(angle))
+    for kind, words in (("early", "before"), ("late", "past")):
+        finding = found("broken-contact", over_the_top(towards, **{kind: distance}), CUBE)
+        assert finding.outcome is FAIL
+        assert finding.metric.value == pytest.approx(distance, abs=1.1 * STEP)
+        assert words in finding.message
+
+
+def test_three_ticks_of_lag_are_granted_and_five_are_not():
+    assert outcome("broken-contact", over_the_top((1.0, 0.2), late=2.5 * STEP), CUBE) is PASS
+    assert outcome("broken-contact", over_the_top((1.0, 0.2), late=5 * STEP), CUBE) is FAIL
+
+
+def test_a_hand_that_goes_round_the_edge_inside_or_lifts_off_passes_none():
+    ways = [[[0, 0, 60], [0, 0, 47], [47, 0, 47], [47, 0, 0]], [[0, 0, 60], [0, 0, 47], [40, 0, 47], [40, 0, 60]]]
+    for points in ways:
+        hip = np.vstack([np.linspace(a, b, 400) for a, b in pairwise(points)]) / 1e3
+        assert outcome("broken-contact", recorded(hip), CUBE) is NO
+
+
+@given(backwards=st.booleans(), drift=st.floats(-0.3, 0.3), late=st.floats(-5e-3, 5e-3))
+@settings(max_examples=20)
+def test_on_an_extruded_star_it_is_what_it_is_in_the_plane(backwards, drift, late):
+    corner = STAR.model.curve.corners[0]
+    ahead, normal = (-corner.tangent_post, corner.normal_post) if backwards else (corner.tangent_pre, corner.normal_pre)
+    x = (np.arange(-0.02, 0.02, STEP) + STEP / 3)[:, None]
+    hip = corner.position + x * ahead - DEPTH * normal
+    flat = recorded(hip, np.where(x <= late, hip + DEPTH * normal, hip))
+    high = np.linspace(0.0, drift * 0.04, len(hip))
+    lifted = recorded(np.column_stack([flat.hip, high]), np.column_stack([flat.ihip, high]))
+    plane, space = found("broken-contact", flat, STAR), found("broken-contact", lifted, PRISM)
+    assert space.outcome is plane.outcome
+    assert space.metric.value == pytest.approx(plane.metric.value, abs=1e-12)
+
+
+def round_the_notch(*, along=0.0, spread=0.0):
+    """Under the faces of the notch of an L, the force turning over a `spread` of the arc, the hand moving `along` it.
+
+    All of the way along the edge (m) is gone half way round the arc.
+    """
+    edge = np.array([-0.01, -0.01])
+    x, turn = np.arange(0.0, 0.02, STEP)[::-1, None], np.arange(0.0, 0.5 * np.pi, STEP / DEPTH)
+    place = np.concatenate([np.zeros(len(x)), turn / turn[-1], np.ones(len(x))])
+    tool = np.vstack([edge + x * [1, 0], np.tile(edge, (turn.size, 1)), edge + x[::-1] * [0, 1]])
+    waits = int(along / STEP)
+    middle = int(np.argmax(place > 0.5))
+    rows = np.concatenate([np.arange(middle), np.full(waits, middle), np.arange(middle, len(place))])
+    high = np.concatenate([np.zeros(middle), STEP * np.arange(waits), np.full(len(place) - middle, STEP * waits)])
+    place, tool = place[rows], np.column_stack([tool[rows], high])
+
+    def direction(share):
+        return np.column_stack([np.sin(0.5 * np.pi * share), np.cos(0.5 * np.pi * share), np.zeros(len(share))])
+
+    turned = np.clip((place - 0.5) / spread + 0.5, 0.0, 1.0) if spread else (place > 0.5).astype(float)
+    return recorded(tool - DEPTH * direction(place), tool, 1e3 * DEPTH * direction(turned))
+
+
+@given(spread=st.floats(0.2, 1.0), along=st.sampled_from([0.0, 0.02]))
+@settings(max_examples=15)
+def test_the_travel_of_the_switch_is_measured_without_the_way_along_the_edge(spread, along):
+    finding = found("abrupt-switch", round_the_notch(spread=spread, along=along), NOTCHED)
+    assert finding.outcome is FAIL
+    assert finding.metric.value == pytest.approx(0.9 * spread * 0.5 * np.pi, abs=4 * STEP / DEPTH)
+    assert finding.evidence["turn_deg"] == pytest.approx(90.0)
+
+
+def test_a_switch_at_one_point_passes():
+    assert outcome("abrupt-switch", round_the_notch(), NOTCHED) is PASS
+    assert outcome("abrupt-switch", changed(round_the_notch(), rows=slice(0, 900)), NOTCHED) is NO
+    assert outcome("abrupt-switch", over_the_top((1.0, 0.0)), CUBE) is NO
+    silent = round_the_notch()
+    assert outcome("abrupt-switch", changed(silent, force=0.0 * silent.force, ihip=silent.hip), NOTCHED) is UNDECIDED
+
+
+@pytest.mark.parametrize("kind", ["cube", "l-block", "icosphere", "extruded"])
+def test_the_rigid_tool_that_shows_the_edges_is_where_the_constraint_projection_is(kind):
+    scene = Scene(model=make_model(kind))
+    random = np.random.default_rng(5)
+    hips = random.uniform(-0.08, 0.08, 3) + np.cumsum(0.012 * random.normal(size=(400, 3)), axis=0)
+    _, features, tools = scene.model.boundary.rigid_tool(hips)
+    ihips, _ = constraint(scene).run(hips, 1e-3)
+    np.testing.assert_array_equal(tools, ihips)
+    assert np.array_equal(features == FREE, (ihips == hips).all(axis=1))

@@ -1,0 +1,105 @@
+"""Relations that need no truth: answers in a mirror, in other ticks, in another order of vertices, beside others."""
+
+from __future__ import annotations
+
+import honest
+import numpy as np
+import pytest
+from broken import RELATIONS, spoiled
+
+from hapticeval.discovery import resolve
+from hapticeval.documents import convert
+from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.metamorphic import CHECKS
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.runner.judging import judge
+from hapticeval.scene import Scene
+from hapticeval.simulation.playback import play
+from hapticeval.suite.case import Case
+
+IDS = tuple(check.id for check in CHECKS)
+OUTLINE = [[-0.08, -0.05], [0.09, -0.06], [0.03, 0.0], [0.1, 0.05], [-0.02, 0.09]]
+MODELS = (
+    {"kind": "star"},
+    {"kind": "polygon", "vertices": OUTLINE},
+    {"kind": "dumbbell"},
+    {"kind": "cassinian"},
+    {"kind": "sphere"},
+    {"kind": "l-block"},
+)
+
+
+def case(model, *, scene=None, seed=3):
+    table = {"name": "c", "title": "c", "model": model, "checks": list(IDS), "scene": scene or {}}
+    return convert(
+        {**table, "trajectory": {"kind": "generated", "seed": seed, "examples": 2, "parts": ["slide"], "most": 1}},
+        Case,
+        "c",
+    )
+
+
+def findings(make, model, **more):
+    judged = judge(make, "r", "s", case(model, **more))
+    assert judged.error is None
+    return {verdict.check: verdict.finding for verdict in judged.verdicts}
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: model["kind"])
+@pytest.mark.parametrize("name", ["minimum-distance", "constraint", "set-stabilisation", "conformal", "ideal"])
+def test_our_renderers_keep_every_relation_to_twelve_digits(name, model):
+    found = findings(resolve(name), model)
+    assert {finding.outcome for finding in found.values()} <= {Outcome.PASS, Outcome.NOT_APPLICABLE}, found
+    for finding in found.values():
+        assert finding.metric is None or finding.metric.value <= 1e-12
+
+
+@pytest.mark.parametrize("damping", [0.0, 20.0])
+def test_a_damper_is_allowed_for(damping):
+    found = findings(resolve("minimum-distance+pp-pd"), {"kind": "star"}, scene={"damping": damping})
+    assert found["time-subdivision"].outcome is Outcome.PASS
+
+
+@pytest.mark.parametrize("name", RELATIONS)
+def test_each_relation_finds_what_breaks_it_and_no_other_does(name):
+    wanted, _ = RELATIONS[name]
+    found = findings(spoiled(name, honest.Spring), {"kind": "star"})
+    assert {check for check, finding in found.items() if finding.outcome is Outcome.FAIL} == {wanted}
+    assert found[wanted].evidence["rows_off"] > 0
+
+
+@pytest.mark.parametrize("ticks", [1, 2, 3])
+def test_an_answer_that_comes_late_in_ticks_is_named_so(ticks):
+    finding = findings(honest.factory(f"late-{ticks}", honest.Spring), {"kind": "star"})["time-subdivision"]
+    assert finding.outcome is Outcome.FAIL
+    assert finding.evidence["ticks_late"] == ticks
+
+
+def test_a_recording_and_a_scene_with_effects_are_not_asked():
+    made = case({"kind": "star"})
+    scene = made.build_scene()
+    renderer = resolve("minimum-distance")(scene)
+    run = play(renderer, made.build_stimulus(scene, renderer), scene.sampling_time)
+    assert {check(Runs(run), scene).outcome for check in CHECKS} == {Outcome.NOT_APPLICABLE}
+    rubbing = {"effects": [{"kind": "friction", "mu_s": 0.5, "mu_k": 0.3}]}
+    found = findings(resolve("minimum-distance"), {"kind": "star"}, scene=rubbing)["time-subdivision"]
+    assert found.outcome is Outcome.NOT_APPLICABLE
+    assert "friction" in found.message
+
+
+def test_a_hand_that_never_touches_decides_nothing():
+    far = {"kind": "points", "points": [[0.3, 0.0], [0.4, 0.0]], "duration": 0.01}
+    table = {"name": "c", "title": "c", "model": {"kind": "star"}, "checks": list(IDS), "trajectory": far}
+    verdicts = judge(resolve("constraint"), "r", "s", convert(table, Case, "c")).verdicts
+    assert {verdict.outcome for verdict in verdicts} == {Outcome.INCONCLUSIVE}
+
+
+def test_a_renderer_that_takes_one_model_alone_is_asked_beside_one_on_the_same():
+    class Only(honest.Spring):
+        def __init__(self, scene: Scene) -> None:
+            from hapticeval.errors import RefusalError
+
+            if not np.isclose(scene.model.size, 0.19, atol=0.02):
+                raise RefusalError("the star of 200 mm only")
+            super().__init__(scene)
+
+    assert findings(Only, {"kind": "star"})["two-at-once"].outcome is Outcome.PASS

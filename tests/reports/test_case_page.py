@@ -1,0 +1,360 @@
+"""The page of a case: what of its runs it holds, its figures, its verdicts and their places, the data of its script."""
+
+from __future__ import annotations
+
+import json
+import re
+import xml.etree.ElementTree as ET
+from html.parser import HTMLParser
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from reports_synthetic import HOSTILE, jump_tick, lobe_recording, synthetic_run, tip_recording, verdict, verdicts
+from result_entries import SCENE, changed, run_entry
+
+from hapticeval.errors import InputError
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome
+from hapticeval.recordings.recording import Recording
+from hapticeval.reports import case_data
+from hapticeval.reports.canvas import THEME
+from hapticeval.reports.case_data import Packer, fineness, jumps, kept, placed, surface_motion, tracks, unpacked
+from hapticeval.reports.case_figure import look, panels, panels_svg, plane_svg
+from hapticeval.reports.case_model import TURN, packed_model, triangles_of
+from hapticeval.reports.case_page import ASSETS, case_section, write_assets, write_case_page, write_view
+from hapticeval.runner.results import Refusal
+
+# What of a run is kept, and how it is packed.
+
+
+@given(arrays(np.int64, st.integers(1, 60), elements=st.integers(-(2**33), 2**33)))
+def test_whole_numbers_survive_packing(whole):
+    packer = Packer()
+    packer.add(whole.astype(np.float64), scale=1.0)
+    np.testing.assert_array_equal(unpacked(packer.document())[0][:, 0], whole)
+
+
+@given(
+    arrays(np.float64, st.tuples(st.integers(1, 40), st.integers(1, 3)), elements=st.floats(-1e3, 1e3)),
+    st.floats(1e-9, 1e3),
+)
+def test_what_is_packed_is_off_by_half_a_step_at_most(values, size):
+    values = values * size
+    packer = Packer()
+    packer.add(np.zeros(3))
+    number = packer.add(values)
+    found = unpacked(json.loads(json.dumps(packer.document())))[number]
+    assert found.shape == values.shape
+    assert np.abs(found - values).max() <= 0.5000001 * np.abs(values).max() / case_data.FULL
+
+
+def test_of_a_long_run_ends_jump_extremes_and_places_of_verdicts_are_kept_exactly():
+    recording = lobe_recording()
+    tick = jump_tick(recording)
+    rows = kept([recording], [7, 1234], 300)
+    assert {0, len(recording) - 1, tick - 1, tick, 6, 7, 8, 1233, 1234} <= set(rows.tolist())
+    for signal in (np.linalg.norm(recording.force, axis=1), np.linalg.norm(recording.ihip - recording.hip, axis=1)):
+        assert signal[rows].max() == signal.max()
+        assert signal[rows].min() == signal.min()
+    assert rows.size <= 400
+    assert np.all(np.diff(rows) > 0)
+    assert jumps(recording).tolist() == [tick]
+
+
+@given(st.lists(st.integers(2, 1995), min_size=1, max_size=12, unique=True), st.integers(0, 2**32 - 1))
+def test_no_jump_is_lost_wherever_it_is(where, seed):
+    where = sorted({10 * (row // 10) + 3 for row in where if row > 10})
+    hip = np.column_stack([np.linspace(0.0, 0.1, 2000), np.zeros(2000)])
+    ihip = hip.copy()
+    rng = np.random.default_rng(seed)
+    for row in where:
+        ihip[row:] += rng.choice([-1.0, 1.0]) * rng.uniform(1e-3, 1e-2)
+    run = Recording(np.arange(2000) * 1e-3, {"hip": hip, "ihip": ihip, "force": ihip - hip}, {"source": "playback"})
+    assert jumps(run).tolist() == where
+    assert {row + side for row in where for side in (-1, 0)} <= set(kept([run], [], 200).tolist())
+
+
+def test_lines_between_the_samples_are_as_good_as_the_rest():
+    time = np.arange(6000) * 1e-3
+    hip = np.column_stack([np.cos(time), np.sin(3.0 * time)]) * 0.1
+    run = Recording(time, {"hip": hip, "ihip": 1.1 * hip, "force": 100.0 * hip}, {"source": "playback"})
+    rows = kept([run], [])
+    assert rows.size < 600
+    for channel in ("hip", "force"):
+        values = run.channels[channel]
+        lines = np.column_stack([np.interp(time, time[rows], column[rows]) for column in values.T])
+        assert np.abs(lines - values).max() <= case_data.WITHIN * np.ptp(values, axis=0).max()
+
+
+def test_runs_along_one_path_share_its_samples_and_their_place_in_the_data():
+    plain = lobe_recording()
+    other = Recording(plain.time, {**plain.channels, "ihip": plain.hip, "force": 0.0 * plain.hip}, plain.meta)
+    alone = Recording(plain.time + 5.0, plain.channels, plain.meta)
+    found = tracks({"a": plain, "b": other, "c": alone}, {"b": [0.777]})
+    assert found[0].rows is found[1].rows
+    assert 777 in found[0].rows
+    packer = Packer()
+    runs = case_data.packed_runs(found, packer)
+    assert runs[0]["hip"] == runs[1]["hip"]
+    assert runs[0]["time"] == runs[1]["time"] != runs[2]["time"]
+    arrays_ = unpacked(packer.document())
+    for run, track in zip(runs, found, strict=True):
+        np.testing.assert_allclose(arrays_[run["time"]][:, 0], track.time, atol=1e-5)
+        np.testing.assert_allclose(arrays_[run["hip"]], track.hip, atol=fineness(found))
+
+
+def test_a_shallow_contact_is_held_finer_than_its_depth():
+    hip = np.column_stack([np.linspace(-0.05, 0.05, 50), np.full(50, -1e-8)])
+    ihip = hip * [1.0, 0.0]
+    [track] = tracks({"r": Recording(np.arange(50) * 1e-3, {"hip": hip, "ihip": ihip, "force": ihip - hip})}, {})
+    packer = Packer()
+    [run] = case_data.packed_runs([track], packer)
+    held = unpacked(packer.document())
+    np.testing.assert_allclose(held[run["hip"]][:, 1], -1e-8, rtol=0.01)
+    np.testing.assert_allclose(held[run["apart"]][:, 1], 1e-8, rtol=1e-4)
+
+
+def test_gaps_and_rows_that_are_no_measurement_part_a_run():
+    time = np.concatenate([np.arange(30), 100 + np.arange(30)]) * 1e-3
+    hip = np.column_stack([time, time])
+    valid = np.ones(60, dtype=bool)
+    valid[10:20] = False
+    [track] = tracks({"r": placed(Recording(time, {"hip": hip, "ihip": hip}, valid=valid))}, {})
+    assert track.starts.tolist() == [10, 20]
+    assert track.time[10] == pytest.approx(0.02)
+    assert track.force is None
+
+
+def test_a_recording_of_one_dimension_is_shown_before_its_wall():
+    along = np.linspace(0.01, -0.002, 40)[:, None]
+    run = placed(Recording(np.arange(40) * 1e-3, {"hip": along, "ihip": np.maximum(along, 0.0), "force": -along}))
+    [track] = tracks({"r": run}, {})
+    assert track.hip.shape == (40, 2)
+    shown = panels([track], held=False)
+    assert [each.label for each in shown] == ["place (mm)", "force (N)", "depth (mm)"]
+    assert "place (mm)" in panels_svg([track], shown, {"r": look(0)}, [], prefix="p", title="t")
+
+
+def orbit(radius, speed, count=500, dt=1e-3):
+    time = np.arange(count) * dt
+    angle = speed / radius * time
+    hip = radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    velocity = speed * np.column_stack([-np.sin(angle), np.cos(angle)])
+    foot = hip * (0.1 / radius)
+    return Recording(time, {"hip": hip, "ihip": foot, "force": np.zeros_like(hip), "velocity": velocity})
+
+
+@pytest.mark.parametrize("radius", [0.08, 0.1, 0.13])
+def test_the_foot_of_an_orbit_moves_slower_outside_and_faster_inside(radius):
+    plane = orbit(radius, 0.5)
+    distance, speed = surface_motion(plane, make_model("circle", size=0.2))
+    np.testing.assert_allclose(distance, radius - 0.1, atol=1e-12)
+    np.testing.assert_allclose(speed, 0.5 * 0.1 / radius, rtol=1e-9)
+    lifted = {name: np.column_stack([each, np.zeros(len(plane))]) for name, each in plane.channels.items()}
+    distance, speed = surface_motion(Recording(plane.time, lifted), make_model("sphere", size=0.2))
+    np.testing.assert_allclose(distance, radius - 0.1, atol=1e-12)
+    np.testing.assert_allclose(speed, 0.5 * 0.1 / radius, rtol=1e-9)
+
+
+# Models.
+
+
+@pytest.mark.parametrize("kind", ["sphere", "ellipsoid", "torus", "icosphere", "box"])
+def test_a_solid_becomes_closed_triangles_that_face_outwards(kind):
+    boundary = make_model(kind).boundary
+    vertices, rows = triangles_of(boundary)
+    corners = vertices[rows]
+    volume = np.sum(np.cross(corners[:, 0], corners[:, 1]) * corners[:, 2]) / 6.0
+    assert volume > 0.0
+    ends = np.sort(np.concatenate([rows[:, [0, 1]], rows[:, [1, 2]], rows[:, [2, 0]]]), axis=1)
+    assert np.all(np.unique(ends, axis=0, return_counts=True)[1] == 2)
+    assert np.abs(boundary.signed_distance(corners.mean(axis=1))).max() < 0.02
+
+
+def test_the_eye_turns_and_does_not_stretch():
+    np.testing.assert_allclose(TURN @ TURN.T, np.eye(3), atol=2e-3)
+    assert np.linalg.det(TURN) > 0.0
+
+
+@pytest.mark.parametrize("kind", ["circle", "star", "line"])
+def test_the_outline_of_a_model_lies_on_it(kind):
+    model = make_model(kind)
+    hip = np.column_stack([np.linspace(-0.05, 0.05, 20), np.full(20, -0.001)])
+    [track] = tracks({"r": Recording(np.arange(20) * 1e-3, {"hip": hip, "ihip": hip})}, {})
+    packer = Packer()
+    shown = packed_model(model, [track], packer)
+    assert shown is not None
+    outline = unpacked(packer.document())[shown["rings"][0]]
+    if model.boundary.closed:
+        assert np.abs(model.boundary.signed_distance(outline)).max() < 1e-4
+    else:
+        assert np.abs(outline[:, 1]).min() < 1e-9
+
+
+# The figures without script.
+
+
+def words(svg):
+    return [text.text for text in ET.fromstring(svg).iter("{http://www.w3.org/2000/svg}text")]
+
+
+def test_no_two_of_many_renderers_look_alike():
+    shown = [look(k) for k in range(28)]
+    assert len({(each.role, each.dash, each.marker) for each in shown}) == 28
+    for one, two in pairwise(shown):
+        assert one.role != two.role
+        assert one.dash != two.dash
+        assert one.marker != two.marker
+
+
+def held_on(model, **runs):
+    found = [
+        case_data.held(track, runs[track.name], model)
+        for track in tracks({name: placed(run) for name, run in runs.items()}, {})
+    ]
+    looks = {name: look(k) for k, name in enumerate(runs)}
+    return (
+        plane_svg(found, model, looks, [], crosses={}, prefix="a", title="three"),
+        panels_svg(found, panels(found, held=True), looks, [], prefix="b", title="three"),
+    )
+
+
+def test_a_run_that_leaves_does_not_shrink_the_others_and_what_is_small_is_seen_beside_millimetres():
+    model = make_model("circle", size=0.2)
+    plane, plots = held_on(model, near=orbit(0.1 + 2e-7, 0.5), off=orbit(0.104, 0.5), leaves=orbit(50.0, 20.0))
+    assert max(float(each) for each in re.findall(r"(\d+(?:\.\d+)?)</text>", plane)) < 1000.0
+    assert "off the surface (mm)" in plots
+    assert "speed along it (m/s)" in plots
+    assert plane == held_on(model, near=orbit(0.1 + 2e-7, 0.5), off=orbit(0.104, 0.5), leaves=orbit(50.0, 20.0))[0]
+    for svg in (plane, plots):
+        assert set(re.findall(r"var\(--fig-(\w+)\)", svg)) <= set(THEME)
+        assert not re.findall(r"#[0-9a-f]{6}", svg), "the page gives every colour"
+
+
+def test_a_solid_is_drawn_with_its_axes_and_a_scale():
+    lifted = {name: np.column_stack([each, np.zeros(500)]) for name, each in orbit(0.11, 0.5).channels.items()}
+    plane, _ = held_on(make_model("sphere", size=0.2), one=Recording(np.arange(500) * 1e-3, lifted))
+    assert {"y₁", "y₂", "y₃", "10 mm"} <= set(words(plane))
+
+
+# The page.
+
+
+class Page(HTMLParser):
+    """What a test asks of a page: ids, links, and that elements are closed."""
+
+    VOID = ("meta", "link", "input", "br", "path", "use", "circle", "dt", "dd")
+
+    def __init__(self, text):
+        super().__init__()
+        self.ids, self.links, self.open = [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, given):
+        at = dict(given)
+        self.ids += [at["id"]] if "id" in at else []
+        self.links += [at["href"]] if tag == "a" else []
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if tag not in self.VOID:
+            assert self.open.pop() == tag
+
+
+def section(entries, recordings, given, **more):
+    by_renderer = {}
+    for each in given:
+        by_renderer.setdefault(each.renderer, []).append(each)
+    return case_section((entries[0].suite, entries[0].case), entries, recordings, verdicts=by_renderer, **more)
+
+
+def test_a_page_has_every_verdict_at_its_anchor_with_a_link_to_its_time():
+    recording = lobe_recording()
+    time = float(recording.time[jump_tick(recording)])
+    text = section(
+        [synthetic_run("lobe", "plain", "cassinian")], {"plain": recording}, verdicts("lobe", "plain", recording)
+    )
+    page = Page(text)
+    assert not page.open
+    assert len(page.ids) == len(set(page.ids))
+    for check in ("continuous-contact", "contact-normal-force", "impulsive-collision"):
+        assert f"synthetic/lobe/plain/{check}" in page.ids
+    assert "#synthetic/lobe/plain/continuous-contact" in page.links
+    assert f'data-time="{time}"' in text
+    assert 'data-mark="1"' in text
+    assert "pop-through &lt;here&gt;" in text
+    document = json.loads(re.search(r'class="case-data">(.*?)</script>', text)[1])
+    run = document["runs"][0]
+    times = unpacked(document)[run["time"]][:, 0]
+    assert np.abs(times - time).min() < 1e-6
+    steps = unpacked(document)[run["step"]][:, 0]
+    assert steps[np.argmin(np.abs(times - time))] == pytest.approx(steps.max())
+
+
+def test_hostile_names_end_no_element_and_reach_no_attribute():
+    text = section(
+        [synthetic_run("tip", HOSTILE, "star")], {HOSTILE: tip_recording()}, verdicts("tip", HOSTILE, tip_recording())
+    )
+    assert "<script>alert" not in text
+    assert text.count("<script") == text.count("</script>") == 1
+    assert not Page(text).open
+
+
+def test_a_run_without_recording_a_refusal_and_an_error_are_described():
+    entries = [
+        run_entry(renderer="lost"),
+        run_entry(
+            renderer="refuses",
+            refusal=Refusal(what="no corners", why="they are sharp", todo="smooth", position=[0.1, 0.0]),
+        ),
+    ]
+    text = section(entries, {"lost": "the file is damaged"}, [])
+    assert "the file is damaged" in text
+    assert "refuses this model: no corners" in text
+    assert "The cross marks the place" in text
+    assert "No check gave a verdict" in text
+    assert "case-data" not in text
+
+
+def test_verdicts_that_say_the_same_share_a_row_and_what_fails_comes_first():
+    nothing = Finding(Outcome.NOT_APPLICABLE, "there is no corner")
+    bad = Finding(Outcome.FAIL, "it jumps", Metric("jump", 1.0, "m"), 0.1)
+    given = [verdict("lobe", name, "broken-contact", nothing, suite="s") for name in ("a", "b")]
+    given += [verdict("lobe", "a", "continuous-contact", bad, suite="s")]
+    text = section([run_entry(renderer="a", case="lobe"), run_entry(renderer="b", case="lobe")], {}, given)
+    assert text.index("it jumps") < text.index("there is no corner")
+    assert text.count("there is no corner") == 1
+    assert {"s/lobe/a/broken-contact", "s/lobe/b/broken-contact"} <= set(Page(text).ids)
+
+
+def test_pages_and_what_they_share_are_written_and_nothing_is_asked_of_a_network(tmp_path):
+    write_assets(tmp_path)
+    path = write_case_page(
+        tmp_path, ("synthetic", "lobe"), [synthetic_run("lobe", "plain", "cassinian")], {"plain": lobe_recording()},
+        verdicts={"plain": verdicts("lobe", "plain", lobe_recording())},
+    )  # fmt: skip
+    text = path.read_text(encoding="utf-8")
+    links = re.findall(r'(?:src|href)="([^"#]+)"', text)
+    assert len(links) == len(ASSETS)
+    for link in links:
+        assert (path.parent / link).resolve().is_file()
+    assert "http" not in re.sub(r'xmlns="[^"]*"', "", text)
+    assert (tmp_path / "assets" / "LICENSE-uPlot.txt").read_text().startswith("The MIT License")
+    assert sum(each.stat().st_size for each in (tmp_path / "assets").iterdir()) < 150_000
+    assert path.stat().st_size < 120_000
+
+
+def test_a_view_is_never_written_over_other_files(tmp_path):
+    entry = changed(run_entry(model={"kind": "unknown"}), scene=SCENE, judged=False)
+    page = write_view(tmp_path / "view", entry, tip_recording(), [], note="Not judged.")
+    assert "Not judged." in page.read_text(encoding="utf-8")
+    write_view(tmp_path / "view", entry, tip_recording(), [])
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").touch()
+    with pytest.raises(InputError, match="not empty"):
+        write_view(tmp_path / "mine", entry, tip_recording(), [])

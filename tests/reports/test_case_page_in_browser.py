@@ -1,0 +1,178 @@
+"""The page of a case in a real browser: the slider, the plots, the solid that turns, and the page without script."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from chromium import Chromium
+from reports_synthetic import jump_tick, lobe_recording, synthetic_run, verdicts
+
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.recordings.recording import Recording
+from hapticeval.reports.case_page import write_assets, write_case_page
+
+pytestmark = pytest.mark.browser
+AXE = Path(__file__).parents[2] / ".venv" / "browser" / "node_modules" / "axe-core" / "axe.min.js"
+ASK = """axe.run(document, {preload: false}).then(found => JSON.stringify(
+    found.violations.map(each => [each.id, each.impact, each.nodes.map(node => node.html)])))"""
+READY = "document.documentElement.dataset.ready"
+
+
+def round_a_sphere():
+    """Once round a sphere under its surface, and the tool on it."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 1200)
+    hip = 0.095 * np.column_stack([np.cos(angle), np.sin(angle), 0.3 * np.sin(3.0 * angle)])
+    ihip = make_model("sphere").boundary.closest_point(hip).foot
+    return Recording(
+        np.arange(1200) * 1e-3, {"hip": hip, "ihip": ihip, "force": 1e3 * (ihip - hip)}, {"source": "playback"}
+    )
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    with Chromium(tmp_path_factory.mktemp("profile")) as chromium:
+        yield chromium
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    """A case in the plane, of two renderers, and one in space."""
+    folder = tmp_path_factory.mktemp("report")
+    write_assets(folder)
+    plane = lobe_recording()
+    other = Recording(plane.time, {**plane.channels, "ihip": 1.02 * plane.ihip}, plane.meta)
+    given = {name: verdicts("lobe", name, plane) for name in ("plain", "other")}
+    runs = [synthetic_run("lobe", name, "cassinian") for name in ("plain", "other")]
+    space = [synthetic_run("ball", "plain", "sphere")]
+    return {
+        "plane": write_case_page(folder, ("synthetic", "lobe"), runs, {"plain": plane, "other": other}, verdicts=given),
+        "space": write_case_page(folder, ("synthetic", "ball"), space, {"plain": round_a_sphere()}, verdicts={}),
+    }
+
+
+@pytest.fixture
+def opened(browser, pages):
+    def opened(name, **how):
+        browser.open(pages[name], **how)
+        browser.until(READY)
+        return browser
+
+    yield opened
+    assert browser.problems == []
+
+
+TIME = "Number(document.querySelector('.track input').value)"
+PICTURE = "document.querySelector('.live-canvas').toDataURL()"
+
+
+def test_a_link_jumps_to_the_place_of_its_verdict(opened):
+    page = opened("plane")
+    recording = lobe_recording()
+    assert page.run(TIME) == 0.0
+    page.click("a.jump[data-run='0']")
+    time = float(recording.time[jump_tick(recording)])
+    assert page.run(TIME) == pytest.approx(time, abs=1e-9)
+    shown = page.run("[...document.querySelectorAll('.now tbody tr')].map(row => row.innerText.split('\\t'))")
+    hip = 1e3 * recording.hip[jump_tick(recording)]
+    assert [each[0].strip() for each in shown] == ["plain", "other"]
+    assert [float(each.replace("\N{MINUS SIGN}", "-")) for each in shown[0][3].split(",")] == pytest.approx(
+        hip, abs=0.01
+    )
+
+
+def test_an_address_opens_the_page_at_its_verdict(opened):
+    page = opened("plane", fragment="synthetic/lobe/other/broken-contact")
+    assert page.run(TIME) > 0.5
+    assert page.run("document.querySelector('.verdict.current').id") == "synthetic/lobe/other/broken-contact"
+
+
+def test_the_slider_is_worked_by_keys_from_sample_to_sample(opened):
+    page = opened("plane")
+    page.run("document.querySelector('.track input').focus()")
+    before = page.run(PICTURE)
+    page.press("ArrowRight")
+    first = page.run(TIME)
+    assert first > 0.0
+    page.press("ArrowLeft")
+    assert page.run(TIME) == 0.0
+    page.press("End")
+    assert page.run(TIME) == pytest.approx(1.999)
+    assert page.run("document.querySelector('.track input').getAttribute('aria-valuetext')") == "1.999 s"
+    assert page.run(PICTURE) != before
+    page.press("PageUp")
+    page.press("Home")
+    assert page.run(TIME) == 0.0
+
+
+def test_a_renderer_that_is_alone_shows_its_components(opened):
+    page = opened("plane")
+    before = page.run(PICTURE)
+    assert page.run("document.querySelectorAll('.keys span span').length") == 0
+    page.click(".runs-shown input[data-run='1']")
+    assert page.run("document.querySelector('.keys').innerText").split() == ["|F|", "F₁", "F₂"]
+    assert page.run(PICTURE) != before
+
+
+def test_a_click_into_a_plot_goes_to_its_time(opened):
+    page = opened("plane")
+    page.click(".u-over")
+    assert page.run(TIME) == pytest.approx(1.0, abs=0.05)
+
+
+def test_playing_moves_the_hand_and_stops_at_the_end(opened):
+    page = opened("plane")
+    page.run("document.querySelector('.transport select').value = 20")
+    page.click(".play")
+    page.until(f"{TIME} >= 1.999")
+    page.until("document.querySelector('.play').getAttribute('aria-label') === 'play'")
+
+
+def test_a_solid_turns_where_it_is_dragged(opened):
+    page = opened("space")
+    before = page.run(PICTURE)
+    x, y = page.run(
+        "(b => [b.x + b.width / 2, b.y + b.height / 2])(document.querySelector('.live-canvas').getBoundingClientRect())"
+    )
+    page.mouse("mousePressed", x, y)
+    for k in range(1, 6):
+        page.mouse("mouseMoved", x + 12 * k, y)
+    page.mouse("mouseReleased", x + 60, y)
+    turned = page.run(PICTURE)
+    assert turned != before
+    page.click(".zoom button[title='show everything']")
+    assert page.run(PICTURE) == before
+
+
+@pytest.mark.parametrize("name", ["plane", "space"])
+@pytest.mark.parametrize("width", [1440, 390])
+@pytest.mark.parametrize("dark", [False, True])
+def test_no_page_overflows_and_axe_finds_nothing_serious(opened, name, width, dark):
+    page = opened(name, width=width, dark=dark)
+    assert page.run("document.documentElement.scrollWidth") == width
+    if not AXE.exists():
+        pytest.skip("needs axe-core: make browser installs it")
+    page.run(AXE.read_text(encoding="utf-8") + ";0")
+    found = json.loads(page.run(ASK))
+    assert [each for each in found if each[1] in ("serious", "critical")] == []
+
+
+def test_without_script_figures_and_verdicts_are_there(browser, pages, tmp_path):
+    browser.open(pages["plane"], script=False)
+    browser.call("Emulation.setScriptExecutionDisabled", value=False)
+    box = "(e => e.getBoundingClientRect().height)(document.querySelector('%s'))"
+    for part in (".plane svg.figure", ".plots svg.figure", ".verdict"):
+        assert browser.run(box % part) > 30
+    assert browser.run("document.querySelector('canvas')") is None
+
+
+def test_what_is_printed_is_the_figure_and_not_the_canvas(opened, tmp_path):
+    page = opened("plane")
+    page.call("Emulation.setEmulatedMedia", media="print")
+    hidden = "getComputedStyle(document.querySelector('%s')).display"
+    assert page.run(hidden % ".live-canvas") == page.run(hidden % ".transport") == "none"
+    assert page.run(hidden % ".static") == "block"
+    page.pdf(tmp_path / "page.pdf")
+    assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF")

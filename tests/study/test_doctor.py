@@ -1,0 +1,131 @@
+"""The walk through the contract: it finds what is missing, and outlives who crashes or hangs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from hapticeval.cli import main
+from hapticeval.study import doctor
+from hapticeval.study.doctor import State, examine
+
+MODULE = """
+import os, time
+import numpy as np
+from hapticeval import RefusalError
+
+class Good:
+    supports = {"plane", "space"}
+    def __init__(self, scene):
+        self.boundary, self.stiffness = scene.model.boundary, scene.stiffness
+    def reset(self, hip):
+        pass
+    def step(self, hip, velocity, dt):
+        found = self.boundary.closest_point([hip])
+        ihip = found.foot[0] if found.distance[0] < 0.0 else hip
+        return ihip, self.stiffness * (ihip - hip)
+
+class Pulls(Good):
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        return ihip, -force
+
+class Hums(Good):
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        return ihip, force + 0.01
+
+class Sticks(Good):
+    held = None
+    def reset(self, hip):
+        self.held = None
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        if force.any():
+            self.held = ihip
+        return (ihip, force) if self.held is None else (self.held, self.stiffness * (self.held - hip))
+
+class Wears(Good):
+    worn = 0.0
+    def step(self, hip, velocity, dt):
+        self.worn += 1e-6
+        ihip, force = super().step(hip, velocity, dt)
+        return ihip, force * (1.0 + self.worn)
+
+class Blind(Good):
+    def step(self, hip, velocity, dt):
+        return super().step(np.nan_to_num(hip), velocity, dt)
+
+class Other(Good):
+    def run(self, hips, dt):
+        return hips, 0.0 * hips
+
+class Dies(Good):
+    def step(self, hip, velocity, dt):
+        if self.boundary.closest_point([hip]).distance[0] < 0.0:
+            os._exit(7)
+        return super().step(hip, velocity, dt)
+
+class Waits(Good):
+    def step(self, hip, velocity, dt):
+        time.sleep(3600)
+
+class Raises(Good):
+    def __init__(self, scene):
+        raise OSError("no licence")
+
+class Nothing(Good):
+    def __init__(self, scene):
+        raise RefusalError("nothing suits it")
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    (tmp_path / "patients.py").write_text(MODULE)
+    yield tmp_path
+    sys.modules.pop("patients", None)
+
+
+@pytest.mark.parametrize(
+    ("name", "ails"),
+    [
+        ("Good", {}),
+        ("Pulls", {"contact": "missing", "reset inside": "missing"}),
+        ("Hums", {"free space": "missing", "leaving": "missing"}),
+        ("Sticks", {"leaving": "missing"}),
+        ("Wears", {"reset": "missing", "non-finite": "missing"}),
+        ("Blind", {"non-finite": "missing"}),
+        ("Other", {"batch": "missing"}),
+        ("Dies", dict.fromkeys(("contact", "leaving", "reset", "reset inside", "non-finite", "speed"), "broke")),
+        ("Raises", {"made": "broke"}),
+        ("Nothing", {"dimension": "missing"}),
+    ],
+)
+def test_what_ails_a_renderer_is_found(here: Path, name: str, ails: dict[str, str]) -> None:
+    found = list(examine(f"patients:{name}"))
+    assert {each.what: str(each.state) for each in found if each.state in (State.MISSING, State.BROKE)} == ails
+    assert doctor.exit_code(found) == (3 if "broke" in ails.values() else int(bool(ails)))
+
+
+def test_one_that_hangs_is_given_up(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "PATIENCE", 1.0)
+    found = [each for each in examine("patients:Waits") if each.state is State.BROKE]
+    assert [(each.what, each.kind) for each in found] == [("free space", "plane"), ("free space", "space")]
+
+
+@pytest.mark.parametrize("name", ["constraint", "minimum-distance"])
+def test_our_own_keep_the_contract(name: str) -> None:
+    assert [each for each in examine(name) if each.state not in (State.OK, State.NOTE)] == []
+
+
+def test_the_command_shows_it(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["doctor", "-r", "patients:Sticks"]) == 1
+    out = capsys.readouterr().out
+    assert "missing leaving" in out
+    assert "still holds the hand" in out
+    assert main(["doctor", "-r", "patients:None"]) == 2
