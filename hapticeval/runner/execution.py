@@ -12,6 +12,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TypeAlias
 
+from hapticeval.errors import InputError
 from hapticeval.files import replacing
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
 from hapticeval.runner.interrupts import Interrupts
@@ -65,15 +66,13 @@ def execute(
     warned = stopped = False
     lost: LostError | None = None
     with Interrupts() as interrupts:
-        if directory is not None:
-            directory.mkdir(parents=True, exist_ok=True)
-            if kept is None:  # what is there is of an earlier run, whose results go as well
+        with _crew(work, workers, scheduler, plan) as crew, Outcomes(directory) as outcomes:
+            if directory is not None and kept is None:  # what is there is of an earlier run, whose results go as well
                 shutil.rmtree(directory / "recordings", ignore_errors=True)
-                Outcomes(directory).forget()
-        jobs_of = Counter(job.suite for at, job in enumerate(plan.jobs) if at not in old)
-        yield RunStarted(plan.planned, len(plan.jobs), len(old), jobs_of)
-        progress = Progress(plan, directory)
-        with Outcomes(directory) as outcomes, _crew(work, workers, scheduler, plan) as crew:
+                outcomes.clear()
+            jobs_of = Counter(job.suite for at, job in enumerate(plan.jobs) if at not in old)
+            yield RunStarted(plan.planned, len(plan.jobs), len(old), jobs_of)
+            progress = Progress(plan, directory)
             while True:
                 if not interrupts.count and not stopped:
                     try:
@@ -129,8 +128,12 @@ def _key(job: Job) -> RunKey:
 def _crew(work: Work, workers: int, scheduler: str | None, plan: Plan) -> Crew[Carried]:
     if scheduler is None:
         return Workers(partial(carry_out_here, work), workers, tries=TRIES)
-    from hapticeval.runner.cluster import Cluster
-
+    try:
+        from hapticeval.runner.cluster import Cluster
+    except ImportError as error:
+        raise InputError(
+            f"--scheduler {scheduler} needs dask.distributed", why=str(error), todo="pip install 'hapticeval[cluster]'"
+        ) from error
     cases = {(job.suite, job.case.name): job.case for job in plan.jobs}
     files = {path: digest for case in cases.values() for path, digest in files_of(case).items()}
     return Cluster(partial(carry_out_afar, work), scheduler, files=files)
