@@ -132,6 +132,8 @@ def read_known(file: Path) -> Known:
     Raises `InputError`, naming the entry, for a file that cannot be read or does not fit `KnownFile`, an empty reason,
     what is no `suite/case/check`, and one that is listed twice.
     """
+    if not file.exists():
+        raise InputError(f"no list of known failures {file}", todo=f"make it of what fails now: --write-known {file}")
     given: KnownFile = convert(read_toml(file), KnownFile, file.name, todo=TODO)
     entries: dict[Place, KnownEntry] = {}
     with at(file.name):
