@@ -87,11 +87,9 @@ class Known:
             return verdict
         if verdict.outcome not in UNSATISFIED:
             return replace(verdict, known=entry.reason)
-        return (
-            replace(verdict, known=entry.reason, as_expected=True)
-            if verdict.outcome.value == entry.outcome
-            else verdict
-        )
+        if verdict.outcome.value != entry.outcome:
+            return verdict
+        return replace(verdict, known=entry.reason, as_expected=True)
 
     def renewed(self, results: ResultsDocument) -> Known:
         """Return the list as these results have it: what stops the gate is on it, and what passes now is not.
