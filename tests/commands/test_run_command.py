@@ -167,8 +167,8 @@ def test_there_is_a_list_of_everything(capsys, what, entry):
 
 
 COMMANDS = [
-    "run", "list", "explain", "merge",
-    "report", "diff", "badge", "record", "inspect", "convert", "replay", "compare", "search", "bench", "rates",
+    "run", "list", "explain", "merge", "doctor", "new", "header", "report", "diff", "badge",
+    "record", "inspect", "convert", "replay", "view", "compare", "search", "bench", "rates",
     "effects", "texture", "field", "flow", "device", "limits", "integrators",
 ]  # fmt: skip
 
