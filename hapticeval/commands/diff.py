@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import typer
 
-from hapticeval.commands.arguments import Verbose, argument
+from hapticeval.commands.arguments import argument
 from hapticeval.commands.summary import paint
 from hapticeval.commands.terminal import lines, paragraphs, plural, say
 from hapticeval.quantity import quantity
@@ -50,7 +50,7 @@ def diff(
     strict: Annotated[
         bool, typer.Option("--strict", help="Let every change of a verdict count, and slower times.")
     ] = False,
-    verbose: Verbose = False,
+    verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Show all margins that moved.")] = False,
 ) -> None:
     """Compare two runs: verdicts that changed, margins that moved, times that moved significantly.
 

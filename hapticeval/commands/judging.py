@@ -177,7 +177,7 @@ def run(
         raise typer.Exit(once())
     from hapticeval.commands.watching import files_behind, run_again
 
-    listed = [Path(each) for each in suites or () if each.endswith(".toml")] + [known] * (known is not None)
+    listed = [Path(each) for each in suites or () if each.endswith(".toml")] + ([] if known is None else [known])
     raise typer.Exit(run_again(once, lambda: [*files_behind(renderers or ()), *listed]))
 
 

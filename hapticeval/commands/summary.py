@@ -95,13 +95,13 @@ def _share(verdicts: Sequence[VerdictEntry], results: ResultsDocument) -> tuple[
 
 
 def _tables(results: ResultsDocument, width: int) -> Iterator[str]:
-    """A table a suite that has rows, each with the renderers that ran there."""
+    """A table a suite that has rows which some renderer has decided."""
     titles = [(suite.title, suite.rows) for suite in results.suites if suite.rows]
     told = {title for _, rows in titles for title in rows}
     left = [title for title in results.table if title not in told]
     for name, rows in [*titles, ("", left)]:
-        found = {title: results.table[title] for title in rows if title in results.table}
-        if any(found.values()):
+        found = {title: row for title in rows if (row := results.table.get(title))}
+        if found:
             heading = f"{name}\n" if name and len(titles) > 1 else ""
             yield heading + _table(found, results.published_table, width)
 

@@ -78,8 +78,8 @@ def compare_results(before: ResultsDocument, now: ResultsDocument) -> Diff:
                     standing=standing,
                     renderer=said.renderer,
                     place=said.place,
-                    before=first and first.outcome,
-                    now=second and second.outcome,
+                    before=None if first is None else first.outcome,
+                    now=None if second is None else second.outcome,
                     message=said.message,
                 )
             )

@@ -87,7 +87,9 @@ class Known:
             return verdict
         if verdict.outcome not in UNSATISFIED:
             return replace(verdict, known=entry.reason)
-        return replace(verdict, known=entry.reason, as_expected=True) if verdict.outcome == entry.outcome else verdict
+        if verdict.outcome.value != entry.outcome:
+            return verdict
+        return replace(verdict, known=entry.reason, as_expected=True)
 
     def renewed(self, results: ResultsDocument) -> Known:
         """Return the list as these results have it: what stops the gate is on it, and what passes now is not.
@@ -132,6 +134,8 @@ def read_known(file: Path) -> Known:
     Raises `InputError`, naming the entry, for a file that cannot be read or does not fit `KnownFile`, an empty reason,
     what is no `suite/case/check`, and one that is listed twice.
     """
+    if not file.exists():
+        raise InputError(f"no list of known failures {file}", todo=f"make it of what fails now: --write-known {file}")
     given: KnownFile = convert(read_toml(file), KnownFile, file.name, todo=TODO)
     entries: dict[Place, KnownEntry] = {}
     with at(file.name):

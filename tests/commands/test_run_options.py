@@ -107,7 +107,7 @@ def test_a_list_that_cannot_be_meant_stops_the_run_before_it_begins(here, capsys
 
 def test_a_list_that_is_not_there_is_refused(here, capsys):
     assert main([*JUMPS, "--known", "absent.toml"]) == 2
-    assert "cannot read absent.toml" in capsys.readouterr().err
+    assert "what to do: make it of what fails now: --write-known absent.toml" in capsys.readouterr().err
 
 
 def test_what_is_watched_of_a_renderer(here):

@@ -1,6 +1,7 @@
 """Lists of known failures: what they excuse, what they refuse, and how one is made of results."""
 
 import tomllib
+import xml.etree.ElementTree as ET
 
 import pytest
 from hypothesis import given
@@ -10,6 +11,7 @@ from result_entries import changed, results_of
 from hapticeval.api import Results
 from hapticeval.errors import InputError
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
+from hapticeval.reports import junit
 from hapticeval.runner.known import UNEXPLAINED, Known, KnownEntry, read_known, write_known
 from hapticeval.runner.results import VerdictEntry
 from hapticeval.suite.reading import load_suite
@@ -62,6 +64,21 @@ def test_a_renewed_list_has_what_stops_the_gate_and_nothing_that_passes():
     assert renewed.entries["r", PLACE] == LISTED
     assert renewed.entries["r", "s/f/memoryless"].reason == f"{UNEXPLAINED}: far (s/g)"
     assert all(renewed.marked(each).standing in ("known", "") for each in seen)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "strict", "kinds", "words"),
+    [
+        (Outcome.FAIL, True, ["system-out"], "fails, and is known: a limit of the method"),
+        (Outcome.PASS, False, [], ""),
+        (Outcome.PASS, True, ["failure"], "pass, and on the list of known failures (a limit of the method)"),
+    ],
+)
+def test_a_known_failure_passes_in_junit_with_its_reason(outcome, strict, kinds, words):
+    root = ET.fromstring(junit(results_of(KNOWN.marked(verdict(outcome)), strict=strict)))
+    found = [child for case in root.iter("testcase") for child in case]
+    assert [child.tag for child in found] == kinds
+    assert all(words in (child.get("message") or child.text) for child in found)
 
 
 TEXT = st.text(st.characters(codec="utf-8"), min_size=1).filter(str.strip)
