@@ -1,6 +1,7 @@
 # make run     set up, judge the built-in renderers, by playback and in closed loop, write results/
 # make test    set up with the development tools, run the tests
 # make fuzz    explore with fresh seeds for MINUTES=30: properties, damaged files, odd renderers
+# make counterexamples  search for the smallest path that breaks each built-in renderer, into results/counterexamples
 # make bench   time the renderers            make study   the longer studies
 # make browser look at the report's pages in a headless Chromium: needs chromium and npm
 # make lint    ruff, and mypy on an installed copy
@@ -10,7 +11,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test fuzz bench study browser lint clean
+.PHONY: run test fuzz counterexamples bench study browser lint clean
 
 run: .venv/run.stamp .venv/kernels.stamp
 	@$(BIN)/hapticeval run thesis dynamics generated effects -o results || { code=$$?; \
@@ -22,6 +23,12 @@ test: .venv/dev.stamp .venv/kernels.stamp
 
 fuzz: .venv/dev.stamp .venv/kernels.stamp
 	$(BIN)/python tests/fuzz.py $(or $(MINUTES),30)
+
+# What is kept is tried first the next time, and stays as it is while it fails. A minute for each renderer at the most.
+counterexamples: .venv/run.stamp .venv/kernels.stamp
+	@$(BIN)/hapticeval search -r constraint -r conformal -r mapping -r minimum-distance -r set-stabilisation \
+	  --check continuous-contact --check broken-contact --check abrupt-switch --check impulsive-collision \
+	  --check memoryless -o results/counterexamples || [ $$? = 1 ]
 
 bench: .venv/dev.stamp .venv/kernels.stamp
 	$(BIN)/pytest benchmarks/

@@ -26,7 +26,7 @@ from hapticeval.types import Array, BoolArray, IntArray
 SAMPLES = 1000
 """At most about so many samples of a run are kept beside those that are kept for certain."""
 
-WITHIN = 1.0 / 1500.0
+WITHIN = 1.0 / 1000.0
 """Share of each channel's range that straight lines between the samples may be off: less than can be seen."""
 
 INTERVALS = 12
@@ -126,7 +126,7 @@ def kept(runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLES
 
 def _scaled(run: Recording) -> Array:
     """The channels that are shown (n, k), in units of what straight lines may be off."""
-    parts = [4.0 * run.hip / max(float(np.ptp(run.hip, axis=0).max()), 1e-300)]  # a picture can be enlarged
+    parts = [3.0 * run.hip / max(float(np.ptp(run.hip, axis=0).max()), 1e-300)]  # a picture can be enlarged
     if "ihip" in run.channels:
         apart = run.ihip - run.hip
         parts += [apart / max(float(np.ptp(apart, axis=0).max()), 1e-300)]

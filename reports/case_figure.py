@@ -30,7 +30,7 @@ MARKERS = "osD^vPX"
 OUT_OF_SIGHT = 3.0
 """A run that goes this many times as far as the median run leaves the picture, which would show nothing else."""
 
-SMALL: Mapping[str, Any] = {"path.simplify_threshold": 0.8}
+SMALL: Mapping[str, Any] = {"path.simplify_threshold": 1.0}
 """Settings of figures that a page has beside its data."""
 
 LEAST = 1e-12
@@ -185,7 +185,10 @@ def _draw_path(axes: Axes, each: Track, ihip: Array, style: Look, hidden: BoolAr
     how: dict[str, Any] = {"color": drawn(style.role), "dashes": style.dash or (None, None), "zorder": 3}
     seen = path if hidden is None else np.where(hidden[:, None], np.nan, path)
     if hidden is not None:
-        axes.plot(*_broken(path, each.starts).T, **{**how, "linewidth": 0.7, "alpha": 0.5})
+        behind = hidden | np.append(False, hidden[:-1]) | np.append(hidden[1:], False)
+        axes.plot(
+            *_broken(np.where(behind[:, None], path, np.nan), each.starts).T, **{**how, "linewidth": 0.7, "alpha": 0.5}
+        )
     axes.plot(
         *_broken(seen, each.starts).T, **how, linewidth=1.3, marker=style.marker, markersize=3.5,
         markeredgewidth=0.0, markevery=np.unique(np.searchsorted(each.time, _evenly(each.time))).tolist(),
@@ -291,14 +294,12 @@ def panels_svg(
             axes.tick_params(labelbottom=last)
             if last:
                 axes.set_xlabel("time (s)")
-            for place in places:
-                axes.axvline(
-                    place.time,
-                    color=drawn(looks[place.renderer].role),
-                    linewidth=0.9,
-                    linestyle=(0, (1.5, 1.5)),
-                    zorder=1,
-                )
+            for name in dict.fromkeys(place.renderer for place in places):
+                at = [time for place in places if place.renderer == name for time in (place.time, place.time, np.nan)]
+                axes.plot(
+                    at, [0.0, 1.0, np.nan] * (len(at) // 3), transform=axes.get_xaxis_transform(), zorder=1,
+                    color=drawn(looks[name].role), linewidth=0.9, linestyle=(0, (1.5, 1.5)),
+                )  # fmt: skip
             times = [np.array([place.time]) for place in places]
             if k == 0:
                 for time, text in labels([place.number for place in places], times, 0.03 * (end - start)):
@@ -337,7 +338,14 @@ def _draw_panel(axes: Axes, found: Sequence[Track], panel: Panel, looks: Mapping
 
 
 def compact(svg: str) -> str:
-    """Return the same figure with its lines to a tenth of a point, each point by its distance from the last."""
+    """Return the same figure with its lines to a tenth of a point, each point by its distance from the last.
+
+    Groups that say nothing go, and so do the clips of straight lines, which end at the axes.
+    """
+    svg = re.sub(r'( d="M \S+ \S+ \S+ \S+ ?") clip-path="[^"]*"', r"\1", svg)
+    whole = ""
+    while whole != svg:
+        whole, svg = svg, re.sub(r"<g>((?:<(?:path|use|text)\b[^>]*(?:/>|>[^<]*</text>))+)</g>", r"\1", svg)
     return re.sub(r' d="([^"A-KN-Za-y]*)"', lambda found: f' d="{_stepwise(found[1])}"', svg)
 
 

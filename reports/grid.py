@@ -1,7 +1,7 @@
 """What verdicts amount to: the state of each, tiles of several, and the grids of renderers by phenomena, cases, digits.
 
-A state compares an outcome with what was expected: a failure that is published is *known*, and one of a case that is
-only shown is *not judged*. Neither is a failure of the run.
+A state compares an outcome with what was expected: a failure that is published, or listed, is *known*, and one of a
+case that is only shown is *not judged*. Neither is a failure of the run.
 """
 
 from __future__ import annotations
@@ -42,11 +42,13 @@ class State(StrEnum):
         """The state of several verdicts, in a sentence after their number."""
         special = {
             State.ERROR: "in error",
-            State.DIFFERS: "differ from what is published",
-            State.KNOWN: "fail as published",
+            State.FAIL: "failed",
+            State.DIFFERS: "differed from what is published",
+            State.WARNING: "with a warning",
+            State.KNOWN: "failed as known",
+            State.PASS: "passed",
             State.NOT_JUDGED: "shown and not judged",
-            State.NOT_APPLICABLE: "do not apply",
-            State.WARNING: "warn",
+            State.NOT_APPLICABLE: "not applicable",
         }
         return special.get(self, str(self))
 
@@ -77,8 +79,9 @@ MEANING: Mapping[State, str] = MappingProxyType(
         State.FAIL: "fails, and nothing beforehand said so",
         State.DIFFERS: "another outcome than the published one",
         State.UNDECIDED: "a check that must decide could not",
-        State.WARNING: "a check of level should fails or cannot decide; stops a gate with --strict only",
-        State.KNOWN: "fails, as published",
+        State.WARNING: "stops a gate with --strict only: a check of level should fails or cannot decide, or what is "
+        "listed as known to fail does so no more",
+        State.KNOWN: "fails as published, or as a list of known failures has it",
         State.PASS: "passes",
         State.NOT_JUDGED: "shown only: what a case or a check of level info finds is no verdict on the renderer",
         State.NOT_APPLICABLE: "not applicable: the question does not arise, or the renderer refuses the model",
@@ -100,6 +103,8 @@ SIX = (
 def state(verdict: VerdictEntry) -> State:
     """Return what a verdict means."""
     outcome, published = verdict.outcome, verdict.published
+    if verdict.known is not None:
+        return State.WARNING if verdict.outdated else State.KNOWN
     if not verdict.as_expected and published is not None and outcome is not Outcome.ERROR:
         return State.DIFFERS
     if published is not None and outcome is published:
@@ -278,7 +283,7 @@ def headline(results: ResultsDocument) -> str:
     broken = sum(run.error is not None for run in results.runs)
     unexpected = sum(not each.as_expected for each in results.verdicts)
     are = "is" if unexpected == 1 else "are"
-    parts = [f"{unexpected} of {_plural(results.ran, 'verdict')} {are} not as expected"] * bool(unexpected)
+    parts = [f"{unexpected:,} of {_plural(results.ran, 'verdict')} {are} not as expected"] * bool(unexpected)
     parts += [f"{_plural(broken, 'run')} broke"] * bool(broken)
     if not results.verdicts and not parts:
         return "No verdict was given"

@@ -60,11 +60,11 @@ class ShownSuite:
 
 @dataclass(frozen=True)
 class Single:
-    """What the page holds when it stands alone: its style, the head of the case pages, and the cases themselves."""
+    """What the page holds when it stands alone: styles, scripts, and what the pages of the cases show."""
 
-    css: str
-    head: str = ""
-    bodies: Sequence[str] = ()
+    styles: Sequence[str]
+    scripts: Sequence[str]
+    bodies: Sequence[str]
 
 
 def render_index(
@@ -86,7 +86,11 @@ def render_index(
     from hapticeval.phenomena.registry import CHECKS
 
     given = worst(results, MOST)
-    shown = [(verdict, (drawings or {}).get(verdict.key, Drawing())) for verdict in given]
+    first = {verdict.key: verdict for verdict in reversed(given)}  # of several failures of a run, one has the figure
+    shown = [
+        (verdict, (drawings or {}).get(verdict.key, Drawing()) if first[verdict.key] is verdict else Drawing())
+        for verdict in given
+    ]
     plots = [] if bench is None else bench_plots(bench)
     elements, styles = classed([drawing.svg for _, drawing in shown])
     known = {name: CHECKS[name] for name in dict.fromkeys(v.check for v in results.verdicts) if name in CHECKS}
@@ -98,14 +102,13 @@ def render_index(
         return f"#{anchor(suite, case)}" if single else case_file(suite, case)
 
     def to(entry: VerdictEntry | RunEntry) -> str:
-        more = (entry.check,) if isinstance(entry, VerdictEntry) else ()
-        inside = f"#{anchor(entry.suite, entry.case, entry.renderer, *more)}"
+        if isinstance(entry, RunEntry):
+            return page(entry.suite, entry.case)
+        inside = f"#{anchor(*entry.key, entry.check)}"
         return inside if single else case_file(entry.suite, entry.case) + inside
 
     return environment().get_template("index.html.j2").render(
-        css=single.css if single else "",
-        case_head=single.head if single else "",
-        bodies=single.bodies if single else (),
+        single=single,
         styles=styles,
         results=results,
         headline=headline(results),

@@ -9,11 +9,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hapticeval.errors import HapticevalError
 from hapticeval.files import replacing
 from hapticeval.recordings.recording import Recording
-from hapticeval.reports.case_page import ASSETS, Around, asset, case_section, write_assets, write_case_page
 from hapticeval.reports.effects_figure import effect_plots, recorded
 from hapticeval.reports.exports import write_tables
 from hapticeval.reports.grid import worst
@@ -29,10 +29,11 @@ from hapticeval.study.effects.document import FILE as COSTS
 from hapticeval.study.effects.document import read_costs
 from hapticeval.workers import Answer, Ended, Workers
 
+if TYPE_CHECKING:
+    from hapticeval.reports.case_page import Around
+
 SINGLE = "report.html"
 """The report as one file."""
-
-STYLE = "report.css"
 
 PATIENCE = 0.1
 """Seconds after which it is seen at the latest that the drawing is to stop."""
@@ -66,6 +67,8 @@ class Page:
         return self._made({run.renderer: DIED for run in self.runs if not run.error})
 
     def _made(self, recordings: Mapping[str, Recording | str]) -> str:
+        from hapticeval.reports.case_page import case_section, write_case_page
+
         given = (self.case, self.runs, recordings)
         if self.pages is None:
             return case_section(*given, verdicts=self.verdicts, order=self.order, prefix=self.prefix)
@@ -120,6 +123,8 @@ def write_reports(
     `KeyboardInterrupt` as Ctrl-C does. A recording that is missing or damaged is reported in its figure's place. Raises
     `InputError` as `read_results` does, and `HapticevalError` where a file cannot be written.
     """
+    from hapticeval.reports.case_page import write_assets
+
     directory = Path(directory)
     results = read_results(directory)
     bench = read_bench(directory) if (directory / BENCH).exists() else None
@@ -134,10 +139,8 @@ def write_reports(
             for order, drawing in zip(orders, made, strict=True)
             if isinstance(order, Picture) and isinstance(drawing, Drawing)
         }
-        single = Single(asset(STYLE).decode(), _head(), [each for each in made if isinstance(each, str)])
-        text = render_index(
-            results, drawings, bench=bench, effects=effects, costs=costs, single=single if single_file else None
-        )
+        single = _single([each for each in made if isinstance(each, str)]) if single_file else None
+        text = render_index(results, drawings, bench=bench, effects=effects, costs=costs, single=single)
         written = {"table.md": markdown(results), "junit.xml": junit(results)}
         if single_file:
             written[SINGLE] = text
@@ -151,17 +154,16 @@ def write_reports(
     return [*(directory / name for name in written), *index, tables]
 
 
-def _head() -> str:
-    """Return the styles and scripts of the case pages, as they stand in a page that needs nothing else."""
-    parts = []
-    for name in ASSETS:
-        text = asset(name).decode()
-        if name.endswith(".css") and name != STYLE:
-            parts.append(f"<style>\n{text}\n</style>")
-        elif name.endswith(".js"):
-            # A deferred script of a file runs when the page is parsed; one in the page does so as a module.
-            parts.append(f'<script type="module">\n{text}\n</script>')
-    return "\n".join(parts)
+def _single(bodies: Sequence[str]) -> Single:
+    """Return what a page holds beside the results that needs nothing else: styles, scripts and the cases."""
+    from hapticeval.reports.case_page import ASSETS, asset
+
+    texts = {name: asset(name).decode() for name in ASSETS}
+    return Single(
+        [text for name, text in texts.items() if name.endswith(".css")],
+        [text for name, text in texts.items() if name.endswith(".js")],
+        bodies,
+    )
 
 
 def _write(path: Path, text: str) -> None:
@@ -192,6 +194,8 @@ def _replacing_folder(path: Path, unused: bool) -> Iterator[Path]:
 
 def _pages(directory: Path, results: ResultsDocument, pages: Path | None) -> Iterator[Page]:
     """One page for each case, that links to the first page and to the cases before and after."""
+    from hapticeval.reports.case_page import Around
+
     cases: dict[tuple[str, str], list[RunEntry]] = {}
     for run in results.runs:
         cases.setdefault((run.suite, run.case), []).append(run)

@@ -52,6 +52,9 @@ AHEAD = 2
 LAST = 64
 """Calls of which it is known how long they took."""
 
+FETCH = 5.0
+"""Seconds in which the answers of a chunk must arrive once a worker has them."""
+
 CONNECT = 10.0
 """Seconds in which scheduler and workers must answer when a run begins."""
 
@@ -107,7 +110,7 @@ class Cluster(Generic[T]):
                 todo="start one with `dask scheduler`, and give its address: --scheduler tcp://HOST:8786",
             ) from error
         try:
-            self._here = fingerprints.fingerprint(self._files)
+            self._here = fingerprints.fingerprint({})
             self._resource = f"hapticeval-{sha256(repr(sorted(self._here.items())).encode()).hexdigest()[:16]}"
             end = time.monotonic() + CONNECT
             while not self._alike and time.monotonic() < end:
@@ -227,7 +230,14 @@ class Cluster(Generic[T]):
                 return [Answer(chunk[0][0], None, Ended(-signal.SIGKILL))]
             self._alone += [[call] for call in chunk]
             return []
-        answers, took = future.result()
+        if future.status in ("cancelled", "lost"):
+            raise self._lost()
+        try:
+            answers, took = future.result(timeout=FETCH)
+        except TimeoutError:  # the worker that had them is gone, and another one makes the calls again
+            self._under_way[future] = chunk
+            future.add_done_callback(self._done.put)
+            return []
         self._took.extend(took)
         self._waiting.extendleft(reversed(chunk[len(answers) :]))
         return list(answers)

@@ -45,7 +45,7 @@ def _refuse_another(plan: Plan, document: ResultsDocument, directory: Path) -> N
     if not differs:
         old = {suite.name: suite for suite in document.suites}
         differs += [
-            f"suite '{each.name}' has been changed" for each in suite_entries(plan) if old.get(each.name) != each
+            f"the suite '{each.name}' has been changed" for each in suite_entries(plan) if old.get(each.name) != each
         ]
     differs += differing_versions(document.environment, Environment(**environment()))
     if differs:

@@ -17,72 +17,59 @@ from hapticeval.effects.joint_friction import JointFriction
 from hapticeval.effects.saturation import Saturation
 from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.effects.viscosity import Viscosity
-from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
-from hapticeval.reports import junit, markdown, matrix, render_html, summary
-from hapticeval.reports.junit import measured
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome
+from hapticeval.reports import junit, markdown, render_index, summaries
+from hapticeval.reports.grid import measured
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
+from hapticeval.reports.table import LIMIT
 from hapticeval.runner.results import Ended, Robot
 
 
-def test_every_verdict_has_a_cell_where_it_belongs(results):
-    assert results.renderers == ["plain", "broken", HOSTILE]
-    cells = [
-        (row.suite, row.case, row.check, name, cell)
-        for row in matrix(results)
-        for name, cell in zip(results.renderers, row.cells, strict=True)
-        if cell
-    ]
-    assert len(cells) == len(results.verdicts)
-    assert all(
-        key == (cell.suite, cell.case, cell.check, cell.renderer) for *key, cell in cells for key in [tuple(key)]
-    )
-
-
-@pytest.mark.parametrize(
-    ("check", "standing"),
-    [
-        ("continuous-contact", "as known"),
-        ("contact-normal-force", "differs"),
-        ("broken-contact", "unexpected"),
-        ("memoryless", ""),
-        ("centripetal-force", "warning"),
-    ],
-)
-def test_a_cell_says_how_it_compares(results, check, standing):
-    (row,) = [row for row in matrix(results) if (row.case, row.check) == ("lobe", check)]
-    assert row.cells[0].standing == standing
-    assert row.cells[2] is None
-
-
-def test_a_row_of_the_matrix_has_the_heaviest_of_its_levels(results):
-    light = [changed(results.verdicts[0], level=Level.INFO), *results.verdicts[1:]]
-    row = matrix(synthetic_results(verdicts=light))[0]
-    assert [cell and cell.level for cell in row.cells] == [Level.INFO, Level.MUST, None]
-    assert row.level is Level.MUST
-
-
 def test_the_summary_puts_the_published_values_beside(results):
-    rows = {row.title: row.cells for row in summary(results)}
-    assert rows["Resists <Pop>"] == (("No", "No"), (None, None), ("Yes", "No"))
-    assert rows["Suitable for LUT"] == (("Yes", None), (None, None), (None, None))
+    (table,) = summaries(results)
+    assert table.renderers == ("plain", HOSTILE)
+    rows = {row.title: row.cells for row in table.rows}
+    assert rows["Resists <Pop>"] == (("No", "No"), ("Yes", "No"))
+    assert rows["Suitable for LUT"] == (("Yes", None), (None, None))
 
 
-def test_markdown_shows_both_tables_and_cannot_be_broken_out_of(results):
+def test_markdown_begins_with_the_summary_and_cannot_be_broken_out_of(results):
     text = markdown(results)
     for expected in (
-        "13 of 13 planned verdicts ran; seed 3.",
+        "# hapticeval: 5 of 13 verdicts are not as expected, 2 runs broke",
+        "13 of 13 planned verdicts ran: 1 in error, 2 failed, 2 differed from what is published, 2 with a warning",
+        "hapticeval 0.1.0; seed 3.",
         "**Yes** (published: No)",
-        "**✓ pass** (published: fail)",
-        "✗ fail (as known)",
+        "- ≠ plain on synthetic/lobe/contact-normal-force: pass, published fail; angle 0.25 deg, bound 1 deg",
         "- plain on synthetic/tip: it raised",
     ):
         assert expected in text
+    order = [
+        "## Renderers by phenomena",
+        "## Summary",
+        "## Not as expected",
+        "## Warnings",
+        "## Errors",
+        "## Every case",
+    ]
+    assert sorted(order, key=text.index) == order
     assert "<script>" not in text
-    assert len({len(line) for line in text.splitlines() if line.startswith("|")}) == 2
+    assert len({len(line) for line in text.splitlines() if line.startswith("|")}) == 3
     assert "| a \\| b \\| c " in markdown(synthetic_results(table={"a | b\n| c": {"plain": "Yes"}}))
     interrupted = synthetic_results(planned=40, complete=False, reason="interrupted by the user")
     assert "13 of 40 planned verdicts ran: incomplete, interrupted by the user" in markdown(interrupted)
     assert "|" not in markdown(synthetic_results(runs=[], verdicts=[], table={}, published_table={}))
+
+
+@pytest.mark.parametrize("count", [1, 100, 2000])
+def test_markdown_fits_into_a_comment_and_says_what_it_leaves_out(results, count):
+    cases = [f"a-case-of-a-long-name-{number}" for number in range(count)]
+    verdicts = [changed(results.verdicts[4], case=case, suite=f"suite-{case}") for case in cases]
+    runs = [changed(results.runs[0], case=case, suite=f"suite-{case}") for case in cases]
+    text = markdown(synthetic_results(verdicts=verdicts, runs=runs))
+    assert len(text.encode()) <= LIMIT
+    assert ("left out here" in text) is (count == 2000)
+    assert text.startswith(f"# hapticeval: {count:,} of {count:,} verdict")
 
 
 def test_a_measure_reads_well():
@@ -157,6 +144,16 @@ def test_the_counts_add_up_and_names_are_unique(results):
     assert int(root.get("failures")) == len(unexpected)
     names = {(case.get("classname"), case.get("name")) for case in root.iter("testcase")}
     assert len(names) == int(root.get("tests")) == len(results.verdicts) + 1
+
+
+def test_a_suite_carries_date_version_and_the_commit_of_its_renderer():
+    date = "2026-11-22T10:47:21+00:00"
+    for suite in parsed(synthetic_results(date=date, commits={"plain": "0123abcd-dirty"})):
+        found = {each.get("name"): each.get("value") for each in suite.iter("property")}
+        commit = {"commit": "0123abcd-dirty"} if suite.get("name") == "synthetic: plain" else {}
+        assert found == {"hapticeval": "0.1.0", **commit}
+        assert suite.get("timestamp") == date
+    assert not any(suite.get("timestamp") for suite in parsed(synthetic_results()))
 
 
 def test_an_incomplete_run_is_in_error(results):
@@ -239,9 +236,7 @@ def test_a_run_that_ended_early_is_told_in_every_report(results):
     sentence = "ended early at t = 0.123 s, tick 123: the arm left its <workspace> (x2 = 1.2 rad)"
     assert [ended_words(run) for run in runs[:2]] == [sentence, ""]
     told = synthetic_results(runs=runs)
-    page = render_html(told, {})
-    assert f"The run {sentence.replace('<', '&lt;').replace('>', '&gt;')}" in page
-    assert "1 run ended early" in page
+    assert "1 run ended early" in render_index(told)
     assert f"- plain on synthetic/lobe {sentence.replace('<', '&lt;')}" in markdown(told)
     given = parsed(told).find(".//testcase[@name='contact-normal-force [plain]']")
     assert sentence in given.find("failure").get("message")

@@ -1,4 +1,4 @@
-"""The page: everything that ran is on it, nothing that anyone wrote becomes markup, and it needs no network."""
+"""The pages: everything that ran is on them, nothing that anyone wrote becomes markup, and they need no network."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from hapticeval.errors import InputError
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
 from hapticeval.recordings.compare.difference import Apart, Difference
 from hapticeval.replay import OPEN_LOOP
-from hapticeval.reports import markdown, render_html, write_reports
+from hapticeval.reports import markdown, render_index, write_reports
 from hapticeval.reports.canvas import THEME, classed
-from hapticeval.reports.page import Drawing
+from hapticeval.reports.places import anchor, case_file
 from hapticeval.runner.results import Replay, SuiteEntry, write_results
 from hapticeval.study.bench.document import (
     Answer,
@@ -62,111 +62,172 @@ class Page(HTMLParser):
 
     @property
     def words(self):
-        return " ".join("".join(self.text).split())
+        return " ".join("".join(self.text).replace("\u200b", "").split())
 
 
-def words(results, drawings=None):
-    return Page(render_html(results, drawings or {})).words
+def words(results, drawings=None, **options):
+    return Page(render_index(results, drawings, **options)).words
+
+
+def read(file):
+    return Page(file.read_text(encoding="utf-8"))
 
 
 @pytest.fixture
-def page(folder):
-    write_reports(folder, workers=1)
-    return Page((folder / "report.html").read_text(encoding="utf-8"))
+def report(folder):
+    write_reports(folder, workers=0)
+    return folder / "report"
 
 
-def test_the_page_tells_what_ran_and_what_was_found(page, results):
+@pytest.fixture
+def pages(report):
+    return {str(file.relative_to(report)): read(file) for file in sorted(report.rglob("*.html"))}
+
+
+def test_the_first_page_tells_what_ran_and_what_was_found(pages):
+    page = pages["index.html"]
     for text in (
-        "13 of 13 planned",
+        "5 of 13 verdicts are not as expected, 2 runs broke",
+        "3 renderers in 2 cases, 13 verdicts",
+        "1 in error",
+        "2 failed",
+        "2 differed from what is published",
+        "2 failed as known",
         "3× real time",  # noqa: RUF001
-        "5 verdicts not as expected",
-        "2 runs broke",
         "published: No",
-        "differs: published fail",
-        "as published",
-        "IHIP jump 40 mm",
-        "bound 1 mm, margin -39 mm",
-        "The renderer broke: it raised <ValueError> at tick 7",
+        "Not as expected, worst first",
+        "IHIP jump 40 mm, bound 1 mm, margin -39 mm",
+        "it raised <ValueError> at tick 7",
         "What to do: mend it",
-        "Experiment, closed loop",
-        "Playback, open loop",
-        "mark 1 in the figure, t = 1 s",
+        "hapticeval 0.1.0",
     ):
         assert text in page.words, text
-    assert sum(tag == "svg" for tag, _ in page.tags) == 2
+    assert sum(tag == "svg" for tag, _ in page.tags) >= 1
+
+
+def test_each_case_has_a_page_with_a_place_for_each_verdict_and_every_link_leads_somewhere(pages, results):
+    assert set(pages) == {"index.html", *(case_file(run.suite, run.case) for run in results.runs)}
+    for each in results.verdicts:
+        page = pages[case_file(each.suite, each.case)]
+        assert anchor(each.suite, each.case, each.renderer, each.check) in page.ids
+    for name, page in pages.items():
+        assert len(page.ids) == len(set(page.ids))
+        for link in page.links:
+            file, _, place = link.partition("#")
+            target = os.path.normpath(os.path.join(os.path.dirname(name), file)) if file else name  # noqa: PTH118, PTH120
+            assert target in pages, (name, link)
+            assert not place or place in pages[target].ids, (name, link)
+
+
+def test_nothing_that_a_renderer_says_becomes_markup_and_no_network_is_needed(pages, report):
+    assert HOSTILE in pages["index.html"].words
+    for file in report.rglob("*.html"):
+        page = read(file)
+        assert not {"iframe", "object"} & {tag for tag, _ in page.tags}
+        assert not any(name.startswith("on") for _, given in page.tags for name in given)
+        text = file.read_text(encoding="utf-8").replace('xmlns="http://www.w3.org/2000/svg"', "")
+        assert not re.search(r"https?://|url\((?!#)|@import|<script>alert", text)
+        for tag, given in page.tags:
+            for name in {"src", "href"} & set(given):
+                assert tag == "a" or (file.parent / given[name]).exists() or given[name].startswith("#"), given
+    style = (report / "assets" / "report.css").read_text()
+    assert all(f"--fig-{role}:" in style for role in THEME), "the style defines every colour of the figures"
+
+
+def test_one_file_holds_all_pages_and_needs_nothing_else(folder, results):
+    written = write_reports(folder, single_file=True, workers=0)
+    assert [path.name for path in written] == ["table.md", "junit.xml", "report.html", "tables"]
+    assert not (folder / "report").exists()
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
     assert len(page.ids) == len(set(page.ids))
-    anchors = {link.removeprefix("#") for link in page.links}
-    assert anchors <= set(page.ids)
-    assert {f"v{index}" for index in range(len(results.verdicts))} <= anchors
-
-
-def test_nothing_that_a_renderer_says_becomes_markup_and_no_network_is_needed(page, folder):
-    assert HOSTILE in page.words
-    assert not {"script", "link", "iframe"} & {tag for tag, _ in page.tags}
-    assert not any(name.startswith("on") for _, given in page.tags for name in given)
-    text = (folder / "report.html").read_text(encoding="utf-8").replace('xmlns="http://www.w3.org/2000/svg"', "")
-    assert not re.search(r"https?://|url\((?!#)|@import|src=", text)
-    assert all(f"--fig-{role}:" in text for role in THEME), "the page defines every colour of the figures"
+    assert all(link.startswith("#") and link[1:] in page.ids for link in page.links)
+    for each in results.verdicts:
+        assert anchor(each.suite, each.case, each.renderer, each.check) in page.ids
+    assert not any({"src", "href"} & set(given) for tag, given in page.tags if tag not in ("a", "use"))
 
 
 def test_the_top_says_how_complete_and_how_good_the_run_was(results):
     top = words(synthetic_results(planned=40, complete=False, reason="interrupted <by> the user"))
-    assert "incomplete: interrupted <by> the user" in top
-    assert "every verdict as expected" not in top
+    assert "Incomplete: interrupted <by> the user" in top
+    assert "Every verdict is as expected" not in top
     good = [each for each in results.verdicts if each.as_expected]
-    assert "every verdict as expected" in words(
-        synthetic_results(verdicts=good, runs=[run for run in results.runs if not run.error])
-    )
+    fine = synthetic_results(verdicts=good, runs=[run for run in results.runs if not run.error])
+    assert "✓ Every verdict is as expected" in words(fine)
+    assert "Known failures, worst first" not in words(fine), "a warning comes before what is known"
+    assert "✗ Every verdict is as expected" in words(synthetic_results(strict=True, verdicts=good, runs=fine.runs))
+    known = [each for each in good if each.published is not None]
+    assert "Known failures, worst first" in words(synthetic_results(verdicts=known, runs=fine.runs))
     empty = {"runs": [], "verdicts": [], "table": {}, "published_table": {}}
-    assert "No verdict was given" in words(
-        synthetic_results(planned=3, ran=0, complete=False, reason="interrupted", **empty)
-    )
+    assert "No verdict was given" in words(synthetic_results(**empty))
+
+
+def test_a_report_is_dated_and_names_the_commit_of_each_renderer(results):
+    dated = synthetic_results(date="2026-11-22T10:47:21+00:00", commits={"plain": "0123456789abcdef-dirty"})
+    page = render_index(dated)
+    title = re.search("<title>(.*)</title>", page)[1]
+    for text in ("2026-11-22 10:47 UTC", "hapticeval", "0.1.0", "plain at commit 0123456789ab-dirty"):
+        assert text in title
+    assert "Commit 0123456789abcdef-dirty: plain." in Page(page).words
+    same = dict.fromkeys(results.renderers, "a" * 40)
+    assert "UTC, commit aaaaaaaaaaaa</title>" in render_index(synthetic_results(date=dated.date, commits=same))
 
 
 def test_what_cannot_be_drawn_costs_only_its_figure(folder, results):
     (folder / results.runs[0].recording).unlink()
     damaged = folder / results.runs[2].recording
     damaged.write_bytes(damaged.read_bytes()[:3000])
-    write_reports(folder, workers=1)
-    page = Page((folder / "report.html").read_text(encoding="utf-8"))
-    for text in ("No figure: cannot read plain.h5", "is cut short or damaged", "pop-through <here>"):
-        assert text in page.words
-    assert str(folder) not in page.words
+    write_reports(folder, workers=0)
+    found = {name: read(folder / "report" / name) for name in ("index.html", case_file("synthetic", "lobe"))}
+    for page in found.values():
+        assert "cannot read plain.h5" in page.words
+        assert "pop-through <here>" in page.words
+        assert str(folder) not in page.words
+    assert "is cut short or damaged" in read(folder / "report" / case_file("synthetic", "tip")).words
 
 
 def test_a_model_that_is_not_known_costs_only_its_figure(folder, results):
     teapot = changed(results.runs[0], model={"kind": "teapot"})
     write_results(folder, synthetic_results(runs=[teapot, *results.runs[1:]]))
-    write_reports(folder, workers=1)
-    assert "No figure: unknown model &#39;teapot&#39;" in (folder / "report.html").read_text(encoding="utf-8")
+    write_reports(folder, workers=0)
+    assert "No figure: unknown model &#39;teapot&#39;" in (folder / "report" / "index.html").read_text(encoding="utf-8")
+    assert "pop-through <here>" in read(folder / "report" / case_file("synthetic", "lobe")).words
 
 
-def test_any_number_of_processes_draws_the_same_page_and_progress_is_told(folder):
+def test_any_number_of_processes_draws_the_same_pages_and_progress_is_told(folder):
     told = []
     written = write_reports(folder, progress=lambda done, total: told.append((done, total)), workers=1)
-    assert [path.name for path in written] == ["table.md", "junit.xml", "report.html"]
-    assert told == [(0, 2), (1, 2), (2, 2)]
-    alone = (folder / "report.html").read_bytes()
+    assert [path.name for path in written] == ["table.md", "junit.xml", "index.html", "tables"]
+    assert told == [(done, total) for total in [told[0][1]] for done in range(total + 1)]
+    alone = {file: file.read_bytes() for file in (folder / "report").rglob("*") if file.is_file()}
     write_reports(folder, workers=2)
-    assert (folder / "report.html").read_bytes() == alone
+    assert alone == {file: file.read_bytes() for file in (folder / "report").rglob("*") if file.is_file()}
 
 
-def test_a_figure_whose_process_dies_costs_only_itself(folder, monkeypatch):
+def test_a_page_whose_process_dies_costs_only_its_figures(folder, monkeypatch):
     from hapticeval.reports import write
 
     draw, told = write.draw, []
 
     def dying(order):
-        if order.prefix == "f0":
+        if isinstance(order, write.Page) and order.case[1] == "lobe":
             os._exit(9)
         return draw(order)
 
     monkeypatch.setattr(write, "draw", dying)
     write_reports(folder, progress=lambda done, total: told.append((done, total)), workers=2)
-    page = (folder / "report.html").read_text()
-    assert page.count("the process that drew this figure has ended") == 1
-    assert page.count("<svg") == 1
-    assert told == [(0, 2), (1, 2), (2, 2)]
+    page = read(folder / "report" / case_file("synthetic", "lobe")).words
+    assert "the process that drew this figure has ended" in page
+    assert "pop-through <here>" in page
+    assert told[-1][0] == told[-1][1]
+
+
+def test_a_report_that_is_given_up_leaves_the_one_before(folder):
+    write_reports(folder, workers=0)
+    before = {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+    with pytest.raises(KeyboardInterrupt):
+        write_reports(folder, workers=0, stopped=lambda: True)
+    assert before == {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
 def test_a_folder_without_results_is_an_error(tmp_path):
@@ -196,24 +257,20 @@ def two_suites(results):
     case = synthetic_run("slide", "plain", "line", recording=False, suite="second", title="Slide")
     effect = changed(case, case="slide-delay", title="Slide, with a delay", judged=False)
     given = changed(results.verdicts[0], suite="second", case="slide")
-    aside = changed(given, case="slide-delay", level=Level.INFO)
+    aside = changed(given, case="slide-delay", level=Level.INFO, published=None)
     return synthetic_results(
         runs=[*results.runs, case, effect], verdicts=[*results.verdicts, given, aside], suites=SUITES
     )
 
 
-def test_a_suite_has_the_columns_of_its_own_renderers_and_what_is_not_judged_stands_apart(two_suites):
-    page = render_html(two_suites, {})
-    checks = page[page.index('id="checks"') : page.index('class="wide suite"')]
-    first, second = checks.split('<table class="matrix">')[1], checks.split('<table class="matrix">')[2]
+def test_a_suite_has_the_columns_of_its_own_renderers_and_what_is_not_judged_is_named(two_suites):
+    page = render_index(two_suites)
+    first, second = page[page.index('id="cases"') :].split('<table class="grid small">')[1:]
     assert [name in first for name in ("plain", "broken", "alert(1)")] == [True] * 3
-    assert [name in second for name in ("plain</th>", "broken</th>", "alert(1)")] == [True, False, False]
-    assert "shown, not judged: 1 rows" in words(two_suites)
+    assert [name in second for name in ("plain</span>", "broken</span>", "alert(1)")] == [True, False, False]
+    assert "slide-delay · shown, not judged" in Page(page).words
+    assert '"tile state not-judged"' in second
     assert "Table 6.3" not in page[: page.index("How to read this</h2>")], "no table that its suites do not cite"
-
-
-def test_a_variant_stands_under_its_case_in_the_contents(two_suites):
-    assert "The second Slide with a delay" in words(two_suites)
 
 
 def test_the_summary_is_grouped_and_no_row_is_lost(two_suites, results):
@@ -224,11 +281,11 @@ def test_the_summary_is_grouped_and_no_row_is_lost(two_suites, results):
     assert all(title in markdown(results) for title in ("Resists &lt;Pop>", "Suitable for LUT"))
 
 
-def test_the_runs_of_an_effect_are_folded_where_one_figure_shows_them_all(two_suites):
-    figure = Drawing(svg='<svg class="figure"></svg>')
-    assert "each renderer by itself" not in words(two_suites)
-    assert words(two_suites, {("second", "slide-delay", ""): figure}).count("each renderer by itself") == 1
-    assert "each renderer by itself" not in words(two_suites, {("second", "slide", ""): figure})
+def test_published_answers_stand_beside_those_of_a_renderer_that_nobody_has_published(results):
+    mine = {"table": {"Resists <Pop>": {"plain": "No"}}, "published_table": {"Resists <Pop>": {"theirs": "Yes"}}}
+    page = words(synthetic_results(**mine))
+    assert "plain theirs in print Resists <Pop> No Yes" in page
+    assert "theirs (in print)" in markdown(synthetic_results(**mine))
 
 
 def test_styles_become_classes_of_the_page():
@@ -271,8 +328,8 @@ def closed_forms(*verdicts, citations=None):
         )
         for each in verdicts
     ]  # fmt: skip
-    page = render_html(synthetic_results(verdicts=verdicts, runs=runs), {})
-    return page[page.index('id="closed-forms"') : page.index('id="checks"')]
+    page = render_index(synthetic_results(verdicts=verdicts, runs=runs))
+    return page[page.index('id="closed-forms"') : page.index('id="cases"')]
 
 
 def test_values_are_those_of_the_evidence():
@@ -289,7 +346,7 @@ def test_values_are_those_of_the_evidence():
     ):
         assert expected in text, expected
     assert '<details class="law">' in section
-    assert 'id="closed-forms"' not in render_html(synthetic_results(), {})
+    assert 'id="closed-forms"' not in render_index(synthetic_results())
 
 
 def test_cases_that_cite_a_table_come_first_in_its_order_and_are_unfolded():
@@ -340,7 +397,7 @@ def test_a_bench_is_shown_with_its_front_its_answers_and_what_is_not_proven(resu
         ],
         comparison=[Change("circle", "a", "step", 1.5, 1.4, 1.6, 0.01, "worse")],
     )  # fmt: skip
-    page = Page(render_html(results, {}, bench=bench)).words
+    page = Page(render_index(results, bench=bench)).words
     for expected in (
         "Incomplete: interrupted <by> the user.",
         "circle one step at a time, from Python 0.1 mm within 10 µs a vertices 40 20 µm in 2 µs",
@@ -389,7 +446,7 @@ def test_the_page_tells_how_far_each_renderer_is_and_that_it_is_open_loop():
     for expected in (
         "r1 0.1 mm 2.5 mm t = 1.25 s, row 1250 not recorded",
         "r2 equal to the last bit 0.0001 N 0.0025 N t = 1.25 s, row 1250 differs in 10 %",
-        f"Replay of run<7>.h5. {OPEN_LOOP}",
+        f"Replay of run<7>.h5 {OPEN_LOOP}",
         "4000 samples, 4 s, in 3 stretches, the renderer reset at the start of each",
         "20 rows are left out (spike in hip.x, 1.2 to 1.3 s). Clock: irregular, 7 to 8 ms.",
         "The recording is suspicious",

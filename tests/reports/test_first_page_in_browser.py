@@ -1,0 +1,151 @@
+"""The first page, and the page that holds all, in a real browser: for everyone's eyes, on a phone, and on paper."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import re
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+from chromium import Chromium
+from reports_synthetic import lobe_recording, synthetic_results, tip_recording, verdicts
+from result_entries import changed
+
+from hapticeval.recordings.hdf5 import write_recording
+from hapticeval.reports import write_reports
+from hapticeval.runner.results import write_results
+
+pytestmark = pytest.mark.browser
+AXE = Path(__file__).parents[2] / ".venv" / "browser" / "node_modules" / "axe-core" / "axe.min.js"
+ASK = """axe.run(document, {preload: false}).then(found => JSON.stringify(
+    found.violations.map(each => [each.id, each.impact, each.nodes.map(node => node.html)])))"""
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    with Chromium(tmp_path_factory.mktemp("profile")) as chromium:
+        yield chromium
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """A run with every state, and with digits of hard cases."""
+    folder = tmp_path_factory.mktemp("results")
+    digits = changed(verdicts("lobe", "plain", lobe_recording())[1], check="numerical-stability", published=None)
+    given = changed(digits, as_expected=True, evidence={"digits": 12.3})
+    results = synthetic_results()
+    results = synthetic_results(verdicts=[*results.verdicts, given], date="2026-11-22T10:47:21+00:00")
+    write_results(folder, results)
+    write_recording(folder / results.runs[0].recording, lobe_recording())
+    write_recording(folder / results.runs[2].recording, tip_recording())
+    write_reports(folder, workers=0)
+    write_reports(folder, single_file=True, workers=0)
+    return {"first": folder / "report" / "index.html", "single": folder / "report.html"}
+
+
+@pytest.fixture
+def opened(browser, report):
+    def opened(name, **how):
+        browser.open(report[name], **how)
+        return browser
+
+    yield opened
+    assert browser.problems == []
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("width", [1440, 390])
+@pytest.mark.parametrize("name", ["first", "single"])
+def test_it_has_no_fault_for_people_who_do_not_see_or_point_well(opened, name, width, dark):
+    page = opened(name, width=width, dark=dark)
+    page.run(AXE.read_text(encoding="utf-8") + ";0")
+    assert json.loads(page.run(ASK)) == []
+
+
+@pytest.mark.parametrize("width", [1440, 390])
+def test_nothing_reaches_beyond_the_window(opened, width):
+    page = opened("first", width=width)
+    assert page.run("document.documentElement.scrollWidth") == width
+    assert page.run(
+        "[...document.querySelectorAll('#phenomena .tile')].every(tile => tile.scrollWidth <= tile.clientWidth + 1)"
+    )
+
+
+def test_on_a_phone_the_whole_grid_is_in_sight(opened):
+    page = opened("first", width=390, height=844)
+    tiles = "[...document.querySelectorAll('#phenomena .tile')]"
+    boxes = json.loads(page.run(f"JSON.stringify({tiles}.map(tile => tile.getBoundingClientRect()))"))
+    assert boxes
+    assert all(box["right"] <= 390 and box["width"] >= 24 and box["height"] >= 24 for box in boxes)
+
+
+def test_rows_are_left_out_on_demand(opened):
+    page = opened("first")
+    shown = "[...document.querySelectorAll('#cases tbody tr')].filter(row => row.offsetParent).length"
+    assert page.run(shown) == 2
+    page.run("document.querySelector('.suite').open = true")
+    page.run("for (const row of document.querySelectorAll('#cases tbody tr')) row.className = ''")
+    page.click("#show-grave")
+    assert page.run(shown) == 0
+    page.click("input[name=show]")
+    assert page.run(shown) == 2
+
+
+EYES = ("none", "protanopia", "deuteranopia", "tritanopia", "achromatopsia")
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_a_failure_stands_out_for_colour_blind_eyes(opened, dark):
+    """The ground of a tile that failed differs in lightness from that of every state that needs no attention."""
+    page = opened("first", dark=dark)
+    for eyes in EYES:
+        page.call("Emulation.setEmulatedVisionDeficiency", type=eyes)
+        grounds = {}
+        for state in ("fail", "pass", "known", "not-judged"):
+            found = f"const e = document.querySelector('.legend .state.{state}'); if (!e) return null;"
+            place = "e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect(); return [b.x, b.y];"
+            if (box := page.run(f"(() => {{ {found} {place} }})()")) is not None:
+                clip = {"x": box[0] + 3, "y": box[1] + 3, "width": 2, "height": 2, "scale": 1}
+                grounds[state] = ground(page.call("Page.captureScreenshot", format="png", clip=clip)["data"])
+        assert {"fail", "known"} <= set(grounds)
+        fail = grounds.pop("fail")
+        for state, other in grounds.items():
+            low, high = sorted((fail, other))
+            assert (high + 0.05) / (low + 0.05) > 2.0, (eyes, state)
+    page.call("Emulation.setEmulatedVisionDeficiency", type="none")
+
+
+def ground(png):
+    """Relative luminance of a picture of one colour."""
+    colour = np.mean(matplotlib.image.imread(io.BytesIO(base64.b64decode(png)))[..., :3], axis=(0, 1))
+    linear = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+@pytest.mark.parametrize("name", ["first", "single"])
+def test_it_prints(opened, tmp_path, name):
+    opened(name).pdf(tmp_path / "page.pdf")
+    content = (tmp_path / "page.pdf").read_bytes()
+    count = len(re.findall(rb"/Type\s*/Page\b", content))
+    assert 2 <= count <= 20
+
+
+@pytest.mark.parametrize("name", ["first", "single"])
+def test_a_tile_leads_to_its_verdict(opened, name):
+    page = opened(name)
+    href = page.run("document.querySelector('#phenomena .tile').getAttribute('href')")
+    page.click("#phenomena .tile")
+    place = json.dumps(href.partition("#")[2])
+    page.until(f"document.readyState === 'complete' && document.getElementById({place}) !== null")
+    assert page.run("decodeURIComponent(location.hash.slice(1))") == href.partition("#")[2]
+
+
+def test_in_one_file_a_case_moves_once_it_is_in_sight(opened):
+    page = opened("single")
+    assert page.run("document.querySelectorAll('.one-case').length") == 2
+    page.run("[...document.querySelectorAll('.one-case')].at(-1).scrollIntoView()")
+    page.until("[...document.querySelectorAll('.one-case')].at(-1).querySelector('.track input') !== null")

@@ -1,0 +1,220 @@
+"""What verdicts amount to: states, tiles, the grids, the worst; and that their colours can be told apart."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from importlib import resources
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from reports_synthetic import HOSTILE, synthetic_results, synthetic_run, verdict
+from result_entries import changed
+
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome
+from hapticeval.reports.grid import (
+    MEANING,
+    SYMBOLS,
+    State,
+    Tile,
+    cases,
+    counted,
+    hard_cases,
+    headline,
+    phenomena,
+    sound,
+    state,
+    used,
+    worst,
+)
+
+
+def found(
+    outcome="pass", value=0.5, bound=1.0, *, published=None, level=Level.MUST, check="continuous-contact", **names
+):
+    finding = Finding(Outcome(outcome), "why", None if value is None else Metric("metric", value, "m"), bound)
+    place = {"case": "lobe", "renderer": "plain", **names}
+    return verdict(place["case"], place["renderer"], check, finding, level, published and Outcome(published))
+
+
+@pytest.mark.parametrize(
+    ("outcome", "published", "level", "expected"),
+    [
+        ("pass", None, "must", "pass"),
+        ("pass", "pass", "must", "pass"),
+        ("pass", "fail", "must", "differs"),
+        ("fail", None, "must", "fail"),
+        ("fail", "fail", "must", "known"),
+        ("fail", "pass", "must", "differs"),
+        ("fail", None, "should", "warning"),
+        ("fail", None, "info", "not-judged"),
+        ("fail", "fail", "info", "known"),
+        ("pass", None, "info", "not-judged"),
+        ("inconclusive", None, "must", "undecided"),
+        ("inconclusive", None, "should", "warning"),
+        ("inconclusive", "inconclusive", "must", "known"),
+        ("not-applicable", None, "must", "not-applicable"),
+        ("error", None, "must", "error"),
+        ("error", "fail", "must", "error"),
+        ("error", None, "info", "error"),
+    ],
+)
+def test_a_state_compares_the_outcome_with_what_was_expected(outcome, published, level, expected):
+    assert state(found(outcome, published=published, level=Level(level))) == expected
+
+
+@given(outcome=st.sampled_from(Outcome), published=st.sampled_from([None, *Outcome]), level=st.sampled_from(Level))
+def test_a_state_is_grave_exactly_where_the_verdict_is_not_as_expected(outcome, published, level):
+    each = found(outcome, published=published, level=level)
+    assert state(each).grave is not each.as_expected
+
+
+def test_a_tile_shows_its_gravest_state_and_there_the_worst():
+    given = [
+        found(value=0.2),
+        found("fail", 3.0, published="fail"),
+        found("fail", 8.0, published="fail"),
+        found(value=0.9),
+    ]
+    tile = Tile(given)
+    assert (tile.state, tile.worst, tile.counts[State.KNOWN], tile.total) == (State.KNOWN, given[2], 2, 4)
+    assert (tile.margin, tile.heat) == ("8×", 2)  # noqa: RUF001
+    assert (Tile(given[:1]).margin, Tile(given[:1]).heat) == ("80 % left", 1)
+    assert (Tile(given[3:]).margin, Tile(given[3:]).heat) == ("10 % left", 3)
+    run = synthetic_run("lobe", "plain", "circle")
+    assert (Tile(given, [run]).state, Tile(given, [run]).worst) == (State.ERROR, run)
+
+
+@pytest.mark.parametrize(
+    ("value", "bound", "share"),
+    [(0.5, 1.0, 0.5), (-2.0, 1.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, np.inf), (1.0, -1.0, None), (np.inf, 1.0, np.inf)],
+)
+def test_the_share_of_a_bound(value, bound, share):
+    assert used(found(value=value, bound=bound)) == share
+    assert used(found(value=None)) is None
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [(1.26, "1.3×"), (48.2, "48×"), (4321.0, "4,300×"), (9e5, "9e5×"), (np.inf, "∞×"), (0.999, "0 % left")],  # noqa: RUF001
+)
+def test_a_margin_reads_well(value, words):
+    assert Tile([found(value=value)]).margin == words
+
+
+def test_renderers_by_phenomena(results):
+    grid = phenomena(results)
+    assert [name for name, _ in grid.rows] == ["plain", "broken", HOSTILE]
+    assert grid.columns[:2] == ["Continuous Contact Point", "Contact Normal Force"]
+    assert grid.columns[-1] == "Other properties", "memoryless is none of the six"
+    total = sum(tile.total for _, tiles in grid.rows for tile in tiles if tile)
+    assert total == len(results.verdicts), "every verdict is in one cell"
+    plain, broken = grid.rows[0][1], grid.rows[1][1]
+    assert [tile and tile.state for tile in plain[:2]] == [State.KNOWN, State.DIFFERS]
+    assert broken[0].state is State.ERROR
+    assert broken[1] is None
+
+
+def test_cases_by_renderers_show_a_run_that_broke_before_any_check(results):
+    grid = cases(results, "synthetic")
+    tiles = {case: dict(zip(grid.columns, row, strict=True)) for case, row in grid.rows}
+    assert tiles["tip"]["plain"].state is State.ERROR
+    assert tiles["tip"]["broken"] is None
+    assert tiles["lobe"]["plain"].total == 6
+
+
+def test_the_worst_come_first_and_once_for_each_check_of_a_renderer(results):
+    given = worst(results, 99)
+    keys = [(each.check, each.renderer) for each in given]
+    assert len(keys) == len(set(keys))
+    assert [state(each) for each in given] == sorted(map(state, given), key=list(State).index)
+    known = [each for each in results.verdicts if state(each) is State.KNOWN]
+    again = [changed(each, case="again", metric=changed(each.metric, value=0.005)) for each in known]
+    only = worst(synthetic_results(verdicts=[*again, *known]), 99)
+    assert [each.check for each in only] == ["continuous-contact"]
+    assert only[0].case != "again"
+
+
+def test_the_headline_and_the_exit_code_agree(results):
+    assert not sound(results)
+    fine = [each for each in results.verdicts if each.as_expected]
+    runs = [run for run in results.runs if not run.error]
+    assert headline(synthetic_results(verdicts=fine, runs=runs)) == "Every verdict is as expected"
+    assert sound(synthetic_results(verdicts=fine, runs=runs))
+    assert not sound(synthetic_results(verdicts=fine, runs=runs, strict=True)), "a warning counts"
+    assert sum(count for _, count in counted(results)) == len(results.verdicts)
+
+
+def test_hard_cases_show_the_digits_that_are_kept():
+    digits = {"plain": 15.6, "mine": 3.2}
+    given = [
+        changed(found(check="numerical-stability", renderer=name), evidence={"digits": count})
+        for name, count in digits.items()
+    ]
+    results = synthetic_results(verdicts=[*given, found()], runs=[synthetic_run("lobe", "plain", "circle")])
+    names, rows = hard_cases(results)
+    assert names == ["plain", "mine"]
+    assert [[count for count, _ in row.cells] for row in rows] == [[15, 3]]
+    assert hard_cases(synthetic_results()) == ([], [])
+
+
+# Colours. Signs and words stand beside them; beyond that, each can be read, and read by colour-blind eyes.
+
+BLIND = {
+    "as they are": np.eye(3),
+    "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+    "tritanopia": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
+}
+"""Machado, Oliveira and Fernandes 2009, at full severity, on linear light."""
+
+WHITE = np.array([0.2126, 0.7152, 0.0722])
+
+
+def colours():
+    """The variables of either theme."""
+    text = (resources.files("hapticeval.reports") / "report.css").read_text(encoding="utf-8")
+    blocks = re.findall(r":root {(.*?)}", text, re.DOTALL)
+    assert len(blocks) == 2
+    return [dict(re.findall(r"--([\w-]+): (#\w{6})", block)) for block in blocks]
+
+
+def seen(colour, eyes):
+    """Linear light of a colour as these eyes see it."""
+    value = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
+    linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    return np.clip(np.asarray(BLIND[eyes]) @ linear, 0.0, 1.0)
+
+
+def contrast(one, two, eyes):
+    """The ratio of WCAG 2.1."""
+    low, high = sorted(float(WHITE @ seen(each, eyes)) for each in (one, two))
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.mark.parametrize("eyes", BLIND)
+@pytest.mark.parametrize("theme", colours(), ids=["light", "dark"])
+def test_every_state_can_be_read(theme, eyes):
+    pairs = [
+        ("pass", "pass-1"), ("pass", "pass-2"), ("pass", "pass-3"),
+        ("known", "known-1"), ("known", "known-2"), ("known", "known-3"),
+        ("fail", "fail-1"), ("error", "error-1"), ("warning", "warning-1"), ("undecided", "undecided-1"),
+        ("aside", "aside-1"), ("aside", "paper"), ("quiet", "paper"), ("quiet", "ground"), ("ink", "paper"),
+        ("link", "paper"), ("link", "ground"), ("good", "paper"), ("bad", "paper"),
+    ]  # fmt: skip
+    for text, ground in pairs:
+        assert contrast(theme[text], theme[ground], eyes) >= 4.5, (text, ground)
+
+
+@pytest.mark.parametrize("eyes", BLIND)
+@pytest.mark.parametrize("theme", colours(), ids=["light", "dark"])
+def test_a_failure_is_far_in_lightness_from_what_needs_no_attention(theme, eyes):
+    for other in ("pass-1", "pass-3", "known-1", "known-3", "aside-1"):
+        assert contrast(theme["fail-1"], theme[other], eyes) >= 2.0, other
+
+
+def test_no_two_states_share_a_sign_or_a_word():
+    assert all(len({each(one) for one in State}) == len(State) for each in (SYMBOLS.get, MEANING.get))
+    assert all(one.words != two.words and one.many != two.many for one, two in itertools.combinations(State, 2))
