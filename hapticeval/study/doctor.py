@@ -35,6 +35,8 @@ PATIENCE = 60.0
 OURS = 600.0
 """Seconds for what is asked of no renderer: the models' kernels may have to be compiled."""
 
+POLL = 0.1
+
 HANGS = "it hangs"
 
 DEPTH, PACE, REST = 1e-2, 1e-3, 20
@@ -103,10 +105,9 @@ def examine(name: str) -> Iterator[Found]:
 
 def _answer(crew: Workers[Answered], patience: float, *question: str) -> Answered:
     crew.begin(0, *question)
-    found = crew.answers(patience)
-    if not found:
-        crew.give_up(0.0)
-        return State.BROKE, f"no answer in {patience:g} s: {HANGS}"
+    while not (found := crew.answers(POLL)):
+        if crew.give_up(patience):
+            return State.BROKE, f"no answer in {patience:g} s: {HANGS}"
     answer = found[0]
     if isinstance(answer.error, Ended):
         return State.BROKE, f"it ends the process that it runs in: {answer.error.how}"
