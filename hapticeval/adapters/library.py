@@ -282,6 +282,7 @@ class LibraryRenderer:
                     why="it is a length: finite and not negative",
                     todo="leave it zero, or write metres",
                 )
+        self._margin = float(lengths.standoff)
         self.__dict__.update(outside.lengths(float(lengths.standoff), float(lengths.resolution)))
         self.supports = info.supports
         if info.flags & SPRING:
@@ -325,7 +326,7 @@ class LibraryRenderer:
         """Start a run with the hand at `hip` (N,), m. Raises `DomainError` where the library refuses it."""
         self.law.data.state[0] = 0.0
         hip = np.array(hip, dtype=np.float64)
-        tool = np.array(self._outside.tool(hip), dtype=np.float64)
+        tool = np.array(self._outside.tool(hip, self._margin), dtype=np.float64)
         status = self._library.hr_reset(self._self, hip.ctypes.data, tool.ctypes.data)
         if status:
             self._refuse("hr_reset", status, hip)

@@ -309,7 +309,9 @@ class ProcessRenderer:
                 why=_text(answer["refuse"]),
                 todo="choose another case",
             )
-        self.__dict__.update(self._outside.lengths(**_lengths(child, answer, "standoff", "resolution")))
+        lengths = _lengths(child, answer, "standoff", "resolution")
+        self._margin = lengths["standoff"]
+        self.__dict__.update(self._outside.lengths(**lengths))
         if hello.spring:
             self.declares = Declaration(spring=Spring.ERROR)
         self._batch = hello.run
@@ -319,7 +321,7 @@ class ProcessRenderer:
         """Start a run with the hand at `hip` (N,), m. Raises `DomainError` where the process refuses it."""
         hip = np.asarray(hip, dtype=np.float64)
         self.contact = None
-        tool = self._outside.tool(hip)
+        tool = self._outside.tool(hip, self._margin)
         self._refused(self._child.ask("reset", PATIENCE, hip=hip.tolist(), tool=tool.tolist()), hip)
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:

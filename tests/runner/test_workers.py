@@ -124,8 +124,9 @@ def test_a_call_that_takes_too_long_is_given_up_and_its_place_is_free():
     with Workers(act, 1) as crew:
         crew.begin(0, "wait")
         assert crew.give_up(60.0) == []
-        assert crew.answers(0.05) == []
-        (late,) = crew.give_up(0.05)
+        while not (given_up := crew.give_up(0.05)):
+            assert crew.answers(0.05) == []
+        (late,) = given_up
         assert (late.call, late.value, type(late.error)) == (0, None, Overdue)
         assert crew.busy == 0
         crew.begin(1, "double", 4)
