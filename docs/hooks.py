@@ -13,18 +13,17 @@ import hapticeval
 from hapticeval.phenomena.registry import CHECKS
 
 ROOT = Path(__file__).parents[1]
-SOURCE = re.compile(r"\]\(\.\./(?!docs/)([^)]+)\)")
+SOURCE = re.compile(r"\[([^\]]+)\]\(\.\./[^)]+\)")
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages."""
     readme = (ROOT / "README.md").read_text(encoding="utf-8").replace("](docs/", "](")
     pages = {
-        "index.md": readme.replace("](CHANGELOG.md)", "](changes.md)").replace(
-            "](ARCHITECTURE.md)", "](architecture.md)"
-        ),
+        "index.md": linked(readme),
         "architecture.md": (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8"),
-        "changes.md": (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
+        "contributing.md": (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").replace("](docs/", "]("),
+        "changelog.md": (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
         "checks.md": "\n".join(checks()),
         "api.md": "\n".join(reference()),
     }
@@ -33,9 +32,16 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
+def linked(readme: str) -> str:
+    """Return the README with links to the site's pages."""
+    for name in ("CHANGELOG", "ARCHITECTURE", "CONTRIBUTING"):
+        readme = readme.replace(f"]({name}.md)", f"]({name.lower()}.md)")
+    return readme
+
+
 def on_page_markdown(markdown: str, **_: object) -> str:
-    """Turn links to the README into links to the first page; other files of the repository have none here."""
-    return SOURCE.sub(r"](#)", markdown.replace("](../README.md", "](index.md"))
+    """Turn links to the README into links to the first page; other files of the repository are named without one."""
+    return SOURCE.sub(r"\1", markdown.replace("](../README.md", "](index.md"))
 
 
 def checks() -> Iterator[str]:
