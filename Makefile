@@ -4,6 +4,7 @@
 # make counterexamples  search for the smallest path that breaks each built-in renderer, into results/counterexamples
 # make bench   time the renderers            make study   the longer studies
 # make browser look at the report's pages in a headless Chromium: needs chromium and npm
+# make docs    build the pages of documentation into build/site, and run the notebooks
 # make lint    ruff, and mypy on an installed copy
 # make clean   remove what these made; results/ stays
 
@@ -11,7 +12,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test fuzz counterexamples bench study browser lint clean
+.PHONY: run test fuzz counterexamples bench study browser docs lint clean
 
 run: .venv/run.stamp .venv/kernels.stamp
 	@$(BIN)/hapticeval run thesis dynamics generated effects -o results || { code=$$?; \
@@ -38,6 +39,10 @@ study: .venv/dev.stamp .venv/kernels.stamp
 
 browser: .venv/dev.stamp .venv/kernels.stamp .venv/browser/node_modules/axe-core/axe.min.js
 	$(BIN)/pytest -m browser
+
+docs: .venv/dev.stamp .venv/kernels.stamp
+	$(BIN)/mkdocs build --strict --quiet
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/pytest -m docs
 
 lint: .venv/dev.stamp
 	$(BIN)/ruff check .
