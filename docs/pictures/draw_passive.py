@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/continuous-and-passive.md, and print their numbers: python docs/pictures/draw_passive.py."""
+"""Draw the pictures of docs/continuous-and-passive.md and print their numbers: python docs/pictures/draw_passive.py."""
 
 from pathlib import Path
 
