@@ -14,7 +14,7 @@ from hapticeval.study.energy_field import energy_field, worst_loop
 HERE = Path(__file__).parent
 NAMES = ("conformal", "mapping", "homothetic", "combescure")
 COLOURS = dict(zip(NAMES, ("#d55e00", "#cc79a7", "#0072b2", "#009e73"), strict=True))
-RADIUS, CELL = 4e-3, 1e-3
+RADIUS, CELL, NOTHING = 4e-3, 1e-3, 1e-9
 MODEL = cassinian()
 OUTLINE = 1e3 * MODEL.curve.outline(600)
 renderers = {name: resolve(name)(Scene(model=MODEL)) for name in NAMES}
@@ -38,7 +38,8 @@ with figure(11.0, 3.4, layout="constrained") as made:
         shown = axes.imshow(
             1e-3 * field.curl, extent=edges, origin="lower", cmap="RdBu_r", vmin=-6.0, vmax=6.0, interpolation="nearest"
         )
-        bare(axes, f"{name}: worst loop {1e3 * abs(loop.work):.3g} mJ")
+        gained = 1e3 * abs(loop.work)
+        bare(axes, f"{name}: worst loop {f'{gained:.3g}' if gained > NOTHING else 'below 1e-9'} mJ")
         turn = np.linspace(0.0, 2.0 * np.pi, 60)
         ring = 1e3 * (np.array(loop.centre)[:, np.newaxis] + RADIUS * np.array([np.cos(turn), np.sin(turn)]))
         axes.plot(*ring, color="#1c1f23", linewidth=1.2)
@@ -52,9 +53,11 @@ with figure(11.0, 3.4, layout="constrained") as made:
                 most.append(1e3 * abs(worst_loop(renderers[name], fields[name], RADIUS, depths=near).work))
             except InputError:
                 most.append(np.nan)
-        panels[3].semilogy(1e3 * depths, np.maximum(most, 1e-9), "o-", markersize=3, color=COLOURS[name], label=name)
+        panels[3].semilogy(1e3 * depths, np.maximum(most, NOTHING), "o-", markersize=3, color=COLOURS[name], label=name)
         print(name, dict(zip((1e3 * depths).round().tolist(), np.round(most, 6).tolist(), strict=True)))
-    panels[3].set(xlabel="depth of the loop's centre (mm)", ylabel="work round the worst loop (mJ)", ylim=(1e-10, 1e3))
+    panels[3].set(
+        xlabel="depth of the loop's centre (mm)", ylabel="work round the worst loop (mJ, from 1e-9)", ylim=(1e-10, 1e3)
+    )
     panels[3].legend(fontsize=8)
     made.savefig(HERE / "energy-field.svg", format="svg", metadata={"Date": None})
 
