@@ -74,8 +74,9 @@ def pushed(name, model, seed, *, damping=5.0):
     hips, forces = hips[: last + 1], forces[: last + 1]
     moved, change = np.diff(hips, axis=0), np.diff(forces, axis=0)
     held = float(np.sum(forces[:-1] * moved))
-    size = np.linalg.norm(moved, axis=1)
-    slope = float(np.max(np.linalg.norm(change, axis=1) / np.maximum(size, 1e-12)))
+    felt = np.any(forces != 0.0, axis=1)
+    size = np.where(felt[:-1] | felt[1:], np.linalg.norm(moved, axis=1), 0.0)
+    slope = float(np.max(np.linalg.norm(change, axis=1) / np.maximum(size, 1e-9)))
     return held, held + 0.5 * float(np.sum(change * moved)), 0.5 * slope * float(np.sum(size**2))
 
 
@@ -98,7 +99,7 @@ def test_random_pushes_gain_more_of_a_map_whose_force_is_no_gradient():
 
 
 def chatter(name, dt, *, damping=5.0):
-    """The sideways swing (m) of a hand pushed with 5 N into a notch of the star, and how often (1/s) the force turns."""
+    """The sideways swing (m) of a hand pushed with 5 N into a notch of the star; how often (1/s) the force turns."""
     model = MODELS["star"]
     corner = next(each for each in model.curve.corners if not each.convex).position
     way = -corner / np.linalg.norm(corner)
