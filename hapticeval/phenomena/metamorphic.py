@@ -24,10 +24,6 @@ SAME = 1e-12
 """Share of the model's size by which answers may differ beside what is declared and what rounding of the hand changes:
 some four thousand roundings of a double, those of an iteration that ends at rounding."""
 
-SIMULATED = 1e-9
-"""The same for a renderer that answers a stimulus whole: its tool has a motion of its own, with events at instants that
-it has to find, and in a corner ever more of them, until rounding ends them."""
-
 NOBODY = "a recording shows one run only, and nobody can be asked for another"
 
 
@@ -75,7 +71,7 @@ def judge_in_turns(runs: Runs, scene: Scene) -> Finding:
     force += 4.0 * SINGLE * float(np.abs(base.force).max()) / scene.stiffness
     scatter = [float(base.meta.get(f"{name}_scatter", 0.0)) for name in ("ihip", "force")]
     allowed = np.full(len(base), max(step, force) + max(scatter[0], scatter[1] / scene.stiffness))
-    off = answers_apart(base, other, scene)
+    off = answers_apart(runs, other, scene)
     return _finding(IN_TURNS, base, scene, off, allowed, np.zeros(len(base), dtype=bool), "beside another renderer")
 
 
@@ -94,19 +90,18 @@ def _compared(
         return Finding(Outcome.NOT_APPLICABLE, f"the model has no such form, or the renderer refuses it {how}")
     if not (answered(base) | answered(other)).any():
         return undecided("the hand never touches the model")
-    off = answers_apart(base, other, scene)
+    off = answers_apart(runs, other, scene)
     hand = ROUNDINGS * float(np.abs(base.hip).max())
     declared = max(resolution(each, scene) + believed_standoff(each, scene) for each in (base, other))
     # A damper takes the velocity from hands that are off by rounding, a step of half a tick apart.
     damped = 2.0 * hand * scene.damping / (scene.stiffness * 0.5 * base.dt)
     allowed = np.full(len(base), hand + declared + damped)
     exempt = np.zeros(len(base), dtype=bool)
-    bound = SIMULATED if runs.subdivided is None else SAME
-    if np.any(off > allowed + bound * scene.model.size) and runs.moved is not None:
+    if np.any(off > allowed + SAME * scene.model.size) and runs.moved is not None:
         allowed += STEEP * steepness(runs, hand + declared, scene)
         if among is not None:
             exempt = among(runs, scene)
-    return _finding(check, base, scene, off, allowed, exempt, how, bound)
+    return _finding(check, base, scene, off, allowed, exempt, how)
 
 
 def _finding(
@@ -117,24 +112,23 @@ def _finding(
     allowed: Array,
     exempt: Array,
     how: str,
-    bound: float = SAME,
 ) -> Finding:
     size = scene.model.size
     lost = np.where(exempt, 0.0, np.maximum(off - allowed, 0.0)) / size
     worst = int(np.argmax(lost if lost.max() > 0.0 else np.where(exempt, -1.0, off)))
     return compared(
         Metric(check.metric, float(lost.max()), check.unit),
-        bound,
+        SAME,
         {
             **evidence_at(base, worst),
             "off_m": float(off[worst]),
             "allowed_m": float(allowed[worst]),
-            "rows_off": int(np.sum(lost > bound)),
+            "rows_off": int(np.sum(lost > SAME)),
             "rows_exempt": int(exempt.sum()),
         },
         passes=f"the answers are the same {how}",
         fails=f"{how} the answer is off by {mm(off[worst])}, {off[worst] / size:.2g} of the model's size, "
-        f"at {int(np.sum(lost > bound))} of {len(base)} HIPs",
+        f"at {int(np.sum(lost > SAME))} of {len(base)} HIPs",
     )
 
 
@@ -176,10 +170,10 @@ def _ticks_late(base: Recording, fine: Recording, scene: Scene) -> int | None:
 NONE = "none of the six: a relation that every rigid contact keeps to"
 OFF = "change of the answer beside what is explained, as a share of the model's size"
 EXPLAINED = (
-    "1e-12 of the model's size, and 1e-9 for a renderer that answers a stimulus whole, beside what is explained: the "
-    "declared resolution and standoff, four roundings of the largest coordinate, what a damper makes of these, and "
-    "ten times the change of the answer where the hand is off by those along axes and diagonals, as beside a "
-    "discontinuity, where either answer is right. Forces count by the stiffness, as lengths."
+    "1e-12 of the model's size, beside what is explained: the declared resolution and standoff, four roundings of the "
+    "largest coordinate, what a damper makes of these, and ten times the change of the answer where the hand is off "
+    "by those along axes and diagonals, as beside a discontinuity, where either answer is right. Forces count by the "
+    "stiffness, as lengths; of a renderer that answers a stimulus whole by m / dt^2."
 )
 
 MIRROR = Check(
