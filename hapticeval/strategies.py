@@ -650,9 +650,8 @@ def _hull(draw: st.DrawFn) -> Model:
     except QhullError:
         assume(False)
         raise
-    corners = points[hull.vertices]
-    number = {row: k for k, row in enumerate(hull.vertices.tolist())}
-    rows = np.array([[number[row] for row in triangle] for triangle in hull.simplices.tolist()])
+    corners = points[np.sort(hull.vertices)]
+    rows = np.searchsorted(np.sort(hull.vertices), hull.simplices)
     inward = np.linalg.det(corners[rows] - corners.mean(axis=0)) < 0.0
     rows[inward] = rows[inward][:, ::-1]
     assume(np.ptp(corners, axis=0).max() >= 0.01)

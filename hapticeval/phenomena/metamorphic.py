@@ -18,7 +18,7 @@ from hapticeval.phenomena.sampling import LAG_TICKS, believed_standoff, evidence
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
-from hapticeval.types import Array
+from hapticeval.types import Array, BoolArray
 
 SAME = 1e-12
 """Share of the model's size by which answers may differ beside what is declared and what rounding of the hand changes:
@@ -86,7 +86,7 @@ def _compared(
     other: Recording | None,
     how: str,
     *,
-    among: Callable[[Runs, Scene], Array] | None = None,
+    among: Callable[[Runs, Scene], BoolArray] | None = None,
 ) -> Finding:
     """Compare the base run with `other`; rows that `among` returns, and those beside a discontinuity, are exempt."""
     base = runs.base
@@ -115,7 +115,7 @@ def _finding(
     scene: Scene,
     off: Array,
     allowed: Array,
-    exempt: Array,
+    exempt: BoolArray,
     how: str,
 ) -> Finding:
     size = scene.model.size
@@ -137,14 +137,15 @@ def _finding(
     )
 
 
-def _on_jumps(runs: Runs, scene: Scene) -> Array:
+def _on_jumps(runs: Runs, scene: Scene) -> BoolArray:
     """Return the rows (n,) on a discontinuity, or behind one that a renderer with memory has crossed.
 
     A hand that is off by half a step on its whole way finds it elsewhere on that way, and steps of half the length may
     cross it from elsewhere: the answers are more than tenfold of that apart there.
     """
     half = 0.5 * hip_step(runs.base, scene)
-    return steepness(runs, half, scene) > AMPLIFIED * half
+    astride: BoolArray = steepness(runs, half, scene) > AMPLIFIED * half
+    return astride
 
 
 def _every_second(fine: Recording, first: int) -> Recording:
