@@ -275,9 +275,9 @@ class Workers(Generic[T]):
         What shares a machine with others is late for them: who waits for an answer need not count that. 0.0 where it is
         not known, and for a call that is answered.
         """
-        worker = self._at.get(call)
+        at = self._at.get(call)
         try:
-            return 0.0 if worker is None else 1e-9 * int(_scheduled(worker.process.pid).read_text().split()[1])
+            return 0.0 if at is None else 1e-9 * int(_scheduled(at.worker.process.pid).read_text().split()[1])
         except (OSError, ValueError, IndexError):
             return 0.0
 

@@ -25,11 +25,11 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError
 from hashlib import sha256
-from typing import Any, Generic, NamedTuple, Self, TypeVar
+from typing import Any, Generic, NamedTuple, Self, TypeAlias, TypeVar
 from uuid import uuid4
 
 import cloudpickle
-from distributed import Client, Future, KilledWorker
+from distributed import Client, KilledWorker
 from distributed.comm.core import CommClosedError
 
 from hapticeval.errors import HapticevalError, InputError
@@ -63,7 +63,7 @@ CONNECT = 10.0
 """Seconds in which scheduler and workers must answer when a run begins."""
 
 STRIKES = 3
-"""Times that a chunk may be left because all workers have gone, before it counts as what has them killed: as in dask."""
+"""Times that a chunk may be left because all workers have gone, before it counts as what has them killed."""
 
 LOOK = 2.0
 """Seconds between two looks at which workers there are."""
@@ -75,7 +75,12 @@ GONE = (CommClosedError, OSError, TimeoutError, CancelledError)
 """What dask raises in the place of an answer where scheduler or worker have gone."""
 
 
-_Call = tuple[int, tuple[Any, ...]]
+_Future: TypeAlias = Any
+"""A future of dask, whose types are not known."""
+
+_CLIENT: Any = Client
+
+_Call: TypeAlias = tuple[int, tuple[Any, ...]]
 """Number and arguments of a call."""
 
 
@@ -109,8 +114,8 @@ class Cluster(Generic[T]):
         self._files = dict(files or {})
         self._waiting: deque[_Call] = deque()
         self._again: list[_Chunk] = []
-        self._under_way: dict[Future[Any], _Chunk] = {}
-        self._done: queue.SimpleQueue[Future[Any]] = queue.SimpleQueue()
+        self._under_way: dict[_Future, _Chunk] = {}
+        self._done: queue.SimpleQueue[_Future] = queue.SimpleQueue()
         self._took: deque[float] = deque(maxlen=LAST)
         self._alike: dict[str, int] = {}  # threads by address
         self._unlike: dict[str, str] = {}
@@ -127,7 +132,7 @@ class Cluster(Generic[T]):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # other versions are looked for here
-                self._client = Client(self._address, timeout=CONNECT, set_as_default=False)
+                self._client = _CLIENT(self._address, timeout=CONNECT, set_as_default=False)
         except (*GONE, ValueError) as error:
             raise InputError(
                 f"no dask scheduler answers at {self._address}",
@@ -241,7 +246,7 @@ class Cluster(Generic[T]):
             self._under_way[future] = chunk
             future.add_done_callback(self._done.put)
 
-    def _answered(self, future: Future[Any]) -> list[Answer[T]]:
+    def _answered(self, future: _Future) -> list[Answer[T]]:
         """Return the answers of a chunk that is over, and see to the calls that it has not come to."""
         chunk = self._under_way.pop(future, None)
         if chunk is None:

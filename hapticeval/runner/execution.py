@@ -77,9 +77,9 @@ def execute(
                         yield Interrupted(1, at_once=True)
                         break
                 while added in finished:
-                    job = progress.add(finished[added])
+                    event = progress.add(finished[added])
                     if added not in old:
-                        yield job
+                        yield event
                     del finished[added]
                     added += 1
                 if interrupts.count and not warned:
@@ -100,9 +100,9 @@ def execute(
                     yield Interrupted(crew.busy, at_once=True)
                     break
         for number in sorted(finished):
-            job = progress.add(finished[number])
+            event = progress.add(finished[number])
             if number not in old:
-                yield job
+                yield event
             added += 1
         reason = None
         if added < len(plan.jobs):
