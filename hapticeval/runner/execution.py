@@ -66,7 +66,7 @@ def execute(
     warned = stopped = False
     lost: LostError | None = None
     with Interrupts() as interrupts:
-        with _crew(work, workers, scheduler, plan) as crew, Outcomes(directory) as outcomes:
+        with _crew(work, workers, scheduler, plan, timeout) as crew, Outcomes(directory) as outcomes:
             if directory is not None and kept is None:  # what is there is of an earlier run, whose results go as well
                 shutil.rmtree(directory / "recordings", ignore_errors=True)
                 outcomes.clear()
@@ -125,7 +125,7 @@ def _key(job: Job) -> RunKey:
     return job.suite, job.case.name, job.renderer
 
 
-def _crew(work: Work, workers: int, scheduler: str | None, plan: Plan) -> Crew[Carried]:
+def _crew(work: Work, workers: int, scheduler: str | None, plan: Plan, timeout: float) -> Crew[Carried]:
     if scheduler is None:
         return Workers(partial(carry_out_here, work), workers, tries=TRIES)
     try:
@@ -136,7 +136,7 @@ def _crew(work: Work, workers: int, scheduler: str | None, plan: Plan) -> Crew[C
         ) from error
     cases = {(job.suite, job.case.name): job.case for job in plan.jobs}
     files = {path: digest for case in cases.values() for path, digest in files_of(case).items()}
-    return Cluster(partial(carry_out_afar, work), scheduler, files=files)
+    return Cluster(partial(carry_out_afar, work), scheduler, timeout=timeout, files=files)
 
 
 def _done(answer: Answer[Carried], job: Job, directory: Path | None, timeout: float) -> JobFinished:

@@ -113,8 +113,8 @@ def plan(
     for job in jobs:
         cases[job.suite][job.case.name] = None
     asked = {name: (tuple(cases[name]), chosen[name]) for name in cases}
-    for (suite, _), case in {(job.suite, job.case.name): job.case for job in jobs}.items():
-        with at(f"suite '{suite}'"):
+    for (name, _), case in {(job.suite, job.case.name): job.case for job in jobs}.items():
+        with at(f"suite '{name}'"):
             case.check_stimulus()
     held = jobs if shard is None else shard.of(jobs)
     return Plan(loaded, names, held, tuple(select), seed, strict, known, shard, asked, exit_first)

@@ -179,7 +179,7 @@ def test_what_is_killed_costs_no_result(tmp_path):
 
 @pytest.mark.slow
 def test_twenty_kills_of_workers_scheduler_and_client_cost_no_result(tmp_path):
-    killed_and_resumed(tmp_path, kills=20, cases=1500)
+    killed_and_resumed(tmp_path, kills=20, cases=400)
 
 
 @pytest.mark.slow
