@@ -314,7 +314,8 @@
           g.moveTo(...this.screen(this.flat(columns, first - 1)));
           for (let k = first; k < end; k++) {
             const point = this.screen(this.flat(columns, k));
-            if (run.starts.has(k)) g.moveTo(...point); else g.lineTo(...point);
+            const free = columns === run.ihip && !(run.touches[k] && run.touches[k - 1]);
+            if (free || run.starts.has(k)) g.moveTo(...point); else g.lineTo(...point);
           }
         }
         g.stroke();
