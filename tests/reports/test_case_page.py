@@ -243,7 +243,7 @@ def test_a_run_that_leaves_does_not_shrink_the_others_and_what_is_small_is_seen_
 def test_a_solid_is_drawn_with_its_axes_and_a_scale():
     lifted = {name: np.column_stack([each, np.zeros(500)]) for name, each in orbit(0.11, 0.5).channels.items()}
     plane, _ = held_on(make_model("sphere", size=0.2), one=Recording(np.arange(500) * 1e-3, lifted))
-    assert {"y₁", "y₂", "y₃", "10 mm"} <= set(words(plane))
+    assert {"y₁", "y₂", "y₃", "50 mm"} <= set(words(plane))
 
 
 # The page.
