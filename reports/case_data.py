@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from hapticeval.geometry.model import Model
+from hapticeval.phenomena.sampling import LED
 from hapticeval.recordings.provenance import before_the_wall
 from hapticeval.recordings.recording import Recording
 from hapticeval.recordings.stretches import joined
@@ -90,12 +91,18 @@ def placed(recording: Recording) -> Recording:
 
 
 def tracks(
-    recordings: Mapping[str, Recording], times: Mapping[str, Collection[float]], count: int = SAMPLES
+    recordings: Mapping[str, Recording],
+    times: Mapping[str, Collection[float]],
+    *,
+    held_on: Model | None = None,
+    count: int = SAMPLES,
 ) -> list[Track]:
     """Return samples of each recording (`placed`), see `kept`, with those at the `times` (s) that verdicts name.
 
-    Runs along one hand path are given the same samples, so that it is held once.
+    Runs along one hand path are given the same samples, so that it is held once. Where a surface holds the tools, it is
+    that of the model `held_on`: tracks have their motion across and along it.
     """
+    motions = {} if held_on is None else {name: surface_motion(each, held_on) for name, each in recordings.items()}
     alike: dict[tuple[bytes, bytes], list[str]] = {}
     for name, each in recordings.items():
         alike.setdefault((each.time.tobytes(), each.hip.tobytes()), []).append(name)
@@ -103,17 +110,31 @@ def tracks(
     for names in alike.values():
         time = recordings[names[0]].time
         asked = {int(np.argmin(np.abs(time - each))) for name in names for each in times.get(name, ())}
-        rows = kept([recordings[name] for name in names], asked, count)
+        more = [column for name in names if name in motions for column in _drawn_of(*motions[name])]
+        rows = kept([recordings[name] for name in names], asked, count, more)
         for name in names:
-            found[name] = _track(name, recordings[name], rows)
+            track = _track(name, recordings[name], rows)
+            if name in motions:
+                off, along = motions[name]
+                track = replace(track, off=off[rows], along=along[rows])
+            found[name] = track
     return [found[name] for name in recordings]
 
 
-def kept(runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLES) -> IntArray:
+def _drawn_of(off: Array, along: Array) -> tuple[Array, ...]:
+    """What is drawn of the motion on a surface: distance and speed, and the distance's powers of ten."""
+    floor = max(float(np.median(np.abs(off))), 1e-12) / 10.0
+    return off, along, np.log10(np.maximum(np.abs(off), floor))
+
+
+def kept(
+    runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLES, more: Sequence[Array] = ()
+) -> IntArray:
     """Return the rows to show of runs along one hand path, so that straight lines between them are `WITHIN` the rest.
 
     For certain: the ends, `ticks` and those beside them, gaps, contacts, jumps, and extremes; what happens from one row
-    to the next is kept with the row before. Then those that are farthest from the lines, up to `count` of them.
+    to the next is kept with the row before. Then those that are farthest from the lines, up to `count` of them. `more`
+    are other signals (n,) that the lines have to follow.
     """
     n = len(runs[0])
     if n <= count:
@@ -121,18 +142,22 @@ def kept(runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLES
     chosen = np.unique(np.concatenate([_special(run, ticks) for run in runs]))
     for signal in (signal for run in runs for signal in _signals(run)):
         chosen = np.union1d(chosen, _extremes(signal, INTERVALS))
-    return _straightened(runs[0].time, np.column_stack([_scaled(run) for run in runs]), chosen, count)
+    values = np.column_stack([*(_scaled(run) for run in runs), *(_by_range(each) for each in more)])
+    return _straightened(runs[0].time, values, chosen, count)
 
 
 def _scaled(run: Recording) -> Array:
     """The channels that are shown (n, k), in units of what straight lines may be off."""
-    parts = [3.0 * run.hip / max(float(np.ptp(run.hip, axis=0).max()), 1e-300)]  # a picture can be enlarged
+    parts = [3.0 * _by_range(run.hip)]  # a picture can be enlarged
     if "ihip" in run.channels:
-        apart = run.ihip - run.hip
-        parts += [apart / max(float(np.ptp(apart, axis=0).max()), 1e-300)]
+        parts += [_by_range(run.ihip - run.hip), _by_range(steps(run, run.ihip))[:, None]]
     if "force" in run.channels:
-        parts += [run.force / max(float(np.ptp(run.force, axis=0).max()), 1e-300)]
-    return np.hstack(parts) / WITHIN
+        parts.append(_by_range(run.force))
+    return np.hstack(parts)
+
+
+def _by_range(values: Array) -> Array:
+    return values / max(WITHIN * float(np.ptp(values, axis=0).max()), 1e-300)
 
 
 def _straightened(time: Array, values: Array, chosen: IntArray, count: int) -> IntArray:
@@ -233,14 +258,8 @@ def _track(name: str, recording: Recording, rows: IntArray) -> Track:
         hip_step=steps(recording, recording.hip)[rows],
         starts=np.flatnonzero(np.diff(after)) + 1,
         dt=recording.dt,
-        led=recording.meta.get("source") in ("playback", "replay"),
+        led=recording.meta.get("source") in LED,
     )
-
-
-def held(track: Track, recording: Recording, model: Model) -> Track:
-    """Return the track of a recording with the motion across and along the surface that holds it."""
-    off, along = surface_motion(recording, model)
-    return replace(track, off=off[track.rows], along=along[track.rows])
 
 
 def surface_motion(recording: Recording, model: Model) -> tuple[Array, Array]:

@@ -238,7 +238,9 @@ def _draw_directions(axes: Axes, view: Box) -> None:
         tip = origin + size * TURN[:2, k]
         axes.plot(*np.stack([origin, tip]).T, color=drawn("quiet"), linewidth=0.8)
         axes.annotate(f"y{name}", tuple(origin + 1.35 * size * TURN[:2, k]), ha="center", va="center", fontsize=8)
-    length = 10.0 ** np.floor(np.log10(0.4 * (view[2] - view[0])))
+    most = 0.3 * (view[2] - view[0])
+    power = 10.0 ** np.floor(np.log10(most))
+    length = max(each * power for each in (1.0, 2.0, 5.0) if each * power <= most)
     start = np.array([view[0] + 0.4 * size, view[1] + 0.5 * size])
     axes.plot([start[0], start[0] + length], [start[1]] * 2, color=drawn("quiet"), linewidth=1.4)
     axes.annotate(f"{length:g} mm", tuple(start), xytext=(0, 3), textcoords="offset points", fontsize=8)

@@ -16,11 +16,12 @@ from typing import Any
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.files import replacing
 from hapticeval.geometry.model import Model
+from hapticeval.phenomena.sampling import LED
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
 from hapticeval.reports.canvas import classed
-from hapticeval.reports.case_data import Packer, Track, fineness, held, packed_runs, placed, tracks
+from hapticeval.reports.case_data import Packer, Track, fineness, packed_runs, placed, tracks
 from hapticeval.reports.case_figure import Look, Panel, Place, compact, look, panels, panels_svg, plane_svg
 from hapticeval.reports.case_model import packed_model
 from hapticeval.reports.places import ASSETS as ASSET_FOLDER
@@ -155,10 +156,12 @@ def case_section(
     whole = {name: placed(each) for name, each in recordings.items() if isinstance(each, Recording) and _shown(each)}
     problems = {name: each for name, each in recordings.items() if isinstance(each, str)}
     times = {name: [t for v in verdicts.get(name, ()) if (t := time_of(v)) is not None] for name in whole}
-    found = tracks({name: whole[name] for name in names if name in whole}, times)
     model = model_of(entries[0])
-    if model is not None and found and model.dimension != found[0].hip.shape[1]:
+    if model is not None and any(each.dimension != model.dimension for each in whole.values()):
         model = None
+    is_led = any(each.meta.get("source") in LED for each in whole.values())
+    surface = model if entries[0].scene.bilateral and not is_led else None
+    found = tracks({name: whole[name] for name in names if name in whole}, times, held_on=surface)
     crosses = {
         entry.renderer: entry.refusal.position
         for entry in entries
@@ -169,10 +172,7 @@ def case_section(
     data: dict[str, Any] = {}
     label = "/".join(case)
     if found:
-        bilateral = entries[0].scene.bilateral and not any(each.led for each in found)
-        if model is not None and bilateral:
-            found = [held(each, whole[each.name], model) for each in found]
-        shown = panels(found, held=model is not None and bilateral)
+        shown = panels(found, held=surface is not None)
         title = f"{label}: {', '.join(each.name for each in found)}"
         figures = {
             "plane": plane_svg(
@@ -186,7 +186,7 @@ def case_section(
     elif crosses and model is not None and model.dimension == 2:
         title = f"{label}: the outline of the model, and where renderers refuse it"
         figures = {"refused": refusal_svg(model, next(iter(crosses.values())), prefix=f"{prefix}p", title=title)}
-    charts = []
+    charts: list[tuple[str, str, str]] = []
     for name, each in whole.items():
         if model is not None and has_charts(each):
             title, key = f"{name} in {label}: the charts", f"charts of {name}"
@@ -231,7 +231,7 @@ def model_of(entry: RunEntry) -> Model | None:
 
 def time_of(verdict: VerdictEntry) -> float | None:
     """Return the time, s, that a verdict's evidence names; None where it names none."""
-    time = verdict.evidence.get("time")
+    time: Any = verdict.evidence.get("time")
     return float(time) if type(time) in (int, float) else None
 
 

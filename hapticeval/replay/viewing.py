@@ -71,7 +71,9 @@ def _title(file: Path) -> str:
 
 def _unjudged(file: Path, recording: Recording, model: Mapping[str, Any] | None, why: str) -> Viewed:
     said = scene_of(recording)
-    numbers = {name: float(said.get(name, 0.0)) for name in ("stiffness", "damping", "mass", "restitution")}
+    stiffness, damping, mass, restitution = (
+        float(said.get(name, 0.0)) for name in ("stiffness", "damping", "mass", "restitution")
+    )
     entry = RunEntry(
         suite=SUITE,
         case=file_stem(file.stem),
@@ -86,7 +88,14 @@ def _unjudged(file: Path, recording: Recording, model: Mapping[str, Any] | None,
         model=dict(model or {"kind": "unknown"}),
         depth_of=None,
         judged=False,
-        scene=SceneEntry(**numbers, bilateral=bool(said.get("bilateral", False)), sampling_time=float(recording.dt)),
+        scene=SceneEntry(
+            stiffness=stiffness,
+            damping=damping,
+            mass=mass,
+            restitution=restitution,
+            bilateral=bool(said.get("bilateral", False)),
+            sampling_time=float(recording.dt),
+        ),
         closed_form=None,
         ended=None,
         error=None,

@@ -314,7 +314,8 @@
           g.moveTo(...this.screen(this.flat(columns, first - 1)));
           for (let k = first; k < end; k++) {
             const point = this.screen(this.flat(columns, k));
-            if (run.starts.has(k)) g.moveTo(...point); else g.lineTo(...point);
+            const free = columns === run.ihip && !(run.touches[k] && run.touches[k - 1]);
+            if (free || run.starts.has(k)) g.moveTo(...point); else g.lineTo(...point);
           }
         }
         g.stroke();
@@ -484,7 +485,10 @@
       box.append(this.holder);
       this.made = [];
       this.make();
-      new ResizeObserver(() => this.made.forEach((each) => { if (this.holder.clientWidth) each.setSize({ width: this.holder.clientWidth, height: this.height() }); })).observe(this.holder);
+      new ResizeObserver(() => {
+        if (this.holder.clientWidth) this.made.forEach((each) => each.setSize({ width: this.holder.clientWidth, height: this.height() }));
+        this.move();
+      }).observe(this.holder);
     }
 
     height() { return Math.round(Math.max(150, Math.min(210, 460 / this.panels.length))); }

@@ -22,7 +22,7 @@ from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports import case_data
 from hapticeval.reports.canvas import THEME
-from hapticeval.reports.case_data import Packer, fineness, jumps, kept, placed, surface_motion, tracks, unpacked
+from hapticeval.reports.case_data import Packer, fineness, jumps, kept, placed, steps, surface_motion, tracks, unpacked
 from hapticeval.reports.case_figure import look, panels, panels_svg, plane_svg
 from hapticeval.reports.case_model import TURN, packed_model, triangles_of
 from hapticeval.reports.case_page import ASSETS, case_section, write_assets, write_case_page, write_view
@@ -88,6 +88,14 @@ def test_lines_between_the_samples_are_as_good_as_the_rest():
         values = run.channels[channel]
         lines = np.column_stack([np.interp(time, time[rows], column[rows]) for column in values.T])
         assert np.abs(lines - values).max() <= case_data.WITHIN * np.ptp(values, axis=0).max()
+
+
+def test_between_jumps_the_steps_are_as_small_as_they_were():
+    recording = lobe_recording()
+    step = steps(recording, recording.ihip)
+    rows = kept([recording], [], 300)
+    lines = np.interp(recording.time, recording.time[rows], step[rows])
+    assert np.abs(lines - step).max() <= case_data.WITHIN * np.ptp(step)
 
 
 def test_runs_along_one_path_share_its_samples_and_their_place_in_the_data():
@@ -212,10 +220,7 @@ def test_no_two_of_many_renderers_look_alike():
 
 
 def held_on(model, **runs):
-    found = [
-        case_data.held(track, runs[track.name], model)
-        for track in tracks({name: placed(run) for name, run in runs.items()}, {})
-    ]
+    found = tracks({name: placed(run) for name, run in runs.items()}, {}, held_on=model)
     looks = {name: look(k) for k, name in enumerate(runs)}
     return (
         plane_svg(found, model, looks, [], crosses={}, prefix="a", title="three"),
@@ -238,7 +243,7 @@ def test_a_run_that_leaves_does_not_shrink_the_others_and_what_is_small_is_seen_
 def test_a_solid_is_drawn_with_its_axes_and_a_scale():
     lifted = {name: np.column_stack([each, np.zeros(500)]) for name, each in orbit(0.11, 0.5).channels.items()}
     plane, _ = held_on(make_model("sphere", size=0.2), one=Recording(np.arange(500) * 1e-3, lifted))
-    assert {"y₁", "y₂", "y₃", "10 mm"} <= set(words(plane))
+    assert {"y₁", "y₂", "y₃", "50 mm"} <= set(words(plane))
 
 
 # The page.
