@@ -152,15 +152,19 @@ def plane_svg(
         for each in found:
             hands.setdefault(each.hip.tobytes(), []).append(each)
         for group in hands.values():
+            if group[0].off is not None:
+                continue
             colour = looks[group[0].name].role if len(hands) > 1 and len(group) == 1 else "quiet"
             path = _broken(group[0].hip @ onto, group[0].starts)
             axes.plot(*path.T, color=drawn(colour), linewidth=0.8, zorder=2)
         for each in found:
-            _draw_path(axes, each, each.ihip @ onto, looks[each.name], _hidden(each, model) if space else None)
+            path = each.ihip if each.off is None else each.hip
+            _draw_path(axes, each, path @ onto, looks[each.name], _hidden(each, model) if space else None)
         where = []
         for place in places:
             each = next(track for track in found if track.name == place.renderer)
-            where.append(each.ihip[int(np.argmin(np.abs(each.time - place.time)))] @ onto)
+            path = each.ihip if each.off is None else each.hip
+            where.append(path[int(np.argmin(np.abs(each.time - place.time)))] @ onto)
             axes.plot(
                 *where[-1], marker="o", markersize=9.0, markerfacecolor="none", markeredgewidth=1.3,
                 color=drawn(looks[each.name].role), zorder=5,
@@ -177,11 +181,15 @@ def plane_svg(
         return compact(page_svg(made, prefix=prefix, title=title))
 
 
-def _draw_path(axes: Axes, each: Track, ihip: Array, style: Look, hidden: BoolArray | None) -> None:
-    """The way of the tool where it is in contact; without IHIP there is none, and where it is `hidden` it is faint."""
+def _draw_path(axes: Axes, each: Track, path: Array, style: Look, hidden: BoolArray | None) -> None:
+    """The way of the tool where it is in contact; without IHIP there is none, and where it is `hidden` it is faint.
+
+    A tool that is held on a surface is where the hand is.
+    """
     if each.apart is None:
         return
-    path = np.where(np.any(each.apart != 0.0, axis=1)[:, None], ihip, np.nan)
+    if each.off is None:
+        path = np.where(np.any(each.apart != 0.0, axis=1)[:, None], path, np.nan)
     how: dict[str, Any] = {"color": drawn(style.role), "dashes": style.dash or (None, None), "zorder": 3}
     seen = path if hidden is None else np.where(hidden[:, None], np.nan, path)
     if hidden is not None:
@@ -293,7 +301,10 @@ def panels_svg(
             axes.yaxis.set_label_coords(-0.115, 0.5)
             axes.grid(True)
             last = k == len(shown) - 1
-            axes.tick_params(labelbottom=last)
+            axes.tick_params(labelbottom=last, bottom=False, left=False, which="both")
+            if panel.powers is None:
+                axes.locator_params(axis="y", nbins=5)
+            axes.locator_params(axis="x", nbins=6)
             if last:
                 axes.set_xlabel("time (s)")
             for name in dict.fromkeys(place.renderer for place in places):
@@ -307,7 +318,7 @@ def panels_svg(
                 for time, text in labels([place.number for place in places], times, 0.03 * (end - start)):
                     axes.annotate(text, (float(time[0]), 1.0), xycoords=("data", "axes fraction"), xytext=(0, 1),
                                   textcoords="offset points", ha="center", fontsize=7.5)  # fmt: skip
-        return compact(page_svg(made, prefix=prefix, title=title))
+        return compact(page_svg(made, prefix=prefix, title=title), clipped=False)
 
 
 def _draw_panel(axes: Axes, found: Sequence[Track], panel: Panel, looks: Mapping[str, Look], *, alone: bool) -> None:
@@ -339,12 +350,14 @@ def _draw_panel(axes: Axes, found: Sequence[Track], panel: Panel, looks: Mapping
     axes.set_ylim(low - (pad if low < 0.0 else 0.3 * pad), high + pad)
 
 
-def compact(svg: str) -> str:
+def compact(svg: str, *, clipped: bool = True) -> str:
     """Return the same figure with its lines to a tenth of a point, each point by its distance from the last.
 
-    Groups that say nothing go, and so do the clips of straight lines, which end at the axes.
+    Groups that say nothing go, and so do the clips of straight lines, which end at the axes, or of all lines where
+    nothing is beyond the axes to be `clipped`.
     """
-    svg = re.sub(r'( d="M \S+ \S+ \S+ \S+ ?") clip-path="[^"]*"', r"\1", svg)
+    straight = r'( d="M \S+ \S+ \S+ \S+ ?")' if clipped else r'( d="[^"]*")'
+    svg = re.sub(straight + r' clip-path="[^"]*"', r"\1", svg)
     whole = ""
     while whole != svg:
         whole, svg = svg, re.sub(r"<g>((?:<(?:path|use|text)\b[^>]*(?:/>|>[^<]*</text>))+)</g>", r"\1", svg)

@@ -206,6 +206,7 @@ def case_section(
 def _classed(figures: Mapping[str, str], prefix: str) -> tuple[dict[str, str], str]:
     """Return the figures with their styles as classes of names that begin with `prefix`, and the rules of these."""
     elements, rules = classed(list(figures.values()))
+    rules = re.sub(r"font-family:[^;}]*;|stroke-dashoffset:0;", "", rules)  # the page's font, as in every figure
     named = [re.sub(r'class="z(\d+)"', rf'class="{prefix}\1"', each) for each in elements]
     return dict(zip(figures, named, strict=True)), re.sub(r"^\.z(\d+)", rf".{prefix}\1", rules, flags=re.MULTILINE)
 
