@@ -130,7 +130,7 @@ for _command, _epilog, _short in (
     (recordings.compare, recordings.COMPARED, "Compare the force of runs that no clock can align."),
     (search.search, search.EXIT_CODES, "Find the smallest path that breaks a renderer."),
     (bench.bench, bench.EXIT_CODES, "Measure what accuracy costs in time."),
-    (bench.rates, None, "Measure what a faster loop buys."),
+    (bench.rates, bench.RATED, "Measure what a faster loop buys."),
     (effects.effects, effects.MEASURED, "Measure what the effects of scenes cost."),
     (texture.texture, texture.SHOWN, "Show a texture, or take over a toolkit's."),
     (draw.field, draw.DRAWN, "Draw where a projection leads, and where it jumps."),

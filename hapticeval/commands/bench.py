@@ -20,6 +20,12 @@ Exit codes:
   3  a renderer broke (outranks 1 and 2)
 """
 
+RATED = """\b
+Exit codes:
+  0  measured; a renderer that refuses a case or breaks in it has the reason in its row
+  2  wrong usage or input
+"""
+
 
 def bench(
     renderers: Renderers = None,
