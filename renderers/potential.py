@@ -35,6 +35,9 @@ further from crossing, and makes the force fall with depth where h is large: by 
 STEPS = 60
 """Most steps to the level of a point, between these two."""
 
+ROUNDING = 2e-16
+"""Share of H below which a change of the level is rounding."""
+
 
 @inner
 def level(numbers: Array, first: int, t: float) -> tuple[float, float, float, float]:
@@ -62,12 +65,12 @@ def level_at(numbers: Array, first: int, across: float, h: float) -> float:
     """
     support, reach = numbers[first + SUPPORT], numbers[first + REACH]
     if reach > 0.0 and h - across <= PARALLEL * reach:
-        return h - across
+        return float(h - across)
     low, high = PARALLEL * reach, LAST * reach
     a, b, _, _ = level(numbers, first, high)
     if reach == 0.0 or across <= a * (h - b):
-        return support - across / (h - b) * (support - b)
-    t = 0.5 * (low + high)
+        return float(support - across / (h - b) * (support - b))
+    t: float = 0.5 * (low + high)
     for _ in range(STEPS):
         a, b, da, db = level(numbers, first, t)
         off = a * (h - b) - across
@@ -78,8 +81,8 @@ def level_at(numbers: Array, first: int, across: float, h: float) -> float:
         following = t + off / (a * db - da * (h - b))
         if not low <= following <= high:
             following = 0.5 * (low + high)
-        if abs(following - t) <= 1e-16 * support:
-            return following
+        if abs(following - t) <= ROUNDING * support:
+            return float(following)
         t = following
     return t
 
