@@ -1,8 +1,10 @@
 # make run     set up, judge the built-in renderers, by playback and in closed loop, write results/
 # make test    set up with the development tools, run the tests
 # make fuzz    explore with fresh seeds for MINUTES=30: properties, damaged files, odd renderers
+# make counterexamples  search for the smallest path that breaks each built-in renderer, into results/counterexamples
 # make bench   time the renderers            make study   the longer studies
 # make browser look at the report's pages in a headless Chromium: needs chromium and npm
+# make docs    build the pages of documentation into build/site, and run the notebooks
 # make lint    ruff, and mypy on an installed copy
 # make clean   remove what these made; results/ stays
 
@@ -10,7 +12,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test fuzz bench study browser lint clean
+.PHONY: run test fuzz counterexamples bench study browser docs lint clean
 
 run: .venv/run.stamp .venv/kernels.stamp
 	@$(BIN)/hapticeval run thesis dynamics generated effects -o results || { code=$$?; \
@@ -23,6 +25,12 @@ test: .venv/dev.stamp .venv/kernels.stamp
 fuzz: .venv/dev.stamp .venv/kernels.stamp
 	$(BIN)/python tests/fuzz.py $(or $(MINUTES),30)
 
+# What is kept is tried first the next time, and stays as it is while it fails. A minute for each renderer at the most.
+counterexamples: .venv/run.stamp .venv/kernels.stamp
+	@$(BIN)/hapticeval search -r constraint -r conformal -r mapping -r minimum-distance -r set-stabilisation \
+	  --check continuous-contact --check broken-contact --check abrupt-switch --check impulsive-collision \
+	  --check memoryless -o results/counterexamples || [ $$? = 1 ]
+
 bench: .venv/dev.stamp .venv/kernels.stamp
 	$(BIN)/pytest benchmarks/
 
@@ -31,6 +39,10 @@ study: .venv/dev.stamp .venv/kernels.stamp
 
 browser: .venv/dev.stamp .venv/kernels.stamp .venv/browser/node_modules/axe-core/axe.min.js
 	$(BIN)/pytest -m browser
+
+docs: .venv/dev.stamp .venv/kernels.stamp
+	$(BIN)/mkdocs build --strict --quiet
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/pytest -m docs
 
 lint: .venv/dev.stamp
 	$(BIN)/ruff check .

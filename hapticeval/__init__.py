@@ -1,52 +1,68 @@
 """Conformance and benchmarking for haptic renderers: six phenomena of rigid contact as automated checks.
 
-The light value types are imported here. What needs compiled geometry (`Scene`, `Response` and what is built
-on them) is imported on first use, so that `import hapticeval` stays quick.
+Each name is imported on first use, so that `import hapticeval` costs nothing: pytest's plugin is imported in every run
+of pytest.
 """
 
 from __future__ import annotations
 
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
-
-from hapticeval.errors import (
-    HapticevalError,
-    InputError,
-    NothingSelectedError,
-    RefusalError,
-    RendererError,
-    UnknownNameError,
-)
-from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
-from hapticeval.recordings.recording import Recording
-from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
-from hapticeval.types import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
     from hapticeval.api import Results, judge, run
     from hapticeval.discovery import known_renderers, resolve
+    from hapticeval.errors import (
+        HapticevalError,
+        InputError,
+        NothingSelectedError,
+        RefusalError,
+        RendererError,
+        UnknownNameError,
+    )
     from hapticeval.geometry.catalogue import make_model
     from hapticeval.phenomena.check import Check, Runs
+    from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
     from hapticeval.recordings.hdf5 import read_recording
+    from hapticeval.recordings.recording import Recording
     from hapticeval.renderer import Batch, Declaration, Renderer, RendererFactory, Response, Spring, TrajectoryRenderer
     from hapticeval.scene import Scene
+    from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
     from hapticeval.suite.reading import load_suite
+    from hapticeval.types import Array, BoolArray, IntArray
 
-__version__ = version("hapticeval")
+    __version__: str
 
 _LAZY = {
+    "Array": "hapticeval.types",
     "Batch": "hapticeval.renderer",
+    "BoolArray": "hapticeval.types",
     "Check": "hapticeval.phenomena.check",
     "Declaration": "hapticeval.renderer",
+    "Experiment": "hapticeval.stimulus.stimulus",
+    "Finding": "hapticeval.phenomena.verdict",
+    "HapticevalError": "hapticeval.errors",
+    "InputError": "hapticeval.errors",
+    "IntArray": "hapticeval.types",
+    "Level": "hapticeval.phenomena.verdict",
+    "Metric": "hapticeval.phenomena.verdict",
+    "NothingSelectedError": "hapticeval.errors",
+    "Outcome": "hapticeval.phenomena.verdict",
+    "Path": "hapticeval.stimulus.stimulus",
+    "Recording": "hapticeval.recordings.recording",
+    "RefusalError": "hapticeval.errors",
     "Renderer": "hapticeval.renderer",
+    "RendererError": "hapticeval.errors",
     "RendererFactory": "hapticeval.renderer",
     "Response": "hapticeval.renderer",
     "Results": "hapticeval.api",
     "Runs": "hapticeval.phenomena.check",
     "Scene": "hapticeval.scene",
-    "TrajectoryRenderer": "hapticeval.renderer",
     "Spring": "hapticeval.renderer",
+    "Stimulus": "hapticeval.stimulus.stimulus",
+    "TrajectoryRenderer": "hapticeval.renderer",
+    "UnknownNameError": "hapticeval.errors",
+    "Verdict": "hapticeval.phenomena.verdict",
     "judge": "hapticeval.api",
     "known_renderers": "hapticeval.discovery",
     "load_suite": "hapticeval.suite.reading",
@@ -98,7 +114,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import a heavy name on its first use (PEP 562)."""
+    """Import a name on its first use (PEP 562)."""
+    if name == "__version__":
+        return import_module("importlib.metadata").version("hapticeval")
     if name not in _LAZY:
         raise AttributeError(f"module 'hapticeval' has no attribute '{name}'")
     return getattr(import_module(_LAZY[name]), name)

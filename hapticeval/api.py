@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
+from msgspec.structs import replace
+
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.phenomena.verdict import Outcome
@@ -17,8 +19,18 @@ from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished
 from hapticeval.runner.execution import execute
 from hapticeval.runner.folder import prepare
+from hapticeval.runner.known import NONE_KNOWN, Known, read_known
+from hapticeval.runner.known import write_known as write_listed
 from hapticeval.runner.planning import Plan, plan
-from hapticeval.runner.results import FILE, ResultsDocument, RunEntry, RunKey, VerdictEntry, read_results
+from hapticeval.runner.results import (
+    FILE,
+    ResultsDocument,
+    RunEntry,
+    RunKey,
+    VerdictEntry,
+    read_results,
+    write_results,
+)
 from hapticeval.runner.resuming import finished
 from hapticeval.runner.sharding import Shard
 from hapticeval.runner.work import Work, run_job
@@ -47,6 +59,10 @@ def run(
     output: str | Path | None = None,
     seed: int = 0,
     strict: bool = False,
+    known: str | Path | None = None,
+    quick: bool = False,
+    exit_first: bool = False,
+    failed_first: bool = False,
     workers: int | None = None,
     timeout: float = math.inf,
     watch: Callable[[Event], None] | None = None,
@@ -57,11 +73,15 @@ def run(
     """Judge renderers in the cases of suites, as `hapticeval run` does, and return what was found.
 
     `renderers` are one or several; a mapping names them, others are called as they are written. Without any, each suite
-    runs its own. `suites` are names, groups, TOML files or `load_suite`'s; `select` are globs on cases, `suite/case` or
-    `case/check`. Nothing is written but to the folder `output`: results.json and the recordings, see `Results.report`.
-    `workers` processes share the work, one for each processor if not given; renderers that are not names run in this
-    process, with `workers=0`. One in a process of its own that takes longer than `timeout` seconds in a case is ended,
-    and its verdicts are errors. `watch` is called with each event of the run. With `strict` warnings count.
+    runs its own. `suites` are names, groups, TOML files or `load_suite`'s; `select` are expressions over names of cases
+    and checks, see `suite.selection`. Nothing is written but to the folder `output`: results.json and the recordings,
+    see `Results.report`. `workers` processes share the work, one for each processor if not given; renderers that are
+    not names run in this process, with `workers=0`. One in a process of its own that takes longer than `timeout`
+    seconds in a case is ended, and its verdicts are errors. `watch` is called with each event of the run.
+
+    With `strict` warnings count. `known` is a file of known failures, see `runner.known`. A `quick` run takes few
+    cases, which have every check between them; `exit_first` ends it at the first verdict that stops a gate;
+    `failed_first` begins with what did in the results that `output` holds.
 
     Of what that makes, a `shard` "3/16" is the part that is run, see `merge`; with `resume` what an earlier run into
     `output` has finished is kept; and the workers of the dask `scheduler` at an address do the work, if there is one.
@@ -87,8 +107,13 @@ def run(
         select=_listed(select, "select", (str,)),
         seed=seed,
         strict=strict,
+        known=NONE_KNOWN if known is None else read_known(Path(known)),
+        quick=quick,
+        exit_first=exit_first,
         shard=None if shard is None else Shard.parse(shard),
     )
+    if failed_first and output is not None and (Path(output) / FILE).exists():
+        planned = planned.failed_first(read_results(Path(output)))
     if workers is None:
         workers = 0 if factories else cores()
     return carry_out(
@@ -294,6 +319,20 @@ class Results:
         drawn = write_figures(folder, self.document, figures)
         options: dict[str, Any] = {"single_file": single_file, "progress": progress, "stopped": stopped}
         return [self.file, *write_reports(folder, workers=cores(), **options), *drawn]
+
+    def write_known(self, file: str | Path) -> Results:
+        """List in `file` all that stops the gate now, and return the results with these failures known.
+
+        Reasons that the file has stay, what passes now leaves it: see `Known.renewed`. Raises as `read_known` does.
+        """
+        listed = read_known(Path(file)) if Path(file).exists() else Known(source=Path(file).name)
+        listed = listed.renewed(self.document)
+        write_listed(Path(file), listed)
+        current = [replace(each, known=None) if each.outdated else each for each in self.verdicts]
+        document = replace(self.document, verdicts=list(map(listed.marked, current)))
+        if self.folder is not None:
+            write_results(self.folder, document)
+        return Results(document, self.folder, self.recordings, self.stopped)
 
     def __repr__(self) -> str:
         document = self.document

@@ -13,7 +13,9 @@ import typer
 from hapticeval import __version__
 from hapticeval.commands import (
     authors,
+    badge,
     bench,
+    diff,
     draw,
     effects,
     judging,
@@ -23,6 +25,7 @@ from hapticeval.commands import (
     texture,
     viewing,
 )
+from hapticeval.commands.arguments import Sections
 from hapticeval.commands.judging import EXIT_CODES
 from hapticeval.commands.terminal import say
 from hapticeval.errors import HapticevalError
@@ -117,6 +120,8 @@ for _command, _epilog, _short in (
     (authors.new, authors.WRITTEN, "Write a renderer to start from."),
     (authors.header, authors.PRINTED, "Print the C header for libraries."),
     (judging.report, judging.REPORTED, "Write the reports of an earlier run anew, from its results."),
+    (diff.diff, diff.EXIT_CODES, "Compare two runs: verdicts, margins and times."),
+    (badge.badge, badge.EXIT_CODES, "Draw a badge of what a run found."),
     (record.record, record.EXIT_CODES, "Run a renderer on a robot and record it."),
     (recordings.inspect, recordings.INSPECTED, "Examine a recording: clock, channels, units, physics."),
     (recordings.convert, recordings.CONVERTED, "Convert foreign files, journals and recordings."),
@@ -134,4 +139,4 @@ for _command, _epilog, _short in (
     (draw.limits, draw.LIMITS, "Find the largest stiffness that stays stable."),
     (draw.integrators, draw.DRAWN, "Draw how exactly a robot's motion is integrated."),
 ):
-    app.command(_command.__name__.rstrip("_"), epilog=_epilog, short_help=_short)(_command)
+    app.command(_command.__name__.rstrip("_"), cls=Sections, epilog=_epilog, short_help=_short)(_command)

@@ -148,7 +148,7 @@ def load(base: str, *, kind: str = "renderer") -> Any:
                 f"'{base}' does not name a {kind}",
                 why="package.module:factory needs a module before the colon and a factory after it",
             )
-        _see_current_directory()
+        see_current_directory()
     else:
         known = known_renderers()
         if base not in known:
@@ -184,7 +184,7 @@ def _factory(base: str, module: str, attribute: str, kind: str) -> Any:
         raise InputError(
             f"{kind} '{base}': cannot import the module '{module}'",
             why=_cause(error),
-            todo=f"name the module, not its file: {base.replace('.py:', ':')}" if module.endswith(".py") else todo,
+            todo=_module_of(module, attribute) if module.endswith(".py") else todo,
         ) from error
     for part in attribute.split("."):
         try:
@@ -205,6 +205,16 @@ def _factory(base: str, module: str, attribute: str, kind: str) -> Any:
     return found
 
 
+def _module_of(file: str, attribute: str) -> str:
+    """Return how a factory in a file is named: by its module, in the folder where that can be imported."""
+    path = Path(file)
+    inside = Path.cwd() if path.is_absolute() else Path()
+    relative = path.relative_to(inside) if path.is_relative_to(inside) else path
+    if relative.is_absolute() or ".." in relative.parts:
+        return f"name the module, not its file: in {path.parent}, {path.stem}:{attribute}"
+    return f"name the module, not its file: {'.'.join(relative.with_suffix('').parts)}:{attribute}"
+
+
 def _cause(error: BaseException) -> str:
     """The cause's own text, and the line of the user's file at which it was raised."""
     text = described(error)
@@ -214,7 +224,7 @@ def _cause(error: BaseException) -> str:
     return f"{text} ({frames[-1].filename}, line {frames[-1].lineno})"
 
 
-def _see_current_directory() -> None:
+def see_current_directory() -> None:
     """Let a module in the current directory be imported, as pytest and `python -m` do."""
     here = str(Path.cwd())
     if here not in sys.path and "" not in sys.path:

@@ -287,7 +287,8 @@ def check_support(scene: Scene, supports: frozenset[str]) -> None:
             why="the renderer is for unilateral contact without viscosity"
             + (f", and declares support for {declared}" if declared else ", as it declares no more"),
             todo="choose another renderer or case; one of your own that can do it declares so: "
-            f"supports = {{{', '.join(map(repr, lacking))}}}".replace("'", '"'),
+            f"supports = {{{', '.join(map(repr, lacking))}}}".replace("'", '"')
+            + "; a library by flags, as HR_PLANE",
         )
 
 

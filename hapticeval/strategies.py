@@ -35,6 +35,7 @@ from hapticeval.effects.effect import Effect
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry import catalogue
 from hapticeval.geometry.boundary import Boundary
+from hapticeval.geometry.curve import Curve, as_curve
 from hapticeval.geometry.model import Model
 from hapticeval.scene import Scene
 from hapticeval.stimulus.experiments import ExperimentTable
@@ -45,6 +46,9 @@ T = TypeVar("T")
 
 PARTS = ("slide", "corner", "graze", "rest", "release", "medial-axis", "focal-point", "through")
 """What a hand does between its first contact and its last release: see `hand_paths`."""
+
+ROUND = 16
+"""Places of a lap round a model at which the hand comes close to the surface, beside its corners."""
 
 PLACES = 100
 """Points of the surface from which parts start; any other lies between two of them."""
@@ -102,6 +106,19 @@ def hand_paths(
     if not possible:
         raise InputError(f"a path past a corner on model '{model.name}'", why="it has no corner", todo="add a part")
     return _hand_paths(model, possible, most, bool(tremor))
+
+
+def laps(model: Model) -> st.SearchStrategy[Moves]:
+    """Draw paths of a hand that goes along the whole outline of a plane `model`, under each corner, one to two times.
+
+    Up to 1 % of the model's size deep, either way, from free space and back: for what a renderer has left of the lap
+    before. Raises `InputError` for what is no model, and for one without a closed outline.
+    """
+    _check_model(model)
+    curve = as_curve(model.boundary)
+    if curve is None or not curve.closed:
+        raise InputError(f"a lap round model '{model.name}'", why="it has no closed outline in a plane")
+    return _laps(model, curve)
 
 
 def pushes(model: Model, *, bilateral: bool = False) -> st.SearchStrategy[ExperimentTable]:
@@ -426,6 +443,29 @@ def _hand_paths(draw: st.DrawFn, model: Model, parts: tuple[str, ...], most: int
 
 
 @st.composite
+def _laps(draw: st.DrawFn, model: Model, curve: Curve) -> Moves:
+    hand = _Hand(draw, model, None)
+    depth = 0.01 * model.size * (1 + draw(st.integers(0, 98))) / 99.0
+    way = draw(st.sampled_from([1.0, -1.0]))
+    start = draw(_share()) * curve.length
+    over = {corner.s: corner for corner in curve.corners}
+    stops = sorted(
+        {*over, *(np.arange(ROUND) * curve.length / ROUND).tolist()}, key=lambda s: way * (s - start) % curve.length
+    )
+    hand.release()
+    # A lap and the next up to a quarter, a half, three quarters of it, or all.
+    count = len(stops) + draw(st.integers(1, 4)) * len(stops) // 4
+    for k in range(count):
+        s = stops[k % len(stops)]
+        u = curve.parameter(s)
+        normal = over[s].normal_pre + over[s].normal_post if s in over else curve.normal(u)
+        hand.move(curve.position(u) - depth * normal / max(float(np.linalg.norm(normal)), 1e-9))
+    hand.place = hand.near(np.array(hand.at))
+    hand.release()
+    return Moves(start=hand.start, moves=tuple(hand.moves))
+
+
+@st.composite
 def _pushes(draw: st.DrawFn, model: Model, bilateral: bool) -> ExperimentTable:
     places = _places(model)
     place = places[draw(st.integers(0, PLACES - 1))]
@@ -610,9 +650,8 @@ def _hull(draw: st.DrawFn) -> Model:
     except QhullError:
         assume(False)
         raise
-    corners = points[hull.vertices]
-    number = {row: k for k, row in enumerate(hull.vertices.tolist())}
-    rows = np.array([[number[row] for row in triangle] for triangle in hull.simplices.tolist()])
+    corners = points[np.sort(hull.vertices)]
+    rows = np.searchsorted(np.sort(hull.vertices), hull.simplices)
     inward = np.linalg.det(corners[rows] - corners.mean(axis=0)) < 0.0
     rows[inward] = rows[inward][:, ::-1]
     assume(np.ptp(corners, axis=0).max() >= 0.01)

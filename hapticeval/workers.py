@@ -50,6 +50,14 @@ def _scheduled(pid: int | None) -> Path:
     return Path(f"/proc/{pid}/schedstat")
 
 
+def _waited(worker: _Worker) -> float:
+    """Return the seconds that a process has waited for a processor so far; 0.0 where it is not known."""
+    try:
+        return 1e-9 * int(_scheduled(worker.process.pid).read_text().split()[1])
+    except (OSError, ValueError, IndexError):
+        return 0.0
+
+
 class Ended(Exception):
     """The process that worked on a call has ended without an answer, with that exit `code` where it ended by itself.
 
@@ -163,12 +171,16 @@ class _Worker:
 
 
 class _Call(NamedTuple):
-    """A call that has begun: who is at it since when, and how many processes were killed over it before."""
+    """A call that has begun: who is at it since when, and how many processes were killed over it before.
+
+    `waited` (s) is what the process had waited for a processor by then.
+    """
 
     worker: _Worker
     arguments: tuple[Any, ...]
     killed: int
     begun: float
+    waited: float
 
 
 class Workers(Generic[T]):
@@ -232,7 +244,7 @@ class Workers(Generic[T]):
             except Exception:  # the arguments cannot travel, and nothing of them was sent
                 self._idle.append(worker)
                 raise
-            self._at[call] = _Call(worker, arguments, killed, time.monotonic())
+            self._at[call] = _Call(worker, arguments, killed, time.monotonic(), _waited(worker))
             return
 
     def answers(self, timeout: float | None = None) -> list[Answer[T]]:
@@ -241,7 +253,7 @@ class Workers(Generic[T]):
         calls = {each.worker.pipe: call for call, each in self._at.items()}
         for pipe in multiprocessing.connection.wait(list(calls), timeout) if calls else ():
             call = calls[cast("Connection", pipe)]
-            worker, arguments, killed, _ = self._at.pop(call)
+            worker, arguments, killed, *_ = self._at.pop(call)
             try:
                 answer = worker.pipe.recv_bytes()
             except (EOFError, OSError):  # in the middle of an answer, or before
@@ -258,9 +270,12 @@ class Workers(Generic[T]):
         return found
 
     def give_up(self, seconds: float) -> list[Answer[T]]:
-        """Kill the processes that have worked on a call for longer than `seconds`; return an answer for each."""
+        """Kill the processes that have worked on a call for longer than `seconds`; return an answer for each.
+
+        What they have waited for a processor meanwhile does not count, see `starved`.
+        """
         now = time.monotonic()
-        late = [call for call, at in self._at.items() if now - at.begun > seconds]
+        late = [call for call, at in self._at.items() if now - at.begun - (_waited(at.worker) - at.waited) > seconds]
         for call in late:
             self._at.pop(call).worker.end(0.0)
         return [Answer(call, None, Overdue()) for call in late]
@@ -275,11 +290,8 @@ class Workers(Generic[T]):
         What shares a machine with others is late for them: who waits for an answer need not count that. 0.0 where it is
         not known, and for a call that is answered.
         """
-        worker = self._at.get(call)
-        try:
-            return 0.0 if worker is None else 1e-9 * int(_scheduled(worker.process.pid).read_text().split()[1])
-        except (OSError, ValueError, IndexError):
-            return 0.0
+        at = self._at.get(call)
+        return 0.0 if at is None else _waited(at.worker)
 
     def _new(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()

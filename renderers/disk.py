@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -51,7 +52,7 @@ class DiskProjection:
     the map itself is blurred. Lines of projection are curved: regulate with (5.21), `transversal`.
     """
 
-    potential = ()
+    potential: Sequence[float] = ()
 
     def __init__(self, disk: DiskMap, curve: Curve, *, bilateral: bool, resolution: float = 0.0) -> None:
         self.surface = curve

@@ -119,7 +119,7 @@ class ProjectiveFamily:
         They need no force sensor: what it measures the inner loop gives to the tool (8.6), beside their force.
         Viscosity (7.18) they do not have: no scheme of section 4.2 brakes along the surface alone.
         """
-        space = self.space and self.representation in (TABULATED, "polygon")
+        space = self.space and self.representation in (TABULATED, "polygon", LUT)
         return frozenset({"bilateral", "force-sensor", "plane"} | ({"space"} if space else set()))
 
     @property

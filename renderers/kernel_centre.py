@@ -27,7 +27,7 @@ from hapticeval.geometry.curve_kernels import NODES, WEIGHTS
 from hapticeval.geometry.kernels import ARC, KIND, LINE, U0, U1, evaluate_many
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.surface import Surface
-from hapticeval.types import Array
+from hapticeval.types import Array, IntArray
 
 GRAZES = 1e-9
 """Least support distance, as a share of the largest: with less a ray runs along the surface, to rounding."""
@@ -175,6 +175,7 @@ def _inside_kernel(surface: Sampled, name: str) -> Array:
         bounds=[(None, None)] * rows.shape[1],
         method="highs",
     )
+    assert found.x is not None, "the faces of a closed surface bound the least support distance"
     point = start + size * found.x[:-1]
     supports = surface.supports(point)
     if supports.min() > GRAZES * supports.max():
@@ -191,7 +192,7 @@ def _inside_kernel(surface: Sampled, name: str) -> Array:
     )
 
 
-def _apart(surface: Sampled, carrying: Array) -> tuple[int, int]:
+def _apart(surface: Sampled, carrying: IntArray) -> tuple[int, int]:
     """Return two of the places that leave no kernel, the way from the first to the second of which leads outside.
 
     Those that carry the optimum have weights m > 0 with sum m n = 0 and sum m n.y <= 0. So for each y_j of them sum_k

@@ -8,7 +8,7 @@ give the level curves (Combescure's transforms; in space the same)
 The hand at y_t(s) has y_0(s) as IHIP and, with U = K t^2 / 2, the force F = K t / v n, where v = B' - A' h is the speed
 at which the level curves go inwards. It is -grad U, for n.dy_t/ds = 0 makes F.dx = -U'(t) dt. Here B = A b, with
 
-    b(t) = t up to half of m, then with a derivative that falls to zero smoothly, from three quarters of m on constant
+    b(t) = t up to half of m, then with a derivative that falls to zero smoothly, from m on constant, 3/4 m
     A(t) = (H - t) / (H - b(t))
 
 so that t is the depth n.(IHIP - HIP) wherever h = H. Up to the depth m / 2 the level curves are parallel curves, v = 1,
@@ -27,8 +27,10 @@ from hapticeval.types import Array
 SUPPORT, REACH, CENTRE = range(3)
 """Where H, m and the centre are in the numbers of a potential."""
 
-PARALLEL, LAST = 0.5, 0.75
-"""Shares of m up to which b is t, and from which it is constant."""
+PARALLEL, LAST = 0.5, 1.0
+"""Shares of m up to which b is t, and from which it is constant, three quarters of m. A shorter blend keeps the curves
+further from crossing, and makes the force fall with depth where h is large: by 0.5 K on a 2:1 ellipse for half of it.
+"""
 
 STEPS = 60
 """Most steps to the level of a point, between these two."""

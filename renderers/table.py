@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hapticeval.compiled import compiled
+from hapticeval.compiled import compiled, for_kernels
 from hapticeval.errors import InputError, RefusalError
 from hapticeval.types import Array, BoolArray, ByteArray
 
@@ -96,6 +96,51 @@ def look_up_many(
 
 
 @compiled
+def look_up_in_space(
+    nodes: Array, cells: ByteArray, frame: Array, everywhere: bool, hips: Array
+) -> tuple[Array, Array, ByteArray]:
+    """`look_up_many` for rows of hips (n, 3)."""
+    count, most, mean = hips.shape[0], cells.shape[::-1], np.empty(6)
+    ihips, normals, status = hips.copy(), np.zeros_like(hips), np.zeros(count, np.uint8)
+    cell, share = np.empty(3, np.int64), np.empty(3)
+    for row in range(count):
+        on = True
+        for axis in range(3):
+            at = (hips[row, axis] - frame[axis]) * frame[3]
+            on = on and 0.0 <= at <= most[axis]
+            if on:
+                cell[axis] = min(np.int64(at), most[axis] - 1)
+                share[axis] = at - cell[axis]
+        if not on:
+            finite = not np.isnan(hips[row]).any()
+            status[row] = ASK if everywhere and finite else OUT
+            continue
+        i, j, k = cell
+        kind = cells[k, j, i]
+        if kind == FREE or kind >= MARKED:
+            status[row] = OUT if kind == FREE else ASK
+            continue
+        mean[:] = 0.0
+        for corner in range(8):
+            x, y, z = corner & 1, (corner >> 1) & 1, corner >> 2
+            weight = share[0] if x else 1.0 - share[0]
+            weight *= share[1] if y else 1.0 - share[1]
+            weight *= share[2] if z else 1.0 - share[2]
+            for axis in range(6):
+                mean[axis] += weight * nodes[k + z, j + y, i + x, axis]
+        size, behind = 0.0, 0.0
+        for axis in range(3):
+            size += mean[3 + axis] * mean[3 + axis]
+            behind += (hips[row, axis] - mean[axis]) * mean[3 + axis]
+        if kind == EDGE and not behind < 0.0:
+            continue
+        status[row] = TOUCHES
+        for axis in range(3):
+            ihips[row, axis], normals[row, axis] = mean[axis], mean[3 + axis] / math.sqrt(size)
+    return ihips, normals, status
+
+
+@compiled
 def _bilinear(nodes: Array, i: np.uint64, j: np.uint64, a: float, b: float) -> tuple[float, float, float, float]:
     """IHIP and unit normal at the shares (a, b) of cell (i, j): unsigned, so that no index counts from the end."""
     right, above = i + np.uint64(1), j + np.uint64(1)
@@ -108,8 +153,8 @@ def _bilinear(nodes: Array, i: np.uint64, j: np.uint64, a: float, b: float) -> t
     return px, py, nx * size, ny * size
 
 
-CELL = 0.5e-3
-"""Side of a cell (m) in the thesis's experiments (6.2)."""
+CELL = {2: 0.5e-3, 3: 2e-3}
+"""Side of a cell (m): in the plane that of the thesis's experiments (6.2), which in space makes 3 GB of 0.2 m cubed."""
 
 IN_MEMORY = 2 << 30
 """The most bytes that a table may take."""
@@ -134,12 +179,17 @@ class Grid:
         return 16 * self.dimension * math.prod(count + 1 for count in self.cells)
 
     @property
+    def nbytes(self) -> int:
+        """What nodes and cells take: known before a table is made."""
+        return self.node_bytes + self.cell_bytes
+
+    @property
     def cell_bytes(self) -> int:
         """What the cells take: one byte each, for what (6.2) leaves out."""
         return math.prod(self.cells)
 
 
-def grid_over(lower: Sequence[float], upper: Sequence[float], cell: float = CELL) -> Grid:
+def grid_over(lower: Sequence[float], upper: Sequence[float], cell: float) -> Grid:
     """The grid that covers a box (m) and a margin of one cell.
 
     Raises `InputError` for a cell that is not positive and finite, and `RefusalError` for one larger than the box.
@@ -149,7 +199,7 @@ def grid_over(lower: Sequence[float], upper: Sequence[float], cell: float = CELL
         raise InputError(
             f"a look-up table with cells of {cell!r} m",
             why="the side of a cell must be positive",
-            todo=f"choose a cell such as the thesis's {CELL:g} m",
+            todo=f"choose a cell such as {CELL[len(extents)]:g} m",
         )
     if cell > max(extents):
         raise RefusalError(
@@ -195,8 +245,9 @@ class Table:
         return look_up(*self._arrays, self.everywhere, x, y)
 
     def look_many(self, hips: Array) -> tuple[Array, Array, ByteArray]:
-        """`look` for each row of hips (n, 2): IHIPs, normals, status."""
-        return look_up_many(*self._arrays, self.everywhere, hips)
+        """`look` for each row of hips (n, N), in the plane and in space: IHIPs, normals, status."""
+        look_up = look_up_many if self.grid.dimension == 2 else look_up_in_space
+        return look_up(*self._arrays, self.everywhere, for_kernels(hips))
 
     def answers(self, hips: Array) -> tuple[Array, Array, BoolArray]:
         """IHIPs (n, N), normals (n, N) and contact (n,) for hips (n, N), m, from the table alone, in plane and space.
@@ -245,11 +296,12 @@ def empty(grid: Grid, *, everywhere: bool = False) -> Table:
 
     Raises `RefusalError` for a grid that needs more than 2 GiB.
     """
-    if grid.node_bytes + grid.cell_bytes > IN_MEMORY:
+    if grid.nbytes > IN_MEMORY:
+        fits = grid.cell * (grid.nbytes / IN_MEMORY) ** (1.0 / grid.dimension)
         raise RefusalError(
-            f"a look-up table of {grid.node_bytes + grid.cell_bytes:.3g} bytes",
+            f"a look-up table of {grid.nbytes:.3g} bytes",
             why=f"cells of {grid.cell:g} m make {grid.cell_bytes:.3g} of them; at most 2 GiB are held in memory",
-            todo="choose a larger cell",
+            todo=f"choose a larger cell: {1.05 * fits:.2g} m fits",
         )
     shape = grid.cells[::-1]
     nodes = np.zeros((*(count + 1 for count in shape), 2 * grid.dimension))

@@ -32,13 +32,13 @@ from typing import Any
 
 import numpy as np
 
-from hapticeval.errors import RefusalError
-from hapticeval.geometry.curve import Curve, as_curve
+from hapticeval.geometry.boundary import Boundary
+from hapticeval.geometry.curve import as_curve
 from hapticeval.geometry.polygon_kernels import signed_distances
 from hapticeval.renderers.law import once
 from hapticeval.renderers.outline import outline_of
 from hapticeval.renderers.projective import Projection, ProxyState
-from hapticeval.renderers.table import ASK, CELL, EDGE, HELD, MARKED, TOUCHES, Table, empty, grid_over
+from hapticeval.renderers.table import ASK, CELL, EDGE, HELD, MARKED, TOUCHES, Grid, Table, empty, grid_over
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, ByteArray
 
@@ -81,7 +81,10 @@ def source_of(projection: Projection) -> Source:
         ihips, normals, _ = projection.trace(np.ascontiguousarray(points))
         return ihips, normals
 
-    outline = outline_of(curve_of(projection))
+    curve = as_curve(projection.surface)
+    if curve is None:
+        return Source(project=project, distance=projection.surface.signed_distance)
+    outline = outline_of(curve)
 
     def distance(points: Array) -> Array:
         return signed_distances(outline.vertices, outline.tree, points)
@@ -89,22 +92,22 @@ def source_of(projection: Projection) -> Source:
     return Source(project=project, distance=distance, stray=outline.stray)
 
 
-def curve_of(projection: Projection) -> Curve:
-    """The plane curve that a projection renders. Raises `RefusalError` in space: these tables are of the plane."""
-    curve = as_curve(projection.surface)
-    if curve is None:
-        raise RefusalError("a table of a surface in space", why="look-up tables are made of plane projections only")
-    return curve
+def grid_of(surface: Boundary, cell: float | None = None) -> Grid:
+    """Return the grid of a table of a boundary: `grid_of(...).nbytes` is the memory that it takes.
+
+    `cell` (m) is `CELL` in the plane and in space where none is given. Raises as `grid_over` does.
+    """
+    bounds, dimension = surface.bounds, surface.dimension
+    return grid_over(bounds[:dimension], bounds[dimension:], CELL[dimension] if cell is None else cell)
 
 
-def tabulate(projection: Projection, *, cell: float = CELL, everywhere: bool = False) -> Table:
+def tabulate(projection: Projection, *, cell: float | None = None, everywhere: bool = False) -> Table:
     """The table of a bilateral projection over its surface and a margin of one cell.
 
     With `everywhere` it answers in contact throughout, else where the HIP is inside. Raises `InputError` as
-    `grid_over` and `empty` do.
+    `grid_of` and `empty` do.
     """
-    xmin, ymin, xmax, ymax = curve_of(projection).bounds
-    table = empty(grid_over((xmin, ymin), (xmax, ymax), cell), everywhere=everywhere)
+    table = empty(grid_of(projection.surface, cell), everywhere=everywhere)
     return replace(table, standoff=fill(table, source_of(projection)))
 
 
@@ -278,14 +281,14 @@ def _parts(shape: tuple[int, ...]) -> list[tuple[slice, ...]]:
 class LutProjection:
     """Interpolates in a table; where the table does not interpolate, the `exact` projection answers.
 
-    `surface` is the curve that was tabulated, `resolution` (m) what is blurred: the side of a cell. `standoff` (m) is
-    the table's, or the exact projection's where that is larger. Without memory.
+    `surface` is the curve, or surface in space, that was tabulated, `resolution` (m) what is blurred: the side of a
+    cell. `standoff` (m) is the table's, or the exact projection's where that is larger. Without memory.
 
     An IHIP that is off by e turns the position error (4.5) by e / d at depth d, so that a spring along it, `pp`, is off
     the normal when shallow. The `transversal` scheme (5.21) pushes along the interpolated normal, which is not.
     """
 
-    def __init__(self, table: Table, surface: Curve, *, resolution: float, exact: Projection) -> None:
+    def __init__(self, table: Table, surface: Boundary, *, resolution: float, exact: Projection) -> None:
         self.table = table
         self.surface = surface
         self.resolution = resolution
@@ -295,6 +298,8 @@ class LutProjection:
 
     def project(self, hip: Array) -> ProxyState:
         """One tick."""
+        if hip.size == 3:
+            return ProxyState(*(each[0] for each in self.trace(hip[np.newaxis])))
         x, y = hip.tolist()
         status, px, py, nx, ny = self.table.look(x, y)
         if status == ASK:
@@ -302,7 +307,7 @@ class LutProjection:
         return ProxyState((px, py), (nx, ny), status == TOUCHES)
 
     def trace(self, hips: Array) -> tuple[Array, Array, BoolArray]:
-        """A tick a row of `hips` (n, 2): IHIPs, normals and contact."""
+        """A tick a row of `hips` (n, N): IHIPs, normals and contact."""
         ihips, normals, status = self.table.look_many(hips)
         contact = status == TOUCHES
         asked = np.flatnonzero(status == ASK)
@@ -312,14 +317,15 @@ class LutProjection:
 
 
 def tabulated(
-    project: Callable[..., Projection], scene: Scene, representation: str, *, cell: float = CELL, **settings: Any
+    project: Callable[..., Projection], scene: Scene, representation: str, *, cell: float | None = None, **settings: Any
 ) -> Projection:
     """The projection `project(scene, representation, **settings)` through a table with cells of side `cell` (m).
 
-    The table is made once for a model, and shared. The unbounded line has no finite table, and is answered exactly.
+    Without one it is `CELL`. The table is made once for a model, and shared. The unbounded line has no finite table,
+    and is answered exactly.
     Raises `InputError` for a cell that is not positive, or so small that the table would not fit in memory.
     """
-    if not scene.model.curve.closed:
+    if not scene.model.boundary.closed:
         return project(scene, representation, **settings)
 
     def make() -> Table:
@@ -329,4 +335,4 @@ def tabulated(
     exact = project(scene, representation, **settings)
     key = (project, representation, cell, scene.bilateral, *sorted(settings.items()))
     table = once(scene.model, key, make)
-    return LutProjection(table, curve_of(exact), resolution=max(cell, exact.resolution), exact=exact)
+    return LutProjection(table, exact.surface, resolution=max(table.grid.cell, exact.resolution), exact=exact)

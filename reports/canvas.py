@@ -208,6 +208,8 @@ def inlined(svg: str, *, prefix: str, title: str) -> str:
     svg = re.sub(r"<[^>]+>", lambda tag: re.sub(r"-?\d+\.\d{3,}", _rounded, tag[0]), svg)
     svg = svg.replace("xlink:href", "href")
     svg = re.sub(r"font: ([\d.]+)px [^;\"]*", r"font-size: \1px", svg)
+    svg = re.sub(r" ?(?:font-family: [^;\"]*|stroke-dashoffset: 0);?", "", svg)
+    svg = re.sub(r' transform="rotate\(-0 [^)]*\)"', "", svg)
     used = {
         name: f"{prefix}-{index}" for index, name in enumerate(dict.fromkeys(re.findall(r'[("]#([^")]+)[)"]', svg)))
     }

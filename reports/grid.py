@@ -158,7 +158,7 @@ class Tile:
     def worst(self) -> VerdictEntry | RunEntry:
         """The verdict of the gravest state that is farthest beyond its bound, or closest to it."""
         found = sorted((each for each in self.verdicts if state(each) is self.state), key=_load, reverse=True)
-        return [*found, *self.broken][0]
+        return found[0] if found else self.broken[0]
 
     @property
     def heat(self) -> int:

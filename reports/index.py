@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.reports.bench_figure import TITLES, bench_plots
@@ -84,6 +84,7 @@ def render_index(
     """
     from hapticeval.closed_forms import CLOSED_FORMS
     from hapticeval.phenomena.registry import CHECKS
+    from hapticeval.reports.case_figure import compact
 
     given = worst(results, MOST)
     first = {verdict.key: verdict for verdict in reversed(given)}  # of several failures of a run, one has the figure
@@ -92,7 +93,7 @@ def render_index(
         for verdict in given
     ]
     plots = [] if bench is None else bench_plots(bench)
-    elements, styles = classed([drawing.svg for _, drawing in shown])
+    elements, styles = classed([compact(drawing.svg) for _, drawing in shown])
     known = {name: CHECKS[name] for name in dict.fromkeys(v.check for v in results.verdicts) if name in CHECKS}
     recorded = {run.renderer for run in results.runs if run.is_recorded}
     names, hard = hard_cases(results)
@@ -129,7 +130,7 @@ def render_index(
         grid=phenomena(results),
         grave=any(state(each) is not State.KNOWN for each in given),
         failures=[(verdict, Drawing(svg, each.problem)) for (verdict, each), svg in zip(shown, elements, strict=True)],
-        more=sum(state(each).grave or state(each) is State.WARNING for each in results.verdicts) - len(given),
+        more=max(0, sum(state(each).grave or state(each) is State.WARNING for each in results.verdicts) - len(given)),
         hard_names=names,
         hard=hard,
         summaries=summaries(results),
@@ -147,7 +148,7 @@ def render_index(
         bench=bench,
         bench_plots=plots,
         bench_titles=TITLES,
-        effects=effects,
+        effects=[replace(each, svg=compact(each.svg)) for each in effects],
         costs=costs,
         cost_svg="" if costs is None else cost_svg(costs),
     )  # fmt: skip

@@ -78,6 +78,8 @@ def _tell(case: ET.Element, verdict: VerdictEntry, ended: str, *, stopped: bool)
         _say(case, "error", text)
     elif stopped:
         differs = f"{outcome}, published {published}: " if published else ""
+        if verdict.outdated:
+            differs = f"{outcome}, and on the list of known failures ({verdict.known}): "
         _say(case, "failure", differs + text, "The outcome differs from the published one." if published else "")
     elif outcome in (Outcome.INCONCLUSIVE, Outcome.NOT_APPLICABLE):
         _say(case, "skipped", f"{warning}{outcome}: {text}")

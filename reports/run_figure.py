@@ -38,9 +38,9 @@ BESIDE: tuple[Place, Place, Place] = (
     (0.59, 0.12, 0.39, 0.225),
 )
 STACKED: tuple[Place, Place, Place] = (
-    (0.16, 0.50, 0.825, 0.46),
-    (0.16, 0.225, 0.825, 0.17),
-    (0.16, 0.075, 0.825, 0.105),
+    (0.16, 0.50, 0.805, 0.46),
+    (0.16, 0.225, 0.805, 0.17),
+    (0.16, 0.075, 0.805, 0.105),
 )
 """Where plane, force and what is below it lie: side by side on paper, one above the other on a page."""
 

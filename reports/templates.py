@@ -38,7 +38,6 @@ def environment() -> Environment:
         "duration": duration,
         "in_unit": length,
         "millimetres": _millimetres,
-        "place": lambda metres: f"({', '.join(map(_millimetres, metres))})",
         "plural": lambda count, noun: f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s",
         "quantity": quantity,
         "short": _short,

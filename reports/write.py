@@ -38,6 +38,11 @@ SINGLE = "report.html"
 PATIENCE = 0.1
 """Seconds after which it is seen at the latest that the drawing is to stop."""
 
+DRAWN = 200
+"""Cases that are drawn at most: those with the worst failures, then the first. A page without figures takes little."""
+
+NOT_DRAWN = f"of many cases {DRAWN} are drawn, the worst first: `hapticeval report DIR --figures` draws others"
+
 DIED = "the process that drew this figure has ended, for lack of memory perhaps"
 
 
@@ -52,6 +57,7 @@ class Page:
     order: Sequence[str]
     around: Around
     prefix: str
+    drawn: bool = True
 
     @property
     def case(self) -> tuple[str, str]:
@@ -59,7 +65,9 @@ class Page:
         return self.runs[0].suite, self.runs[0].case
 
     def make(self) -> str:
-        """Read the recordings and write the page."""
+        """Read the recordings and write the page; without figures if it is not to be `drawn`."""
+        if not self.drawn:
+            return self._made({run.renderer: NOT_DRAWN for run in self.runs if not run.error})
         return self._made({run.renderer: _recording(self.directory, run) for run in self.runs if not run.error})
 
     def without(self) -> str:
@@ -199,6 +207,8 @@ def _pages(directory: Path, results: ResultsDocument, pages: Path | None) -> Ite
     cases: dict[tuple[str, str], list[RunEntry]] = {}
     for run in results.runs:
         cases.setdefault((run.suite, run.case), []).append(run)
+    failing = dict.fromkeys(verdict.key[:2] for verdict in worst(results, len(results.verdicts)))
+    drawn = set(islice(dict.fromkeys([*failing, *cases]), DRAWN))
     links = [(runs[0].title, ROOT + case_file(*case)) for case, runs in cases.items()]
     for number, runs in enumerate(cases.values()):
         around = Around(
@@ -207,7 +217,16 @@ def _pages(directory: Path, results: ResultsDocument, pages: Path | None) -> Ite
             after=links[number + 1] if number + 1 < len(links) else None,
         )
         verdicts = {run.renderer: results.verdicts_of.get(run.key, []) for run in runs}
-        yield Page(directory, pages, tuple(runs), verdicts, results.renderers, around, f"c{number}")
+        yield Page(
+            directory,
+            pages,
+            tuple(runs),
+            verdicts,
+            results.renderers,
+            around,
+            f"c{number}",
+            (runs[0].suite, runs[0].case) in drawn,
+        )
 
 
 def _pictures(directory: Path, results: ResultsDocument) -> list[Picture]:

@@ -33,7 +33,7 @@ LAYERS = (
     {"search", "study"},
     {"replay"},
     {"api"},
-    {"commands"},
+    {"commands", "pytest_plugin"},
     {"cli"},
     {"__main__"},
 )
@@ -54,6 +54,7 @@ RUNNING = {
     "study",
     "replay",
     "commands",
+    "pytest_plugin",
     "cli",
     "__main__",
 }
@@ -180,7 +181,7 @@ def test_every_folder_of_the_package_is_installed() -> None:
     assert {".".join(folder.parts) for folder in folders} | portions == set(listed)
 
 
-@pytest.mark.parametrize("module", ["hapticeval", "hapticeval.cli"])
+@pytest.mark.parametrize("module", ["hapticeval", "hapticeval.cli", "hapticeval.pytest_plugin"])
 def test_an_import_loads_nothing_heavy(module: str) -> None:
     heavy = "{'numba', 'scipy', 'matplotlib', 'h5py', 'pandas', 'shapely', 'jsonschema', 'jinja2'}"
     code = f"import sys, {module}; print(sorted({heavy} & set(sys.modules)))"

@@ -25,6 +25,7 @@ from hapticeval.strategies import (
     effects,
     examples,
     hand_paths,
+    laps,
     meshes,
     plane_models,
     pushes,
@@ -116,6 +117,28 @@ def test_each_composition_is_reached_in_a_twentieth_of_the_examples(kind, lacks)
             counts[what] += there
     rare = {what: count for what, count in counts.items() if count < COUNT / 20}
     assert set(rare) == lacks, counts
+
+
+@pytest.mark.parametrize("kind", ["star", "dumbbell", "cassinian"])
+def test_a_lap_leads_more_than_once_along_the_whole_outline_and_under_each_corner(kind):
+    model = make_model(kind)
+    curve = model.curve
+    for moves in examples(laps(model), 6, seed=1):
+        hips = moves.path().sampled(1e-2)[1]
+        inside = hips[curve.contains(hips)]
+        s = curve.arc_length(curve.nearest(inside))
+        steps = (np.diff(s) + 0.5 * curve.length) % curve.length - 0.5 * curve.length
+        assert abs(steps.sum()) > 1.05 * curve.length
+        deepest = 0.01 * model.size
+        for corner in curve.corners:
+            assert np.min(np.linalg.norm(hips - corner.position, axis=1)) < 2.0 * deepest
+        assert eval(repr(moves), NAMES) == moves
+
+
+@pytest.mark.parametrize("kind", ["sphere", "line"])
+def test_there_is_no_lap_without_a_closed_outline(kind):
+    with pytest.raises(InputError, match="outline"):
+        laps(make_model(kind))
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from hapticeval.adapters.outside import Outside, path_of
-from hapticeval.compiled import LAW, LawData, borrowing, call_step, first_class, law_data
+from hapticeval.adapters.outside import Outside, path_velocities
+from hapticeval.compiled import LawData, borrowing, call_step, law_data
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
 from hapticeval.renderer import CompiledStep, Declaration, Response, Spring
 from hapticeval.scene import Scene
@@ -242,6 +242,24 @@ def ask(
     return REFUSES_HIP if answer == REFUSES_HIP else -abs(int(answer))
 
 
+@borrowing
+def ask_rows(
+    data: LawData, push: Array, hips: Array, velocity: Array, dt: float, ihips: Array, forces: Array
+) -> int:  # fmt: skip
+    """Ask a tick for each of `hips` (n, N), m; return the row at which the library refuses or broke, or n.
+
+    `velocity` (N,), m/s, is that of the first, and then the difference backwards in time, as a recording has it.
+    """
+    for row in range(hips.shape[0]):
+        if row > 0:
+            span = dt * float(row) - dt * float(row - 1)
+            for i in range(hips.shape[1]):
+                velocity[i] = (hips[row, i] - hips[row - 1, i]) / span
+        if ask(data, hips[row], velocity, push, dt, ihips[row], forces[row]) != 0:
+            return row
+    return int(hips.shape[0])
+
+
 class LibraryRenderer:
     """A renderer of a library, with the same bits in `step`, in `run` and in a compiled loop: each calls `hr_step`.
 
@@ -264,6 +282,7 @@ class LibraryRenderer:
                     why="it is a length: finite and not negative",
                     todo="leave it zero, or write metres",
                 )
+        self._margin = float(lengths.standoff)
         self.__dict__.update(outside.lengths(float(lengths.standoff), float(lengths.resolution)))
         self.supports = info.supports
         if info.flags & SPRING:
@@ -307,7 +326,7 @@ class LibraryRenderer:
         """Start a run with the hand at `hip` (N,), m. Raises `DomainError` where the library refuses it."""
         self.law.data.state[0] = 0.0
         hip = np.array(hip, dtype=np.float64)
-        tool = np.array(self._outside.tool(hip), dtype=np.float64)
+        tool = np.array(self._outside.tool(hip, self._margin), dtype=np.float64)
         status = self._library.hr_reset(self._self, hip.ctypes.data, tool.ctypes.data)
         if status:
             self._refuse("hr_reset", status, hip)
@@ -326,12 +345,12 @@ class LibraryRenderer:
 
     def run(self, hips: Array, dt: float) -> tuple[Array, Array]:
         """A whole path: `reset` at the first row of `hips` (n, N), and a `step` a row. Returns IHIPs and forces."""
-        from hapticeval.simulation.playback_kernels import lead
-
-        hips, velocities = path_of(hips, dt)
-        ihips, forces = np.full_like(hips, np.nan), np.full_like(hips, np.nan)
+        hips = np.array(hips, dtype=np.float64, order="C")
+        ihips, forces = np.empty_like(hips), np.empty_like(hips)
         self.reset(hips[0])
         if hasattr(self._library, "hr_run"):
+            velocities = path_velocities(hips, dt)
+            ihips[:], forces[:] = np.nan, np.nan
             places = (each.ctypes.data for each in (hips, velocities))
             status = self._library.hr_run(
                 self._self, len(hips), *places, dt, ihips.ctypes.data, forces.ctypes.data
@@ -339,8 +358,8 @@ class LibraryRenderer:
             if status:
                 raise RuntimeError(f"hr_run returned {status}")  # single steps find out where
         else:
-            law, push = first_class(self.law.function, LAW), np.zeros(hips.shape[1])
-            row = lead(law, self.law.data, push, hips, velocities, np.full(len(hips), dt), (ihips, forces))
+            rest = np.zeros(hips.shape[1])
+            row = ask_rows(self.law.data, rest, hips, rest.copy(), dt, ihips, forces)
             if row < len(hips):
                 raise RuntimeError(f"hr_step returned {self.law.data.state[0]:.0f}")
         return ihips, forces

@@ -22,7 +22,7 @@ They are some 160 edges of a circle, and 5,120 triangles of a sphere: a renderer
 in a tick."""
 
 CLEAR = 1e-4
-"""How far outside the free point of a tool lies whose hand starts inside, in sizes of the model."""
+"""How far outside a tool begins at the least, in sizes of the model."""
 
 
 @dataclass(frozen=True)
@@ -48,22 +48,21 @@ class Outside:
             "chord_error": self.facets.chord_error,
         }  # fmt: skip
 
-    def tool(self, hip: Array) -> Array:
+    def tool(self, hip: Array, standoff: float = 0.0) -> Array:
         """Return the point (N,), m, that the tool comes from at a reset with the hand at `hip` (N,): free, if possible.
 
-        The hand itself where that is outside; else a point just outside of the nearest one of the given surface, on
-        which it lies in a bilateral scene.
+        The hand itself where that is `CLEAR` and the renderer's own `standoff` (m) outside; else the point so far
+        outside of the nearest one of the given surface. In a bilateral scene the tool is on the surface.
         """
         boundary: Boundary = self.facets.boundary
         frame = boundary.closest_point(hip[np.newaxis])
-        depth = -float(frame.distance[0])
-        foot: Array = frame.foot[0]
+        foot, clear = frame.foot[0], standoff + CLEAR * self.scene.model.size
         if self.scene.bilateral:
-            return foot
-        if depth <= 0.0:
+            return np.asarray(foot)
+        if frame.distance[0] >= clear:
             return hip
-        outside = foot + CLEAR * self.scene.model.size * (foot - hip) / depth
-        return outside if boundary.signed_distance(outside[np.newaxis])[0] > 0.0 else foot
+        outside = foot + clear * frame.normal[0]
+        return np.asarray(outside if boundary.signed_distance(outside[np.newaxis])[0] > 0.0 else foot)
 
     def lengths(self, standoff: float, resolution: float) -> dict[str, Any]:
         """Return the attributes of a renderer with these lengths (m) towards what it is given: those towards the model.
@@ -84,8 +83,6 @@ def _longest(mesh: Mesh) -> float:
     return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
 
 
-def path_of(hips: Array, dt: float) -> tuple[Array, Array]:
-    """Return the HIPs (n, N) of a batch as a library takes them, and the velocities (n, N) that single steps have."""
-    hips = np.array(hips, dtype=np.float64, order="C")
-    time = dt * np.arange(len(hips), dtype=np.float64)
-    return hips, np.ascontiguousarray(backward_difference(hips, time))
+def path_velocities(hips: Array, dt: float) -> Array:
+    """Return the velocities (n, N), m/s, that single steps along HIPs (n, N) in steps of `dt` (s) are given."""
+    return backward_difference(hips, dt * np.arange(len(hips), dtype=np.float64))

@@ -26,7 +26,7 @@ from typing import IO, Any, NoReturn
 
 import numpy as np
 
-from hapticeval.adapters.outside import Outside, path_of
+from hapticeval.adapters.outside import Outside, path_velocities
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
 from hapticeval.renderer import Declaration, Response, Spring
 from hapticeval.scene import Scene, requirements
@@ -309,7 +309,9 @@ class ProcessRenderer:
                 why=_text(answer["refuse"]),
                 todo="choose another case",
             )
-        self.__dict__.update(self._outside.lengths(**_lengths(child, answer, "standoff", "resolution")))
+        lengths = _lengths(child, answer, "standoff", "resolution")
+        self._margin = lengths["standoff"]
+        self.__dict__.update(self._outside.lengths(**lengths))
         if hello.spring:
             self.declares = Declaration(spring=Spring.ERROR)
         self._batch = hello.run
@@ -319,7 +321,7 @@ class ProcessRenderer:
         """Start a run with the hand at `hip` (N,), m. Raises `DomainError` where the process refuses it."""
         hip = np.asarray(hip, dtype=np.float64)
         self.contact = None
-        tool = self._outside.tool(hip)
+        tool = self._outside.tool(hip, self._margin)
         self._refused(self._child.ask("reset", PATIENCE, hip=hip.tolist(), tool=tool.tolist()), hip)
 
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
@@ -342,9 +344,8 @@ class ProcessRenderer:
         return self._lead if self._batch else None
 
     def _run(self, hips: Array, dt: float) -> tuple[Array, Array]:
-        hips, velocities = path_of(hips, dt)
         self.reset(hips[0])
-        return self._asked(hips, velocities, dt)
+        return self._asked(hips, path_velocities(hips, dt), dt)
 
     def _lead(self, hips: Array, velocities: Array, dt: Array) -> tuple[Array, Array]:
         cuts = [0, *np.flatnonzero(np.diff(dt)) + 1, len(dt)]

@@ -5,15 +5,33 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperOption
 
 from hapticeval.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from hapticeval.geometry.model import Model
     from hapticeval.types import Array
+
+
+class Sections(TyperCommand):
+    """A command whose help has a section for each `rich_help_panel` of its options, below the others."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write them in the order in which the command has them."""
+        sections: dict[str, list[tuple[str, str]]] = {}
+        for each in self.get_params(ctx):
+            shown = each.get_help_record(ctx)
+            if shown is not None:
+                kind = "Options" if isinstance(each, TyperOption) else "Arguments"
+                sections.setdefault(getattr(each, "rich_help_panel", None) or kind, []).append(shown)
+        for title, rows in sorted(sections.items(), key=lambda section: section[0] not in ("Arguments", "Options")):
+            with formatter.section(title):
+                formatter.write_dl(rows)
+
 
 option = partial(typer.Option, show_default=False)
 argument = partial(typer.Argument, show_default=False)
@@ -49,18 +67,27 @@ Renderers = Annotated[
 
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of everything random.", min=0, max=2**32 - 1)]
 
+Verbose = Annotated[bool, option("-v", "--verbose", help="Show all that there is to say, and each run as it ends.")]
+
 Scheduler = Annotated[
     str | None,
     option(
         "--scheduler",
         metavar="ADDRESS",
         help="Let the workers of a dask scheduler do it, as of tcp://10.0.0.1:8786; see docs/scale.md.",
+        rich_help_panel="Long runs",
     ),
 ]
 
 Timeout = Annotated[
     float,
-    typer.Option("--timeout", metavar="SECONDS", help="End a renderer that takes longer in a case: it hangs.", min=0.1),
+    typer.Option(
+        "--timeout",
+        metavar="SECONDS",
+        help="End a renderer that takes longer in a case: it hangs.",
+        min=0.1,
+        rich_help_panel="Long runs",
+    ),
 ]
 
 FormatName = Annotated[

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,11 +18,13 @@ from hapticeval.commands.arguments import (
     Scheduler,
     Seed,
     Timeout,
+    Verbose,
     argument,
     model_named,
     option,
 )
-from hapticeval.commands.terminal import Terminal, columns, paragraphs, say, summary, wrote
+from hapticeval.commands.summary import summary, terminal_width
+from hapticeval.commands.terminal import Terminal, columns, paragraphs, say, wrote
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem
 from hapticeval.recordings.memory import LIMIT
@@ -36,11 +39,15 @@ DEFAULT_SUITE = "thesis"
 TIMEOUT = 600.0
 """Seconds in which the built-in renderers end any case of the suites several times over, with kernels to compile."""
 
+loop = partial(option, rich_help_panel="While you work on a renderer")
+gate = partial(option, rich_help_panel="Gate")
+long_run = partial(option, rich_help_panel="Long runs")
+
 EXIT_CODES = """\b
 Exit codes:
-  0  every verdict is as required, or as published where the suite publishes one
+  0  every verdict is as required, as published where the suite publishes one, or known with --known
   1  a check failed, could not decide or differs, or fewer verdicts than planned were reached, as after Ctrl-C;
-     with --strict also where a check of level should failed or could not decide
+     with --strict also where a check of level should failed or could not decide, or a known failure is none any more
   2  wrong usage or input, or every case was refused by every renderer
   3  a renderer broke: the message names case, tick and HIP (outranks 1 and 2)
   4  nothing was selected
@@ -85,19 +92,40 @@ def run(
     renderers: Renderers = None,
     select: Annotated[
         list[str] | None,
-        option("-k", metavar="GLOB", help="Only the cases, or case/check pairs, that match; may be repeated."),
+        option(
+            "-k",
+            metavar="EXPR",
+            help="Only what this selects: names of cases and checks or globs on them, CASE/CHECK, with and, or, not, "
+            "parentheses; may be repeated.",
+        ),
     ] = None,
     directory: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Where results and reports go.")
     ] = Path("results"),
     seed: Seed = 0,
-    strict: Annotated[bool, typer.Option("--strict", help="Let warnings count: checks of level should.")] = False,
+    verbose: Verbose = False,
+    quick: Annotated[
+        bool, loop("--quick", help="Few cases, which have every check between them, and no reports: some seconds.")
+    ] = False,
+    no_report: Annotated[bool, loop("--no-report", help="Write results.json and recordings alone.")] = False,
+    exit_first: Annotated[bool, loop("-x", help="Stop at the first verdict that is not as required.")] = False,
+    failed_first: Annotated[bool, loop("--failed-first", help="Begin with what failed in DIR the last time.")] = False,
+    watch: Annotated[bool, loop("--watch", help="Run again whenever a file of renderer or suite changes.")] = False,
+    strict: Annotated[
+        bool, gate("--strict", help="Let warnings count, and known failures that are none any more.")
+    ] = False,
+    known: Annotated[
+        Path | None, gate("--known", metavar="TOML", help="Failures that are known and stop nothing, with reasons.")
+    ] = None,
+    write_known: Annotated[
+        Path | None, gate("--write-known", metavar="TOML", help="List all that fails now; reasons that it has stay.")
+    ] = None,
     timeout: Timeout = TIMEOUT,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Keep what an earlier run into DIR has finished, and run the rest.")
+        bool, long_run("--resume", help="Keep what an earlier run into DIR has finished, and run the rest.")
     ] = False,
     shard: Annotated[
-        str | None, option("--shard", metavar="K/N", help="Run part K of N only: `hapticeval merge` makes them one.")
+        str | None, long_run("--shard", metavar="K/N", help="Run part K of N only: `hapticeval merge` makes them one.")
     ] = None,
     scheduler: Scheduler = None,
 ) -> None:
@@ -109,29 +137,48 @@ def run(
       hapticeval run thesis -r constraint -r minimum-distance@level-set
       hapticeval run dynamics
       hapticeval run -r mymodule:factory -k 'cassinian-*/continuous-contact'
+      hapticeval run -r mymodule:factory -k 'star-* and not memoryless'
       hapticeval run mysuite.toml -o out
+      hapticeval run -r mymodule:factory --quick --watch
+      hapticeval run -r mymodule:factory --write-known known.toml
+      hapticeval run -r mymodule:factory --known known.toml --strict
       hapticeval run dynamics --shard 3/16 -o shard-3
       hapticeval run dynamics --scheduler tcp://10.0.0.1:8786 --resume
     """
     from hapticeval import api
 
-    raise typer.Exit(
-        reported(
-            lambda terminal: api.run(
-                renderers or (),
-                suites=suites or DEFAULT_SUITE,
-                select=select or (),
-                output=directory,
-                seed=seed,
-                strict=strict,
-                timeout=timeout,
-                watch=terminal,
-                resume=resume,
-                shard=shard,
-                scheduler=scheduler,
-            )
+    if known is None and write_known is not None and write_known.exists():
+        known = write_known
+
+    def judged(terminal: Terminal) -> Results:
+        results = api.run(
+            renderers or (),
+            suites=suites or DEFAULT_SUITE,
+            select=select or (),
+            output=directory,
+            seed=seed,
+            strict=strict,
+            known=known,
+            quick=quick,
+            exit_first=exit_first,
+            failed_first=failed_first,
+            timeout=timeout,
+            watch=terminal,
+            resume=resume,
+            shard=shard,
+            scheduler=scheduler,
         )
-    )
+        return results if write_known is None else results.write_known(write_known)
+
+    def once() -> int:
+        return reported(judged, verbose=verbose, report=not (quick or no_report), also=write_known)
+
+    if not watch:
+        raise typer.Exit(once())
+    from hapticeval.commands.watching import files_behind, run_again
+
+    listed = [Path(each) for each in suites or () if each.endswith(".toml")] + ([] if known is None else [known])
+    raise typer.Exit(run_again(once, lambda: [*files_behind(renderers or ()), *listed]))
 
 
 def merge(
@@ -153,18 +200,29 @@ def merge(
     raise typer.Exit(reported(lambda _: api.merge(folders, directory)))
 
 
-def reported(judge: Callable[[Terminal], Results], before: Callable[[Results], str] | None = None) -> int:
-    """Have renderers judged, write the reports, print the summary, below what comes `before` it; the exit code."""
+def reported(
+    judge: Callable[[Terminal], Results],
+    before: Callable[[Results], str] | None = None,
+    *,
+    verbose: bool = False,
+    report: bool = True,
+    also: Path | None = None,
+) -> int:
+    """Have renderers judged, print the summary, below what comes `before` it, and return the exit code.
+
+    Reports are written if wanted; `also` is what else is.
+    """
     from hapticeval.runner.interrupts import Interrupts
 
-    with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
+    with Interrupts(to_the_end=True) as interrupts, Terminal(verbose=verbose) as terminal:
         if kernels_are_new():
             terminal.line("compiling kernels as they are first used, once: this run takes longer than later ones")
         results = judge(terminal)
-        written = _report(results, terminal, interrupts)
+        reports = _report(results, terminal, interrupts) if report else [results.file]
         first = "" if before is None else before(results)
-        say(paragraphs(first, summary(results.document, written or [results.file])))
-    return max(results.exit_code, int(written is None))
+        written = [*(reports or [results.file]), *([also] if also else [])]
+        say(paragraphs(first, summary(results.document, written, verbose=verbose, width=terminal_width())))
+    return max(results.exit_code, int(reports is None))
 
 
 def _report(results: Results, terminal: Terminal, interrupts: Interrupts, **options: Any) -> list[Path] | None:
@@ -257,6 +315,7 @@ def replay(
         Path | None, option("-o", "--output", metavar="DIR", help="Where results and reports go: replay-FILE.")
     ] = None,
     seed: Seed = 0,
+    verbose: Verbose = False,
 ) -> None:
     """Lead renderers along a recorded hand path, and judge them beside the recorded run.
 
@@ -291,7 +350,7 @@ def replay(
     see = f"see `hapticeval inspect {file}{'' if mapping is None else f' --mapping {mapping}'}`"
     if as_recorded:
         raise typer.Exit(_as_recorded(made, renderers, see))
-    raise typer.Exit(_replay(made, renderers or list(own_renderers()), directory, seed, see))
+    raise typer.Exit(_replay(made, renderers or list(own_renderers()), directory, seed, see, verbose=verbose))
 
 
 def _model(name: str | None) -> Mapping[str, Any] | None:
@@ -301,7 +360,7 @@ def _model(name: str | None) -> Mapping[str, Any] | None:
     return {"kind": found.name, **found.parameters}
 
 
-def _replay(made: ReplayCase, renderers: list[str], directory: Path, seed: int, see: str) -> int:
+def _replay(made: ReplayCase, renderers: list[str], directory: Path, seed: int, see: str, *, verbose: bool) -> int:
     from hapticeval.api import carry_out
     from hapticeval.replay.job import differences, prepared, replay_plan
     from hapticeval.workers import cores
@@ -313,7 +372,7 @@ def _replay(made: ReplayCase, renderers: list[str], directory: Path, seed: int, 
         _warn(work.path.suspicious, see, terminal)
         return carry_out(planned, output=directory, workers=cores(), watch=terminal, work=work)
 
-    return reported(judged, before=lambda results: differences(results.document))
+    return reported(judged, before=lambda results: differences(results.document), verbose=verbose)
 
 
 def _warn(suspicious: Sequence[str], see: str, terminal: Terminal) -> None:

@@ -27,6 +27,8 @@ jobs:
       - run: hapticeval doctor -r {renderer}
       # Without the selection it is judged by the whole suite: begin with what must hold, and add to it.
       - run: hapticeval run {judged} -r {renderer} --strict
+      - if: always()
+        run: test ! -f results/table.md || cat results/table.md >> "$GITHUB_STEP_SUMMARY"
       - uses: actions/upload-artifact@v4
         if: always()
         with: {{ name: results, path: results }}

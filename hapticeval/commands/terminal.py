@@ -1,4 +1,4 @@
-"""The terminal as a sink of the run's events: progress on stderr, one closing summary on stdout."""
+"""The terminal as a sink of the run's events: progress on stderr; and how text is laid out on it."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import sys
 import textwrap
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.quantity import aligned
-from hapticeval.runner.events import Event, Interrupted, JobFinished, RunStarted, WorkerRefused
+from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from hapticeval.runner.results import Problem, ResultsDocument, RunEntry, VerdictEntry
+    from hapticeval.runner.results import VerdictEntry
 
 FEW = 10
 """Figures that are drawn before anyone wonders what goes on."""
@@ -28,14 +28,27 @@ PATIENCE = 2.0
 """Seconds after which a person wants to see that something moves."""
 
 
-class Terminal:
-    """Shows a run as it goes on: a bar on a terminal when the run is not quick, elsewhere a line a job.
+@dataclass
+class _Suite:
+    """What has come of the jobs of a suite."""
 
-    A context manager, so that the bar leaves the terminal as it found it whatever happens.
+    planned: int
+    finished: int = 0
+    refused: int = 0
+    verdicts: tuple[VerdictEntry, ...] = ()
+
+
+class Terminal:
+    """Shows a run as it goes on: a bar on a terminal when the run is not quick, elsewhere a line a suite.
+
+    If it is `verbose`, elsewhere a line a job. A context manager, so that the bar leaves the terminal as it found it
+    whatever happens.
     """
 
-    def __init__(self, stream: TextIO | None = None) -> None:
+    def __init__(self, stream: TextIO | None = None, *, verbose: bool = False) -> None:
         self._stream = sys.stderr if stream is None else stream
+        self._verbose = verbose
+        self._suites: dict[str, _Suite] = {}
         self._begun = time.monotonic()
         self._planned_jobs = 0
         self._finished_jobs = 0
@@ -55,22 +68,46 @@ class Terminal:
         """Take one event of the stream."""
         if isinstance(event, RunStarted):
             self._planned_jobs = event.planned_jobs
-            kept = f", {_plural(event.kept_jobs, 'run')} of them finished before" if event.kept_jobs else ""
+            kept = f", {plural(event.kept_jobs, 'run')} of them finished before" if event.kept_jobs else ""
             self._finished_jobs = event.kept_jobs
-            planned = f"{_plural(event.planned_jobs, 'run')}, {_plural(event.planned_verdicts, 'verdict')} planned"
+            self._suites = {name: _Suite(planned) for name, planned in event.jobs_of.items()}
+            planned = f"{plural(event.planned_jobs, 'run')}, {plural(event.planned_verdicts, 'verdict')} planned"
             self.line(planned + kept)
         elif isinstance(event, JobFinished):
             self._finished_jobs += 1
             if self._stream.isatty():
                 self._advance(self._finished_jobs, self._planned_jobs, f"{event.run.renderer} on {event.run.case}")
-            else:
+            elif self._verbose or event.error is not None:
                 count = f"[{self._finished_jobs}/{self._planned_jobs}]"
                 self.line(f"{count} {event.run.renderer} on {event.run.suite}/{event.run.case}: {_told(event)}")
+            if not self._stream.isatty() and not self._verbose:
+                self._add(event)
         elif isinstance(event, WorkerRefused):
             self.line(f"refused: the worker {event.worker} is given no run: {event.why}")
         elif isinstance(event, Interrupted):
             self.interrupted = True
             self.line(_interrupted(event))
+        elif isinstance(event, RunFinished):
+            for name in [name for name, suite in self._suites.items() if suite.finished]:
+                self._close(name)
+
+    def _add(self, event: JobFinished) -> None:
+        """Count a job of a suite, and print the suite's line after its last one."""
+        suite = self._suites.setdefault(event.run.suite, _Suite(0))
+        suite.finished += 1
+        suite.refused += event.run.refusal is not None
+        suite.verdicts += event.verdicts
+        if suite.finished == suite.planned:
+            self._close(event.run.suite)
+
+    def _close(self, name: str) -> None:
+        suite = self._suites.pop(name)
+        runs = plural(suite.finished, "run")
+        if suite.finished < suite.planned:
+            runs = f"{suite.finished} of {plural(suite.planned, 'run')}"
+        refused = f", {suite.refused} refused" * bool(suite.refused)
+        count = f"[{self._finished_jobs}/{self._planned_jobs}]"
+        self.line(f"{count} {name}: {runs}{refused}: {_judged(suite.verdicts)}")
 
     def working(self, done: int, total: int, what: str) -> None:
         """Take how much of a bench is done and what comes next: a bar on a terminal, elsewhere a line each."""
@@ -89,7 +126,7 @@ class Terminal:
         if self._stream.isatty():
             self._advance(done, total, "drawing figures")
         elif done == 0 and total > FEW:
-            self.line(f"drawing {_plural(total, 'figure')}")
+            self.line(f"drawing {plural(total, 'figure')}")
 
     def _advance(self, done: int, total: int, what: str) -> None:
         """Move the bar; it appears with the first step that ends after `PATIENCE` seconds."""
@@ -127,15 +164,20 @@ def _told(event: JobFinished) -> str:
         return f"broke: {event.error.what}"
     if event.run.refusal is not None:
         return f"refuses: {event.run.refusal.what}"
-    counts = Counter(verdict.outcome for verdict in event.verdicts)
-    surprises = sum(not verdict.as_expected for verdict in event.verdicts)
-    warnings = sum(verdict.warns for verdict in event.verdicts)
-    notes = [f"{surprises} not as expected"] * bool(surprises) + [_plural(warnings, "warning")] * bool(warnings)
-    return _counted(counts) + (f" ({', '.join(notes)})" if notes else "")
+    return _judged(event.verdicts)
+
+
+def _judged(verdicts: Sequence[VerdictEntry]) -> str:
+    surprises = sum(not verdict.as_expected for verdict in verdicts)
+    known = sum(verdict.standing == "known" for verdict in verdicts)
+    warnings = sum(verdict.warns for verdict in verdicts)
+    notes = [f"{surprises} not as expected"] * bool(surprises) + [f"{known} known"] * bool(known)
+    notes += [plural(warnings, "warning")] * bool(warnings)
+    return counted(verdicts) + (f" ({', '.join(notes)})" if notes else "")
 
 
 def _interrupted(event: Interrupted) -> str:
-    runs = f"{_plural(event.begun, 'run')} that had begun {'is' if event.begun == 1 else 'are'}"
+    runs = f"{plural(event.begun, 'run')} that had begun {'is' if event.begun == 1 else 'are'}"
     kept = "what is done is kept"
     if event.at_once:
         return f"stopped: {runs} given up; {kept}"
@@ -144,27 +186,15 @@ def _interrupted(event: Interrupted) -> str:
     return f"interrupted: {runs} being finished, {kept}; press Ctrl-C again to stop at once"
 
 
-def _plural(count: int, noun: str) -> str:
+def plural(count: int, noun: str) -> str:
+    """For instance `1 run`, `2 runs`."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def _counted(counts: Counter[Outcome]) -> str:
+def counted(verdicts: Iterable[VerdictEntry]) -> str:
     """For instance `12 pass, 3 fail`, in the order of `Outcome`."""
+    counts = Counter(verdict.outcome for verdict in verdicts)
     return ", ".join(f"{counts[outcome]} {outcome}" for outcome in Outcome if counts[outcome]) or "no verdicts"
-
-
-def summary(results: ResultsDocument, written: Iterable[Path]) -> str:
-    """Return the closing words of a run: table, what is not as it must be, counts, time, files."""
-    return paragraphs(
-        *_tables(results),
-        lines(_stopped("broke", run, run.error) for run in results.runs if run.error),
-        lines(_stopped("refuses", run, run.refusal) for run in _refused(results) if run.refusal),
-        lines(_surprise(verdict) for verdict in _surprising(results)),
-        lines(_surprise(verdict, "warning: ") for verdict in results.verdicts if verdict.warns),
-        lines(_not_applicable(results)),
-        _totals(results),
-        wrote(written),
-    )
 
 
 def lines(parts: Iterable[str]) -> str:
@@ -201,98 +231,3 @@ def say(text: str) -> None:
         print(text, flush=True)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _not_applicable(results: ResultsDocument) -> Iterator[str]:
-    """Yield why checks were not applicable, once for each reason, less the refusals, which are shown as such."""
-    refused = {run.key for run in results.runs if run.refusal}
-    reasons = Counter(
-        (verdict.check, verdict.message)
-        for verdict in results.verdicts
-        if verdict.outcome is Outcome.NOT_APPLICABLE and verdict.key not in refused
-    )
-    for (check, why), count in reasons.items():
-        yield f"not applicable: {check}{f' ({count} times)' if count > 1 else ''}: {why}"
-
-
-def _tables(results: ResultsDocument) -> Iterator[str]:
-    """A table a suite that has rows, each with the renderers that ran there."""
-    titles = [(suite.title, suite.rows) for suite in results.suites if suite.rows]
-    told = {title for _, rows in titles for title in rows}
-    left = [title for title in results.table if title not in told]
-    for name, rows in [*titles, ("", left)]:
-        found = {title: results.table[title] for title in rows if title in results.table}
-        if any(found.values()):
-            heading = f"{name}\n" if name and len(titles) > 1 else ""
-            yield heading + _table(found, results.published_table)
-
-
-def _table(table: Mapping[str, Mapping[str, str]], published_table: Mapping[str, Mapping[str, str]]) -> str:
-    """Rows by renderers, in aligned columns; a cell that differs from what is in print says so."""
-    renderers = list(dict.fromkeys(renderer for row in table.values() for renderer in row))
-    lines = [["", *renderers]]
-    for title, row in table.items():
-        published = published_table.get(title, {})
-        lines.append([title, *(_cell(row.get(name, "-"), published.get(name)) for name in renderers)])
-    return "\n".join(aligned(lines))
-
-
-def _cell(found: str, published: str | None) -> str:
-    return found if published in (None, found) or found == "-" else f"{found} (published {published})"
-
-
-def _stopped(how: str, run: RunEntry, said: Problem) -> str:
-    lines = [f"{how}: {run.renderer} on {run.suite}/{run.case}", f"  {said.what}"]
-    lines += [f"  {label}: {each}" for label, each in (("why", said.why), ("what to do", said.todo)) if each]
-    return "\n".join(lines)
-
-
-def _refused(results: ResultsDocument) -> Iterator[RunEntry]:
-    """The first run of each renderer that has refused all that it was given: it has not been judged at all."""
-    judged = {run.renderer for run in results.runs if not run.refusal}
-    told: set[str] = set()
-    for run in results.runs:
-        if run.renderer not in judged | told:
-            told.add(run.renderer)
-            yield run
-
-
-def _surprising(results: ResultsDocument) -> Iterator[VerdictEntry]:
-    """The verdicts that are not as expected, less those of runs that broke: these are shown as one."""
-    broken = {run.key for run in results.runs if run.error}
-    for verdict in results.verdicts:
-        if not verdict.as_expected and not (verdict.key in broken and verdict.outcome is Outcome.ERROR):
-            yield verdict
-
-
-def _surprise(verdict: VerdictEntry, mark: str = "") -> str:
-    """A verdict that fails, or differs from what is published, with its measure and its bound."""
-    outcome, published = verdict.outcome, verdict.published
-    place = f"{verdict.renderer} on {verdict.suite}/{verdict.case}/{verdict.check}"
-    head = f"differs: {place}: {outcome}, published {published}" if published else f"{mark}{outcome}: {place}"
-    measured = _measured(verdict)
-    return "\n".join([head, *([f"  {measured}"] if measured else []), f"  {verdict.message}"])
-
-
-def _measured(verdict: VerdictEntry) -> str:
-    metric = verdict.metric
-    if metric is None or metric.value is None:
-        return ""
-    text = f"{metric.name} = {metric.value:.4g} {metric.unit}".rstrip()
-    return text if verdict.bound is None else f"{text}, bound {verdict.bound:.4g} {metric.unit}".rstrip()
-
-
-def _totals(results: ResultsDocument) -> str:
-    counts = Counter(verdict.outcome for verdict in results.verdicts)
-    unexpected = sum(not verdict.as_expected for verdict in results.verdicts)
-    warnings = sum(verdict.warns for verdict in results.verdicts)
-    warned = f", {_plural(warnings, 'warning')}" + (" that count" if results.command.strict else "")
-    ran = f"{results.ran} of {_plural(results.planned, 'planned verdict')} ran"
-    if not results.complete:
-        ran += f" (incomplete: {results.reason})"
-    timing = results.timing
-    return (
-        f"{ran}: {_counted(counts)}; {unexpected or 'none'} not as expected{warned * bool(warnings)}\n"
-        f"simulated {timing.simulated_seconds:.1f} s in {timing.wall_seconds:.1f} s: "
-        f"{timing.times_real_time:.1f} times real time"
-    )

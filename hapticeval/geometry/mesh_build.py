@@ -12,6 +12,7 @@ from hapticeval.geometry.mesh_kernels import (
     BOX,
     CORNER,
     DEPTH,
+    DISC,
     LEAF,
     NORMAL,
     PSEUDO,
@@ -19,9 +20,10 @@ from hapticeval.geometry.mesh_kernels import (
     _lost,
     _minus,
     at,
+    middle_of,
     normal_of,
 )
-from hapticeval.geometry.surface_kernels import Triple, dot
+from hapticeval.geometry.surface_kernels import Triple, dot, plus
 from hapticeval.types import Array, IntArray
 
 SOUND, FLAT_TRIANGLE, OPEN, SHARED, FLIPPED, PINCHED, APART, FOLDED = range(8)
@@ -31,6 +33,8 @@ THINNEST = 1e-13
 """Least height of a triangle over its longest edge: below, its corners lie on one line to rounding."""
 OPENING = 1e-12
 """Least angle (rad) between two triangles that share an edge: below, one is folded onto the other."""
+LONGEST, FLATNESS = 4096, 0.5
+"""Triangles of the longest run that has a disc, and the least length of the mean of their normals: others are bent."""
 GAP = 1e-14
 """Gap between two triangles, as a share of their extent, that is no rounding."""
 
@@ -264,7 +268,7 @@ def boxes(faces: Array, vertices: Array) -> Array:
     """Return the tree over triangles in the order of its leaves."""
     n = faces.shape[0]
     m = leaves(n)
-    tree = np.zeros((2 * m, 6))
+    tree = np.zeros((2 * m, DISC + 5))
     for i in range(2 * m - 1, 0, -1):
         for axis in range(3):
             if i < m:
@@ -284,7 +288,38 @@ def boxes(faces: Array, vertices: Array) -> Array:
         for axis in range(3):
             tree[i, axis] -= BOX * slack
             tree[i, 3 + axis] += BOX * slack
+    for i in range(1, 2 * m):
+        _lay_disc(faces, vertices, tree, i, BOX * slack)
     return tree
+
+
+@compiled
+def _lay_disc(faces: Array, vertices: Array, tree: Array, i: int, slack: float) -> None:
+    """Write the disc of row i, square to the mean of the normals of its run, with `slack` (m) for rounding."""
+    n, m = faces.shape[0], tree.shape[0] // 2
+    first, last = i, i + 1
+    while first < m:
+        first, last = 2 * first, 2 * last
+    begin, end = (first - m) * n // m, (last - m) * n // m
+    tree[i, DISC + 3] = tree[i, DISC + 4] = math.inf
+    if end - begin > LONGEST:
+        return
+    mean = (0.0, 0.0, 0.0)
+    for k in range(begin, end):
+        mean = plus(mean, 1.0, normal_of(faces, k))
+    size = math.sqrt(dot(mean, mean))
+    if size < FLATNESS * (end - begin):
+        return
+    mean, middle = (mean[0] / size, mean[1] / size, mean[2] / size), middle_of(tree, i)
+    wide2, high = 0.0, 0.0
+    for k in range(begin, end):
+        for corner in range(3):
+            q = _minus(at(vertices, faces[k, CORNER + corner]), middle)
+            aside = _cross(mean, q)
+            wide2, high = max(wide2, dot(aside, aside)), max(high, abs(dot(mean, q)))
+    for axis in range(3):
+        tree[i, DISC + axis] = mean[axis]
+    tree[i, DISC + 3], tree[i, DISC + 4] = math.sqrt(wide2) + slack, high + slack
 
 
 @inner

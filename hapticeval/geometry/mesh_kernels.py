@@ -5,9 +5,11 @@ from outside; the rows of its neighbours across the edges from the first corner 
 and back; its outward unit normal. A row of `vertices` (v, 6) is a position (m) and a unit pseudonormal: the mean of the
 normals of the triangles round it by their angles there. Indices are whole numbers in float64.
 
-`tree` (2 m, 6), m a power of two, bounds runs of triangles by boxes (least x, y, z, largest x, y, z): row 1 all of
+`tree` (2 m, 11), m a power of two, bounds runs of triangles by boxes (least x, y, z, largest x, y, z): row 1 all of
 them, row i the halves 2 i and 2 i + 1, and row m + j, a leaf, those from j t // m up to (j + 1) t // m. Row 0 is not
-used.
+used. Beside the box stands a disc about its middle: its unit normal, its radius (m) and half of its thickness (m),
+infinite for long runs. A box of a slanted patch is as thick as the patch is wide, so that as many as sqrt(t) of them
+are no farther from a point away from the mesh than the closest triangle; a disc is as thick as the patch is bent.
 Triangles lie in the order of the leaves, and vertices in that of their first use, so that neighbours share cache lines.
 """
 
@@ -26,6 +28,9 @@ from hapticeval.types import Array, IntArray
 CORNER, ACROSS, NORMAL = 0, 3, 6
 """Columns of `faces`; NORMAL also where the pseudonormal of a row of `vertices` would follow: see `PSEUDO`."""
 PSEUDO = 3
+
+DISC = 6
+"""Column of `tree` at which the disc begins."""
 
 FACE, EDGE, VERTEX = 0, 1, 4
 """Features of a triangle: its inside, EDGE + i from corner i to the next, VERTEX + i."""
@@ -124,6 +129,28 @@ def on_triangle(faces: Array, vertices: Array, k: int, p: Triple, beyond2: float
 
 
 @inner
+def middle_of(tree: Array, i: int) -> Triple:
+    """Return the middle of box i."""
+    return 0.5 * (tree[i, 0] + tree[i, 3]), 0.5 * (tree[i, 1] + tree[i, 4]), 0.5 * (tree[i, 2] + tree[i, 5])
+
+
+@inner
+def _to_disc2(tree: Array, i: int, p: Triple) -> float:
+    q, n = _minus(p, middle_of(tree, i)), (tree[i, DISC], tree[i, DISC + 1], tree[i, DISC + 2])
+    aside = _cross(n, q)
+    high = max(abs(dot(n, q)) - tree[i, DISC + 4], 0.0)
+    wide = max(math.sqrt(dot(aside, aside)) - tree[i, DISC + 3], 0.0)
+    return float(high * high + wide * wide)
+
+
+@inner
+def _to_run2(tree: Array, i: int, p: Triple, limit: float) -> float:
+    """Return a lower bound of the squared distance of p from run i; beyond `limit` any that is."""
+    far2 = _to_box2(tree, i, p)
+    return far2 if far2 > limit else max(far2, _to_disc2(tree, i, p))
+
+
+@inner
 def _to_box2(tree: Array, i: int, p: Triple) -> float:
     x = max(max(tree[i, 0] - p[0], p[0] - tree[i, 3]), 0.0)
     y = max(max(tree[i, 1] - p[1], p[1] - tree[i, 4]), 0.0)
@@ -146,10 +173,10 @@ def nearest(faces: Array, vertices: Array, tree: Array, p: Triple, start: int) -
     while True:
         while 0 < i < m:
             near, far = 2 * i, 2 * i + 1
-            near2, far2 = _to_box2(tree, near, p), _to_box2(tree, far, p)
+            limit = best2 * CAUTION
+            near2, far2 = _to_run2(tree, near, p, limit), _to_run2(tree, far, p, limit)
             if far2 < near2:
                 near, far, near2, far2 = far, near, far2, near2
-            limit = best2 * CAUTION
             if far2 <= limit:
                 stack[top, 0], stack[top, 1] = far, far2
                 top += 1

@@ -49,7 +49,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     taken = scene.mass * float(along[end] - along[struck]) - pushed
     velocity = base.velocity[struck : end + 1]
     bend = np.einsum("ni,nij,nj->n", velocity, window.shape, velocity)
-    turning = float(np.abs(bend).max()) * WINDOW_TICKS * base.dt
+    turn = np.linalg.norm(window.normal - normal, axis=1)
+    beside = np.linalg.norm(velocity - np.outer(velocity @ normal, normal), axis=1)
+    turning = max(float(np.abs(bend).max()) * WINDOW_TICKS * base.dt, float(np.max(beside * turn)))
+    if "operator_force" in base.channels:
+        push = np.linalg.norm(base.channels["operator_force"][struck:end], axis=1)
+        turning += float(np.sum(push)) * base.dt * float(turn.max()) / scene.mass
     # A tool that stays in contact has the operator's push answered as well; one that bounces off has not.
     answered = wanted + max(0.0, -pushed)
     missing = max(wanted - taken, taken - answered, 0.0) / wanted
@@ -94,12 +99,13 @@ CHECK = Check(
     metric="share of the impulse of (3.5) missing after four ticks",
     unit="",
     bound=(
-        "The largest m kappa v_t^2 in the window, times its length, / (m v_n) + 1e-6: while it slides on, the tool "
-        "turns with the surface. The window is four ticks: a sampled renderer meets the contact at the first sample "
-        "after it, its force acts until the next, and it may lag by three. The operator's push over the window is "
-        "taken out of the momentum's change, and a tool that stays in contact may have it answered. A spring needs a "
-        "quarter period, pi/2 sqrt(m / K_p). Not applicable where the tool starts in contact, and where it meets a "
-        "surface turned by more than 5.7 degrees within the window, as in a valley: it then collides twice."
+        "The largest m kappa v_t^2 in the window, times its length, or m v_t times the turn of the normal, as over "
+        "facets, and the operator's impulse times that turn, / (m v_n) + 1e-6: while it slides on, the tool turns "
+        "with the surface. The window is four ticks: a sampled renderer meets the contact at the first sample after "
+        "it, its force acts until the next, and it may lag by three. The operator's push over the window is taken out "
+        "of the momentum's change, and a tool that stays in contact may have it answered. A spring needs a quarter "
+        "period, pi/2 sqrt(m / K_p). Not applicable where the tool starts in contact, and where it meets a surface "
+        "turned by more than 5.7 degrees within the window, as in a valley: it then collides twice."
     ),
     judge=judge,
 )

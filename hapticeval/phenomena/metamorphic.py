@@ -18,7 +18,7 @@ from hapticeval.phenomena.sampling import LAG_TICKS, believed_standoff, evidence
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
-from hapticeval.types import Array
+from hapticeval.types import Array, BoolArray
 
 SAME = 1e-12
 """Share of the model's size by which answers may differ beside what is declared and what rounding of the hand changes:
@@ -75,7 +75,7 @@ def judge_in_turns(runs: Runs, scene: Scene) -> Finding:
     force += 4.0 * SINGLE * float(np.abs(base.force).max()) / scene.stiffness
     scatter = [float(base.meta.get(f"{name}_scatter", 0.0)) for name in ("ihip", "force")]
     allowed = np.full(len(base), max(step, force) + max(scatter[0], scatter[1] / scene.stiffness))
-    off = answers_apart(base, other, scene)
+    off = answers_apart(runs, other, scene)
     return _finding(IN_TURNS, base, scene, off, allowed, np.zeros(len(base), dtype=bool), "beside another renderer")
 
 
@@ -86,7 +86,7 @@ def _compared(
     other: Recording | None,
     how: str,
     *,
-    among: Callable[[Runs, Scene], Array] | None = None,
+    among: Callable[[Runs, Scene], BoolArray] | None = None,
 ) -> Finding:
     """Compare the base run with `other`; rows that `among` returns, and those beside a discontinuity, are exempt."""
     base = runs.base
@@ -94,19 +94,19 @@ def _compared(
         return Finding(Outcome.NOT_APPLICABLE, f"the model has no such form, or the renderer refuses it {how}")
     if not (answered(base) | answered(other)).any():
         return undecided("the hand never touches the model")
-    off = answers_apart(base, other, scene)
+    off = answers_apart(runs, other, scene)
     hand = ROUNDINGS * float(np.abs(base.hip).max())
     declared = max(resolution(each, scene) + believed_standoff(each, scene) for each in (base, other))
     # A damper takes the velocity from hands that are off by rounding, a step of half a tick apart.
     damped = 2.0 * hand * scene.damping / (scene.stiffness * 0.5 * base.dt)
     allowed = np.full(len(base), hand + declared + damped)
     exempt = np.zeros(len(base), dtype=bool)
-    bound = SIMULATED if runs.subdivided is None else SAME
-    if np.any(off > allowed + bound * scene.model.size) and runs.moved is not None:
+    if np.any(off > allowed + SAME * scene.model.size) and runs.moved is not None:
         allowed += STEEP * steepness(runs, hand + declared, scene)
         if among is not None:
             exempt = among(runs, scene)
-    return _finding(check, base, scene, off, allowed, exempt, how, bound)
+    allowed += 0.0 if runs.subdivided is not None else (SIMULATED - SAME) * scene.model.size
+    return _finding(check, base, scene, off, allowed, exempt, how)
 
 
 def _finding(
@@ -115,37 +115,37 @@ def _finding(
     scene: Scene,
     off: Array,
     allowed: Array,
-    exempt: Array,
+    exempt: BoolArray,
     how: str,
-    bound: float = SAME,
 ) -> Finding:
     size = scene.model.size
     lost = np.where(exempt, 0.0, np.maximum(off - allowed, 0.0)) / size
     worst = int(np.argmax(lost if lost.max() > 0.0 else np.where(exempt, -1.0, off)))
     return compared(
         Metric(check.metric, float(lost.max()), check.unit),
-        bound,
+        SAME,
         {
             **evidence_at(base, worst),
             "off_m": float(off[worst]),
             "allowed_m": float(allowed[worst]),
-            "rows_off": int(np.sum(lost > bound)),
+            "rows_off": int(np.sum(lost > SAME)),
             "rows_exempt": int(exempt.sum()),
         },
         passes=f"the answers are the same {how}",
         fails=f"{how} the answer is off by {mm(off[worst])}, {off[worst] / size:.2g} of the model's size, "
-        f"at {int(np.sum(lost > bound))} of {len(base)} HIPs",
+        f"at {int(np.sum(lost > SAME))} of {len(base)} HIPs",
     )
 
 
-def _on_jumps(runs: Runs, scene: Scene) -> Array:
+def _on_jumps(runs: Runs, scene: Scene) -> BoolArray:
     """Return the rows (n,) on a discontinuity, or behind one that a renderer with memory has crossed.
 
     A hand that is off by half a step on its whole way finds it elsewhere on that way, and steps of half the length may
     cross it from elsewhere: the answers are more than tenfold of that apart there.
     """
     half = 0.5 * hip_step(runs.base, scene)
-    return steepness(runs, half, scene) > AMPLIFIED * half
+    astride: BoolArray = steepness(runs, half, scene) > AMPLIFIED * half
+    return astride
 
 
 def _every_second(fine: Recording, first: int) -> Recording:
@@ -176,10 +176,11 @@ def _ticks_late(base: Recording, fine: Recording, scene: Scene) -> int | None:
 NONE = "none of the six: a relation that every rigid contact keeps to"
 OFF = "change of the answer beside what is explained, as a share of the model's size"
 EXPLAINED = (
-    "1e-12 of the model's size, and 1e-9 for a renderer that answers a stimulus whole, beside what is explained: the "
+    "1e-12 of the model's size, 1e-9 for a renderer that answers a stimulus whole, beside what is explained: the "
     "declared resolution and standoff, four roundings of the largest coordinate, what a damper makes of these, and "
     "ten times the change of the answer where the hand is off by those along axes and diagonals, as beside a "
-    "discontinuity, where either answer is right. Forces count by the stiffness, as lengths."
+    "discontinuity, where either answer is right. Forces count by the stiffness, as lengths; of a renderer that "
+    "answers a stimulus whole by m / dt^2."
 )
 
 MIRROR = Check(

@@ -27,11 +27,17 @@ def answered(run: Recording) -> BoolArray:
     return np.asarray(np.any(run.ihip != run.hip, axis=1) | np.any(run.force != 0.0, axis=1))
 
 
-def answers_apart(base: Recording, other: Recording, scene: Scene, *, forces: bool = True) -> Array:
-    """Return how far two runs' answers are apart row by row, (n,), m: IHIPs, and forces by the stiffness."""
+def answers_apart(runs: Runs, other: Recording, scene: Scene, *, forces: bool = True) -> Array:
+    """Return how far the answers of another run are apart from those of the base, row by row: (n,), m.
+
+    IHIPs, and forces as lengths: by the stiffness, or, of a renderer that answers a stimulus whole, by m / dt^2 where
+    that is more. Its forces are means over a tick with the impulses of all events in it, and move its tool by so much.
+    """
+    base = runs.base
     off = np.linalg.norm(base.ihip - other.ihip, axis=1)
     if forces:
-        off = np.maximum(off, np.linalg.norm(base.force - other.force, axis=1) / scene.stiffness)
+        whole = 0.0 if runs.subdivided is not None else scene.mass / base.dt**2
+        off = np.maximum(off, np.linalg.norm(base.force - other.force, axis=1) / max(scene.stiffness, whole))
     return np.asarray(off)
 
 
@@ -47,7 +53,7 @@ def steepness(runs: Runs, reach: float, scene: Scene) -> Array:
     for nudge in reach * _directions(scene.model.dimension):
         near = runs.moved(identity, tuple(nudge.tolist()))
         if near is not None:
-            steep = np.maximum(steep, answers_apart(runs.base, near, scene))
+            steep = np.maximum(steep, answers_apart(runs, near, scene))
     return steep
 
 

@@ -44,7 +44,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     far = max(float(np.abs(motion(base.hip)).max()) / motion.scale for _, motion, _ in seen)
     rounding = ROUNDINGS * max(far, float(np.abs(base.hip).max()))
     declared = max(resolution(each, scene) + believed_standoff(each, scene) for each in (base, *(r for *_, r in seen)))
-    off = np.max([answers_apart(base, run, scene, forces=motion.scale == 1.0) for _, motion, run in seen], axis=0)
+    off = np.max([answers_apart(runs, run, scene, forces=motion.scale == 1.0) for _, motion, run in seen], axis=0)
     # Where no answer is off by more than a thousandth of the bound there is nothing that nudges need explain.
     suspect = bool(off.max() > rounding + declared + 1e-3 * DIGITS * size)
     steep = steepness(runs, rounding + declared, scene) if suspect else np.zeros(len(base))
@@ -61,7 +61,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     lost = np.where(contact, np.maximum(off - allowed, 0.0), 0.0) / size
     worst = int(np.argmax(lost if lost.max() > 0.0 else np.where(clear, off, -1.0)))
     digits = -math.log10(max(float(off[clear].max(initial=0.0)) / size, EPS))
-    which = max(seen, key=lambda each: float(answers_apart(base, each[2], scene, forces=each[1].scale == 1.0)[worst]))[
+    which = max(seen, key=lambda each: float(answers_apart(runs, each[2], scene, forces=each[1].scale == 1.0)[worst]))[
         0
     ]
     if on_surface[worst] == off[worst]:

@@ -330,11 +330,11 @@ CHECK = Check(
         "weaker test. Level info where the scene calls for what is active by nature: delayed motors, or a damper on a "
         "filtered velocity.\n"
         "Conservative: the nearest point with pp, transversal or the square root's spring, F = -grad U with U = K "
-        "d^2/2. Dissipative: the constraint, whose tool moves only to where it is nearer to the hand; pp-v, which "
-        "takes K_d |v|^2, and pp-pd, which takes K_d (n.v)^2. Active: the maps, for p(x) is no gradient and W is the "
-        "integral of curl F over the loop; pp-d under a convex surface, where K_d v_t^2 |n| kappa / (1 - |n| kappa) "
-        "is given to the hand; pp-pd-c and set stabilisation off the surface, whose curvature force does m kappa "
-        "v_t^2 of work a metre of depth."
+        "d^2/2, and homothetic and combescure with gradient. Dissipative: the constraint, whose tool moves only to "
+        "where it is nearer to the hand; pp-v, which takes K_d |v|^2, and pp-pd, which takes K_d (n.v)^2. Active: the "
+        "maps, for p(x) is no gradient and W is the integral of curl F over the loop; pp-d under a convex surface, "
+        "where K_d v_t^2 |n| kappa / (1 - |n| kappa) is given to the hand; pp-pd-c and set stabilisation off the "
+        "surface, whose curvature force does m kappa v_t^2 of work a metre of depth."
     ),
     judge=judge,
 )

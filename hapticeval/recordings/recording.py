@@ -378,7 +378,8 @@ class Recording:
         """Where the IHIP is not the HIP, beyond single precision: (n,), read-only."""
         sound = self.hip if self.valid is None else self.hip[self.valid]
         rounding = 4.0 * SINGLE * float(np.max(np.abs(sound), initial=0.0))
-        return locked(np.linalg.norm(self.ihip - self.hip, axis=1) > rounding, np.bool_)
+        apart: BoolArray = locked(np.linalg.norm(self.ihip - self.hip, axis=1) > rounding, np.bool_)
+        return apart
 
     @property
     def resolution(self) -> float:

@@ -52,7 +52,13 @@ class IdealContact:
     """Not viscosity: (3.1) slides without friction. The hand's force moves the tool, so that no sensor is needed."""
 
     def __init__(self, scene: Scene) -> None:
-        scene.model.curve  # noqa: B018 - refuses a model in space
+        if scene.model.dimension == 3:
+            raise RefusalError(
+                f"model '{scene.model.name}' is in space",
+                why="the ideal contact finds where the tool slides, leaves and hits in closed form along a plane "
+                "curve, and has no such search over the faces and edges of a solid",
+                todo="compare on the model's cross-section, where the corners are those of the extruded solid",
+            )
         self.scene = scene
 
     @cached_property

@@ -14,6 +14,7 @@ Imported only where somebody names a scheduler.
 from __future__ import annotations
 
 import logging
+import math
 import pickle
 import queue
 import signal
@@ -24,11 +25,11 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError
 from hashlib import sha256
-from typing import Any, Generic, Self, TypeVar
+from typing import Any, Generic, NamedTuple, Self, TypeAlias, TypeVar
 from uuid import uuid4
 
 import cloudpickle
-from distributed import Client, Future, KilledWorker
+from distributed import Client, KilledWorker
 from distributed.comm.core import CommClosedError
 
 from hapticeval.errors import HapticevalError, InputError
@@ -52,8 +53,17 @@ AHEAD = 2
 LAST = 64
 """Calls of which it is known how long they took."""
 
+FETCH = 5.0
+"""Seconds in which the answers of a chunk must arrive once a worker has them."""
+
+PATIENCE = 0.5
+"""Seconds after which a worker sees that a call has taken too long, at the latest."""
+
 CONNECT = 10.0
 """Seconds in which scheduler and workers must answer when a run begins."""
+
+STRIKES = 3
+"""Times that a chunk may be left because all workers have gone, before it counts as what has them killed."""
 
 LOOK = 2.0
 """Seconds between two looks at which workers there are."""
@@ -65,29 +75,52 @@ GONE = (CommClosedError, OSError, TimeoutError, CancelledError)
 """What dask raises in the place of an answer where scheduler or worker have gone."""
 
 
-_Call = tuple[int, tuple[Any, ...]]
-"""Number and arguments of a call; those of a chunk travel together."""
+_Future: TypeAlias = Any
+"""A future of dask, whose types are not known."""
+
+_CLIENT: Any = Client
+
+_Call: TypeAlias = tuple[int, tuple[Any, ...]]
+"""Number and arguments of a call."""
+
+
+class _Chunk(NamedTuple):
+    """Calls that travel together, and how often they were left without any worker."""
+
+    calls: list[_Call]
+    strikes: int = 0
 
 
 class Cluster(Generic[T]):
     """The workers of the scheduler at an `address`, which call `function` with arguments that can be pickled.
 
-    Workers must have the `files`, digests by path. A context manager, see `workers.Crew`; entering it raises
+    Workers must have the `files`, digests by path, and end a call that takes longer than `timeout` seconds.
+
+    A context manager, see `workers.Crew`; entering it raises
     `InputError` where no scheduler answers, it has no workers, or none of them is like this machine.
     """
 
-    def __init__(self, function: Callable[..., T], address: str, *, files: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        function: Callable[..., T],
+        address: str,
+        *,
+        timeout: float = math.inf,
+        files: Mapping[str, str] | None = None,
+    ) -> None:
         self._function = pickle.dumps(function)
         self._address = address
+        self._timeout = timeout
         self._files = dict(files or {})
         self._waiting: deque[_Call] = deque()
-        self._alone: list[list[_Call]] = []
-        self._under_way: dict[Future[Any], list[_Call]] = {}
-        self._done: queue.SimpleQueue[Future[Any]] = queue.SimpleQueue()
+        self._again: list[_Chunk] = []
+        self._under_way: dict[_Future, _Chunk] = {}
+        self._done: queue.SimpleQueue[_Future] = queue.SimpleQueue()
         self._took: deque[float] = deque(maxlen=LAST)
         self._alike: dict[str, int] = {}  # threads by address
         self._unlike: dict[str, str] = {}
         self._refused: list[tuple[str, str]] = []
+        self._rescued: list[Answer[T]] = []
         self._busy = 0
         self._looked = 0.0
         self._empty_since: float | None = None
@@ -99,7 +132,7 @@ class Cluster(Generic[T]):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # other versions are looked for here
-                self._client = Client(self._address, timeout=CONNECT, set_as_default=False)
+                self._client = _CLIENT(self._address, timeout=CONNECT, set_as_default=False)
         except (*GONE, ValueError) as error:
             raise InputError(
                 f"no dask scheduler answers at {self._address}",
@@ -107,7 +140,7 @@ class Cluster(Generic[T]):
                 todo="start one with `dask scheduler`, and give its address: --scheduler tcp://HOST:8786",
             ) from error
         try:
-            self._here = fingerprints.fingerprint(self._files)
+            self._here = fingerprints.fingerprint({})
             self._resource = f"hapticeval-{sha256(repr(sorted(self._here.items())).encode()).hexdigest()[:16]}"
             end = time.monotonic() + CONNECT
             while not self._alike and time.monotonic() < end:
@@ -167,6 +200,7 @@ class Cluster(Generic[T]):
             try:
                 if time.monotonic() - self._looked > LOOK:
                     self._look()
+                found, self._rescued = self._rescued, []
                 self._send()
                 left = LOOK if end is None else max(end - time.monotonic(), 0.0)
                 future = self._done.get(timeout=min(left, LOOK))
@@ -184,7 +218,7 @@ class Cluster(Generic[T]):
                 return found
 
     def give_up(self, seconds: float) -> list[Answer[T]]:
-        """Give up nothing, whatever the `seconds`: who runs a job there cannot be ended from here."""
+        """Give up nothing, whatever the `seconds`: each worker sees to that itself, with the `timeout` it was given."""
         del seconds
         return []
 
@@ -196,15 +230,15 @@ class Cluster(Generic[T]):
     def _send(self) -> None:
         if not self._alike:
             return
-        chunks, self._alone = self._alone, []
+        chunks, self._again = self._again, []
         while self._waiting:
             size = min(self._size, len(self._waiting))
-            chunks.append([self._waiting.popleft() for _ in range(size)])
+            chunks.append(_Chunk([self._waiting.popleft() for _ in range(size)]))
         for chunk in chunks:
             self._sent += 1
             future = self._client.submit(
                 make_calls,
-                pickle.dumps((self._function, chunk)),
+                pickle.dumps((self._function, chunk.calls, self._timeout)),
                 key=f"{self._name}-{self._sent}",
                 resources={self._resource: 1},
                 pure=False,
@@ -212,7 +246,7 @@ class Cluster(Generic[T]):
             self._under_way[future] = chunk
             future.add_done_callback(self._done.put)
 
-    def _answered(self, future: Future[Any]) -> list[Answer[T]]:
+    def _answered(self, future: _Future) -> list[Answer[T]]:
         """Return the answers of a chunk that is over, and see to the calls that it has not come to."""
         chunk = self._under_way.pop(future, None)
         if chunk is None:
@@ -223,14 +257,37 @@ class Cluster(Generic[T]):
                 raise HapticevalError(
                     "a worker of the cluster cannot make calls", why=f"{type(error).__name__}: {error}"
                 ) from error
-            if len(chunk) == 1:
-                return [Answer(chunk[0][0], None, Ended(-signal.SIGKILL))]
-            self._alone += [[call] for call in chunk]
+            return self._killed(chunk)
+        if future.status in ("cancelled", "lost"):
+            raise self._lost()
+        try:
+            answers, took = future.result(timeout=FETCH)
+        except TimeoutError:  # the worker that had them is gone, and another one makes the calls again
+            self._under_way[future] = chunk
+            future.add_done_callback(self._done.put)
             return []
-        answers, took = future.result()
         self._took.extend(took)
-        self._waiting.extendleft(reversed(chunk[len(answers) :]))
+        self._waiting.extendleft(reversed(chunk.calls[len(answers) :]))
         return list(answers)
+
+    def _killed(self, chunk: _Chunk) -> list[Answer[T]]:
+        """Take a chunk apart that has its workers killed, or give up the one call that does."""
+        if len(chunk.calls) == 1:
+            return [Answer(chunk.calls[0][0], None, Ended(-signal.SIGKILL))]
+        self._again += [_Chunk([call]) for call in chunk.calls]
+        return []
+
+    def _rescue(self) -> None:
+        """Send those chunks again that were left when there was no worker for them: dask does not look for one anew."""
+        running = {key for keys in self._client.processing().values() for key in keys}
+        left = [future for future in self._under_way if future.status == "pending" and future.key not in running]
+        for future in left:
+            chunk = self._under_way.pop(future)
+            future.cancel(force=True)
+            if chunk.strikes < STRIKES:
+                self._again.append(_Chunk(chunk.calls, chunk.strikes + 1))
+            else:
+                self._rescued += self._killed(chunk)
 
     def _look(self) -> None:
         """See which workers there are, and ask new ones what they compute with."""
@@ -264,6 +321,8 @@ class Cluster(Generic[T]):
         if alike:
             marked = self._client.run(mark, self._resource, workers=list(alike), on_error="return")
             self._alike |= {address: alike[address] for address, done in marked.items() if done is True}
+            if self._under_way:
+                self._rescue()
 
     def _nobody(self) -> InputError:
         if not self._unlike:
@@ -317,7 +376,7 @@ def make_calls(packed: bytes) -> tuple[list[Answer[Any]], list[float]]:
 
     The child is kept for later chunks; the first call in a new one, which loads what it needs, is not timed.
     """
-    function, calls = pickle.loads(packed)
+    function, calls, timeout = pickle.loads(packed)
     with _lock:
         there = _idle.setdefault(function, [])
         crew, known = (there.pop(), True) if there else (_child(function), False)
@@ -329,7 +388,9 @@ def make_calls(packed: bytes) -> tuple[list[Answer[Any]], list[float]]:
         if answers and before - begun > LONGEST:
             break
         crew.begin(call, *arguments)
-        answers += crew.answers()
+        while not (found := [*crew.answers(PATIENCE), *crew.give_up(timeout)]):
+            pass
+        answers += found
         if known:
             took.append(time.monotonic() - before)
         known = True

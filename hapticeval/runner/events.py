@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from hapticeval.errors import HapticevalError
@@ -18,6 +19,8 @@ class RunStarted:
     planned_jobs: int
     kept_jobs: int = 0
     """Of these, finished in an earlier run that this one resumes: they are not reported again."""
+    jobs_of: Mapping[str, int] = field(default_factory=dict)
+    """How many jobs of each suite are to be reported."""
 
 
 @dataclass(frozen=True)

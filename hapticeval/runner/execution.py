@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from functools import partial
@@ -11,6 +12,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TypeAlias
 
+from hapticeval.errors import InputError
 from hapticeval.files import replacing
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
 from hapticeval.runner.interrupts import Interrupts
@@ -27,6 +29,9 @@ Carried: TypeAlias = tuple[JobFinished, bytes | None]
 
 PATIENCE = 0.1
 """Seconds after which an interrupt is seen at the latest."""
+
+FIRST = "it ends at the first verdict that stops the gate (-x)"
+"""Why a run is incomplete whose plan has `exit_first`."""
 
 
 def execute(
@@ -50,26 +55,26 @@ def execute(
 
     Events come in the order of the plan. A renderer that ends its process makes its own verdicts errors. On Ctrl-C no
     further job begins, those that have begun are finished, and `Interrupted` reports it; on a second one, or in this
-    process, they are given up. What has finished is kept, also where the scheduler is lost, the results say that they
-    are incomplete and why, and `RunFinished` is still the last event.
+    process, they are given up. After a verdict that stops the gate no further job begins either, where the plan has
+    `exit_first`. What has finished is kept, also where the scheduler is lost, the results say that they are incomplete
+    and why, and `RunFinished` is still the last event.
     """
     finished = {at: kept[key] for at, job in enumerate(plan.jobs) if (key := _key(job)) in kept} if kept else {}
     old = set(finished)
     waiting = iter([(at, job) for at, job in enumerate(plan.jobs) if at not in old])
     added = 0
-    warned = False
+    warned = stopped = False
     lost: LostError | None = None
     with Interrupts() as interrupts:
-        if directory is not None:
-            directory.mkdir(parents=True, exist_ok=True)
-            if kept is None:  # what is there is of an earlier run, whose results go as well
+        with _crew(work, workers, scheduler, plan, timeout) as crew, Outcomes(directory) as outcomes:
+            if directory is not None and kept is None:  # what is there is of an earlier run, whose results go as well
                 shutil.rmtree(directory / "recordings", ignore_errors=True)
-                Outcomes(directory).forget()
-        yield RunStarted(plan.planned, len(plan.jobs), len(old))
-        progress = Progress(plan, directory)
-        with Outcomes(directory) as outcomes, _crew(work, workers, scheduler, plan) as crew:
+                outcomes.clear()
+            jobs_of = Counter(job.suite for at, job in enumerate(plan.jobs) if at not in old)
+            yield RunStarted(plan.planned, len(plan.jobs), len(old), jobs_of)
+            progress = Progress(plan, directory)
             while True:
-                if not interrupts.count:
+                if not interrupts.count and not stopped:
                     try:
                         with nullcontext() if workers else interrupts.raised():
                             for number, job in islice(waiting, crew.free):
@@ -78,9 +83,9 @@ def execute(
                         yield Interrupted(1, at_once=True)
                         break
                 while added in finished:
-                    job = progress.add(finished[added])
+                    taken = progress.add(finished[added])
                     if added not in old:
-                        yield job
+                        yield taken
                     del finished[added]
                     added += 1
                 if interrupts.count and not warned:
@@ -94,20 +99,22 @@ def execute(
                     lost = error
                     break
                 for answer in answers:
-                    finished[answer.call] = _done(answer, plan.jobs[answer.call], directory, timeout)
-                    outcomes.add(finished[answer.call])
+                    finished[answer.call] = done = _done(answer, plan.jobs[answer.call], directory, timeout)
+                    outcomes.add(done)
+                    stopped |= plan.exit_first and progress.stops(done)
                 yield from (WorkerRefused(*each) for each in crew.refused())
                 if interrupts.count > 1 and crew.busy:
                     yield Interrupted(crew.busy, at_once=True)
                     break
         for number in sorted(finished):
-            job = progress.add(finished[number])
+            taken = progress.add(finished[number])
             if number not in old:
-                yield job
+                yield taken
             added += 1
         reason = None
         if added < len(plan.jobs):
-            reason = "interrupted by the user" if lost is None else f"{lost.what}, and --resume goes on"
+            reason = "interrupted by the user" if interrupts.count or not stopped else FIRST
+            reason = reason if lost is None else f"{lost.what}, and --resume goes on"
         results = progress.finish(reason)
         if results.complete:
             outcomes.forget()
@@ -118,14 +125,18 @@ def _key(job: Job) -> RunKey:
     return job.suite, job.case.name, job.renderer
 
 
-def _crew(work: Work, workers: int, scheduler: str | None, plan: Plan) -> Crew[Carried]:
+def _crew(work: Work, workers: int, scheduler: str | None, plan: Plan, timeout: float) -> Crew[Carried]:
     if scheduler is None:
         return Workers(partial(carry_out_here, work), workers, tries=TRIES)
-    from hapticeval.runner.cluster import Cluster
-
+    try:
+        from hapticeval.runner.cluster import Cluster
+    except ImportError as error:
+        raise InputError(
+            f"--scheduler {scheduler} needs dask.distributed", why=str(error), todo="pip install 'hapticeval[cluster]'"
+        ) from error
     cases = {(job.suite, job.case.name): job.case for job in plan.jobs}
     files = {path: digest for case in cases.values() for path, digest in files_of(case).items()}
-    return Cluster(partial(carry_out_afar, work), scheduler, files=files)
+    return Cluster(partial(carry_out_afar, work), scheduler, timeout=timeout, files=files)
 
 
 def _done(answer: Answer[Carried], job: Job, directory: Path | None, timeout: float) -> JobFinished:

@@ -51,8 +51,8 @@ def _processor() -> dict[str, str]:
     try:
         import llvmlite.binding as llvm
 
-        features = os.environ.get("NUMBA_CPU_FEATURES") or llvm.get_host_cpu_features().flatten()
-        found["CPU"] = os.environ.get("NUMBA_CPU_NAME") or llvm.get_host_cpu_name()
+        features = os.environ.get("NUMBA_CPU_FEATURES", llvm.get_host_cpu_features().flatten())
+        found["CPU"] = os.environ.get("NUMBA_CPU_NAME", llvm.get_host_cpu_name())
         found["CPU features"] = hashlib.sha256(features.encode()).hexdigest()[:12]
     except ImportError:
         found["CPU"] = "unknown"

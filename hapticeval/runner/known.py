@@ -13,7 +13,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from msgspec import Meta, Struct
 from msgspec.structs import replace
@@ -23,7 +23,9 @@ from hapticeval.errors import HapticevalError, InputError, UnknownNameError, at
 from hapticeval.files import replacing
 from hapticeval.phenomena.verdict import UNSATISFIED, Outcome
 from hapticeval.runner.results import ResultsDocument, VerdictEntry
-from hapticeval.suite.suite import Suite
+
+if TYPE_CHECKING:
+    from hapticeval.suite.suite import Suite
 
 UNEXPLAINED = "not explained yet"
 """How the reason of an entry begins that nobody has written a reason for."""
@@ -80,12 +82,14 @@ class Known:
 
         A known failure is as expected. One that fails in another way than the known one is judged as any other.
         """
-        entry = self.entries.get((verdict.renderer, place_of(verdict)))
+        entry = self.entries.get((verdict.renderer, verdict.place))
         if entry is None or verdict.outcome is Outcome.ERROR:
             return verdict
         if verdict.outcome not in UNSATISFIED:
             return replace(verdict, known=entry.reason)
-        return replace(verdict, known=entry.reason, as_expected=True) if verdict.outcome == entry.outcome else verdict
+        if verdict.outcome.value != entry.outcome:
+            return verdict
+        return replace(verdict, known=entry.reason, as_expected=True)
 
     def renewed(self, results: ResultsDocument) -> Known:
         """Return the list as these results have it: what stops the gate is on it, and what passes now is not.
@@ -93,23 +97,25 @@ class Known:
         Reasons that were given stay, and so does what has not run. A reason that nobody has given begins with
         `UNEXPLAINED` and goes on with what was measured at the worst of its verdicts.
         """
-        ran = {(verdict.renderer, place_of(verdict)): verdict for verdict in results.verdicts}
+        ran = {(verdict.renderer, verdict.place): verdict for verdict in results.verdicts}
         kept = {place: entry for place, entry in self.entries.items() if place not in ran}
         fresh: dict[tuple[str, str, Outcome], list[VerdictEntry]] = {}
         for place, verdict in ran.items():
             if verdict.outcome not in UNSATISFIED:
                 continue
             if verdict.known is not None:
-                kept[place] = self.entries[place]
+                kept[place] = KnownEntry(
+                    renderer=verdict.renderer, reason=verdict.known, verdicts=(place[1],), outcome=_word(verdict)
+                )
             elif results.stops(verdict):
                 fresh.setdefault((verdict.renderer, verdict.check, verdict.outcome), []).append(verdict)
-        for (renderer, _, outcome), verdicts in fresh.items():
-            worst = max(verdicts, key=severity)
+        for (renderer, _, _), verdicts in fresh.items():
+            worst = max(verdicts, key=lambda each: each.severity)
             entry = KnownEntry(
                 renderer=renderer,
                 reason=f"{UNEXPLAINED}: {worst.message} ({worst.suite}/{worst.case})",
-                verdicts=tuple(map(place_of, verdicts)),
-                outcome="fail" if outcome is Outcome.FAIL else "inconclusive",
+                verdicts=tuple(each.place for each in verdicts),
+                outcome=_word(worst),
             )
             kept |= {(renderer, place): entry for place in entry.verdicts}
         return Known(kept, self.source)
@@ -118,18 +124,8 @@ class Known:
 NONE_KNOWN = Known()
 
 
-def place_of(verdict: VerdictEntry) -> str:
-    """Return `suite/case/check`."""
-    return f"{verdict.suite}/{verdict.case}/{verdict.check}"
-
-
-def severity(verdict: VerdictEntry) -> tuple[bool, float]:
-    """Return what orders failures: errors are the worst, then those that are the most bounds away."""
-    metric, bound = verdict.metric, verdict.bound
-    if metric is None or bound is None:
-        return verdict.outcome is Outcome.ERROR, 0.0
-    over = float("inf") if metric.value is None else metric.value / bound if bound > 0.0 else metric.value
-    return verdict.outcome is Outcome.ERROR, over
+def _word(verdict: VerdictEntry) -> Literal["fail", "inconclusive"]:
+    return "fail" if verdict.outcome is Outcome.FAIL else "inconclusive"
 
 
 def read_known(file: Path) -> Known:
@@ -138,6 +134,8 @@ def read_known(file: Path) -> Known:
     Raises `InputError`, naming the entry, for a file that cannot be read or does not fit `KnownFile`, an empty reason,
     what is no `suite/case/check`, and one that is listed twice.
     """
+    if not file.exists():
+        raise InputError(f"no list of known failures {file}", todo=f"make it of what fails now: --write-known {file}")
     given: KnownFile = convert(read_toml(file), KnownFile, file.name, todo=TODO)
     entries: dict[Place, KnownEntry] = {}
     with at(file.name):

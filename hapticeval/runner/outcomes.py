@@ -38,6 +38,7 @@ class Outcomes:
 
     def __enter__(self) -> Self:
         if self._path is not None:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
             self._file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
         return self
 
@@ -55,6 +56,11 @@ class Outcomes:
                 line = line[os.write(self._file, line) :]
         except OSError as error:
             raise HapticevalError(f"cannot write {self._path}", why=error.strerror or str(error)) from error
+
+    def clear(self) -> None:
+        """Drop all that is there."""
+        if self._path is not None:
+            os.truncate(self._file, 0)
 
     def forget(self) -> None:
         """Remove the file: results.json holds all of it."""

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from fnmatch import fnmatchcase
-
-from msgspec.structs import replace
+from dataclasses import dataclass, field, replace
 
 from hapticeval.discovery import own_renderers, resolve, resolve_installed
 from hapticeval.errors import InputError, NothingSelectedError, at
 from hapticeval.renderer import RendererFactory
 from hapticeval.runner.known import NONE_KNOWN, Known
+from hapticeval.runner.results import ResultsDocument
 from hapticeval.runner.sharding import Shard
 from hapticeval.suite.case import Case
-from hapticeval.suite.installed import suites_named
-from hapticeval.suite.reading import load_suite
+from hapticeval.suite.reading import load_suites
+from hapticeval.suite.selection import covering
+from hapticeval.suite.selection import select as selected_by
 from hapticeval.suite.suite import Suite
 
 
@@ -35,7 +34,8 @@ class Plan:
     """What will run. `suites` are whole; `jobs` hold only the selected cases, with only the selected checks.
 
     Of a `shard` they hold its part, and `asked` for each suite the cases and the renderers of the whole plan. With
-    `strict` a warning stops a gate, as a failure does. A failure that is `known` does not.
+    `strict` a warning stops a gate, as a failure does. A failure that is `known` does not. With `exit_first` no further
+    job begins after one with a verdict that stops it.
     """
 
     suites: tuple[Suite, ...]
@@ -47,11 +47,18 @@ class Plan:
     known: Known = NONE_KNOWN
     shard: Shard | None = None
     asked: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = field(default_factory=dict)
+    exit_first: bool = False
 
     @property
     def planned(self) -> int:
         """Number of verdicts."""
         return sum(len(job.case.checks) for job in self.jobs)
+
+    def failed_first(self, earlier: ResultsDocument) -> Plan:
+        """Return the plan with the jobs first that have a verdict in `earlier` results that stops a gate."""
+        failed = {verdict.key for verdict in earlier.verdicts if earlier.stops(verdict)}
+        jobs = sorted(self.jobs, key=lambda job: (job.suite, job.case.name, job.renderer) not in failed)
+        return replace(self, jobs=tuple(jobs))
 
 
 def plan(
@@ -64,20 +71,25 @@ def plan(
     strict: bool = False,
     known: Known = NONE_KNOWN,
     shard: Shard | None = None,
+    quick: bool = False,
+    exit_first: bool = False,
 ) -> Plan:
     """Load the suites, see that every renderer can be found, and apply the selection.
 
     A suite's name may be that of a group: `dynamics` for `dynamics-line` and the others. Where no `renderers` are named
     each suite runs its own, or those that come with the package; `factories` make those whose names say nothing of it.
-    `select` holds globs on case names, on `suite/case`, or on `case/check`; what any of them matches is run, and
-    everything where there are none; of that, a `shard` is the part that this run does.
+    `select` holds expressions over names of cases and checks; what any of them selects is run, and everything where
+    there are none: see `selection.select`. A `quick` run takes few cases, which have every check between them. Of that,
+    a `shard` is the part that this run does.
 
-    Raises `NothingSelectedError` for a glob that matches nothing and where nothing is left, and what `load_suite`,
-    `resolve`, `Known.check` and, for the renderers that a suite names, `resolve_installed` raise.
+    Raises `NothingSelectedError` where nothing is left, and what `load_suite`, `resolve`, `select`, `Known.check` and,
+    for the renderers that a suite names, `resolve_installed` raise.
     """
     given = factories or {}
-    members = {name: None for each in suites if isinstance(each, str) for name in suites_named(each)}
-    loaded = (*map(load_suite, members), *(each for each in suites if not isinstance(each, str)))
+    loaded = (
+        *load_suites(each for each in suites if isinstance(each, str)),
+        *(each for each in suites if not isinstance(each, str)),
+    )
     _refuse_namesakes(loaded)
     known.check(loaded)
     chosen = {suite.name: tuple(dict.fromkeys(renderers or suite.renderers or own_renderers())) for suite in loaded}
@@ -89,18 +101,10 @@ def plan(
     for name in names:
         if name not in given:
             resolve(name)
-    for glob in select:
-        if not any(_selected(case, suite.name, [glob]) for suite in loaded for case in suite.cases):
-            raise NothingSelectedError(
-                f"nothing matches -k {glob!r}",
-                why=f"the cases are: {', '.join(sorted({case.name for suite in loaded for case in suite.cases}))}",
-                todo="a glob is matched against the whole name: try -k '*slide*' or -k '*/memoryless'",
-            )
+    wanted = selected_by(loaded, select)
     jobs = tuple(
-        Job(suite.name, selected, name, given.get(name))
-        for suite in loaded
-        for case in suite.cases
-        if (selected := _selected(case, suite.name, select))
+        Job(suite.name, case, name, given.get(name))
+        for suite, case in (covering(wanted) if quick else wanted)
         for name in chosen[suite.name]
     )
     if not jobs:
@@ -109,11 +113,11 @@ def plan(
     for job in jobs:
         cases[job.suite][job.case.name] = None
     asked = {name: (tuple(cases[name]), chosen[name]) for name in cases}
-    for (suite, _), case in {(job.suite, job.case.name): job.case for job in jobs}.items():
-        with at(f"suite '{suite}'"):
+    for (name, _), case in {(job.suite, job.case.name): job.case for job in jobs}.items():
+        with at(f"suite '{name}'"):
             case.check_stimulus()
     held = jobs if shard is None else shard.of(jobs)
-    return Plan(loaded, names, held, tuple(select), seed, strict, known, shard, asked)
+    return Plan(loaded, names, held, tuple(select), seed, strict, known, shard, asked, exit_first)
 
 
 def _refuse_namesakes(suites: Sequence[Suite]) -> None:
@@ -122,11 +126,3 @@ def _refuse_namesakes(suites: Sequence[Suite]) -> None:
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"two suites are named '{name}'", todo="rename one of the files, or run them apart")
-
-
-def _selected(case: Case, suite: str, select: Sequence[str]) -> Case | None:
-    """Return the case with the checks that any glob selects, None where none does."""
-    if not select or any(fnmatchcase(f"{suite}/{case.name}" if "/" in glob else case.name, glob) for glob in select):
-        return case
-    checks = tuple(check for check in case.checks if any(fnmatchcase(f"{case.name}/{check}", glob) for glob in select))
-    return replace(case, checks=checks) if checks else None

@@ -55,12 +55,19 @@ class Progress:
 
     def add(self, job: JobFinished) -> JobFinished:
         """Take what came of a job, and return it with its known failures marked."""
-        marked = replace(job, verdicts=tuple(map(self.plan.known.marked, job.verdicts)))
+        marked = self._marked(job)
         self.runs.append(marked.run)
         self.verdicts += marked.verdicts
         if time.perf_counter() - self.saved > self._pause:
             self._save(RUNNING)
         return marked
+
+    def stops(self, job: JobFinished) -> bool:
+        """Return whether a verdict of a job stops the gate."""
+        return any(verdict.stops(strict=self.plan.strict) for verdict in self._marked(job).verdicts)
+
+    def _marked(self, job: JobFinished) -> JobFinished:
+        return replace(job, verdicts=tuple(map(self.plan.known.marked, job.verdicts)))
 
     def finish(self, reason: str | None) -> ResultsDocument:
         """Write the results for the last time, incomplete for that `reason` where there is one."""

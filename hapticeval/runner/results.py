@@ -6,6 +6,7 @@ writing gives what reading takes.
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 from collections.abc import Iterator
@@ -292,9 +293,39 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
         return self.level is Level.SHOULD and self.outcome in UNSATISFIED and unforeseen
 
     @property
+    def place(self) -> str:
+        """Suite, case and check, as `suite/case/check`."""
+        return f"{self.suite}/{self.case}/{self.check}"
+
+    @property
+    def measured(self) -> str:
+        """Metric and bound in SI units, for instance `IHIP jump = 0.0041 m, bound 0.0001 m`; "" where there is none."""
+        metric = self.metric
+        if metric is None or metric.value is None:
+            return ""
+        text = f"{metric.name} = {metric.value:.4g} {metric.unit}".rstrip()
+        return text if self.bound is None else f"{text}, bound {self.bound:.4g} {metric.unit}".rstrip()
+
+    @property
+    def severity(self) -> tuple[bool, float]:
+        """Return what orders failures: errors are the worst, then those that are the most bounds away."""
+        over = 0.0
+        if self.metric is not None and self.bound is not None:
+            value = math.inf if self.metric.value is None else self.metric.value
+            over = value / self.bound if self.bound > 0.0 else value
+        return self.outcome is Outcome.ERROR, over
+
+    @property
     def outdated(self) -> bool:
         """Return whether the failure that is known of this check is no more."""
         return self.known is not None and self.outcome not in UNSATISFIED
+
+    def stops(self, *, strict: bool) -> bool:
+        """Return whether the verdict stops a gate: it is not as expected.
+
+        In a strict run a warning does, too, and what is listed as a known failure and is none any more.
+        """
+        return not self.as_expected or (strict and (self.warns or self.outdated))
 
     @property
     def standing(self) -> str:
@@ -374,11 +405,8 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
         return bool(runs) and all(run.refusal for run in runs)
 
     def stops(self, verdict: VerdictEntry) -> bool:
-        """Return whether a verdict stops a gate: it is not as expected.
-
-        In a strict run a warning does, too, and what is listed as a known failure and is none any more.
-        """
-        return not verdict.as_expected or (self.command.strict and (verdict.warns or verdict.outdated))
+        """Return whether a verdict stops the gate of this run."""
+        return verdict.stops(strict=self.command.strict)
 
 
 def schema() -> dict[str, Any]:

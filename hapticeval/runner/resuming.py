@@ -45,7 +45,7 @@ def _refuse_another(plan: Plan, document: ResultsDocument, directory: Path) -> N
     if not differs:
         old = {suite.name: suite for suite in document.suites}
         differs += [
-            f"suite '{each.name}' has been changed" for each in suite_entries(plan) if old.get(each.name) != each
+            f"the suite '{each.name}' has been changed" for each in suite_entries(plan) if old.get(each.name) != each
         ]
     differs += differing_versions(document.environment, Environment(**environment()))
     if differs:
@@ -62,6 +62,6 @@ def _shown(value: object) -> str:
 
 def differing_versions(one: Environment, other: Environment) -> list[str]:
     """Return what differs between two environments in versions: ["numpy 1.26.4, now 2.1.0"]."""
-    pairs = {"python": (one.python, other.python)}
+    pairs: dict[str, tuple[str | None, str | None]] = {"python": (one.python, other.python)}
     pairs |= {name: (one.versions.get(name), other.versions.get(name)) for name in one.versions | other.versions}
     return [f"{name} {before}, now {now}" for name, (before, now) in pairs.items() if before != now]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from hashlib import sha256
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from hapticeval.errors import InputError, NothingSelectedError
 
@@ -13,7 +14,8 @@ if TYPE_CHECKING:
     from hapticeval.runner.planning import Job
 
 
-class Shard(NamedTuple):
+@dataclass(frozen=True, order=True)
+class Shard:
     """Part `number` of `count`, counted from 1."""
 
     number: int

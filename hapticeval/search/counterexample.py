@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 from msgspec import Struct
@@ -133,7 +133,45 @@ def read_all(folder: FilePath) -> list[Kept]:
 
     Raises `InputError`, naming the file, for one that is none of ours.
     """
-    return [_read(file) for file in sorted(folder.rglob("*.json")) if file.with_suffix(".toml").is_file()]
+    return [_read(file) for file in _files(folder)]
+
+
+class Listed(NamedTuple):
+    """A counterexample on disk, for who shows it: what is kept of it, its `suite` file, and its `picture` if any.
+
+    `kept.case` is the case with its checks, `kept.fault` what it breaks, `line` that in a sentence, and `notes` what
+    there is to know besides.
+    """
+
+    kept: Kept
+    suite: FilePath
+    picture: FilePath | None
+
+    @property
+    def line(self) -> str:
+        """See `line`."""
+        return line(self.kept)
+
+    @property
+    def notes(self) -> list[str]:
+        """See `notes`."""
+        return notes(self.kept)
+
+
+def listed(folder: FilePath, *, suffix: str = ".svg") -> list[Listed]:
+    """Return the counterexamples below `folder` by renderer and check, with pictures of a `suffix`: .svg or .png.
+
+    None where there is no such folder. Raises `InputError`, naming the file, for one that is none of ours.
+    """
+    found = []
+    for file in _files(folder):
+        picture = file.with_suffix(suffix)
+        found.append(Listed(_read(file), file.with_suffix(".toml"), picture if picture.is_file() else None))
+    return sorted(found, key=lambda each: (each.kept.renderer, each.kept.fault.check))
+
+
+def _files(folder: FilePath) -> list[FilePath]:
+    return [file for file in sorted(folder.rglob("*.json")) if file.with_suffix(".toml").is_file()]
 
 
 def _read(file: FilePath) -> Kept:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from hapticeval import strategies
 from hapticeval.geometry.catalogue import make_model
+from hapticeval.geometry.curve import as_curve
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.check import Check, Situation
 from hapticeval.phenomena.registry import CHECKS
@@ -27,7 +28,7 @@ MODELS: tuple[dict[str, Any], ...] = (
 millimetre of its surface, so that a path that crosses it may be short."""
 
 PATHS, PUSHES = 8, 4
-"""Paths and experiments that are drawn at a time on one model."""
+"""Paths and experiments that are drawn at a time on one model, beside a way of more than a lap round it."""
 
 MORE = 4
 """Models that are drawn beside those in each round after the first."""
@@ -76,7 +77,11 @@ def drawn(models: Sequence[Model], checks: Sequence[str], seed: int, refused: Co
 def _on(model: Model, checks: Sequence[str], seed: int, number: int, at: int) -> Iterator[Case]:
     for_paths = [name for name in checks if led(CHECKS[name])]
     if for_paths:
-        for moves in _examples(strategies.hand_paths(model), PATHS, seed, "paths", number, at):
+        found = _examples(strategies.hand_paths(model), PATHS, seed, "paths", number, at)
+        curve = as_curve(model.boundary)
+        if curve is not None and curve.closed:
+            found += _examples(strategies.laps(model), number + 1, seed, "laps", number, at)[-1:]
+        for moves in found:
             asked = tuple(name for name in for_paths if name in checks)
             if asked:
                 yield _case(model, asked, trajectory=moves)

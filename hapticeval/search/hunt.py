@@ -93,6 +93,8 @@ class Search:
                     continue
                 taken = True
                 for fault in answer.faults:
+                    self._note(case, fault, before)
+                for fault in answer.faults:
                     self._meet(case, fault, before)
                 for name in [name for name in left if self._enough(name)]:
                     left.remove(name)
@@ -119,10 +121,19 @@ class Search:
             return False
         return found.case.experiment is not None or found.size <= SMALL or len(found.models) > AGAIN
 
+    def _note(self, case: Case, fault: Fault, before: int | None) -> None:
+        """Keep a failure of a check that has not failed before, as it is: a shrink of another one may take long."""
+        if fault.check not in self.found:
+            asked = case.checks if fault.check == RENDERER else (fault.check,)
+            examples = self.tried if before is None else before
+            self.found[fault.check] = Found(replace(case, checks=asked), fault, examples, complete=False)
+
     def _meet(self, case: Case, fault: Fault, before: int | None) -> None:
         """Shrink a failure, unless one of that check and kind is known on that model; keep it if it is the smallest."""
         model = repr((case.model, fault.kind))
         best = self.found.get(fault.check)
+        if best is not None and not best.models:
+            best = None  # only noted
         if best is not None and (model in best.models or self._enough(fault.check)):
             return
         asked = case.checks if fault.check == RENDERER else (fault.check,)

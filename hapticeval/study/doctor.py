@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from hapticeval.adapters.outside import Outside
 from hapticeval.discovery import resolve
 from hapticeval.errors import HapticevalError, RefusalError, described
 from hapticeval.geometry.catalogue import make_model
@@ -29,9 +30,14 @@ from hapticeval.workers import Ended, Workers
 MODELS = {"plane": "circle", "space": "cube"}
 
 PATIENCE = 60.0
-"""Seconds for a question, kernels to compile and a large program to start included."""
+"""Seconds for a question, a renderer's own kernels to compile and a large program to start included."""
 
-HANGS = f"no answer in {PATIENCE:g} s: it hangs"
+OURS = 600.0
+"""Seconds for what is asked of no renderer: the models' kernels may have to be compiled."""
+
+POLL = 0.1
+
+HANGS = "it hangs"
 
 DEPTH, PACE, REST = 1e-2, 1e-3, 20
 """How deep the hand is led in, and how far it goes in a tick, in sizes of the model; and ticks that it rests there."""
@@ -86,22 +92,22 @@ def examine(name: str) -> Iterator[Found]:
     refused = 0
     with Workers(_asked, 1) as crew:
         for kind in MODELS:
+            _answer(crew, OURS, name, kind, "")
             for what in QUESTIONS:
-                state, text = _answer(crew, name, kind, what)
+                state, text = _answer(crew, PATIENCE, name, kind, what)
                 yield Found(what, kind, state, text)
-                if (what == "made" and state is not State.OK) or text == HANGS:
+                if (what == "made" and state is not State.OK) or text.endswith(HANGS):
                     refused += state is State.NOTE
                     break
     if refused == len(MODELS):
         yield Found("dimension", "", State.MISSING, "it refuses models in the plane and in space: there is no other")
 
 
-def _answer(crew: Workers[Answered], name: str, kind: str, what: str) -> Answered:
-    crew.begin(0, name, kind, what)
-    found = crew.answers(PATIENCE)
-    if not found:
-        crew.give_up(0.0)
-        return State.BROKE, HANGS
+def _answer(crew: Workers[Answered], patience: float, *question: str) -> Answered:
+    crew.begin(0, *question)
+    while not (found := crew.answers(POLL)):
+        if crew.give_up(patience):
+            return State.BROKE, f"no answer in {patience:g} s: {HANGS}"
     answer = found[0]
     if isinstance(answer.error, Ended):
         return State.BROKE, f"it ends the process that it runs in: {answer.error.how}"
@@ -112,8 +118,11 @@ def _answer(crew: Workers[Answered], name: str, kind: str, what: str) -> Answere
 
 
 def _asked(name: str, kind: str, what: str) -> Answered:
-    """Put one question, in a process of its own; whatever the renderer raises is its answer."""
+    """Put one question, in a process of its own; whatever the renderer raises is its answer. "" only prepares."""
     try:
+        if not what:
+            _scene(kind)
+            return State.OK, ""
         if what == "made":
             return _made(name, kind)
         return QUESTIONS[what](_case(name, kind))
@@ -125,9 +134,16 @@ def _asked(name: str, kind: str, what: str) -> Answered:
 
 @lru_cache(maxsize=2)
 def _case(name: str, kind: str) -> Case:
+    scene, way = _scene(kind)
+    return Case(cast("Renderer", make_renderer(resolve(name), scene)), scene, way)
+
+
+@lru_cache
+def _scene(kind: str) -> tuple[Scene, Way]:
+    """Return a scene, with all that is asked of its model, and a way for a hand."""
     scene = Scene(model=make_model(MODELS[kind]))
-    renderer = make_renderer(resolve(name), scene)
-    return Case(cast("Renderer", renderer), scene, _way(scene))
+    Outside(scene).tool(scene.model.boundary.points(1)[0])
+    return scene, _way(scene)
 
 
 def _made(name: str, kind: str) -> Answered:

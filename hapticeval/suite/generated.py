@@ -6,7 +6,7 @@ import math
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path as FilePath
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from msgspec import Meta
 
@@ -33,7 +33,8 @@ class Generated(Trajectory, frozen=True, kw_only=True, tag="generated"):
 
     def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
         """Return the path, drawn once for a surface; see `Trajectory.path` and `hand_paths`."""
-        return _path(self, surface)
+        known: Any = surface
+        return _path(self, known)
 
 
 @lru_cache(maxsize=8)

@@ -16,7 +16,7 @@ from hapticeval.files import below
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.stimulus.paths import Positive
 from hapticeval.suite.case import Case, CaseEntries, Published
-from hapticeval.suite.installed import find_suites
+from hapticeval.suite.installed import find_suites, suites_named
 from hapticeval.suite.suite import Names, Row, Suite
 
 
@@ -92,6 +92,11 @@ def load_suite(name_or_path: str) -> Suite:
         rows=given.row,
         renderers=given.renderers,
     )
+
+
+def load_suites(names: Iterable[str]) -> tuple[Suite, ...]:
+    """Return the suites of names, groups and paths, each once. Raises as `suites_named` and `load_suite` do."""
+    return tuple(map(load_suite, dict.fromkeys(member for name in names for member in suites_named(name))))
 
 
 def case_named(text: str) -> Case:

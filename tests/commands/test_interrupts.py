@@ -84,7 +84,7 @@ def command(arguments, *, program=("-m", "hapticeval")):
                 os.killpg(process.pid, signal.SIGKILL)
 
 
-RUN = ["run", "slides.toml", "-r", "local_mine:Waits"]
+RUN = ["run", "slides.toml", "-v", "-r", "local_mine:Waits"]
 
 
 def waiting(here, run):
@@ -138,7 +138,7 @@ def test_a_second_one_stops_at_once(here):
 def test_a_replay_says_and_does_the_same(here):
     assert main(["run", "slides.toml", "-r", "constraint", "-k", "flat-back", "-o", "first"]) == 0
     log = "first/recordings/slides/flat-back/constraint.h5"
-    with command(["replay", log, "-r", "local_mine:Waits", "-r", "constraint", "-o", "results"]) as replay:
+    with command(["replay", log, "-v", "-r", "local_mine:Waits", "-r", "constraint", "-o", "results"]) as replay:
         waiting(here, replay)
         replay.ctrl_c()
         assert replay.says("interrupted") == WAITING

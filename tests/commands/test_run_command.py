@@ -35,7 +35,7 @@ def test_a_good_renderer_passes_and_its_reports_can_be_written_anew(here, capsys
     shown = capsys.readouterr()
     assert "4 of 4 planned verdicts ran: 4 pass; none not as expected" in shown.out
     assert "times real time" in shown.out
-    assert "[2/3] local_mine:Good on slides/flat-back: 1 pass" in shown.err
+    assert "[3/3] slides: 3 runs: 4 pass" in shown.err
     results = read_results(here / "results")
     assert (results.ran, results.planned, results.complete) == (4, 4, True)
     written = [Path(line.removeprefix("wrote ")) for line in shown.out.splitlines() if line.startswith("wrote ")]
@@ -167,8 +167,8 @@ def test_there_is_a_list_of_everything(capsys, what, entry):
 
 
 COMMANDS = [
-    "run", "list", "explain", "merge",
-    "report", "record", "inspect", "convert", "replay", "view", "compare", "search", "bench", "rates",
+    "run", "list", "explain", "merge", "doctor", "new", "header", "report", "diff", "badge",
+    "record", "inspect", "convert", "replay", "view", "compare", "search", "bench", "rates",
     "effects", "texture", "field", "flow", "device", "limits", "integrators",
 ]  # fmt: skip
 

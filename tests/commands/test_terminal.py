@@ -1,16 +1,25 @@
 """The terminal as a sink of events, and the closing summary, without a run; and the exit code of results."""
 
 import io
-from pathlib import Path
 
 import pytest
+from result_entries import changed, run_entry
 
 from hapticeval.api import Results
 from hapticeval.commands import terminal
 from hapticeval.errors import HapticevalError, RendererError
-from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
-from hapticeval.runner.events import Interrupted, JobFinished, RunStarted
-from hapticeval.runner.results import Command, Environment, ResultsDocument, RunEntry, SceneEntry, Timing, VerdictEntry
+from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
+from hapticeval.runner.events import Interrupted, JobFinished, RunFinished, RunStarted
+from hapticeval.runner.results import (
+    Command,
+    Environment,
+    Problem,
+    ResultsDocument,
+    RunEntry,
+    SceneEntry,
+    Timing,
+    VerdictEntry,
+)
 
 BROKE = RendererError("it raised", tick=3, hip=(0.0, 0.1))
 AGAIN = "what is done is kept; press Ctrl-C again to stop at once"
@@ -65,7 +74,8 @@ def job(*verdicts, error=None):
     ],
 )
 def test_exit_codes(done, errors, code):
-    assert Results(done, errors=tuple(errors)).exit_code == code
+    runs = [run_entry(case=str(number), error=Problem.of(error)) for number, error in enumerate(errors)]
+    assert Results(changed(done, runs=runs)).exit_code == code
 
 
 @pytest.mark.parametrize(
@@ -83,63 +93,6 @@ def test_a_strict_run_lets_warnings_count(outcome, published, code):
     assert Results(results(should)).exit_code == 0
     assert Results(results(should, strict=True)).exit_code == code
     assert Results(results(verdict(outcome, level=Level.INFO, published=published), strict=True)).exit_code == 0
-
-
-def test_warnings_have_a_mark_of_their_own():
-    should = verdict(Outcome.FAIL, level=Level.SHOULD)
-    shown = terminal.summary(results(should), [])
-    assert "warning: fail: r on s/c/" in shown
-    assert "none not as expected, 1 warning\n" in shown
-    assert "1 warning that count" in terminal.summary(results(should, strict=True), [])
-
-
-def test_the_summary_says_what_is_not_as_it_must_be():
-    done = results(
-        verdict(Outcome.PASS),
-        verdict(Outcome.FAIL, metric=Metric("jump", 0.0123456, "m"), bound=0.001),
-        verdict(Outcome.NOT_APPLICABLE),
-        verdict(Outcome.NOT_APPLICABLE, case="d"),
-        planned=5,
-        complete=False,
-        reason="interrupted by the user",
-        table={"Resists": {"one": "Yes", "another": "No"}, "Suitable": {"one": "No"}},
-        published_table={"Resists": {"another": "Yes"}, "Suitable": {"one": "No"}},
-    )
-    assert terminal.summary(done, [Path("out/report.html")]).splitlines() == [
-        "          one  another",
-        "Resists   Yes  No (published Yes)",
-        "Suitable  No   -",
-        "",
-        "fail: r on s/c/memoryless",
-        "  jump = 0.01235 m, bound 0.001 m",
-        "  what was seen",
-        "",
-        "not applicable: memoryless (2 times): what was seen",
-        "",
-        "4 of 5 planned verdicts ran (incomplete: interrupted by the user): 1 pass, 1 fail, 2 not-applicable; "
-        "1 not as expected",
-        "simulated 6.0 s in 2.0 s: 3.0 times real time",
-        "",
-        "wrote out/report.html",
-    ]
-
-
-def test_a_metric_that_json_cannot_hold_is_left_to_the_message():
-    endless = verdict(Outcome.FAIL, metric=Metric("jump", float("inf"), "m"), bound=0.001)
-    assert "jump =" not in terminal.summary(results(endless), [])
-
-
-def test_lines_where_there_is_no_terminal():
-    stream = io.StringIO()
-    with terminal.Terminal(stream) as sink:
-        sink(RunStarted(2, 2))
-        sink(job(verdict(Outcome.PASS)))
-        sink(job(verdict(Outcome.ERROR), error=BROKE))
-    assert stream.getvalue().splitlines() == [
-        "2 runs, 2 verdicts planned",
-        "[1/2] r on s/c: 1 pass",
-        "[2/2] r on s/c: broke: it raised at tick 3 (counted from 0), HIP (0, 0.1) m",
-    ]
 
 
 @pytest.mark.parametrize(
@@ -176,3 +129,36 @@ def test_a_bar_on_a_terminal_when_it_takes_long(monkeypatch, patience, shown):
     assert "being finished" in stream.getvalue()
     assert ("1/2" in stream.getvalue()) is shown
     assert ("3/7" in stream.getvalue()) is shown
+
+
+def lines(*events, verbose=False):
+    stream = io.StringIO()
+    with terminal.Terminal(stream, verbose=verbose) as sink:
+        for event in events:
+            sink(event)
+    return stream.getvalue().splitlines()
+
+
+RUN = [
+    RunStarted(5, 3, jobs_of={"s": 2, "t": 1}),
+    job(verdict(Outcome.PASS), verdict(Outcome.FAIL)),
+    job(verdict(Outcome.ERROR), error=BROKE),
+    RunFinished(results(verdict(Outcome.PASS))),
+]
+BROKEN = "[2/3] r on s/c: broke: it raised at tick 3 (counted from 0), HIP (0, 0.1) m"
+
+
+def test_a_line_a_suite_where_there_is_no_terminal():
+    assert lines(*RUN) == [
+        "3 runs, 5 verdicts planned",
+        BROKEN,
+        "[2/3] s: 2 runs: 1 pass, 1 fail, 1 error (2 not as expected)",
+    ]
+
+
+def test_a_suite_that_was_not_finished_has_its_line_at_the_end():
+    assert lines(RUN[0], RUN[1], RUN[-1])[1:] == ["[1/3] s: 1 of 2 runs: 1 pass, 1 fail (1 not as expected)"]
+
+
+def test_a_line_a_run_where_it_is_verbose():
+    assert lines(*RUN, verbose=True)[1:] == ["[1/3] r on s/c: 1 pass, 1 fail (1 not as expected)", BROKEN]

@@ -21,6 +21,12 @@ class Undeclared(FingerProxy):
     standoff = 0.0
 
 
+class Coarse(FingerProxy):
+    """The same, and declares the facets of the mesh that it is given as its resolution."""
+
+    resolution = 0.014
+
+
 class Unswept(FingerProxy):
     """Looks for the surface only where the hand is inside: what it has passed in a tick it does not meet."""
 
@@ -71,6 +77,15 @@ def test_deep_under_facets_it_is_blamed_for_a_jump():
     finding = found("solids/icosphere-chord", "continuous-contact")
     assert "pop-through" in finding.message
     assert finding.metric.value > 5.0 * MARGIN
+
+
+def test_from_facet_to_facet_it_is_not_called_more_than_its_declared_resolution():
+    """Its tool goes to the next facet, 14 mm wide: a mini pop-through. Where nothing is declared, it is a major one."""
+    for make, severity in ((Coarse, "mini"), (FingerProxy, "major")):
+        finding = found("solids/icosphere-1280", "continuous-contact", make)
+        assert finding.outcome is Outcome.FAIL
+        assert finding.evidence["severity"] == severity
+        assert ("mini" in finding.message) is (severity == "mini")
 
 
 def test_on_a_concave_edge_it_turns_over_the_arc():

@@ -8,13 +8,13 @@ import pytest
 from hand_paths import star_shaped, walks
 from hypothesis import given, settings
 
-from hapticeval.errors import InputError
-from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, star
+from hapticeval.errors import InputError, RefusalError
+from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, make_model, star
 from hapticeval.renderers import conformal, constraint, minimum_distance
 from hapticeval.renderers.disk import by_conformal_map, by_flow_map
 from hapticeval.renderers.nearest import nearest
-from hapticeval.renderers.table import ASK, EDGE, HELD, MARKED, OUT, TOUCHES, Grid, Table, empty, grid_over
-from hapticeval.renderers.tabulated import MARGIN, OFF, Source, fill, tabulate, tabulated
+from hapticeval.renderers.table import ASK, EDGE, HELD, IN_MEMORY, MARKED, OUT, TOUCHES, Grid, Table, empty, grid_over
+from hapticeval.renderers.tabulated import MARGIN, OFF, Source, fill, grid_of, tabulate, tabulated
 from hapticeval.scene import Scene
 
 MODELS = {"cassinian": cassinian(), "star": star(), "dumbbell": dumbbell()}
@@ -194,7 +194,7 @@ def test_memory_is_that_of_6_2():
     table = table_of("minimum-distance", "cassinian").table
     assert table.nbytes == table.grid.node_bytes + table.grid.cell_bytes
     assert table.nbytes == pytest.approx(32 * (0.2 / COARSE) ** 2, rel=0.1)
-    assert grid_over((-0.1, -0.1), (0.1, 0.1)).cells == (402, 402)
+    assert grid_over((-0.1, -0.1), (0.1, 0.1), 0.5e-3).cells == (402, 402)
 
 
 def test_a_table_is_made_once_for_a_model_and_its_settings():
@@ -266,3 +266,66 @@ def test_arrays_and_points_that_do_not_fit_are_refused():
 
 
 CIRCLE = circle()
+
+
+def of_solid(kind, *, cell, **parameters):
+    scene = Scene(model=make_model(kind, **parameters))
+    low, high = np.reshape(scene.model.boundary.bounds, (2, 3))
+    hips = np.random.default_rng(4).uniform(low - 0.01, high + 0.01, (20_000, 3))
+    return scene.model, tabulated(nearest, scene, "curve", cell=cell), nearest(scene, "curve"), hips
+
+
+@pytest.mark.parametrize("kind", ["cube", "l-block"])
+def test_on_a_solid_of_flat_faces_a_table_is_exact_where_it_answers_and_marked_where_faces_are_as_near(kind):
+    model, made, exact, hips = of_solid(kind, cell=5e-3)
+    (ihips, normals, status), (feet, true, contact) = made.table.look_many(hips), exact.trace(hips)
+    answered = (status == TOUCHES) & contact
+    assert 0.2 < np.mean(answered[contact]) < 0.9
+    np.testing.assert_allclose(ihips[answered], feet[answered], atol=1e-15)
+    # Round a concave edge, on which the IHIP then is, the normal turns.
+    flat = answered & (np.sort(np.abs(true), axis=1)[:, -1] == 1.0)
+    assert np.mean(flat[answered]) > 0.9
+    aside = np.linalg.norm(normals - true, axis=1)[flat]
+    assert np.quantile(aside, 0.95) < 1e-12
+    assert made.standoff < 1e-15
+    # Deeper than a cell, a HIP whose neighbours a cell away project elsewhere is asked of the projection itself.
+    deep = model.boundary.signed_distance(hips) < -1e-2
+    beside = [exact.trace(hips + step)[0] - feet for step in 5e-3 * np.vstack([np.eye(3), -np.eye(3)])]
+    far = np.max([np.linalg.norm(each, axis=1) for each in beside], axis=0) < 2 * 5e-3
+    assert np.mean(status[deep & far] == ASK) < np.mean(status[deep & ~far] == ASK)
+    for ours, theirs in zip(made.trace(hips)[::2], exact.trace(hips)[::2], strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-12)
+
+
+def test_in_space_too_the_error_falls_with_the_square_of_the_cell():
+    errors = []
+    for cell in (8e-3, 4e-3):
+        model, made, exact, hips = of_solid("sphere", cell=cell)
+        (ihips, _, status), (feet, _, contact) = made.table.look_many(hips), exact.trace(hips)
+        counted = (status == TOUCHES) & contact & (model.boundary.signed_distance(hips) > -0.03)
+        errors.append(float(np.sqrt(np.mean(np.sum((ihips - feet)[counted] ** 2, axis=1)))))
+    np.testing.assert_allclose(-np.diff(np.log2(errors)), 2.0, atol=0.1)
+
+
+def test_the_loop_in_space_answers_as_the_whole_table_does():
+    _, made, _, hips = of_solid("l-block", cell=5e-3)
+    (ihips, normals, status), (means, directions, contact) = made.table.look_many(hips), made.table.answers(hips)
+    alone = status != ASK
+    assert np.array_equal((status == TOUCHES)[alone], contact[alone])
+    np.testing.assert_allclose(ihips[alone], means[alone], atol=1e-15)
+    np.testing.assert_allclose(normals[alone], directions[alone], atol=1e-12)
+    assert np.array_equal(made.project(hips[7]).ihip, made.trace(hips[7:8])[0][0])
+
+
+def test_the_memory_of_a_table_in_space_is_known_before_it_is_made():
+    boundary = make_model("cube").boundary
+    assert tabulated(nearest, Scene(model=make_model("cube")), "curve", cell=5e-3).table.nbytes == (
+        grid_of(boundary, 5e-3).nbytes
+    )
+    assert grid_of(boundary).cell == 2e-3
+    fine = minimum_distance.variant(representation="lut").with_knobs(cell=2e-4)
+    with pytest.raises(RefusalError, match=r"a look-up table of 6.\d+e\+09 bytes") as caught:
+        fine(Scene(model=make_model("cube")))
+    fits = float(caught.value.todo.split(": ")[1].split()[0])
+    assert 0.8 * IN_MEMORY < grid_of(boundary, fits).nbytes < IN_MEMORY
+    assert "space" in fine.supports

@@ -339,7 +339,6 @@ def test_values_are_those_of_the_evidence():
         "0 s 0.5 s 1 s",
         "measured 0.000000 −43.940000 −87.880000 3.25 nm 2 mm",  # noqa: RUF001
         "closed form −0.000003 −43.940003 −87.880003 450 nm",  # noqa: RUF001
-        "0.5 s (1000.000000, 100.000000) (1000.000000, 100.000001)",
         "r″ = −k (r − R)",  # noqa: RUF001
         "radius",
         "1 of 1 as the closed form",

@@ -107,7 +107,7 @@ def test_a_failure_stands_out_for_colour_blind_eyes(opened, dark):
         grounds = {}
         for state in ("fail", "pass", "known", "not-judged"):
             found = f"const e = document.querySelector('.legend .state.{state}'); if (!e) return null;"
-            place = "e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect(); return [b.x, b.y];"
+            place = "const b = e.getBoundingClientRect(); return [b.x + scrollX, b.y + scrollY];"
             if (box := page.run(f"(() => {{ {found} {place} }})()")) is not None:
                 clip = {"x": box[0] + 3, "y": box[1] + 3, "width": 2, "height": 2, "scale": 1}
                 grounds[state] = ground(page.call("Page.captureScreenshot", format="png", clip=clip)["data"])

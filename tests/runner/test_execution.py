@@ -119,7 +119,7 @@ def run(short, tmp_path):
 @pytest.mark.parametrize("workers", [0, 2])
 def test_the_stream_reports_the_plan_every_job_and_the_end(run, tmp_path, workers):
     events, jobs = run("thirdparty:Good", "constraint", workers=workers)
-    assert events[0] == RunStarted(planned_verdicts=6, planned_jobs=4)
+    assert events[0] == RunStarted(planned_verdicts=6, planned_jobs=4, jobs_of={"short": 4})
     assert list(jobs) == [(case, name) for case in ("press", "slide") for name in ("thirdparty:Good", "constraint")]
     assert isinstance(events[-1], RunFinished)
     results = read_results(tmp_path / "out")

@@ -1,6 +1,7 @@
 """Lists of known failures: what they excuse, what they refuse, and how one is made of results."""
 
 import tomllib
+import xml.etree.ElementTree as ET
 
 import pytest
 from hypothesis import given
@@ -10,7 +11,8 @@ from result_entries import changed, results_of
 from hapticeval.api import Results
 from hapticeval.errors import InputError
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
-from hapticeval.runner.known import UNEXPLAINED, Known, KnownEntry, read_known, severity, write_known
+from hapticeval.reports import junit
+from hapticeval.runner.known import UNEXPLAINED, Known, KnownEntry, read_known, write_known
 from hapticeval.runner.results import VerdictEntry
 from hapticeval.suite.reading import load_suite
 
@@ -59,9 +61,24 @@ def test_a_renewed_list_has_what_stops_the_gate_and_nothing_that_passes():
     seen = [verdict(), verdict(Outcome.PASS, case="d"), verdict(case="f"), verdict(case="g", value=9e-3, message="far")]
     renewed = known.renewed(results_of(*map(known.marked, [*seen, verdict(case="h", level=Level.SHOULD)])))
     assert {place.split("/")[1] for _, place in renewed.entries} == {"c", "e", "f", "g"}, "e has not run, h only warns"
-    assert renewed.entries["r", PLACE] is LISTED
+    assert renewed.entries["r", PLACE] == LISTED
     assert renewed.entries["r", "s/f/memoryless"].reason == f"{UNEXPLAINED}: far (s/g)"
     assert all(renewed.marked(each).standing in ("known", "") for each in seen)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "strict", "kinds", "words"),
+    [
+        (Outcome.FAIL, True, ["system-out"], "fails, and is known: a limit of the method"),
+        (Outcome.PASS, False, [], ""),
+        (Outcome.PASS, True, ["failure"], "pass, and on the list of known failures (a limit of the method)"),
+    ],
+)
+def test_a_known_failure_passes_in_junit_with_its_reason(outcome, strict, kinds, words):
+    root = ET.fromstring(junit(results_of(KNOWN.marked(verdict(outcome)), strict=strict)))
+    found = [child for case in root.iter("testcase") for child in case]
+    assert [child.tag for child in found] == kinds
+    assert all(words in (child.get("message") or child.text) for child in found)
 
 
 TEXT = st.text(st.characters(codec="utf-8"), min_size=1).filter(str.strip)
@@ -131,7 +148,7 @@ def test_an_entry_without_its_case_or_check_is_refused(place, meant):
 def test_the_worst_is_an_error_then_what_is_the_most_bounds_away():
     least, most = verdict(value=1.1e-3), verdict(value=float("inf"))
     error = verdict(Outcome.ERROR)
-    assert sorted([most, error, least], key=severity) == [least, most, error]
+    assert sorted([most, error, least], key=lambda each: each.severity) == [least, most, error]
 
 
 def test_the_file_that_is_written_explains_itself(tmp_path):

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -123,8 +124,9 @@ def test_a_call_that_takes_too_long_is_given_up_and_its_place_is_free():
     with Workers(act, 1) as crew:
         crew.begin(0, "wait")
         assert crew.give_up(60.0) == []
-        assert crew.answers(0.05) == []
-        (late,) = crew.give_up(0.05)
+        while not (given_up := crew.give_up(0.05)):
+            assert crew.answers(0.05) == []
+        (late,) = given_up
         assert (late.call, late.value, type(late.error)) == (0, None, Overdue)
         assert crew.busy == 0
         crew.begin(1, "double", 4)
@@ -194,3 +196,39 @@ def test_what_cannot_travel_costs_no_process():
         assert isinstance(answered(crew, 1)[2].error, ValueError)
         crew.begin(3, "pid")
         assert answered(crew, 1)[3].value == pid
+
+
+def killed(file, times):
+    """Be killed, so many times, as by the system."""
+    with Path(file).open("a+") as log:
+        log.write("x")
+        log.seek(0)
+        if len(log.read()) <= times:
+            log.flush()
+            os.kill(os.getpid(), signal.SIGKILL)
+    return "done"
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+@pytest.mark.parametrize(("times", "value"), [(2, "done"), (3, None)])
+def test_a_call_whose_process_is_killed_is_made_again_a_few_times(tmp_path, fresh, times, value):
+    with Workers(killed, 1, tries=3, fresh=fresh) as crew:
+        crew.begin(0, str(tmp_path / "log"), times)
+        (answer,) = crew.answers()
+        assert answer.value == value
+        assert value or answer.error.killed
+    assert (tmp_path / "log").read_text() == "xxx"
+
+
+def test_a_crash_is_no_kill():
+    with Workers(os._exit, 1, tries=3, fresh=True) as crew:
+        crew.begin(0, 7)
+        (answer,) = crew.answers()
+    assert (answer.error.code, answer.error.killed) == (7, False)
+
+
+def test_processes_of_their_own_end_when_their_parent_is_killed():
+    program = ORPHANS.replace("Workers(os.getpid, 2)", "Workers(os.getpid, 2, fresh=True)")
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as parent:
+        assert len(parent.stdout.readline().split()) == 2
+        assert parent.stdout.read() == ""

@@ -14,7 +14,7 @@ from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.runner.judging import judge
 from hapticeval.search import trial
-from hapticeval.search.counterexample import kept, line, notes, read_all, write
+from hapticeval.search.counterexample import kept, line, listed, notes, read_all, write
 from hapticeval.search.drawing import drawn, judgeable, led
 from hapticeval.search.hunt import Search
 from hapticeval.search.trial import RENDERER, Bench, Fault, Stopped
@@ -176,6 +176,11 @@ def test_the_command_writes_tells_and_replays(mine, capsys):
     said = capsys.readouterr().out
     assert "mine:Nearest: pop-through of" in said
     place = next(out.glob("*/continuous-contact.toml")).parent
+    (shown,) = listed(out)
+    assert shown.line in said
+    assert (shown.suite, shown.picture) == (place / "continuous-contact.toml", place / "continuous-contact.svg")
+    assert listed(out, suffix=".pdf")[0].picture is None
+    assert listed(mine / "nothing") == []
     assert {file.suffix for file in place.iterdir()} == {".toml", ".csv", ".json", ".svg", ".png"}
     assert run("--replay", out, "-r", "mine:Nearest", "-r", "ideal") == 1
     rows = capsys.readouterr().out

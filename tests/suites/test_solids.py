@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from hapticeval.discovery import resolve
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.judging import judge
+from hapticeval.runner.progress import suite_entry
 from hapticeval.runner.table import fill_table
 from hapticeval.suite.reading import load_suite
 
@@ -59,7 +60,7 @@ def test_the_rows_of_the_thesis_come_out_for_solids(renderer):
             resolve(renderer), renderer, "solids", replace(case, checks=tuple(c for c in case.checks if c in checks))
         ).verdicts
     ]
-    table = fill_table([SOLIDS], found)
+    table = fill_table([suite_entry(SOLIDS)], found)
     assert {row.title: table[row.title][renderer] for row in rows} == {
         row.title: row.published[renderer] for row in rows
     }

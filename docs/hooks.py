@@ -1,0 +1,79 @@
+"""What mkdocs makes of other files: the README, ARCHITECTURE.md, and a page of every check from its own data."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+
+import hapticeval
+from hapticeval.phenomena.registry import CHECKS
+
+ROOT = Path(__file__).parents[1]
+SOURCE = re.compile(r"\[([^\]]+)\]\(\.\./[^)]+\)")
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the generated pages."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8").replace("](docs/", "](")
+    pages = {
+        "index.md": linked(readme),
+        "architecture.md": (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8"),
+        "contributing.md": (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").replace("](docs/", "]("),
+        "changelog.md": (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
+        "checks.md": "\n".join(checks()),
+        "api.md": "\n".join(reference()),
+    }
+    for name, content in pages.items():
+        files.append(File.generated(config, name, content=content))
+    return files
+
+
+def linked(readme: str) -> str:
+    """Return the README with links to the site's pages."""
+    for name in ("CHANGELOG", "ARCHITECTURE", "CONTRIBUTING"):
+        readme = readme.replace(f"]({name}.md)", f"]({name.lower()}.md)")
+    return readme
+
+
+def on_page_markdown(markdown: str, **_: object) -> str:
+    """Turn links to the README into links to the first page; other files of the repository are named without one."""
+    return SOURCE.sub(r"\1", markdown.replace("](../README.md", "](index.md"))
+
+
+def checks() -> Iterator[str]:
+    """Yield a page: each check with its question, formula, bound, and the part of the thesis that it is from."""
+    yield "# Every check"
+    yield "\nAs `hapticeval explain CHECK` prints it. A metric up to the bound passes."
+    for name, check in CHECKS.items():
+        yield f"\n## {name}\n\n{check.asks}\n"
+        picture = Path("pictures") / "checks" / f"{name}.svg"
+        if (ROOT / "docs" / picture).exists():
+            yield f"![{name}: a renderer that passes and one that fails]({picture.as_posix()})\n"
+        rows = {
+            "phenomenon": check.phenomenon,
+            "formula": check.formula,
+            "metric": f"{check.metric} ({check.unit})" if check.unit else check.metric,
+            "bound": check.bound,
+            "level": check.level.value,
+            "source": check.citation,
+            "reads": ", ".join(check.channels),
+        }
+        yield from (f"**{title}** {escaped(text)}\n" for title, text in rows.items() if text)
+
+
+def reference() -> Iterator[str]:
+    """Yield a page of every public name of the package, from its docstrings."""
+    yield "# Reference"
+    for name in hapticeval.__all__:
+        module = hapticeval._LAZY.get(name)
+        if module is not None:
+            yield f"\n::: {module}.{name}"
+
+
+def escaped(text: str) -> str:
+    """Return text in which markdown finds nothing to set."""
+    return re.sub(r"([*_|<\[\]])", r"\\\1", text)

@@ -1,0 +1,213 @@
+"""The closing words of a run on stdout: a grid of suites and renderers, the table, and what is unexpected."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import typer
+
+from hapticeval.commands.terminal import counted, lines, paragraphs, plural, wrote
+from hapticeval.phenomena.verdict import Level, Outcome
+from hapticeval.quantity import aligned
+from hapticeval.runner.results import Problem, ResultsDocument, RunEntry, VerdictEntry
+
+SHOWN = 10
+"""Unexpected verdicts that are shown without -v: the worst; more scroll off a screen, and the report has them all."""
+
+LEGEND = {
+    "!": "!n are not as expected",
+    "~": "~n fail and are known, or as published",
+    "?": "?n warn",
+}
+
+
+def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool = False, width: int = 0) -> str:
+    """Return grid, table, what is not as it must be, worst first, counts, time and files; if `verbose` all else, too.
+
+    Where a `width` is given, tables that are wider are shown as lists.
+    """
+    stops = [verdict for verdict in _apart_from_broken(results) if results.stops(verdict)]
+    stops.sort(key=lambda each: each.severity, reverse=True)
+    rest = [verdict for verdict in results.verdicts if not results.stops(verdict)]
+    shown = stops if verbose else stops[:SHOWN]
+    more = len(stops) - len(shown)
+    return paragraphs(
+        _grid(results, width),
+        *_tables(results, width),
+        lines(_stopped("broke", run, run.error) for run in results.runs if run.error),
+        lines(_stopped("refuses", run, run.refusal) for run in _refused(results) if run.refusal),
+        lines(map(_shown, shown)),
+        f"and {plural(more, 'verdict')} more that {'is' if more == 1 else 'are'} not as expected: -v shows them"
+        if more
+        else "",
+        lines(_shown(verdict) for verdict in rest if verdict.outdated),
+        lines(_shown(verdict) for verdict in rest if verdict.warns) if verbose else "",
+        lines(_shown(verdict) for verdict in rest if verdict.standing == "known") if verbose else "",
+        lines(_not_applicable(results)) if verbose else "",
+        _totals(results, verbose=verbose),
+        wrote(written),
+    )
+
+
+def paint(text: str, colour: str | None) -> str:
+    """Return the text in a colour, where stdout is a terminal that shows colours."""
+    plain = not sys.stdout.isatty() or os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
+    return text if plain or colour is None else typer.style(text, fg=colour)
+
+
+def terminal_width() -> int:
+    """Return how many columns stdout has; 0, for any number, where it is no terminal."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
+
+
+def _grid(results: ResultsDocument, width: int) -> str:
+    """A row a suite and a column a renderer: how many of the judged verdicts pass, and how many are a surprise."""
+    cells: dict[str, dict[str, list[VerdictEntry]]] = {}
+    for verdict in results.verdicts:
+        cells.setdefault(verdict.suite, {}).setdefault(verdict.renderer, []).append(verdict)
+    renderers = list(dict.fromkeys(verdict.renderer for verdict in results.verdicts))
+    rows = [
+        [(suite, None), *(_share(row[name], results) if name in row else ("", None) for name in renderers)]
+        for suite, row in cells.items()
+    ]
+    if not rows:
+        return ""
+    marks = [text for mark, text in LEGEND.items() if any(mark in cell for row in rows for cell, _ in row[1:])]
+    return _laid_out(["", *renderers], rows, width) + "\n" + "; ".join(["passed/judged", *marks])
+
+
+def _share(verdicts: Sequence[VerdictEntry], results: ResultsDocument) -> tuple[str, str | None]:
+    """A cell of the grid and its colour; verdicts of level info are shown in the report and never judged."""
+    judged = [each for each in verdicts if each.level is not Level.INFO and each.outcome is not Outcome.NOT_APPLICABLE]
+    wrong = sum(results.stops(each) for each in verdicts)
+    if not judged and not wrong:
+        return "-", None
+    kinds = Counter(each.standing for each in judged if not results.stops(each) and each.outcome is not Outcome.PASS)
+    counts = {"!": wrong, "~": kinds["known"] + kinds["as known"], "?": kinds["warning"]}
+    text = f"{sum(each.outcome is Outcome.PASS for each in judged)}/{len(judged)}"
+    noted = "".join(f" {mark}{count}" for mark, count in counts.items() if count)
+    return text + noted, "red" if wrong else "yellow" if noted else "green"
+
+
+def _tables(results: ResultsDocument, width: int) -> Iterator[str]:
+    """A table a suite that has rows which some renderer has decided."""
+    titles = [(suite.title, suite.rows) for suite in results.suites if suite.rows]
+    told = {title for _, rows in titles for title in rows}
+    left = [title for title in results.table if title not in told]
+    for name, rows in [*titles, ("", left)]:
+        found = {title: row for title in rows if (row := results.table.get(title))}
+        if found:
+            heading = f"{name}\n" if name and len(titles) > 1 else ""
+            yield heading + _table(found, results.published_table, width)
+
+
+def _table(table: Mapping[str, Mapping[str, str]], published_table: Mapping[str, Mapping[str, str]], width: int) -> str:
+    """Rows by renderers; a cell that differs from what is in print says so."""
+    renderers = list(dict.fromkeys(renderer for row in table.values() for renderer in row))
+    rows = [
+        [(title, None), *(_cell(row.get(name, "-"), published_table.get(title, {}).get(name)) for name in renderers)]
+        for title, row in table.items()
+    ]
+    return _laid_out(["", *renderers], rows, width)
+
+
+def _cell(found: str, published: str | None) -> tuple[str, str | None]:
+    if published in (None, found) or found == "-":
+        return found, {"Yes": "green", "No": "yellow"}.get(found)
+    return f"{found} (published {published})", "red"
+
+
+def _laid_out(header: Sequence[str], rows: Sequence[Sequence[tuple[str, str | None]]], width: int) -> str:
+    """Return cells with their colours in aligned columns; where these are too wide, a list for each row."""
+    texts = [list(header), *([text for text, _ in row] for row in rows)]
+    whole = aligned(texts)
+    if width and max(map(len, whole)) > width:
+        lists = []
+        for (title, _), *row in rows:
+            named = aligned([[f"  {name}", text] for name, (text, _) in zip(header[1:], row, strict=True) if text])
+            colours = [colour for text, colour in row if text]
+            lists += [title, *map(paint, named, colours)]
+        return lines(lists)
+    places = [max(map(len, column)) for column in zip(*texts, strict=True)]
+    painted = (
+        [paint(text, colour) + " " * (place - len(text)) for (text, colour), place in zip(row, places, strict=True)]
+        for row in rows
+    )
+    return lines([whole[0], *("  ".join(row).rstrip() for row in painted)])
+
+
+def _stopped(how: str, run: RunEntry, said: Problem) -> str:
+    told = [paint(f"{how}: {run.renderer} on {run.suite}/{run.case}", "red"), f"  {said.what}"]
+    told += [f"  {label}: {each}" for label, each in (("why", said.why), ("what to do", said.todo)) if each]
+    return lines(told)
+
+
+def _refused(results: ResultsDocument) -> Iterator[RunEntry]:
+    """The first run of each renderer that has refused all that it was given: it has not been judged at all."""
+    judged = {run.renderer for run in results.runs if not run.refusal}
+    told: set[str] = set()
+    for run in results.runs:
+        if run.renderer not in judged | told:
+            told.add(run.renderer)
+            yield run
+
+
+def _apart_from_broken(results: ResultsDocument) -> Iterator[VerdictEntry]:
+    """The verdicts less the errors of runs that broke: these are shown as one."""
+    broken = {run.key for run in results.runs if run.error}
+    for verdict in results.verdicts:
+        if not (verdict.key in broken and verdict.outcome is Outcome.ERROR):
+            yield verdict
+
+
+def _shown(verdict: VerdictEntry) -> str:
+    """A verdict of which there is something to say, with its measure and its bound."""
+    outcome, published = verdict.outcome, verdict.published
+    place = f"{verdict.renderer} on {verdict.place}"
+    if verdict.outdated:
+        head = paint(f"known, and {outcome} now: {place}", "yellow")
+        return lines([head, f"  take it off the list: {verdict.known}"])
+    head, colour = {
+        "differs": (f"differs: {place}: {outcome}, published {published}", "red"),
+        "known": (f"known: {outcome}: {place}", "yellow"),
+        "warning": (f"warning: {outcome}: {place}", "yellow"),
+    }.get(verdict.standing, (f"{outcome}: {place}", "red"))
+    reason = f"known because: {verdict.known}" if verdict.known else ""
+    return lines([paint(head, colour), *(f"  {text}" for text in (verdict.measured, verdict.message, reason) if text)])
+
+
+def _not_applicable(results: ResultsDocument) -> Iterator[str]:
+    """Yield why checks were not applicable, once for each reason, less the refusals, which are shown as such."""
+    refused = {run.key for run in results.runs if run.refusal}
+    reasons = Counter(
+        (verdict.check, verdict.message)
+        for verdict in results.verdicts
+        if verdict.outcome is Outcome.NOT_APPLICABLE and verdict.key not in refused
+    )
+    for (check, why), count in reasons.items():
+        yield f"not applicable: {check}{f' ({count} times)' if count > 1 else ''}: {why}"
+
+
+def _totals(results: ResultsDocument, *, verbose: bool) -> str:
+    unexpected = sum(not verdict.as_expected for verdict in results.verdicts)
+    warnings = sum(verdict.warns for verdict in results.verdicts)
+    known = sum(verdict.standing == "known" for verdict in results.verdicts)
+    noted = f", {known} known" * bool(known)
+    if warnings:
+        noted += f", {plural(warnings, 'warning')}" + (
+            " that count" if results.command.strict else "" if verbose else " (-v shows them)"
+        )
+    ran = f"{results.ran} of {plural(results.planned, 'planned verdict')} ran"
+    if not results.complete:
+        ran += f" (incomplete: {results.reason})"
+    timing = results.timing
+    return (
+        f"{ran}: {counted(results.verdicts)}; {unexpected or 'none'} not as expected{noted}\n"
+        f"simulated {timing.simulated_seconds:.1f} s in {timing.wall_seconds:.1f} s: "
+        f"{timing.times_real_time:.1f} times real time"
+    )

@@ -1,0 +1,89 @@
+"""Run again whenever a file changes: each time in a process of its own, which imports the renderer afresh."""
+
+from __future__ import annotations
+
+import multiprocessing
+import shlex
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+from hapticeval.commands.terminal import plural
+from hapticeval.discovery import OUTSIDE, known_renderers, parse, see_current_directory
+from hapticeval.errors import HapticevalError
+from hapticeval.runner.interrupts import Interrupts
+
+LOOK = 0.2
+"""Seconds between two looks at the files."""
+
+
+def run_again(once: Callable[[], int], files: Callable[[], Iterable[Path]]) -> int:
+    """Call `once` now and after every change of the files, until Ctrl-C; return what it last returned.
+
+    The process that calls it is a copy of this one, made before anything of the renderer is imported here.
+    """
+    with Interrupts() as interrupts:
+        while True:
+            seen = _stamps(files())
+            process = multiprocessing.get_context("fork").Process(target=_exit_with, args=(once,))
+            process.start()
+            process.join()
+            code = process.exitcode or 0
+            if interrupts.count:
+                return code
+            print(f"exit code {code}; watching {plural(len(seen), 'file')}, Ctrl-C ends it", file=sys.stderr)
+            while _stamps(files()) == seen:
+                if interrupts.count:
+                    return code
+                time.sleep(LOOK)
+
+
+def _exit_with(once: Callable[[], int]) -> None:
+    try:
+        code = once()
+    except HapticevalError as error:
+        print(f"error: {error}", file=sys.stderr)
+        code = error.exit_code
+    sys.exit(code)
+
+
+def _stamps(files: Iterable[Path]) -> dict[Path, tuple[int, int]]:
+    """Return time and size of those files that are there."""
+    found = {}
+    for file in files:
+        try:
+            about = file.stat()
+        except OSError:
+            continue
+        found[file] = (about.st_mtime_ns, about.st_size)
+    return found
+
+
+def files_behind(renderers: Iterable[str]) -> list[Path]:
+    """Return the source files of renderers: the folder of their package, or the modules beside theirs.
+
+    Nothing is imported: of a module in a package the package is found. A name whose module is not found has none.
+    """
+    return sorted({file for name in renderers for file in _sources(parse(name).base)})
+
+
+def _sources(base: str) -> Iterator[Path]:
+    kind, _, rest = base.partition(":")
+    if kind in OUTSIDE:  # a library, or a command with files among its words
+        yield from (file for word in shlex.split(rest) if (file := Path(word)).is_file())
+        return
+    entry = known_renderers().get(base)
+    module = (base if entry is None else entry.value).partition(":")[0].strip()
+    if not module:
+        return
+    see_current_directory()
+    spec = find_spec(module.partition(".")[0])
+    if spec is None:
+        return
+    if spec.submodule_search_locations:
+        for folder in spec.submodule_search_locations:
+            yield from Path(folder).rglob("*.py")
+    elif spec.origin is not None and spec.has_location:
+        yield from Path(spec.origin).parent.glob("*.py")

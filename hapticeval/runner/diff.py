@@ -1,0 +1,137 @@
+"""Two result documents compared: verdicts that changed, that came or went, and margins that moved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+from msgspec import Struct
+
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.runner.results import ResultsDocument, VerdictEntry
+
+ROUNDING = 1e-6
+"""Bounds by which a margin moves from machine to machine: what a run computes in float64 agrees to more than that."""
+
+Standing = Literal["worse", "better", "changed", "new", "gone"]
+
+
+class VerdictChange(Struct, frozen=True, kw_only=True):
+    """A verdict of which the outcome differs, or that only one of the documents has.
+
+    It is worse where it stops the gate now and did not, or was not there; better where it is the other way round.
+    """
+
+    standing: Standing
+    renderer: str
+    place: str
+    before: Outcome | None
+    now: Outcome | None
+    message: str
+
+
+class MarginMove(Struct, frozen=True, kw_only=True):
+    """A margin that moved, `by` so many bounds; a negative one has come nearer to failing, or fails by more.
+
+    `before` and `now` are the metric in its unit.
+    """
+
+    renderer: str
+    place: str
+    metric: str
+    unit: str
+    before: float
+    now: float
+    by: float
+
+
+class Diff(Struct, frozen=True, kw_only=True):
+    """What differs between two runs: `verdicts` with the worse ones first, `margins` with the largest moves first.
+
+    `compared` counts the verdicts that both have.
+    """
+
+    compared: int
+    verdicts: list[VerdictChange]
+    margins: list[MarginMove]
+    incomplete: str | None
+
+    def stops(self, *, strict: bool) -> bool:
+        """Return whether something got worse or the new run is incomplete; if `strict` also what changed or is gone."""
+        bad = ("worse", "gone", "changed") if strict else ("worse",)
+        return self.incomplete is not None or any(each.standing in bad for each in self.verdicts)
+
+
+def compare_results(before: ResultsDocument, now: ResultsDocument) -> Diff:
+    """Compare two runs verdict by verdict, each found by renderer, suite, case and check."""
+    old, new = _by_name(before), _by_name(now)
+    changes = []
+    moves = []
+    for name in [*old, *(name for name in new if name not in old)]:
+        first, second = old.get(name), new.get(name)
+        standing = _standing(before, first, now, second)
+        if standing is not None:
+            said = second or first
+            assert said is not None
+            changes.append(
+                VerdictChange(
+                    standing=standing,
+                    renderer=said.renderer,
+                    place=said.place,
+                    before=None if first is None else first.outcome,
+                    now=None if second is None else second.outcome,
+                    message=said.message,
+                )
+            )
+        if first is not None and second is not None:
+            moves += _moved(first, second)
+    order: Mapping[str, int] = {name: rank for rank, name in enumerate(("worse", "changed", "gone", "better", "new"))}
+    return Diff(
+        compared=len(old.keys() & new.keys()),
+        verdicts=sorted(changes, key=lambda each: order[each.standing]),
+        margins=sorted(moves, key=lambda each: -abs(each.by)),
+        incomplete=None if now.complete else now.reason,
+    )
+
+
+def _by_name(results: ResultsDocument) -> dict[tuple[str, str], VerdictEntry]:
+    return {(verdict.renderer, verdict.place): verdict for verdict in results.verdicts}
+
+
+def _standing(
+    before: ResultsDocument, first: VerdictEntry | None, now: ResultsDocument, second: VerdictEntry | None
+) -> Standing | None:
+    """Return what has come of a verdict; None where outcome and weight are the same."""
+    if second is None:
+        return "gone"
+    stopped, stops = first is not None and before.stops(first), now.stops(second)
+    if stops and not stopped:
+        return "worse"
+    if first is None:
+        return "new"
+    if stopped and not stops:
+        return "better"
+    return "changed" if first.outcome != second.outcome else None
+
+
+def _moved(first: VerdictEntry, second: VerdictEntry) -> list[MarginMove]:
+    """Return how the margin of one verdict moved in bounds, where it has the same metric as before and did move."""
+    one, two = first.metric, second.metric
+    if one is None or two is None or (one.name, one.unit) != (two.name, two.unit):
+        return []
+    if one.value is None or two.value is None or not first.bound or not second.bound:
+        return []
+    by = one.value / first.bound - two.value / second.bound
+    if abs(by) <= ROUNDING * max(1.0, abs(one.value / first.bound)):
+        return []
+    return [
+        MarginMove(
+            renderer=second.renderer,
+            place=second.place,
+            metric=one.name,
+            unit=one.unit,
+            before=one.value,
+            now=two.value,
+            by=by,
+        )
+    ]

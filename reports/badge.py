@@ -1,0 +1,75 @@
+"""A badge of a run: how many of the judged verdicts pass, as SVG and as the JSON of an endpoint of shields.io."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from xml.sax.saxutils import escape
+
+from hapticeval.errors import HapticevalError
+from hapticeval.files import replacing
+from hapticeval.phenomena.verdict import Level, Outcome
+from hapticeval.runner.results import ResultsDocument
+
+LABEL = "hapticeval"
+COLOURS = {"brightgreen": "#1a7f37", "yellow": "#9a6700", "red": "#cf222e", "lightgrey": "#57606a"}
+"""Names of shields.io, and what the SVG has for them: white text on each has a contrast of at least 4.5 to 1."""
+
+
+def shown(results: ResultsDocument) -> tuple[str, str]:
+    """Return the badge's text and colour: red where the gate stops, yellow where known failures do not stop it."""
+    judged = [
+        verdict
+        for verdict in results.verdicts
+        if verdict.level is not Level.INFO and verdict.outcome is not Outcome.NOT_APPLICABLE
+    ]
+    passed = sum(verdict.outcome is Outcome.PASS for verdict in judged)
+    known = sum(verdict.standing in ("known", "as known") for verdict in judged)
+    text = f"{passed}/{len(judged)} pass" + f", {known} known" * bool(known)
+    if not results.complete:
+        return f"incomplete: {text}", "lightgrey"
+    if not judged:
+        return "nothing judged", "lightgrey"
+    if any(map(results.stops, results.verdicts)):
+        return text, "red"
+    return text, "brightgreen" if passed == len(judged) else "yellow"
+
+
+def shields(results: ResultsDocument) -> str:
+    """Return the JSON that shields.io/endpoint reads."""
+    text, colour = shown(results)
+    return json.dumps({"schemaVersion": 1, "label": LABEL, "message": text, "color": colour}, indent=1) + "\n"
+
+
+def svg(results: ResultsDocument) -> str:
+    """Return the badge as SVG. Text is fitted to widths reckoned at 6.6 px a character, whatever font there is."""
+    text, colour = shown(results)
+    left, right = (round(6.6 * len(part)) + 12 for part in (LABEL, text))
+    title = escape(f"{LABEL}: {text}")
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{left + right}" height="20" role="img" aria-label="{title}">',
+        f"<title>{title}</title>",
+        f'<clipPath id="r"><rect width="{left + right}" height="20" rx="3"/></clipPath>',
+        f'<g clip-path="url(#r)"><rect width="{left}" height="20" fill="#24292f"/>',
+        f'<rect x="{left}" width="{right}" height="20" fill="{COLOURS[colour]}"/></g>',
+        '<g fill="#fff" font-family="Verdana,DejaVu Sans,sans-serif" font-size="11" text-anchor="middle">',
+        *(
+            f'<text x="{place}" y="14" textLength="{width - 12}" lengthAdjust="spacingAndGlyphs">{escape(part)}</text>'
+            for place, width, part in ((left / 2, left, LABEL), (left + right / 2, right, text))
+        ),
+        "</g></svg>",
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def write_badge(directory: Path, results: ResultsDocument) -> list[Path]:
+    """Write badge.svg and badge.json and return their paths. Raises `HapticevalError` where that cannot be done."""
+    written = []
+    for name, text in (("badge.svg", svg(results)), ("badge.json", shields(results))):
+        try:
+            with replacing(directory / name) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise HapticevalError(f"cannot write {directory / name}", why=error.strerror or str(error)) from error
+        written.append(directory / name)
+    return written

@@ -1,0 +1,136 @@
+"""The closing summary, without a run: what it shows at once, what with -v, and on a narrow terminal."""
+
+from pathlib import Path
+
+import pytest
+from result_entries import changed, results_of
+
+from hapticeval.commands import summary as module
+from hapticeval.commands.summary import SHOWN, summary
+from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
+from hapticeval.runner.results import VerdictEntry
+
+
+def verdict(outcome, *, metric=None, bound=None, known=None, **more):
+    names = {"renderer": "r", "suite": "s", "case": "c", "check": "memoryless", "level": Level.MUST}
+    made = Verdict(**{**names, "finding": Finding(outcome, "what was seen", metric=metric, bound=bound), **more})
+    return changed(VerdictEntry.of(made), known=known, **({"as_expected": True} if known else {}))
+
+
+def jump(metres, **more):
+    return verdict(Outcome.FAIL, metric=Metric("jump", metres, "m"), bound=0.001, **more)
+
+
+def test_warnings_are_counted_and_shown_where_they_are_wanted_or_count():
+    should = verdict(Outcome.FAIL, level=Level.SHOULD)
+    quiet = summary(results_of(should), [])
+    assert "warning: fail" not in quiet
+    assert "none not as expected, 1 warning (-v shows them)\n" in quiet
+    assert "warning: fail: r on s/c/" in summary(results_of(should), [], verbose=True)
+    strict = summary(results_of(should, strict=True), [])
+    assert "warning: fail: r on s/c/" in strict
+    assert "1 warning that count" in strict
+
+
+def test_the_whole_of_it():
+    done = results_of(
+        verdict(Outcome.PASS),
+        jump(0.0123456),
+        verdict(Outcome.NOT_APPLICABLE),
+        verdict(Outcome.NOT_APPLICABLE, case="d"),
+        planned=5,
+        complete=False,
+        reason="interrupted by the user",
+        table={"Resists": {"one": "Yes", "another": "No"}, "Suitable": {"one": "No"}},
+        published_table={"Resists": {"another": "Yes"}, "Suitable": {"one": "No"}},
+    )
+    shown = [
+        "   r",
+        "s  1/2 !1",
+        "passed/judged; !n are not as expected",
+        "",
+        "          one  another",
+        "Resists   Yes  No (published Yes)",
+        "Suitable  No   -",
+        "",
+        "fail: r on s/c/memoryless",
+        "  jump = 0.01235 m, bound 0.001 m",
+        "  what was seen",
+        "",
+        "4 of 5 planned verdicts ran (incomplete: interrupted by the user): 1 pass, 1 fail, 2 not-applicable; "
+        "1 not as expected",
+        "simulated 6.0 s in 2.0 s: 3.0 times real time",
+        "",
+        "wrote out/report.html",
+    ]
+    assert summary(done, [Path("out/report.html")]).splitlines() == shown
+    more = ["not applicable: memoryless (2 times): what was seen", ""]
+    assert summary(done, [Path("out/report.html")], verbose=True).splitlines() == [*shown[:12], *more, *shown[12:]]
+
+
+def test_the_grid_counts_what_is_judged():
+    done = results_of(
+        verdict(Outcome.PASS),
+        verdict(Outcome.PASS, renderer="q"),
+        verdict(Outcome.FAIL, renderer="q", level=Level.INFO),
+        jump(0.1, renderer="q", published=Outcome.FAIL),
+        jump(0.1, renderer="q", known="a limit"),
+        jump(0.1, renderer="q", level=Level.SHOULD),
+        verdict(Outcome.ERROR, renderer="q"),
+        verdict(Outcome.NOT_APPLICABLE, suite="t"),
+        verdict(Outcome.PASS, suite="t", renderer="p"),
+    )
+    assert summary(done, []).splitlines()[:4] == [
+        "   r    q             p",
+        "s  1/1  1/5 !1 ~2 ?1",
+        "t  -                  1/1",
+        "passed/judged; !n are not as expected; ~n fail and are known, or as published; ?n warn",
+    ]
+
+
+def test_a_narrow_terminal_gets_lists():
+    names = [f"package.module:Renderer{number}" for number in range(3)]
+    done = results_of(
+        *(verdict(Outcome.PASS, renderer=name) for name in names), table={"Row": dict.fromkeys(names, "No")}
+    )
+    shown = summary(done, [], width=40)
+    assert max(map(len, shown.splitlines()[:8])) <= 40
+    assert shown.splitlines()[:4] == ["s", *(f"  {name}  1/1" for name in names)]
+    assert "Row\n" + "\n".join(f"  {name}  No" for name in names) in shown
+
+
+def test_the_worst_come_first_and_the_rest_with_v():
+    many = [jump(0.002 * (1 + number), case=f"c{number:02}") for number in range(SHOWN + 2)]
+    shown = summary(results_of(*many, verdict(Outcome.ERROR, case="broken")), [])
+    heads = [line for line in shown.splitlines() if " on s/" in line]
+    last = len(many) - 1
+    assert heads[:2] == ["error: r on s/broken/memoryless", f"fail: r on s/c{last}/memoryless"]
+    assert len(heads) == SHOWN
+    assert "and 3 verdicts more that are not as expected: -v shows them" in shown
+    assert len([line for line in summary(results_of(*many), [], verbose=True).splitlines() if " on s/" in line]) == 12
+
+
+def test_what_is_known_is_counted_and_what_is_no_more_is_shown():
+    done = results_of(jump(0.1, known="a limit of the method"), verdict(Outcome.PASS, case="d", known="a bug"))
+    shown = summary(done, [])
+    assert "known, and pass now: r on s/d/memoryless\n  take it off the list: a bug" in shown
+    assert "none not as expected, 1 known\n" in shown
+    assert "a limit of the method" not in shown
+    assert "known because: a limit of the method" in summary(done, [], verbose=True)
+
+
+def test_a_metric_that_json_cannot_hold_is_left_to_the_message():
+    assert "jump =" not in summary(results_of(jump(float("inf"))), [])
+
+
+@pytest.mark.parametrize(
+    ("tty", "environment", "coloured"),
+    [(True, {}, True), (False, {}, False), (True, {"NO_COLOR": "1"}, False), (True, {"TERM": "dumb"}, False)],
+)
+def test_colours_are_for_terminals(monkeypatch, tty, environment, coloured):
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(module.sys.stdout, "isatty", lambda: tty, raising=False)
+    assert ("\x1b[31m" in summary(results_of(jump(0.1)), [])) is coloured

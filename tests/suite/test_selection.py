@@ -1,0 +1,111 @@
+"""Expressions that select cases and checks, and the few cases of a quick run."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hapticeval.errors import InputError, NothingSelectedError
+from hapticeval.suite.installed import find_suites
+from hapticeval.suite.reading import load_suite
+from hapticeval.suite.selection import covering, select
+
+THESIS = load_suite("thesis")
+WHOLE = {(case.name, check) for case in THESIS.cases for check in case.checks}
+
+
+def chosen(*expressions):
+    return {(case.name, check) for _, case in select([THESIS], expressions) for check in case.checks}
+
+
+def named(*parts):
+    return {place for place in WHOLE if all(part in "/".join(place) for part in parts)}
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        ("plane-press", named("plane-press/")),
+        ("star", named("star-")),
+        ("star-*", named("star-")),
+        ("memoryless", named("/memoryless")),
+        ("*/memoryless", named("/memoryless")),
+        ("thesis/star-*", named("star-")),
+        ("star-convex-corner/memoryless or plane-press/reset-clears", named("plane-press/reset-clears")),
+        ("thesis/plane-press/reset-clears", named("plane-press/reset-clears")),
+        ("not star-*", WHOLE - named("star-")),
+        ("star-* and not force-magnitude", named("star-") - named("force-magnitude")),
+        ("not (star-* or cassinian-*) and passivity", named("ellipse-", "passivity") | named("plane-", "passivity")),
+        ("plane or circle and centripetal-force", named("plane-") | named("circle-", "centripetal-force")),
+        ("not not plane-press", named("plane-press/")),
+    ],
+)
+def test_what_an_expression_selects(expression, expected):
+    if "star-convex-corner/memoryless" in expression:
+        with pytest.raises(NothingSelectedError):
+            chosen(expression)
+    else:
+        assert chosen(expression) == expected
+
+
+def test_several_are_joined():
+    assert chosen("plane-press", "star-*") == chosen("plane-press or star-*")
+
+
+GLOBS = st.sampled_from(["star-*", "plane-press", "*/force-magnitude", "memoryless", "thesis/cassinian-*", "*"])
+EXPRESSIONS = st.recursive(
+    GLOBS,
+    lambda some: (
+        some.map("not ({})".format)
+        | st.builds("({}) and ({})".format, some, some)
+        | st.builds("({}) or ({})".format, some, some)
+    ),
+)
+
+
+@given(EXPRESSIONS)
+def test_what_is_not_selected_is_what_not_selects(expression):
+    def of(text):
+        try:
+            return chosen(text)
+        except NothingSelectedError:
+            return set()
+
+    assert of(expression) == WHOLE - of(f"not ({expression})")
+
+
+@pytest.mark.parametrize(
+    ("expression", "message"),
+    [
+        ("plane-press/continuos-contact", "did you mean plane-press/continuous-contact?"),
+        ("thesis/plane-press/continuos-contact", "did you mean thesis/plane-press/continuous-contact?"),
+        ("plane-press/quux", "the checks of plane-press are: contact-kept, contact-normal-force"),
+        ("star-convx-corner", "did you mean star-convex-corner"),
+        ("star-convx-corner/memoryless", "did you mean star-convex-corner"),
+        ("not memoriless", "nothing matches 'memoriless' of -k 'not memoriless'"),
+        ("*xyz*", "a glob is matched against the whole name"),
+        ("plane-press and star-*", "nothing is left by -k"),
+    ],
+)
+def test_what_selects_nothing_is_refused_with_what_may_be_meant(expression, message):
+    with pytest.raises(NothingSelectedError) as caught:
+        chosen(expression)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("expression", ["", "not", "star and", "and star", "(star", "star)", "star plane", "()"])
+def test_what_is_no_expression_is_refused(expression):
+    with pytest.raises(InputError, match="is no expression"):
+        chosen(expression)
+
+
+@pytest.mark.parametrize("name", find_suites())
+def test_a_quick_run_has_every_check_of_what_is_judged_in_few_cases(name):
+    suite = load_suite(name)
+    cases = select([suite], [])
+    few = covering(cases)
+    judged = [case for _, case in cases if case.judged] or [case for _, case in cases]
+    assert {check for _, case in few for check in case.checks} == {check for case in judged for check in case.checks}
+    assert all(case in suite.cases for _, case in few)
+    for _, left in few:
+        others = {check for _, case in few if case is not left for check in case.checks}
+        assert set(left.checks) - others or len(few) == 1, "each case is there for a check"
