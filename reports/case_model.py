@@ -19,10 +19,10 @@ from hapticeval.types import Array, IntArray
 if TYPE_CHECKING:
     from shapely import Geometry
 
-POINTS = 700
+POINTS = 500
 """Points of a round solid that is drawn as the hull of them."""
 
-ROUND = 48
+ROUND = 36
 """Quadrilaterals of a torus round its axis."""
 
 TURN = np.array([[0.866, 0.5, 0.0], [-0.25, 0.433, 0.866], [0.433, -0.75, 0.5]])

@@ -191,7 +191,7 @@
 
     resize() {
       const box = this.canvas.getBoundingClientRect(), ratio = window.devicePixelRatio || 1;
-      if (!box.width) return;
+      if (!box.width || (box.width === this.width && box.height === this.height)) return;
       const first = !this.width;
       const grown = this.width ? box.width / this.width : 1;
       [this.width, this.height] = [box.width, box.height];
@@ -600,6 +600,7 @@
       for (const link of this.jumps) link.addEventListener("click", (event) => { event.preventDefault(); history.replaceState(null, "", link.hash); this.jump(link); });
       this.go(this.start);
       this.table();
+      this.scene.resize();
     }
 
     visible() { return this.runs.filter((run) => run.shown); }
