@@ -149,8 +149,7 @@ class Composed(NamedTuple):
     closest: Closest
 
 
-@intrinsic
-def call_step(
+def _call_step(
     _context: Any, step: Any, self: Any, hip: Any, velocity: Any, dt: Any, ihip: Any, force: Any
 ) -> tuple[Any, Callable[..., Any]]:  # fmt: skip
     """Call the function of a C library at the address `step`, `int32_t (*)(void *, const double *, ...)`: a tick.
@@ -164,6 +163,9 @@ def call_step(
         return builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), arguments[1:])
 
     return types.int32(step, self, hip, velocity, dt, ihip, force), code
+
+
+call_step: Callable[..., int] = intrinsic(_call_step)
 
 
 def law_value(function: Callable[..., Any], data: Any) -> FirstClass:

@@ -22,7 +22,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
-from typing import IO, Any, NoReturn
+from typing import IO, Any, NoReturn, cast
 
 import numpy as np
 
@@ -82,7 +82,7 @@ class Child:
         self._failure: RendererError | None = None
         self._close = weakref.finalize(self, _end, self._process, self._in, self._errors)
 
-    def ask(self, call: str, patience: float, most: int = LINE, **entries: Any) -> dict[str, Any]:
+    def ask(self, call: str, patience: float, *, most: int = LINE, **entries: Any) -> dict[str, Any]:
         """Return the child's answer to a message. Raises `RendererError` where there is none that makes sense.
 
         Lines before the answer to hello that are no JSON are left out: programs greet.
@@ -301,7 +301,7 @@ class ProcessRenderer:
             bilateral=scene.bilateral,
             vertices=facets.vertices.tolist(),
             cells=facets.cells.tolist(),
-            **self._outside.numbers,
+            **cast("dict[str, Any]", self._outside.numbers),
         )
         if "refuse" in answer:
             raise RefusalError(
@@ -357,7 +357,7 @@ class ProcessRenderer:
         """Return IHIPs and forces (n, N) of a stretch in steps of `dt` (s)."""
         patience, most = PATIENCE + A_TICK * len(hips), LINE + 2 * A_NUMBER * hips.size
         entries = {"hips": hips.tolist(), "velocities": velocities.tolist(), "dt": float(dt)}
-        answer = self._child.ask("run", patience, most, **entries)
+        answer = self._child.ask("run", patience, most=most, **entries)
         self._refused(answer, hips[0])
         ihips, forces = (self._numbers(answer, name, hips.shape) for name in ("ihips", "forces"))
         return ihips, forces

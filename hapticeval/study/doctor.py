@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from enum import StrEnum
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -322,7 +322,7 @@ def _bilateral(case: Case) -> Answered:
     return State.NOTE, "it does not declare 'bilateral': cases that hold the tool from both sides are not applicable"
 
 
-QUESTIONS: Mapping[str, Callable[..., Any]] = MappingProxyType(
+QUESTIONS: Mapping[str, Callable[..., Answered]] = MappingProxyType(
     {
         "made": _made,
         "free space": _free,

@@ -26,8 +26,8 @@ def kind(request: pytest.FixtureRequest) -> str:
 @pytest.fixture
 def folder(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [str(tmp_path / "mine"), *sys.path])
     assert main(["new", kind, "mine"]) == 0
+    monkeypatch.setattr(sys, "path", [str(tmp_path / "mine"), *sys.path])
     monkeypatch.chdir(tmp_path / "mine")
     yield tmp_path / "mine"
     sys.modules.pop("mine", None)
