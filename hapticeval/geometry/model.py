@@ -90,15 +90,26 @@ class Model:
         return self.boundary
 
     def moved(self, motion: Motion) -> Model | None:
-        """Return the model moved; None where its boundary does not offer `moved`, or cannot be moved so."""
-        move = getattr(self.boundary, "moved", None)
-        boundary = None if move is None else move(motion)
-        return None if boundary is None else Model(self.name, self.parameters, boundary)
+        """Return the model moved; None where its boundary does not offer `moved`, or cannot be moved so.
+
+        It is kept, so that what a renderer prepares for it is prepared once.
+        """
+        key = ("moved", motion.matrix.tobytes(), motion.scale, motion.shift.tobytes())
+        if key not in self._kept:
+            move = getattr(self.boundary, "moved", None)
+            self._kept[key] = self._with(None if move is None else move(motion))
+        moved: Model | None = self._kept[key]
+        return moved
 
     def reordered(self) -> Model | None:
         """Return the model with its vertices in another order; None where its boundary does not offer `reordered`."""
-        order = getattr(self.boundary, "reordered", None)
-        boundary = None if order is None else order()
+        if "reordered" not in self._kept:
+            order = getattr(self.boundary, "reordered", None)
+            self._kept["reordered"] = self._with(None if order is None else order())
+        other: Model | None = self._kept["reordered"]
+        return other
+
+    def _with(self, boundary: Boundary | None) -> Model | None:
         return None if boundary is None else Model(self.name, self.parameters, boundary)
 
     @property
