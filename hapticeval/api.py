@@ -310,14 +310,21 @@ class Results:
         """Write table.md, junit.xml, report/ and tables/ beside results.json, and return all their paths.
 
         With `single_file` report.html holds the pages of report/. `figures` are globs on `suite/case/renderer`: the
-        figures of these runs are written as SVG and PDF too. See `write_reports` and `write_figures`. Raises
-        `InputError` for results that lie in no folder.
+        figures of these runs are written as SVG and PDF too. The counterexamples of a search into counterexamples/ are
+        shown. See `write_reports` and `write_figures`. Raises `InputError` for results that lie in no folder.
         """
         from hapticeval.reports import write_figures, write_reports
+        from hapticeval.reports.index import Counterexample
+        from hapticeval.search.counterexample import listed
 
         folder = self.file.parent
         drawn = write_figures(folder, self.document, figures)
+        found = [
+            Counterexample(each.kept.renderer, each.line, each.suite.relative_to(folder), each.picture)
+            for each in listed(folder / "counterexamples")
+        ]
         options: dict[str, Any] = {"single_file": single_file, "progress": progress, "stopped": stopped}
+        options["counterexamples"] = found
         return [self.file, *write_reports(folder, workers=cores(), **options), *drawn]
 
     def write_known(self, file: str | Path) -> Results:

@@ -6,10 +6,12 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
 
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.reports.bench_figure import TITLES, bench_plots
-from hapticeval.reports.canvas import classed
+from hapticeval.reports.canvas import classed, inlined
 from hapticeval.reports.effects_figure import EffectPlot, cost_svg
 from hapticeval.reports.grid import (
     Grid,
@@ -67,6 +69,15 @@ class Single:
     bodies: Sequence[str]
 
 
+class Counterexample(NamedTuple):
+    """What a search has found: the `renderer` that it breaks, how in a line, its suite file, and its picture if any."""
+
+    renderer: str
+    line: str
+    suite: Path
+    picture: Path | None
+
+
 def render_index(
     results: ResultsDocument,
     drawings: Mapping[RunKey, Drawing] | None = None,
@@ -74,13 +85,16 @@ def render_index(
     bench: BenchResults | None = None,
     effects: Sequence[EffectPlot] = (),
     costs: EffectsDocument | None = None,
+    counterexamples: Sequence[Counterexample] = (),
+    replayed: ResultsDocument | None = None,
     single: Single | None = None,
 ) -> str:
     """Return the page; `drawings` are the figures of the runs that `worst` names.
 
-    It has a section on `bench` where there is one, and on `effects` and their `costs`. Without `single` it needs the
-    style beside it, and links to the pages of the cases; with it, to places in itself. Everything that comes from
-    results is escaped; the figures' SVG is put in as it is.
+    It has a section on `bench` where there is one, on `effects` and their `costs`, on the `counterexamples` of a
+    search, and on a recording that was `replayed` into replay/. Without `single` it needs the style beside it, and
+    links to the pages of the cases; with it, to places in itself. Everything that comes from results is escaped; the
+    figures' SVG is put in as it is.
     """
     from hapticeval.closed_forms import CLOSED_FORMS
     from hapticeval.phenomena.registry import CHECKS
@@ -98,6 +112,9 @@ def render_index(
     recorded = {run.renderer for run in results.runs if run.is_recorded}
     names, hard = hard_cases(results)
     replays = [run for run in results.runs if run.replay]
+    beside = not replays and replayed is not None
+    if replayed is not None and beside:
+        replays = [run for run in replayed.runs if run.replay]
 
     def page(suite: str, case: str) -> str:
         return f"#{anchor(suite, case)}" if single else case_file(suite, case)
@@ -121,6 +138,8 @@ def render_index(
         recorded=bool(recorded),
         case_count=len({(run.suite, run.case) for run in results.runs}),
         replays=replays,
+        replay_page=("replay" if single else "../replay") + "/report/index.html" if beside else None,
+        counterexamples=[(each, _picture(each, f"x{number}")) for number, each in enumerate(counterexamples)],
         replayed=[run for run in replays if run.replay is not None and run.replay.difference is not None],
         replay=replays[0].replay if replays else None,
         commits=by_commit(results),
@@ -152,6 +171,15 @@ def render_index(
         costs=costs,
         cost_svg="" if costs is None else cost_svg(costs),
     )  # fmt: skip
+
+
+def _picture(found: Counterexample, prefix: str) -> str:
+    """Return the picture of a counterexample as an element; empty where there is none."""
+    from hapticeval.reports.case_figure import compact
+
+    if found.picture is None:
+        return ""
+    return compact(inlined(found.picture.read_text(encoding="utf-8"), prefix=prefix, title=found.line))
 
 
 def _suites(results: ResultsDocument) -> list[ShownSuite]:

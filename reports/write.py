@@ -17,12 +17,12 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.reports.effects_figure import effect_plots, recorded
 from hapticeval.reports.exports import write_tables
 from hapticeval.reports.grid import worst
-from hapticeval.reports.index import MOST, Drawing, Single, render_index
+from hapticeval.reports.index import MOST, Counterexample, Drawing, Single, render_index
 from hapticeval.reports.junit import junit
 from hapticeval.reports.places import FOLDER, INDEX, ROOT, case_file
 from hapticeval.reports.run_figure import figure_svg, marks_of
 from hapticeval.reports.table import markdown
-from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, VerdictEntry, read_results
+from hapticeval.runner.results import FILE, ResultsDocument, RunEntry, RunKey, VerdictEntry, read_results
 from hapticeval.study.bench.document import FILE as BENCH
 from hapticeval.study.bench.document import read_bench
 from hapticeval.study.effects.document import FILE as COSTS
@@ -31,6 +31,9 @@ from hapticeval.workers import Answer, Ended, Workers
 
 if TYPE_CHECKING:
     from hapticeval.reports.case_page import Around
+
+REPLAY = "replay"
+"""The folder below a result folder that holds a replay, of which the first page has the outcome."""
 
 SINGLE = "report.html"
 """The report as one file."""
@@ -122,14 +125,16 @@ def write_reports(
     progress: Callable[[int, int], None] | None = None,
     workers: int = 2,
     stopped: Callable[[], bool] | None = None,
+    counterexamples: Sequence[Counterexample] = (),
 ) -> list[Path]:
     """Write table.md, junit.xml, tables/ and report/ beside the results in `directory`; return the paths written.
 
     report/index.html is the first page, and each case has a page of its own; with `single_file` report.html holds them
-    all instead. `progress` is called with how many of how many cases are drawn, which take nearly all of the time and
-    are spread over `workers` processes. `stopped` is asked again and again whether to give up, which then raises
-    `KeyboardInterrupt` as Ctrl-C does. A recording that is missing or damaged is reported in its figure's place. Raises
-    `InputError` as `read_results` does, and `HapticevalError` where a file cannot be written.
+    all instead. What a recording gave that was replayed into replay/ is shown, and so are `counterexamples`. `progress`
+    is called with how many of how many cases are drawn, which take nearly all of the time and are spread over `workers`
+    processes. `stopped` is asked again and again whether to give up, which then raises `KeyboardInterrupt` as Ctrl-C
+    does. A recording that is missing or damaged is reported in its figure's place. Raises `InputError` as
+    `read_results` does, and `HapticevalError` where a file cannot be written.
     """
     from hapticeval.reports.case_page import write_assets
 
@@ -138,6 +143,7 @@ def write_reports(
     bench = read_bench(directory) if (directory / BENCH).exists() else None
     effects = effect_plots(directory, results)
     costs = read_costs(directory) if (directory / COSTS).exists() else None
+    replayed = read_results(directory / REPLAY) if (directory / REPLAY / FILE).exists() else None
     with _replacing_folder(directory / FOLDER, single_file) as pages:
         orders: list[Page | Picture] = [*_pages(directory, results, None if single_file else pages)]
         orders += _pictures(directory, results)
@@ -148,7 +154,16 @@ def write_reports(
             if isinstance(order, Picture) and isinstance(drawing, Drawing)
         }
         single = _single([each for each in made if isinstance(each, str)]) if single_file else None
-        text = render_index(results, drawings, bench=bench, effects=effects, costs=costs, single=single)
+        text = render_index(
+            results,
+            drawings,
+            bench=bench,
+            effects=effects,
+            costs=costs,
+            counterexamples=counterexamples,
+            replayed=replayed,
+            single=single,
+        )
         written = {"table.md": markdown(results), "junit.xml": junit(results)}
         if single_file:
             written[SINGLE] = text
