@@ -85,10 +85,14 @@ _Call: TypeAlias = tuple[int, tuple[Any, ...]]
 
 
 class _Chunk(NamedTuple):
-    """Calls that travel together, and how often they were left without any worker."""
+    """Calls that travel together, how often they were left without any worker, and whether nothing else is under way.
+
+    dask blames all that a killed worker had before it: only what was `alone` has done it.
+    """
 
     calls: list[_Call]
     strikes: int = 0
+    alone: bool = False
 
 
 class Cluster(Generic[T]):
@@ -114,6 +118,7 @@ class Cluster(Generic[T]):
         self._files = dict(files or {})
         self._waiting: deque[_Call] = deque()
         self._again: list[_Chunk] = []
+        self._suspects: deque[_Chunk] = deque()
         self._under_way: dict[_Future, _Chunk] = {}
         self._done: queue.SimpleQueue[_Future] = queue.SimpleQueue()
         self._took: deque[float] = deque(maxlen=LAST)
@@ -230,8 +235,12 @@ class Cluster(Generic[T]):
     def _send(self) -> None:
         if not self._alike:
             return
-        chunks, self._again = self._again, []
-        while self._waiting:
+        if self._suspects and not self._again:
+            chunks = [] if self._under_way else [self._suspects.popleft()]
+        else:
+            chunks, self._again = self._again, []
+        alone = bool(self._suspects) or any(chunk.alone for chunk in (*chunks, *self._under_way.values()))
+        while self._waiting and not alone:
             size = min(self._size, len(self._waiting))
             chunks.append(_Chunk([self._waiting.popleft() for _ in range(size)]))
         for chunk in chunks:
@@ -272,9 +281,9 @@ class Cluster(Generic[T]):
 
     def _killed(self, chunk: _Chunk) -> list[Answer[T]]:
         """Take a chunk apart that has its workers killed, or give up the one call that does."""
-        if len(chunk.calls) == 1:
+        if chunk.alone:
             return [Answer(chunk.calls[0][0], None, Ended(-signal.SIGKILL))]
-        self._again += [_Chunk([call]) for call in chunk.calls]
+        self._suspects += [_Chunk([call], alone=True) for call in chunk.calls]
         return []
 
     def _rescue(self) -> None:
@@ -285,7 +294,7 @@ class Cluster(Generic[T]):
             chunk = self._under_way.pop(future)
             future.cancel(force=True)
             if chunk.strikes < STRIKES:
-                self._again.append(_Chunk(chunk.calls, chunk.strikes + 1))
+                self._again.append(chunk._replace(strikes=chunk.strikes + 1))
             else:
                 self._rescued += self._killed(chunk)
 
