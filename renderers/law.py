@@ -80,7 +80,9 @@ class LawRenderer:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where the law is not defined."""
         hip, velocity = as_rows(hip), as_rows(velocity)
         if not math.isfinite(hip @ hip):  # a search would have no end
-            raise InputError(f"the HIP is not finite: {hip}", why="nothing is near to it", todo="stop the device")
+            raise InputError(
+                f"the HIP is {tuple(hip.tolist())}", why="no point is near to it", todo="see what gives the positions"
+            )
         ihip, force = np.empty_like(self._push), np.empty_like(self._push)
         refusal = self.law.function(self.law.data, hip, velocity, self._push, dt, ihip, force)
         if refusal:

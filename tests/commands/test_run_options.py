@@ -31,7 +31,7 @@ def test_no_report_writes_the_results_alone(here, capsys):
 def test_quick_takes_few_cases_that_have_every_check(here):
     assert main(["run", "slides.toml", "-r", "local_mine:Good", "--quick"]) == 0
     assert cases() == ["flat"]
-    assert not (here / "results" / "report.html").exists()
+    assert not (here / "results" / "report").exists()
 
 
 def test_an_expression_leaves_out(here):

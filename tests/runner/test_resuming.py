@@ -55,7 +55,7 @@ def test_what_was_finished_is_not_run_again_and_the_rest_is(here):
     folder = some_of(here, 5)
     events = []
     run("out", resume=True, watch=events.append)
-    assert events[0] == RunStarted(24, 12, kept_jobs=5)
+    assert events[0] == RunStarted(24, 12, kept_jobs=5, jobs_of={"many": 7})
     assert sum(isinstance(each, JobFinished) for each in events) == 7
     assert many_jobs.found(folder) == whole
     assert not (folder / FILE).exists(), "all of it is in results.json"

@@ -97,7 +97,7 @@ def test_the_command_writes_reports_of_it(folders, tmp_path, capsys):
     code = main(["merge", *(str(folders[name]) for name in SHARDS), "-o", str(tmp_path / "out")])
     assert code == api.Results.read(folders["all"]).exit_code
     assert "16 of 16 planned verdicts ran" in capsys.readouterr().out
-    assert (tmp_path / "out" / "report.html").exists()
+    assert (tmp_path / "out" / "report" / "index.html").exists()
 
 
 @pytest.mark.parametrize(
