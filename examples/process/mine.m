@@ -1,8 +1,7 @@
 % A penalty renderer for the plane that hapticeval asks in JSON lines, for Octave 7 or later:
 %   hapticeval run -r 'cmd:octave-cli -qf mine.m'
 while true
-  line = fgetl(stdin);  % in MATLAB: input('', 's')
-  if ~ischar(line), break, end
+  try, line = input('', 's'); catch, break, end  % fgetl(stdin) of Octave waits for the line after
   m = jsondecode(line);
   answer = struct('id', m.id);
   switch m.call
