@@ -73,6 +73,7 @@ def bench(
 
     from hapticeval.quantity import parse_duration, parse_length
     from hapticeval.runner.folder import prepare
+    from hapticeval.runner.results import FILE as RESULTS
     from hapticeval.study.bench.compare import compare_benches
     from hapticeval.study.bench.document import beside, read_bench, read_samples, write_bench
     from hapticeval.study.bench.judge import judged
@@ -84,7 +85,7 @@ def bench(
     before = None if compare is None else (read_bench(compare), read_samples(compare))
     names = renderers or own_variants()
     settings = settings_of(names, quick=quick, chosen=parse_knobs(knobs or []))
-    prepare(directory)
+    prepare(directory, keep_reports=True)
     command = {"renderers": names, "knobs": knobs or [], "within": within, "budget": budget}
     sweep = Sweep(settings, quick=quick, seed=seed, command=command)
     with Terminal() as terminal:
@@ -97,7 +98,9 @@ def bench(
         results, samples = beside(results, samples, read_bench(directory), read_samples(directory))
     results = judged(results, within=wanted, budget=limit)
     written = write_bench(directory, results, samples)
-    say(paragraphs(describe(results), wrote(written)))
+    there = (directory / RESULTS).exists()
+    hint = f"hapticeval report {directory} puts it into the report of the run that lies there" if there else ""
+    say(paragraphs(describe(results), wrote(written), hint))
     missed = within is not None and any(each.what == "step" and each.key is None for each in results.answers)
     worse = any(each.verdict == "worse" for each in results.comparison)
     raise typer.Exit(max([int(missed or worse or not results.complete), *(each.exit_code for each in sweep.failures)]))

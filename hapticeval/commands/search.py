@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 EXIT_CODES = """\b
 Exit codes:
   0  nothing was found in that time; with --replay every case is fixed
-  1  something was found, or still fails, or the search was interrupted
+  1  something was found, or still fails, nothing could be judged, or the search was interrupted
   2  wrong usage or input, or every model was refused
   3  a renderer broke: it raised, answered nonsense, died or hung (outranks 1 and 2)
 """
@@ -164,7 +164,7 @@ def _searched(
         return 3
     if made.refused is not None:
         return 2
-    return int(bool(found) or interrupts.count > 0)
+    return int(bool(found) or not made.judged or interrupts.count > 0)
 
 
 def _told(renderer: str, made: Search, bench: Bench, took: float) -> str:
@@ -172,9 +172,14 @@ def _told(renderer: str, made: Search, bench: Bench, took: float) -> str:
     if made.refused is not None:
         return f"{renderer} refuses every model that was tried: {made.refused}"
     missing = [name for name in made.checks if name not in made.found]
+    passed = [f"{name} ({made.judged[name]})" for name in missing if made.judged[name]]
+    silent = [name for name in missing if not made.judged[name]]
     ended = "" if made.finished else "; stopped before the end"
     tried = f"{made.tried} example{'s' * (made.tried != 1)} drawn, {bench.tried} tried in {took:.1f} s{ended}"
-    return lines([tried, *([f"no failure of: {', '.join(missing)}"] if missing else [])])
+    if not made.judged and not made.found:
+        return lines([tried, "nothing was judged: no example had an answer when the time was over"])
+    said = [("no failure, in so many examples, of", passed), ("no example decides", silent)]
+    return lines([tried, *(f"{words}: {', '.join(names)}" for words, names in said if names)])
 
 
 def _picture(made: Kept, suite: Path, seed: int) -> list[Path]:

@@ -22,7 +22,7 @@ jobs:
       - uses: actions/checkout@v4
       - uses: actions/setup-python@v5
         with: {{ python-version: "3.12" }}
-      - run: pip install hapticeval pytest
+      - run: pip install ./hapticeval pytest   # ./hapticeval: a checkout of its repository
 {build}      - run: pytest
       - run: hapticeval doctor -r {renderer}
       # Without the selection it is judged by the whole suite: begin with what must hold, and add to it.

@@ -18,11 +18,11 @@ DOCUMENTS = {
 REPORTS = ("table.md", "junit.xml", "report.html", "report", "tables", "figures")
 
 
-def prepare(directory: Path) -> None:
+def prepare(directory: Path, *, keep_reports: bool = False) -> None:
     """See that results may be written: into a folder that is new, empty, or holds an earlier run or bench of ours.
 
-    Removes the reports of an earlier run, which must not stand beside the results of this one. Raises `InputError` for
-    any other folder, and where nothing can be written there.
+    Removes the reports of an earlier run, which must not stand beside the results of this one, unless they are to be
+    kept. Raises `InputError` for any other folder, and where nothing can be written there.
     """
     if directory.exists() and not directory.is_dir():
         raise InputError(f"'{directory}' is a file", why="results go into a folder", todo="name another with -o")
@@ -34,7 +34,7 @@ def prepare(directory: Path) -> None:
         )
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        for report in (directory / name for name in REPORTS):
+        for report in () if keep_reports else (directory / name for name in REPORTS):
             if report.is_dir() and not report.is_symlink():
                 shutil.rmtree(report)
             else:

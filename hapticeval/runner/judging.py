@@ -264,7 +264,7 @@ def error_verdicts(error: HapticevalError, renderer: str, suite: str, case: Case
 
 
 def _error_finding(error: HapticevalError) -> Finding:
-    return Finding(Outcome.ERROR, " ".join(part for part in (error.what, error.why) if part))
+    return Finding(Outcome.ERROR, "; ".join(part for part in (error.what, error.why) if part))
 
 
 def _verdicts(findings: Sequence[Finding], renderer: str, suite: str, case: Case) -> tuple[Verdict, ...]:

@@ -8,12 +8,14 @@ with the same seed and versions finds first, to the byte; a case whose shrink wa
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from msgspec.structs import replace
 
 from hapticeval.geometry.model import Model
+from hapticeval.phenomena.verdict import Outcome
 from hapticeval.search.drawing import drawn, first_models
 from hapticeval.search.shrink import Shrink, size_of
 from hapticeval.search.trial import RENDERER, Bench, Fault, Stopped
@@ -25,6 +27,9 @@ SMALL = 3e-3
 
 AGAIN = 5
 """How many further failures of a check are shrunk, on other models or of another kind, in search of a smaller one."""
+
+DECIDED = (Outcome.PASS, Outcome.FAIL)
+"""Outcomes of a check that has something to say of a case."""
 
 JUMPS = "continuous-contact"
 """The check whose faults are jumps of the IHIP, which a bisection confirms."""
@@ -57,7 +62,8 @@ class Search:
 
     `known` are cases of earlier searches, tried first, with the number of examples after which each was met; `told`
     gets a line at each step. After `run`, `found` has what was found by check, `tried` how many cases were drawn,
-    `refused` why the renderer would not take any, and `finished` whether nothing has stopped it.
+    `judged` in how many cases each check has passed or failed, `refused` why the renderer would not take any, and
+    `finished` whether nothing has stopped it.
     """
 
     bench: Bench
@@ -69,6 +75,7 @@ class Search:
     told: Callable[[str], None] | None = None
     found: dict[str, Found] = field(default_factory=dict)
     tried: int = 0
+    judged: Counter[str] = field(default_factory=Counter)
     refused: str | None = None
     finished: bool = False
 
@@ -92,6 +99,7 @@ class Search:
                         break
                     continue
                 taken = True
+                self.judged.update(name for name, outcome in answer.outcomes.items() if outcome in DECIDED)
                 for fault in answer.faults:
                     self._note(case, fault, before)
                 for fault in answer.faults:

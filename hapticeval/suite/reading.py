@@ -74,7 +74,12 @@ def load_suite(name_or_path: str) -> Suite:
             raise UnknownNameError("suite", name_or_path, known)
         if not file.is_file():
             raise InputError(f"no suite file {file}", todo=f"check the path, or use one of: {', '.join(known)}")
-    given: SuiteFile = convert(read_toml(file), SuiteFile, file.name, todo="see docs/suites.md and docs/robots.md")
+    entries = read_toml(file)
+    if not entries:
+        raise InputError(
+            f"the suite file {file} is empty", todo="write a title and [[case]] tables, as in docs/suites.md"
+        )
+    given: SuiteFile = convert(entries, SuiteFile, file.name, todo="see docs/suites.md and docs/robots.md")
     with at(file.name):
         cases = tuple(case for table in given.case for case in _cases(table, given.variant, file.parent))
         names = [case.name for case in cases]
