@@ -653,7 +653,7 @@
     decimals() { return this.end - this.start > 1e-1 ? 3 : 6; }
 
     table() {
-      const head = element("tr", {}, ...["renderer", "depth (mm)", "force (N)", "HIP (mm)", "IHIP (mm)"].map((text) => element("th", { scope: "col" }, text)));
+      const head = element("tr", {}, ...["renderer", "|IHIP − HIP| (mm)", "force (N)", "HIP (mm)", "IHIP (mm)"].map((text) => element("th", { scope: "col" }, text)));
       this.rows = this.visible().map((run) => {
         const cells = Array.from({ length: 4 }, () => element("td"));
         const swatch = this.section.querySelector(`.runs-shown input[data-run="${run.number}"]`)?.parentElement.querySelector("svg")?.cloneNode(true);
