@@ -100,6 +100,29 @@ FormatName = Annotated[
 ]
 
 
+Touched = Annotated[
+    str | None,
+    option(
+        "--model",
+        metavar="MODEL",
+        help="What was touched, as in star:points=6, or a WKT or GeoJSON file, where the recording does not say.",
+    ),
+]
+
+CaseTaken = Annotated[
+    str | None, option("--suite-case", metavar="SUITE/CASE", help="Take model, scene and checks from a case.")
+]
+
+SceneEntries = Annotated[
+    list[str] | None,
+    option(
+        "--scene",
+        metavar="KEY=VALUE",
+        help="An entry of the scene, such as stiffness=1000, in SI units; may be repeated.",
+    ),
+]
+
+
 def model_named(text: str) -> Model:
     """Make a model from `kind`, `kind:name=value,...`, or the name of a WKT or GeoJSON file.
 

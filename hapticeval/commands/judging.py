@@ -11,13 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hapticeval.commands.arguments import (
+    CaseTaken,
     FormatName,
     MappingFile,
     MemoryLimit,
     Renderers,
+    SceneEntries,
     Scheduler,
     Seed,
     Timeout,
+    Touched,
     Verbose,
     argument,
     model_named,
@@ -290,24 +293,9 @@ def replay(
     as_recorded: Annotated[
         bool, typer.Option("--as-recorded", help="Compute the recorded renderer again, and compare with the log.")
     ] = False,
-    model: Annotated[
-        str | None,
-        option(
-            metavar="MODEL",
-            help="What was touched, as in star:points=6, or a WKT or GeoJSON file, where the recording does not say.",
-        ),
-    ] = None,
-    suite_case: Annotated[
-        str | None, option("--suite-case", metavar="SUITE/CASE", help="Take model, scene and checks from a case.")
-    ] = None,
-    scene: Annotated[
-        list[str] | None,
-        option(
-            "--scene",
-            metavar="KEY=VALUE",
-            help="An entry of the scene, such as stiffness=1000, in SI units; may be repeated.",
-        ),
-    ] = None,
+    model: Touched = None,
+    suite_case: CaseTaken = None,
+    scene: SceneEntries = None,
     mapping: MappingFile = None,
     format_: FormatName = None,
     memory_limit: MemoryLimit = LIMIT,

@@ -5,7 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from hapticeval.commands.arguments import FormatName, MappingFile, MemoryLimit, argument, model_named, option
+from hapticeval.commands.arguments import (
+    CaseTaken,
+    FormatName,
+    MappingFile,
+    MemoryLimit,
+    SceneEntries,
+    Touched,
+    argument,
+    model_named,
+    option,
+)
 from hapticeval.commands.terminal import lines, say
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem
@@ -20,21 +30,9 @@ Exit codes:
 
 def view(
     file: Annotated[Path, argument(metavar="FILE", help="A recording, or a foreign file.")],
-    model: Annotated[
-        str | None,
-        option(metavar="MODEL", help="What was touched, as in star:points=6, where the recording does not say."),
-    ] = None,
-    suite_case: Annotated[
-        str | None, option("--suite-case", metavar="SUITE/CASE", help="Take model, scene and checks from a case.")
-    ] = None,
-    scene: Annotated[
-        list[str] | None,
-        option(
-            "--scene",
-            metavar="KEY=VALUE",
-            help="An entry of the scene, such as stiffness=1000, in SI units; may be repeated.",
-        ),
-    ] = None,
+    model: Touched = None,
+    suite_case: CaseTaken = None,
+    scene: SceneEntries = None,
     mapping: MappingFile = None,
     format_: FormatName = None,
     memory_limit: MemoryLimit = LIMIT,
