@@ -47,7 +47,7 @@ browser: .venv/dev.stamp .venv/kernels.stamp .venv/browser/node_modules/axe-core
 	$(BIN)/pytest -m browser
 
 docs: .venv/dev.stamp .venv/kernels.stamp
-	$(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/pytest -m docs
 
 lint: .venv/dev.stamp
