@@ -50,9 +50,6 @@ def checks() -> Iterator[str]:
     yield "\nAs `hapticeval explain CHECK` prints it. A metric up to the bound passes."
     for name, check in CHECKS.items():
         yield f"\n## {name}\n\n{check.asks}\n"
-        picture = Path("pictures") / "checks" / f"{name}.svg"
-        if (ROOT / "docs" / picture).exists():
-            yield f"![{name}: a renderer that passes and one that fails]({picture.as_posix()})\n"
         rows = {
             "phenomenon": check.phenomenon,
             "formula": check.formula,

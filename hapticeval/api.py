@@ -314,18 +314,18 @@ class Results:
         shown. See `write_reports` and `write_figures`. Raises `InputError` for results that lie in no folder.
         """
         from hapticeval.reports import write_figures, write_reports
-        from hapticeval.reports.index import Counterexample
-        from hapticeval.search.counterexample import listed
 
         folder = self.file.parent
         drawn = write_figures(folder, self.document, figures)
-        found = [
-            Counterexample(each.kept.renderer, each.line, each.suite.relative_to(folder), each.picture)
-            for each in listed(folder / "counterexamples")
-        ]
-        options: dict[str, Any] = {"single_file": single_file, "progress": progress, "stopped": stopped}
-        options["counterexamples"] = found
-        return [self.file, *write_reports(folder, workers=cores(), **options), *drawn]
+        written = write_reports(
+            folder,
+            single_file=single_file,
+            progress=progress,
+            workers=cores(),
+            stopped=stopped,
+            counterexamples=_counterexamples(folder),
+        )
+        return [self.file, *written, *drawn]
 
     def write_known(self, file: str | Path) -> Results:
         """List in `file` all that stops the gate now, and return the results with these failures known.
@@ -430,3 +430,17 @@ def _listed(given: Any, what: str, kinds: tuple[type, ...]) -> tuple[Any, ...]:
         if not isinstance(each, kinds):
             raise InputError(f"{what}: {each!r}", why=f"it is no {' or '.join(kind.__name__ for kind in kinds)}")
     return listed
+
+
+def _counterexamples(folder: Path) -> list[Any]:
+    """Return what a search into the folder counterexamples/ has left there, for the report; nothing without one."""
+    found = folder / "counterexamples"
+    if not found.is_dir():
+        return []
+    from hapticeval.reports.index import Counterexample
+    from hapticeval.search.counterexample import listed
+
+    return [
+        Counterexample(each.kept.renderer, each.line, each.suite.relative_to(folder), each.picture)
+        for each in listed(found)
+    ]

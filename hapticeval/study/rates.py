@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,10 +17,8 @@ from hapticeval.runner.judging import judge
 from hapticeval.runner.results import environment
 from hapticeval.study.limits.loop import Place, SampledLoop, passive_stiffness, robot_at
 from hapticeval.study.limits.search import eigenvalue_limit, family_of
-from hapticeval.study.limits.study import finite
+from hapticeval.study.limits.study import Progress, finite
 from hapticeval.suite.reading import case_named
-
-Progress = Callable[[int, int, str], None]
 
 RATES = (1e3, 3e3, 1e4, 3e4, 1e5, 3e5, 1e6)
 """Sampling rates (Hz)."""
@@ -39,7 +37,7 @@ PRESSED, ROBOT, HELD = "thesis/plane-press", "parallelogram-2dof", "minimum-dist
 """The limit is that of the robot against a plane, under a spring: the same for every renderer with one."""
 
 SECONDS = 20.0
-"""A rate is left out where the one before lets expect that it takes longer: s, for one renderer and phenomenon."""
+"""Seconds for one renderer and phenomenon beyond which a rate is left out, as the two rates before predict them."""
 
 
 def study_rates(renderers: Sequence[str], rates: Sequence[float], progress: Progress) -> dict[str, Any]:
