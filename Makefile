@@ -1,18 +1,22 @@
 # make run     set up, judge the built-in renderers, by playback, in closed loop and recorded, write results/
 # make test    set up with the development tools, run the tests
-# make fuzz    explore with fresh seeds for MINUTES=30: properties, damaged files, odd renderers
+# make system  run the tests that start commands and clusters, kill them, and judge whole suites
+# make fuzz    explore with fresh seeds: the ideal contact in EXAMPLES=300, then for MINUTES=30 properties, damaged files,
+#              odd renderers
 # make counterexamples  search for the smallest path that breaks each built-in renderer, into results/counterexamples
 # make bench   time the renderers            make study   the longer studies
 # make browser look at the report's pages in a headless Chromium: needs chromium and npm
-# make docs    build the pages of documentation into build/site, and run the notebooks
+# make docs    run the pages of documentation and the notebooks, and build the site of them into build/site
 # make lint    ruff, and mypy on an installed copy
 # make clean   remove what these made; results/ stays
 
 PYTHON ?= python3
 BIN := .venv/bin
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# Tests start many interpreters, each of which would compile every module anew.
+unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test fuzz counterexamples bench study browser docs lint clean
+.PHONY: run test system fuzz counterexamples bench study browser docs lint clean
 
 # What accuracy costs in time, and five seconds of the simulated robot replayed, stand on the report's first page. A busy machine
 # misses cycles of the robot; the recording says which. What goes wrong with these two says so, and stops nothing.
@@ -21,34 +25,38 @@ run: .venv/run.stamp .venv/kernels.stamp
 	@rm -rf results/robot.h5 results/replay
 	@$(BIN)/hapticeval record --model cassinian --seconds 5 -o results/robot.h5 || true
 	@$(BIN)/hapticeval replay results/robot.h5 -r minimum-distance -r constraint -r conformal -o results/replay || true
-	@$(BIN)/hapticeval run thesis dynamics generated effects -o results || { code=$$?; \
+	@$(BIN)/hapticeval run thesis dynamics generated effects hard-cases -o results || { code=$$?; \
 	  echo "hapticeval ended with exit code $$code, see 'Exit codes' in the README; what was written is in results/" >&2; \
 	  exit $$code; }
 
 test: .venv/dev.stamp .venv/kernels.stamp
-	$(BIN)/pytest -n 2
+	$(BIN)/pytest -n 2 --dist worksteal
+
+system: .venv/dev.stamp .venv/kernels.stamp
+	$(BIN)/pytest -n 2 --dist worksteal -m 'system and not slow'
 
 fuzz: .venv/dev.stamp .venv/kernels.stamp
+	$(BIN)/python tests/fuzz.py ideal $$(date +%s) $(or $(EXAMPLES),300)
 	$(BIN)/python tests/fuzz.py $(or $(MINUTES),30)
 
 # What is kept is tried first the next time, and stays as it is while it fails. A minute for each renderer at the most.
 counterexamples: .venv/run.stamp .venv/kernels.stamp
 	@$(BIN)/hapticeval search -r constraint -r conformal -r mapping -r minimum-distance -r set-stabilisation \
-	  --check continuous-contact --check abrupt-switch --check impulsive-collision \
+	  --check continuous-contact --check broken-contact --check abrupt-switch --check impulsive-collision \
 	  --check memoryless -o results/counterexamples || [ $$? = 1 ]
 
 bench: .venv/dev.stamp .venv/kernels.stamp
 	$(BIN)/pytest benchmarks/
 
 study: .venv/dev.stamp .venv/kernels.stamp
-	$(BIN)/pytest -n 2 -m slow
+	$(BIN)/pytest -n 2 --dist worksteal -m slow
 
 browser: .venv/dev.stamp .venv/kernels.stamp .venv/browser/node_modules/axe-core/axe.min.js
 	$(BIN)/pytest -m browser
 
 docs: .venv/dev.stamp .venv/kernels.stamp
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/pytest -n 2 -m docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
-	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/pytest -m docs
 
 lint: .venv/dev.stamp
 	$(BIN)/ruff check .

@@ -1,32 +1,47 @@
 """What a job costs beside its own work, and what ten thousand of them take: the numbers of docs/scale.md.
 
-    python benchmarks/scale_study.py --jobs 10000 [--ticks 100] [--workers 2] [--scheduler tcp://HOST:8786] [--report]
+    python benchmarks/scale_study.py --jobs 10000 [--ticks 100] [--workers 2] [--cluster] [--report]
 
-Jobs are short slides on a line through a plain renderer in Python. `overhead` is the share of the workers' time that is
-no job's: travel, writing, waiting. On a machine that is shared with others it says little, and the processor's time
-of this process, which is the client, says more. The peak of memory is the client's as well.
+Jobs are short slides on a line through a plain renderer in Python. Seconds are the processor's, which others on the
+machine disturb little, unless they are named "of the clock". The jobs' own are what their processes spend on judging
+and on writing recordings; the overhead is what all processes spend beyond that: this one, which is the client, the
+workers and, with `--cluster`, a dask scheduler. A run of one job a worker gives its fixed part: imports, and what a
+process loads for its first job. `idle` is the share of the time between its first job and its last that a worker
+neither computes nor waits for a processor. The peak of memory is the client's.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import resource
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+import psutil
 
 from hapticeval import api
-from hapticeval.runner.events import Event, JobFinished, RunStarted
+from hapticeval.runner.events import Event, RunFinished
+
+ROOT = Path(__file__).parents[1]
+sys.path.append(str(ROOT / "tests" / "runner"))
+from clusters import Cluster  # noqa: E402 - of the tests
 
 RENDERERS = 10
 
 MODULE = """
+import functools, os, time
+from pathlib import Path
 import numpy as np
 from hapticeval import Response
+from hapticeval.runner import outcome, work
 
 class Slide:
     def __init__(self, scene):
@@ -37,6 +52,29 @@ class Slide:
         ihip = np.array([hip[0], max(hip[1], 0.0)])
         return Response(ihip, self.stiffness * (ihip - hip))
 
+@functools.cache
+def files(pid):
+    notes = os.open(Path(__file__).with_name(f"{pid}.times"), os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    return notes, os.open(f"/proc/{pid}/schedstat", os.O_RDONLY)
+
+def clocked(place, name, column):
+    # have a function of a job note what it takes, in one of two columns, and when it ends
+    function = getattr(place, name)
+    @functools.wraps(function)
+    def call(*arguments, **options):
+        begun = time.process_time()
+        done = function(*arguments, **options)
+        took = time.process_time() - begun
+        notes, schedule = files(os.getpid())
+        busy, waited = map(int, os.pread(schedule, 99, 0).split()[:2])
+        columns = (0.0, took) if column else (took, 0.0)
+        os.write(notes, b"%g %g %r %r\\n" % (*columns, time.monotonic(), 1e-9 * (busy + waited)))
+        return done
+    setattr(place, name, call)
+
+clocked(work, "judge", 0)
+clocked(work, "write_recording", 1)
+clocked(outcome, "recording_bytes", 1)
 """ + "".join(f"class Slide{number}(Slide): pass\n" for number in range(RENDERERS))
 
 CASE = """
@@ -49,63 +87,102 @@ trajectory = {{ kind = "points", points = [[0.0, -0.001], [0.0{number:05}, -0.00
 """
 
 
-def measure(folder: Path, jobs: int, ticks: int, workers: int, scheduler: str | None, report: bool) -> dict[str, Any]:
-    """Run so many jobs of so many ticks, and return what it took."""
-    cases = max(jobs // RENDERERS, 1)
-    (folder / "slides.py").write_text(MODULE)
-    suite = 'title = "Slides"\n' + "".join(
-        CASE.format(number=1 + number, duration=1e-3 * ticks) for number in range(cases)
-    )
-    (folder / "slides.toml").write_text(suite)
-    sys.path.insert(0, str(folder))
-    times: dict[str, float] = {}
+class Spent(NamedTuple):
+    """Seconds of one run: of the processor, but for `clock`."""
+
+    clock: float
+    all: float
+    client: float
+    judging: float
+    keeping: float
+    idle: float
+    results: api.Results
+
+    @property
+    def own(self) -> float:
+        """What the jobs themselves take."""
+        return self.judging + self.keeping
+
+
+def processor() -> float:
+    """Return the seconds that this process and all below it have spent, the ended that were waited for included."""
+    here = psutil.Process()
+    return float(sum(sum(each.cpu_times()[:4]) for each in [here, *here.children(recursive=True)]))
+
+
+def spend(folder: Path, cases: int, renderers: int, ticks: int, workers: int, cluster: bool) -> Spent:
+    """Run so many cases of so many ticks through so many renderers, and leave the results in `folder`/out."""
+    text = "".join(CASE.format(number=1 + number, duration=1e-3 * ticks) for number in range(cases))
+    (folder / "slides.toml").write_text(f'title = "Slides"\n{text}')
+    begun = {"clock": time.perf_counter(), "all": processor(), "client": time.process_time()}
+    taken: dict[str, float] = {}
 
     def watch(event: Event) -> None:
-        if isinstance(event, RunStarted):
-            times["planned"] = time.perf_counter()
-        elif isinstance(event, JobFinished):
-            times.setdefault("first", time.perf_counter())
+        if isinstance(event, RunFinished):  # the cluster's processes are still there
+            taken.update(clock=time.perf_counter(), all=processor(), client=time.process_time())
 
-    begun, busy = time.perf_counter(), -1e3 * time.process_time()
-    names = [f"slides:Slide{number}" for number in range(RENDERERS)]
-    options: dict[str, Any] = {"suites": str(folder / "slides.toml"), "output": folder / "out", "watch": watch}
-    results = api.run(names, workers=workers, scheduler=scheduler, **options)
-    ended, busy = time.perf_counter(), busy + 1e3 * time.process_time()
-    work = sum(run.wall_seconds for run in results.document.runs)
-    found: dict[str, Any] = {
-        "jobs": len(results.document.runs),
-        "verdicts": len(results.verdicts),
-        "complete": results.complete,
-        "seconds of planning": times["planned"] - begun,
-        "seconds of running": ended - times["planned"],
-        "seconds to the first job": times["first"] - times["planned"],
-        "seconds of the jobs' own work": work,
-        "ms a job": 1e3 * (ended - begun) / len(results.document.runs),
-        "ms of the client's processor a job": busy / len(results.document.runs),
-        "overhead": 1.0 - work / workers / (ended - times["first"]),
-        "MB of results.json": (folder / "out" / "results.json").stat().st_size / 1e6,
-    }
-    if report:
-        before = time.perf_counter()
-        results.report()
-        found["seconds of the report"] = time.perf_counter() - before
-    found["MB of the client"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    with Cluster(folder, workers) if cluster else nullcontext() as there:
+        names = [f"slides:Slide{number}" for number in range(renderers)]
+        options: dict[str, Any] = {"workers": workers, "scheduler": None if there is None else there.address}
+        results = api.run(names, suites=str(folder / "slides.toml"), output=folder / "out", watch=watch, **options)
+    each = []
+    for file in folder.glob("*.times"):
+        each.append(np.loadtxt(file, ndmin=2))
+        file.unlink()
+    judging, keeping = np.vstack(each)[:, :2].sum(axis=0)
+    span, used = np.sum([rows[-1, 2:] - rows[0, 2:] for rows in each], axis=0)
+    spent = {name: taken[name] - begun[name] for name in begun}
+    return Spent(**spent, judging=judging, keeping=keeping, idle=1.0 - used / span, results=results)
+
+
+def measure(jobs: int, ticks: int, workers: int, cluster: bool, report: bool) -> dict[str, Any]:
+    """Run so many jobs of so many ticks, and return what it took."""
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
+        sys.path.insert(0, made)
+        (folder / "slides.py").write_text(MODULE)
+        fixed = spend(folder, workers, 1, ticks, workers, cluster)
+        spent = spend(folder, max(jobs // RENDERERS, 1), RENDERERS, ticks, workers, cluster)
+        runs = len(spent.results.document.runs)
+        more = spent.all - spent.own - (fixed.all - fixed.own)
+        found: dict[str, Any] = {
+            "jobs": runs,
+            "verdicts": len(spent.results.verdicts),
+            "complete": spent.results.complete,
+            "seconds of the clock": spent.clock,
+            "seconds of all processes": spent.all,
+            "seconds of the client": spent.client,
+            "the jobs' own seconds": spent.own,
+            "ms of a job's own": 1e3 * spent.own / runs,
+            "of them for its recording": 1e3 * spent.keeping / runs,
+            "seconds of overhead, fixed": fixed.all - fixed.own,
+            "ms of overhead, a job": 1e3 * more / (runs - workers),
+            "overhead, fixed part included": spent.all / spent.own - 1.0,
+            "overhead, a job": more / (spent.own - fixed.own),
+            "idle": spent.idle,
+            "MB of results.json": (folder / "out" / "results.json").stat().st_size / 1e6,
+            "MB of the client": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3,
+        }
+        if report:
+            before, begun = processor(), time.perf_counter()
+            spent.results.report()
+            found["seconds of the report"] = processor() - before
+            found["seconds of the report, of the clock"] = time.perf_counter() - begun
+            found["MB of the client with the report"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
     return found
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure as the arguments ask, and print what was found as JSON."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--jobs", type=int, default=1000)
     parser.add_argument("--ticks", type=int, default=100)
-    parser.add_argument("--workers", type=int, default=2, help="of this machine, or how many threads a cluster has")
-    parser.add_argument("--scheduler")
-    parser.add_argument("--folder", type=Path, help="where workers of the cluster import from")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--cluster", action="store_true", help="on a dask scheduler and workers of this machine")
     parser.add_argument("--report", action="store_true")
     given = parser.parse_args(arguments)
-    with tempfile.TemporaryDirectory() as made:
-        folder = given.folder or Path(made)
-        found = measure(folder, given.jobs, given.ticks, given.workers, given.scheduler, given.report)
+    os.environ.setdefault("DASK_CONFIG", str(ROOT / "examples" / "dask.yaml"))
+    found = measure(given.jobs, given.ticks, given.workers, given.cluster, given.report)
     print(json.dumps({name: round(each, 4) for name, each in found.items()}, indent=1))
 
 

@@ -1,4 +1,7 @@
-"""What mkdocs makes of other files: the README, ARCHITECTURE.md, and a page of every check from its own data."""
+"""What mkdocs makes of other files: the README, ARCHITECTURE.md, a page of every check from its own data, and pictures.
+
+Pictures are not kept in the repository: `make docs` runs the pages first, and takes what their commands draw.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,9 @@ import hapticeval
 from hapticeval.phenomena.registry import CHECKS
 
 ROOT = Path(__file__).parents[1]
+PAGES = ROOT / "build" / "pages"
+"""Where the pages were run."""
+
 SOURCE = re.compile(r"\[([^\]]+)\]\(\.\./[^)]+\)")
 
 
@@ -29,6 +35,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     }
     for name, content in pages.items():
         files.append(File.generated(config, name, content=content))
+    for drawn in sorted(PAGES.glob("*/pictures/*.svg")):
+        files.append(File.generated(config, f"pictures/{drawn.name}", abs_src_path=str(drawn)))
     return files
 
 
@@ -48,6 +56,7 @@ def checks() -> Iterator[str]:
     """Yield a page: each check with its question, formula, bound, and the part of the thesis that it is from."""
     yield "# Every check"
     yield "\nAs `hapticeval explain CHECK` prints it. A metric up to the bound passes."
+    yield "The pictures show a renderer that passes, and below it one that was broken to fail, in the same case."
     for name, check in CHECKS.items():
         yield f"\n## {name}\n\n{check.asks}\n"
         rows = {
@@ -60,6 +69,10 @@ def checks() -> Iterator[str]:
             "reads": ", ".join(check.channels),
         }
         yield from (f"**{title}** {escaped(text)}\n" for title, text in rows.items() if text)
+        for word in ("passes", "fails"):
+            drawn = f"pictures/check-{name}-{word}.svg"
+            if (PAGES / "checks.py" / drawn).exists():
+                yield f"![A renderer that {word} {name}.]({drawn})\n"
 
 
 def reference() -> Iterator[str]:

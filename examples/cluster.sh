@@ -5,6 +5,7 @@
 set -eu
 
 here=$(mktemp -d)
+export DASK_CONFIG="${DASK_CONFIG:-$(cd "$(dirname "$0")" && pwd)/dask.yaml}"
 started=
 finish() {
   for pid in $started; do kill "$pid" 2>/dev/null || true; done

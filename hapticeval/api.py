@@ -144,7 +144,12 @@ def judge(
     cases: str | Case | Sequence[str | Case] = f"{DEFAULT_SUITE}/*",
     output: str | Path | None = None,
     seed: int = 0,
+    strict: bool = False,
+    known: str | Path | None = None,
+    exit_first: bool = False,
     workers: int | None = None,
+    timeout: float = math.inf,
+    watch: Callable[[Event], None] | None = None,
 ) -> Results:
     """Judge one renderer in cases: globs on `case` or `suite/case` of the installed suites, or cases of `load_suite`.
 
@@ -154,7 +159,10 @@ def judge(
     given = tuple(each for each in listed if isinstance(each, Case))
     globs = tuple(each for each in listed if isinstance(each, str))
     made = Suite(name="cases", title="Cases", citation="", cases=given, rows=())
-    options: dict[str, Any] = {"output": output, "seed": seed, "workers": workers}
+    options: dict[str, Any] = {
+        **{"output": output, "seed": seed, "strict": strict, "known": known, "exit_first": exit_first},
+        **{"workers": workers, "timeout": timeout, "watch": watch},
+    }
     if given and globs:
         raise InputError("cases are globs and `Case`s", why="these come from different suites", todo="give one kind")
     if given:
@@ -283,14 +291,13 @@ class Results:
 
         Numbered marks are the times that its verdicts name. Raises as `recording` does.
         """
-        from hapticeval.geometry.catalogue import make_model
         from hapticeval.reports.run_figure import marks_of, run_figure
 
         run = self._run(case, renderer)
         marks = tuple(marks_of(self.document.verdicts_of.get(run.key, [])).values())
-        model = make_model(run.model["kind"], **run.model_parameters)
         title = f"{run.renderer} on {run.suite}/{run.case}"
-        return run_figure(self.recording(f"{run.suite}/{run.case}", run.renderer), model, marks=marks, title=title)
+        recording = self.recording(f"{run.suite}/{run.case}", run.renderer)
+        return run_figure(recording, run.made_model(recording), marks=marks, title=title)
 
     @property
     def file(self) -> Path:

@@ -26,7 +26,6 @@ from hapticeval.commands import (
     viewing,
 )
 from hapticeval.commands.arguments import Sections
-from hapticeval.commands.judging import EXIT_CODES
 from hapticeval.commands.terminal import say
 from hapticeval.errors import HapticevalError
 
@@ -34,17 +33,22 @@ ABOUT = """Judge haptic renderers by six phenomena of rigid contact.
 
 \b
 Examples:
-  hapticeval run                               the built-in renderers on the thesis's cases
-  hapticeval run -r mymodule:factory           a renderer of your own, from the current directory
-  hapticeval run -k '*corner*' -r constraint   only the cases whose name has corner in it
-  hapticeval list cases                        what there is to run
-  hapticeval explain continuous-contact        what a check measures, its bound, and why
-  hapticeval run dynamics                      in closed loop with a robot, against chapters 6.3 and 7
-  hapticeval record -o run.h5                  record a robot; here the simulated one, in real time
-  hapticeval replay run.h5 -r constraint       a recorded hand path through another renderer
-  hapticeval search -r mymodule:factory        the smallest path that breaks it
-  hapticeval bench --quick                     what accuracy costs in time
+  hapticeval run                          the built-in renderers
+  hapticeval run -r mymodule:factory      a renderer of your own
+  hapticeval run -k corner -r constraint  only cases with corner in their name
+  hapticeval run dynamics                 in closed loop with a robot
+  hapticeval list cases                   what there is to run
+  hapticeval explain continuous-contact   what a check measures, and its bound
+  hapticeval doctor -r mymodule:factory   what is missing of the contract
+  hapticeval new python mylaser           a renderer to start from
+  hapticeval search -r mymodule:factory   the smallest path that breaks it
+  hapticeval bench --quick                what accuracy costs in time
+  hapticeval record -o run.h5             record a robot; here a simulated one
+  hapticeval replay run.h5 -r constraint  its hand path, another renderer
 """
+
+EXIT_CODES = f"The --help of each command has examples and exit codes. Those of run:\n\n{judging.EXIT_CODES}"
+
 
 app = typer.Typer(
     name="hapticeval",
@@ -112,7 +116,7 @@ def _common(
 
 
 for _command, _epilog, _short in (
-    (judging.run, EXIT_CODES, "Run suites on renderers, judge, and report."),
+    (judging.run, judging.EXIT_CODES, "Run suites on renderers, judge, and report."),
     (judging.list_, judging.LISTED, "List the renderers, suites, cases, checks, devices or models."),
     (judging.explain, judging.LISTED, "Explain what a check asks, measures and allows, and why."),
     (judging.merge, judging.MERGED, "Make one run of several, as of its shards."),

@@ -12,6 +12,7 @@ scheme's own name may hold a plus: only the first one separates.
 
 from __future__ import annotations
 
+import difflib
 import re
 import sys
 import traceback
@@ -157,7 +158,8 @@ def load(base: str, *, kind: str = "renderer") -> Any:
             error.todo = (
                 f"did you mean {' or '.join(meant)}?"
                 if meant
-                else f"{error.todo}; a renderer of your own is named package.module:factory"
+                else f"{error.todo}{'' if error.todo.endswith('?') else '.'} A renderer of your own is named "
+                "package.module:factory"
             )
             raise error
         module, _, attribute = known[base].value.partition(":")
@@ -181,6 +183,9 @@ def _factory(base: str, module: str, attribute: str, kind: str) -> Any:
         found: Any = import_module(module)
     except (Exception, SystemExit) as error:
         todo = f"see that `python -c 'import {module}'` works in the folder where you start hapticeval"
+        close = difflib.get_close_matches(module, [file.stem for file in Path().glob("*.py")], n=1)
+        if close and close[0] != module:
+            todo = f"did you mean {close[0]}:{attribute}?"
         raise InputError(
             f"{kind} '{base}': cannot import the module '{module}'",
             why=_cause(error),
@@ -190,11 +195,15 @@ def _factory(base: str, module: str, attribute: str, kind: str) -> Any:
         try:
             found = getattr(found, part)
         except AttributeError as error:
-            public = [name for name, value in vars(found).items() if not name.startswith("_") and callable(value)]
+            here = {name: value for name, value in vars(found).items() if not name.startswith("_") and callable(value)}
+            public = [name for name, value in here.items() if getattr(value, "__module__", module) == module]
+            close = difflib.get_close_matches(part, public, n=1)
             raise InputError(
                 f"{kind} '{base}': the module '{module}' has no '{attribute}'",
                 why=str(error),
-                todo=f"it has: {', '.join(public[:8]) or 'no public names'}",
+                todo=f"did you mean {module}:{close[0]}?"
+                if close
+                else f"it has: {', '.join(public[:8] or here) or 'no public names'}",
             ) from error
     if not callable(found):
         takes = "a factory takes a scene and returns a renderer" if kind == "renderer" else "it must be a class"

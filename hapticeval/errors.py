@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import sysconfig
 import traceback
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import PurePath
 
@@ -95,7 +96,7 @@ class RendererError(HapticevalError):
         self.hip = None if hip is None else tuple(float(x) for x in hip)
         place = ""
         if tick is not None and self.hip is not None:
-            place = f" at tick {tick} (counted from 0), HIP ({', '.join(f'{x:.6g}' for x in self.hip)}) m"
+            place = f" at tick {tick} (counted from 0), HIP {in_mm(self.hip)}"
         super().__init__(what + place, why=why, todo=todo)
 
     def placed(self, tick: int, hip: Iterable[float]) -> RendererError:
@@ -109,6 +110,11 @@ class RendererError(HapticevalError):
 
 class RunawayError(RendererError):
     """A simulated loop ran away: the renderer's force feeds energy into the device without end."""
+
+
+def in_mm(point: Iterable[float]) -> str:
+    """Return a point (m) as messages show it, for instance `(8.84, 64.7) mm`."""
+    return f"({', '.join(f'{1e3 * each:.6g}' for each in point)}) mm"
 
 
 @contextmanager
@@ -142,6 +148,11 @@ def blamed(
     return RendererError(what, tick=tick, hip=hip, why=why or origin(error), todo=todo)
 
 
+def kind_of(what: str) -> str:
+    """Return what errors of one kind begin with: the words of `what` before numbers, places and foreign texts."""
+    return what.split(" at tick ")[0].split(": ")[0]
+
+
 @contextmanager
 def at(place: str) -> Iterator[None]:
     """Put the `place` (a file, a case in it) in front of what any `InputError` of the block says."""
@@ -166,5 +177,32 @@ def origin(error: BaseException, file: str | None = None) -> str:
     """Where in foreign code an exception came from: the innermost frame in `file`, else of all, as an error's `why`."""
     frames = [each for each in traceback.extract_tb(error.__traceback__) if "importlib" not in each.filename]
     for last in ([each for each in frames if each.filename == file] or frames)[-1:]:
-        return f"in {PurePath(last.filename).name}, line {last.lineno}, in {last.name}: {last.line}"
+        return _place(last)
     return ""
+
+
+def caught_in(stack: Sequence[tuple[str, int, str]]) -> str:
+    """Return where a process was whose `stack` is that, outermost frame first; "" for an empty one.
+
+    Foreign code begins where ours calls it: of its frames the innermost is named that lies in the same folder, and not
+    the library's that it waits in. Where there is none, as in a C library that ours calls, ours is named.
+    """
+    code = [frame for frame in stack if not _is_standard(PurePath(frame[0]))]
+    ours = PurePath(__file__).parent
+    foreign = next((at for at, (file, *_) in enumerate(code) if not PurePath(file).is_relative_to(ours)), 0)
+    for file, line, name in reversed(code[foreign:]):
+        if PurePath(file).is_relative_to(PurePath(code[foreign][0]).parent):
+            return _place(traceback.FrameSummary(file, line, name))
+    return ""
+
+
+def _is_standard(file: PurePath) -> bool:
+    """Whether a file is of Python's standard library, or frozen; what is installed lies in a folder of that."""
+    if file.name.startswith("<"):
+        return True
+    return file.is_relative_to(sysconfig.get_path("stdlib")) and not {"site-packages", "dist-packages"} & {*file.parts}
+
+
+def _place(frame: traceback.FrameSummary) -> str:
+    place = f"in {PurePath(frame.filename).name}, line {frame.lineno}, in {frame.name}"
+    return f"{place}: {frame.line}" if frame.line else place

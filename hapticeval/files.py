@@ -142,7 +142,11 @@ def write_json(path: Path, document: Any) -> Path:
     from hapticeval.documents import convert
 
     text = msgspec.json.encode(document)
-    convert(json.loads(text), type(document), path.name)
+    try:
+        msgspec.json.decode(text, type=type(document))
+    except msgspec.ValidationError:
+        convert(json.loads(text), type(document), path.name)  # names the place
+        raise
     try:
         with replacing(path) as temporary:
             temporary.write_bytes(msgspec.json.format(text, indent=1) + b"\n")

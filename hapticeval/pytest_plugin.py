@@ -270,13 +270,15 @@ def described(config: pytest.Config, results: Results, verdict: VerdictEntry) ->
 
 
 def _where(verdict: VerdictEntry) -> str:
-    """Return time, HIP and IHIP of the evidence, for instance `at t = 2.572 s, HIP (0.01, 0.02) m`."""
+    """Return time, HIP and IHIP of the evidence, for instance `at t = 2.572 s, HIP (10, 20) mm`."""
+    from hapticeval.errors import in_mm
+
     evidence = verdict.evidence
     parts = [f"t = {evidence['time']:.4g} s"] if isinstance(evidence.get("time"), float) else []
     for name in ("hip", "ihip"):
         point = evidence.get(name)
         if isinstance(point, list) and all(isinstance(each, float) for each in point):
-            parts.append(f"{name.upper()} ({', '.join(f'{each:.6g}' for each in point)}) m")
+            parts.append(f"{name.upper()} {in_mm(point)}")
     return f"at {', '.join(parts)}" if parts else ""
 
 

@@ -43,12 +43,12 @@ def _parsed(text: str, units: Mapping[str, float], option: str, example: str) ->
 
 
 def quantity(value: float | None, unit: str) -> str:
-    """Format a value in SI units, lengths in mm, as in `0.83 mm`; "not finite" for null, as results write that."""
+    """Format a value in SI units, lengths in mm, shares without one, as in `0.83 mm`; "not finite" for null."""
     if value is None:
         return "not finite"
     if unit == "m":
         value, unit = 1e3 * value, "mm"
-    return f"{value:.4g} {unit}".rstrip()
+    return f"{value:.4g} {'' if unit == '1' else unit}".rstrip()
 
 
 def length(metres: float, *, micro: str = "µ") -> str:

@@ -453,8 +453,8 @@ def _laps(draw: st.DrawFn, model: Model, curve: Curve) -> Moves:
         {*over, *(np.arange(ROUND) * curve.length / ROUND).tolist()}, key=lambda s: way * (s - start) % curve.length
     )
     hand.release()
-    # A lap and the next up to a quarter, a half, three quarters of it, or all.
-    count = len(stops) + draw(st.integers(1, 4)) * len(stops) // 4
+    # Two laps, or the second up to three quarters of it, a half, a quarter; and on to where it began.
+    count = 2 * len(stops) - draw(st.integers(0, 3)) * len(stops) // 4 + 1
     for k in range(count):
         s = stops[k % len(stops)]
         u = curve.parameter(s)

@@ -8,10 +8,12 @@ of an answer, takes nothing along but its call.
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import multiprocessing
 import multiprocessing.connection
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -24,14 +26,23 @@ from functools import partial
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar, cast
+from typing import Any, Generic, NamedTuple, Protocol, Self, TypeAlias, TypeVar, cast
 
 from hapticeval.errors import HapticevalError
 
 T = TypeVar("T")
 
+Frame: TypeAlias = tuple[str, int, str]
+"""File, line and function."""
+
 GRACE = 1.0
 """Seconds that a process without a call has to end by itself, before it is killed."""
+
+STACK_SIGNAL = getattr(signal, "SIGUSR1", None)
+"""At this signal a process writes its Python stack, even from within compiled code."""
+
+SPELLED = 0.2
+"""Seconds that processes have to write their stacks."""
 
 
 def cores() -> int:
@@ -43,17 +54,13 @@ TRIES = 3
 """Processes that a job may see killed from outside before it counts as what has them killed."""
 
 WATCH = 1.0
-"""Seconds between two looks of a process in an interpreter of its own at whether its parent is still there."""
-
-
-def _scheduled(pid: int | None) -> Path:
-    return Path(f"/proc/{pid}/schedstat")
+"""Seconds between two looks of a process at whether its parent is still there."""
 
 
 def _waited(worker: _Worker) -> float:
     """Return the seconds that a process has waited for a processor so far; 0.0 where it is not known."""
     try:
-        return 1e-9 * int(_scheduled(worker.process.pid).read_text().split()[1])
+        return 1e-9 * int(Path(f"/proc/{worker.process.pid}/schedstat").read_bytes().split()[1])
     except (OSError, ValueError, IndexError):
         return 0.0
 
@@ -80,7 +87,15 @@ class Ended(Exception):
 
 
 class Overdue(Exception):
-    """The process that worked on a call was killed: it took longer than it was given."""
+    """The process that worked on a call was killed: it took longer than it was given.
+
+    `stack` holds file, line and function of its frames then, outermost first, below the call; it is empty where the
+    system cannot tell.
+    """
+
+    def __init__(self, stack: tuple[Frame, ...] = ()) -> None:
+        super().__init__(stack)
+        self.stack = stack
 
 
 class LostError(HapticevalError):
@@ -152,10 +167,35 @@ class Crew(Protocol[T]):
 class _Worker:
     process: BaseProcess | subprocess.Popen[bytes]
     pipe: Connection
+    stack_pipe: Connection
+    """Where its stack comes out."""
+
+    def ask_for_stack(self) -> None:
+        """Have it write the stack of its Python code."""
+        if STACK_SIGNAL is not None and self.process.pid is not None:
+            with contextlib.suppress(OSError):
+                os.kill(self.process.pid, STACK_SIGNAL)
+
+    def stack(self, until: float) -> tuple[Frame, ...]:
+        """Return what it writes until then: outermost frame first, below the call; empty where it writes nothing."""
+        text = b""
+        with contextlib.suppress(OSError):
+            while self.stack_pipe.poll(max(0.0, until - time.monotonic())):
+                piece = os.read(self.stack_pipe.fileno(), 1 << 16)
+                if not piece:
+                    break
+                text += piece
+        frames = [
+            (file, int(line), function)
+            for file, line, function in re.findall(r'^  File "(.*)", line (\d+) in (.*)$', text.decode(), re.MULTILINE)
+        ]
+        calls = [place for place, (file, _, name) in enumerate(frames) if (file, name) == (__file__, _serve.__name__)]
+        return tuple(reversed(frames[: calls[0] if calls else None]))
 
     def end(self, patience: float) -> int | None:
         """Close the pipe and kill the process after so many seconds; return the exit code if it ended before."""
         self.pipe.close()
+        self.stack_pipe.close()
         if isinstance(self.process, subprocess.Popen):
             try:
                 return self.process.wait(patience)
@@ -191,7 +231,7 @@ class Workers(Generic[T]):
 
     A call whose process is killed from outside is made again by another one, until `tries` have been killed over it; a
     process that crashes ends its call. With `fresh` each process has an interpreter of its own, where forks are
-    forbidden or the parent has threads; it ends with its parent, and the function is one that can be pickled.
+    forbidden or the parent has threads, and the function is one that can be pickled. A process ends with its parent.
     """
 
     def __init__(self, function: Callable[..., T], count: int, *, tries: int = 1, fresh: bool = False) -> None:
@@ -274,11 +314,18 @@ class Workers(Generic[T]):
 
         What they have waited for a processor meanwhile does not count, see `starved`.
         """
-        now = time.monotonic()
-        late = [call for call, at in self._at.items() if now - at.begun - (_waited(at.worker) - at.waited) > seconds]
-        for call in late:
-            self._at.pop(call).worker.end(0.0)
-        return [Answer(call, None, Overdue()) for call in late]
+        end = time.monotonic() - seconds
+        old = [(call, at) for call, at in self._at.items() if at.begun < end]
+        late = [call for call, at in old if at.begun + _waited(at.worker) - at.waited < end]
+        workers = {call: self._at.pop(call).worker for call in late}
+        for worker in workers.values():
+            worker.ask_for_stack()
+        until = time.monotonic() + SPELLED
+        given_up: list[Answer[T]] = []
+        for call, worker in workers.items():
+            given_up.append(Answer(call, None, Overdue(worker.stack(until))))
+            worker.end(0.0)
+        return given_up
 
     def refused(self) -> list[tuple[str, str]]:
         """Return nobody: all processes are alike."""
@@ -295,24 +342,53 @@ class Workers(Generic[T]):
 
     def _new(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()
+        stack_pipe, stack_end = multiprocessing.Pipe(duplex=False)
         process: BaseProcess | subprocess.Popen[bytes]
         if self._fresh:
-            command = [sys.executable, "-c", SERVE, str(theirs.fileno()), str(os.getpid())]
-            process = subprocess.Popen(command, pass_fds=[theirs.fileno()])
+            pipes = [theirs.fileno(), stack_end.fileno()]
+            command = [sys.executable, "-c", SERVE, *map(str, pipes), str(os.getpid())]
+            process = subprocess.Popen(command, pass_fds=pipes)
             with contextlib.suppress(OSError):  # it has ended: that is seen at the first call
                 ours.send((sys.path, pickle.dumps(self._function)))
         else:
-            process = multiprocessing.Process(target=_serve, args=(theirs, ours, self._function))
+            arguments = (theirs, stack_end, (ours, stack_pipe), self._function)
+            process = multiprocessing.Process(target=_forked, args=arguments)
             process.start()
         theirs.close()
-        return _Worker(process, ours)
+        stack_end.close()
+        return _Worker(process, ours, stack_pipe)
 
 
 SERVE = "import sys; from hapticeval.workers import serve; serve(*map(int, sys.argv[1:]))"
 
 
-def serve(pipe: int, parent: int) -> None:
-    """Answer calls that come by the pipe of that number, in an interpreter of its own, as long as the parent lives."""
+def serve(pipe: int, stack_end: int, parent: int) -> None:
+    """Answer calls that come by the pipe of that number, in an interpreter of its own, as long as the parent lives.
+
+    The stack goes to the pipe `stack_end`.
+    """
+    _end_with(parent)
+    with contextlib.suppress(EOFError, OSError):
+        connection = Connection(pipe)
+        sys.path[:], function = connection.recv()
+        _serve(connection, Connection(stack_end, readable=False), pickle.loads(function))
+
+
+def _forked(
+    pipe: Connection, stack_end: Connection, others: tuple[Connection, ...], function: Callable[..., Any]
+) -> None:
+    """Answer calls in a copy of the parent, as long as that lives."""
+    _end_with(os.getppid())
+    for other in others:
+        other.close()  # else this process would keep its own pipe open
+    _serve(pipe, stack_end, function)
+
+
+def _end_with(parent: int) -> None:
+    """End this process when its parent is gone, also in the middle of a call that never ends.
+
+    Compiled code that keeps Python's lock for ever keeps it from that.
+    """
 
     def watch() -> None:
         while os.getppid() == parent:
@@ -320,17 +396,13 @@ def serve(pipe: int, parent: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-    with contextlib.suppress(EOFError, OSError):
-        connection = Connection(pipe)
-        sys.path[:], function = connection.recv()
-        _serve(connection, None, pickle.loads(function))
 
 
-def _serve(pipe: Connection, others: Connection | None, function: Callable[..., Any]) -> None:
+def _serve(pipe: Connection, stack_end: Connection, function: Callable[..., Any]) -> None:
     """Answer calls until the other end of the pipe is closed; it closes as well when the parent dies."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if others is not None:
-        others.close()  # else this process would keep its own pipe open
+    if STACK_SIGNAL is not None:
+        faulthandler.register(STACK_SIGNAL, file=stack_end.fileno(), all_threads=False)
     try:
         while True:
             received = pipe.recv_bytes()

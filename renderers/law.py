@@ -210,6 +210,8 @@ def regulate(
         if scheme == PP_V:
             force[i] = force[i] - damping * velocity[i]
     if scheme in (TRANSVERSAL, GRADIENT):
+        if params[BILATERAL] == 0.0:
+            pressed = min(pressed, 0.0)  # a hand above the tangent at a distant foot is not pulled to it
         size = (-stiffness * pressed if scheme == TRANSVERSAL else stiffness * known) - damping * across
         for i in range(count):
             force[i] = size * state[normal + i]

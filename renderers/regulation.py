@@ -17,11 +17,13 @@ e_p = HIP - IHIP is the error (4.5), n the outward unit normal at the IHIP and �
 error's difference backwards over one tick, and zero on the first tick of contact: before it there was no error to
 subtract. A jump of the IHIP is therefore felt as a kick by `pp-d`.
 
-The schemes of Table 4.1 are kept to the letter. Contact is unilateral, but none of them is clipped: with damping, a
-hand that leaves fast enough is pulled back in its last ticks of contact. That is a property of the schemes, to be seen.
+The schemes of Table 4.1 are kept to the letter. Contact is unilateral, but no damper is clipped: with damping, a hand
+that leaves fast enough is pulled back in its last ticks of contact. That is a property of the schemes, to be seen.
 
 The thesis prints (5.21) without the minus signs; as printed it is positive feedback, and it would not equal (4.14)
-where the projection is straight and normal, which the text says it does. It is even in n.
+where the projection is straight and normal, which the text says it does. It is even in n. A slanted projection may have
+its foot across a neck, and the hand above the tangent there, n·e_p > 0: the spring would pull it to a surface that can
+only push. It gives nothing there, but in a bilateral scene.
 
 Of the square root the thesis prints F_r = k_p e^(1/2) + k_d e^(1/2) ė^(1/2) and gives neither direction, nor a meaning
 for ė < 0, nor units or gains. Decided here: e is the length of e_p and ė its rate; the force points from HIP to IHIP;

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hapticeval.reports.canvas import MM, drawn, figure, page_svg
+from hapticeval.reports.canvas import CURVES, MM, drawn, figure, page_svg
 from hapticeval.study.bench.document import BenchResults, Change, Kind, SettingEntry
 
 if TYPE_CHECKING:
@@ -15,7 +15,9 @@ US = 1e6
 ROW = 0.2
 """Height (in) of a row of a figure with a row per setting."""
 
-ROLES = ("hip", "ihip", "one", "two", "mark", "three")
+ABREAST = 2
+"""Models whose panels stand beside each other."""
+
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
 GOOD_ENOUGH = 0.1
 """Error (mm) that a line is drawn at."""
@@ -36,11 +38,12 @@ Placed = list[tuple[SettingEntry, tuple[float, float]]]
 def bench_plots(bench: BenchResults) -> list[tuple[str, str]]:
     """Return the plots of a bench as SVG elements for a page, each with its title; none where nothing is measured."""
     plots = []
-    names = list(dict.fromkeys(each.renderer for each in bench.settings))
+    names = list(dict.fromkeys(each.renderer for each in bench.settings if not each.problem))
     for kind, title in TITLES.items():
         placed = {model: _placed(settings, kind) for model, settings in bench.by_model().items()}
-        if any(placed.values()):
-            plots.append((title, _svg({model: each for model, each in placed.items() if each}, kind, names)))
+        shown = [(model, each) for model, each in placed.items() if each]
+        for first in range(0, len(shown), ABREAST):
+            plots.append((title, _svg(dict(shown[first : first + ABREAST]), kind, names, first)))
     if any(each.build_seconds for each in bench.settings):
         plots.append(("memory, and time to build", _costs(bench.settings, names)))
     if any(each.low is not None for each in bench.comparison):
@@ -101,8 +104,8 @@ def _placed(settings: Sequence[SettingEntry], kind: Kind) -> Placed:
     ]
 
 
-def _svg(models: Mapping[str, Placed], kind: Kind, names: Sequence[str]) -> str:
-    """One panel per model."""
+def _svg(models: Mapping[str, Placed], kind: Kind, names: Sequence[str], first: int) -> str:
+    """One panel per model, of which number `first` is the first."""
     below = 0.2 * ((len(names) + 3) // 4)
     with figure(10.0, 4.6 + below, page=True) as made:
         low = (0.62 + below) / (4.6 + below)
@@ -121,7 +124,7 @@ def _svg(models: Mapping[str, Placed], kind: Kind, names: Sequence[str]) -> str:
             columnspacing=1.6,
         )  # fmt: skip
         title = f"Work-precision plot, {TITLES[kind]}: IHIP error against time a step"
-        return page_svg(made, prefix=f"b{kind}", title=title)
+        return page_svg(made, prefix=f"b{kind}{first or ''}", title=title)
 
 
 def _draw_panel(axes: Axes, placed: Placed, kind: Kind, names: Sequence[str]) -> None:
@@ -168,7 +171,7 @@ def _look(name: str, names: Sequence[str]) -> tuple[str, str]:
     bases = list(dict.fromkeys(each.partition("@")[0] for each in names))
     kinds = list(dict.fromkeys(each.partition("@")[2] for each in names))
     base, _, kind = name.partition("@")
-    return drawn(ROLES[bases.index(base) % len(ROLES)]), MARKERS[kinds.index(kind) % len(MARKERS)]
+    return drawn(CURVES[bases.index(base) % len(CURVES)]), MARKERS[kinds.index(kind) % len(MARKERS)]
 
 
 def _foreign(name: str) -> bool:
@@ -199,6 +202,6 @@ def _name(axes: Axes, wanted: Placed) -> None:
     for each, place in wanted:
         text = each.label if _foreign(each.renderer) else each.label.removeprefix(each.renderer).strip()
         x, y = axes.transData.transform(place)
-        if text and not any(abs(x - a) < 42.0 and abs(y - b) < 9.0 for a, b in taken):
+        if text and not any(abs(x - a) < 4.0 * len(text) and abs(y - b) < 9.0 for a, b in taken):
             taken.append((x, y))
             axes.annotate(text, place, xytext=(5, 3), textcoords="offset points", fontsize=6.5, zorder=6)

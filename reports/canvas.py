@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import io
 import json
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from html import escape
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -61,10 +59,13 @@ THEME: Mapping[str, str] = MappingProxyType(
 Curves are in the colour-blind-safe palette of Okabe and Ito; no two roles share a colour.
 """
 
+CURVES = ("ihip", "hip", "one", "two", "ink", "three", "mark")
+"""Roles of what is drawn beside each other, in the order in which they are taken: those that look alike come late."""
+
 STYLE: Mapping[str, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "hapticeval",
-    "path.simplify_threshold": 0.5,
+    "path.simplify_threshold": 0.2,
     "font.size": 8.0,
     "font.family": "sans-serif",
     "axes.linewidth": 0.6,
@@ -133,10 +134,18 @@ def empty(axes: Axes) -> None:
 
 
 def page_svg(made: Figure, *, prefix: str, title: str) -> str:
-    """Return the figure as an SVG element for a page, see `inlined`; the same figure gives the same text."""
+    """Return the figure as an SVG element for a page, see `svg.inlined`; the same figure gives the same text."""
     buffer = io.StringIO()
     made.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-    return inlined(buffer.getvalue(), prefix=prefix, title=title)
+    return page_element(buffer.getvalue(), prefix=prefix, title=title)
+
+
+def page_element(svg: str, *, prefix: str, title: str) -> str:
+    """Return an SVG file of matplotlib as `page_svg` does."""
+    from hapticeval.reports.svg import inlined
+
+    colours = {colour: f"var(--fig-{role})" for role, colour in THEME.items()}
+    return inlined(svg, prefix=prefix, title=title, colours=colours)
 
 
 def save_figure(
@@ -173,7 +182,7 @@ def save_figure(
 
 
 def drawn(role: str) -> str:
-    """Return the colour to draw a role in; on a page `inlined` turns it into the page's."""
+    """Return the colour to draw a role in; on a page `page_svg` turns it into the page's."""
     return THEME[role]
 
 
@@ -195,53 +204,3 @@ def legend_above(axes: Axes, *beside: Axes, **options: Any) -> None:
         labels,
         **{"loc": "lower right", "bbox_to_anchor": (1.0, 0.97), "ncols": 4, "borderaxespad": 0.0, **options},
     )
-
-
-def inlined(svg: str, *, prefix: str, title: str) -> str:
-    """Return an `<svg>` element for an HTML page, from a whole SVG file: small, themed, with ids of its own.
-
-    Coordinates are rounded to a hundredth of a point, ids that nothing refers to are dropped and the others start
-    with `prefix`, and style rules that would reach beyond the figure go; `title` is what a screen reader reads out.
-    """
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", svg, flags=re.DOTALL)
-    svg = re.sub(r"<[^>]+>", lambda tag: re.sub(r"-?\d+\.\d{3,}", _rounded, tag[0]), svg)
-    svg = svg.replace("xlink:href", "href")
-    svg = re.sub(r"font: ([\d.]+)px [^;\"]*", r"font-size: \1px", svg)
-    svg = re.sub(r" ?(?:font-family: [^;\"]*|stroke-dashoffset: 0);?", "", svg)
-    svg = re.sub(r' transform="rotate\(-0 [^)]*\)"', "", svg)
-    used = {
-        name: f"{prefix}-{index}" for index, name in enumerate(dict.fromkeys(re.findall(r'[("]#([^")]+)[)"]', svg)))
-    }
-    svg = re.sub(r' id="([^"]+)"', lambda found: f' id="{used[found[1]]}"' if found[1] in used else "", svg)
-    svg = re.sub(r'([("])#([^")]+)([)"])', lambda found: f"{found[1]}#{used[found[2]]}{found[3]}", svg)
-    for role, stand_in in THEME.items():
-        svg = svg.replace(stand_in, f"var(--fig-{role})")
-    svg = re.sub(r' d="[^"C]*"', lambda path: path[0].replace(" L ", " "), svg)
-    svg = re.sub(r'style="[^"]*"', lambda style: re.sub(r"([:;]) ", r"\1", style[0]), svg)
-    svg = re.sub(r">\s+<", "><", svg)
-    svg = re.sub(r"\s*\n\s*", " ", svg).replace("<defs></defs>", "").replace("<defs/>", "")
-    box = re.search(r'viewBox="[^"]*"', svg)
-    assert box is not None
-    label = escape(title, quote=True)
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" {box[0]} class="figure" role="img" aria-label="{label}">'
-    return head + svg[svg.index(">") + 1 :].strip()
-
-
-def classed(elements: Sequence[str]) -> tuple[list[str], str]:
-    """Return the same elements with their `style` attributes as classes of the page, and the rules of those classes."""
-    classes: dict[str, str] = {}
-
-    def named(found: re.Match[str]) -> str:
-        return f' class="{classes.setdefault(found[1], f"z{len(classes)}")}"'
-
-    changed = [
-        re.sub(r"<[a-z][^<>]*>", lambda tag: re.sub(r' style="([^"]*)"', named, tag[0]), element)
-        for element in elements
-    ]
-    return changed, "\n".join(f".{name} {{{style}}}" for style, name in classes.items())
-
-
-def _rounded(found: re.Match[str]) -> str:
-    text = f"{float(found[0]):.2f}".rstrip("0").rstrip(".")
-    return "0" if text in ("-0", "") else text

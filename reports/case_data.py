@@ -1,13 +1,15 @@
 """What a case page holds of its runs: a thousand samples of each at most, chosen so that extremes stay, packed small.
 
-A packed array is whole numbers times a scale, 16 bits of them (32 of time), as zigzag varints of the differences from
-row to row, deflated in one piece for the whole case. The page's script unpacks it with the browser's own
+A packed array is whole numbers times a scale, as zigzag varints: of the first row the number, of the second its
+difference, of the others how far they are from the straight line in time through the two before. The numbers of a whole
+case are deflated in one piece with the document that names them; the page's script unpacks them with the browser's own
 `DecompressionStream`.
 """
 
 from __future__ import annotations
 
 import base64
+import json
 import zlib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -27,7 +29,7 @@ from hapticeval.types import Array, BoolArray, IntArray
 SAMPLES = 1000
 """At most about so many samples of a run are kept beside those that are kept for certain."""
 
-WITHIN = 1.0 / 1000.0
+WITHIN = 1.0 / 500.0
 """Share of each channel's range that straight lines between the samples may be off: less than can be seen."""
 
 INTERVALS = 12
@@ -42,7 +44,10 @@ JUMPS = 4.0
 FULL = 32767
 """The largest number that an array of 16 bits has."""
 
-DRAWN = 8191
+APART = 4095
+"""The largest number of IHIP less HIP."""
+
+DRAWN = 2047
 """The largest number of what is drawn against time only, in plots of 200 px."""
 
 
@@ -281,25 +286,51 @@ def surface_motion(recording: Recording, model: Model) -> tuple[Array, Array]:
 
 @dataclass
 class Packer:
-    """Collects arrays: `add` returns the number of each, `document` all of them as the page's script reads them."""
+    """Collects arrays: `add` returns the number of each, `text` all of them as the page's script reads them."""
 
     shapes: list[list[Any]] = field(default_factory=list)
     parts: list[bytes] = field(default_factory=list)
+    clocks: dict[int, IntArray] = field(default_factory=dict)
 
-    def add(self, values: Array, *, scale: float | None = None) -> int:
-        """Pack an array (n,) or (n, k) in steps of `scale`, or of 1/32767 of its largest value."""
+    def add(self, values: Array, *, scale: float | None = None, clock: int | None = None) -> int:
+        """Pack an array (n,) or (n, k) in steps of `scale`, or of 1/32767 of its largest value.
+
+        `clock` is the number of the array of its times: what is smooth in time takes less room with it.
+        """
         table = values.reshape(len(values), -1)
         if scale is None:
             scale = float(np.max(np.abs(table), initial=0.0)) / FULL or 1.0
+        scale = in_brief(scale)
         whole = np.rint(table / scale).astype(np.int64)
-        self.shapes.append([*table.shape, scale])
-        self.parts.append(varints(np.diff(whole, axis=0, prepend=0).T.ravel()))
-        return len(self.shapes) - 1
+        number = len(self.shapes)
+        self.clocks[number] = whole[:, 0]
+        coded = np.diff(whole, axis=0, prepend=0)
+        if clock is not None:
+            coded[2:] -= ahead(coded[1:-1], np.diff(self.clocks[clock])[:, None])
+        self.shapes.append([*table.shape, scale, *([] if clock is None else [clock])])
+        self.parts.append(varints(coded.T.ravel()))
+        return number
 
-    def document(self) -> dict[str, Any]:
-        """Return `arrays`, the rows, columns and scale of each, and `packed`, their numbers, deflated, in base64."""
-        packed = zlib.compress(b"".join(self.parts), 9)
-        return {"arrays": self.shapes, "packed": base64.b64encode(packed).decode("ascii")}
+    def text(self, document: Mapping[str, Any]) -> str:
+        """Return a document and the arrays, for which it has `arrays`: rows, columns, scale and clock of each.
+
+        It is JSON, a line feed, and the numbers of all arrays, column by column: deflated, in base 85 with , for <.
+        """
+        head = json.dumps({**document, "arrays": self.shapes}, separators=(",", ":"), allow_nan=False)
+        packed = zlib.compress(b"\n".join([head.encode(), b"".join(self.parts)]), 9)
+        return base64.b85encode(packed).decode("ascii").replace("<", ",")
+
+
+def in_brief(value: float) -> float:
+    """Return a number, to three digits."""
+    return float(f"{value:.2e}")
+
+
+def ahead(steps_: IntArray, ticks: IntArray) -> IntArray:
+    """Return the next step (n, k) along straight lines: after `steps_` (n, k), of `ticks` (n + 1, 1) of the clock."""
+    before, after = ticks[:-1], ticks[1:]
+    predicted: IntArray = np.floor(steps_.astype(np.float64) * after / np.maximum(before, 1) + 0.5).astype(np.int64)
+    return predicted
 
 
 def varints(whole: IntArray) -> bytes:
@@ -317,22 +348,29 @@ def varints(whole: IntArray) -> bytes:
     return out
 
 
-def unpacked(document: Mapping[str, Any]) -> list[Array]:
-    """Return the arrays of a document of `Packer`, each (n, k): what the page's script makes of it."""
-    data = np.frombuffer(zlib.decompress(base64.b64decode(document["packed"])), dtype=np.uint8)
+def unpacked(text: str) -> tuple[dict[str, Any], list[Array]]:
+    """Return the document of `Packer.text` and its arrays, each (n, k): what the page's script makes of it."""
+    head, _, numbers = zlib.decompress(base64.b85decode(text.replace(",", "<"))).partition(b"\n")
+    document: dict[str, Any] = json.loads(head)
+    data = np.frombuffer(numbers, dtype=np.uint8)
     ends = np.flatnonzero(data < 128)
     owner = np.searchsorted(ends, np.arange(data.size))
     first = np.append(0, ends[:-1] + 1)
     shift = (7 * (np.arange(data.size) - first[owner])).astype(np.uint64)
-    numbers = np.zeros(ends.size, dtype=np.uint64)
-    np.add.at(numbers, owner, (data & 127).astype(np.uint64) << shift)
-    whole = (numbers >> np.uint64(1)).astype(np.int64) ^ -(numbers & np.uint64(1)).astype(np.int64)
-    found, at = [], 0
-    for rows, columns, scale in document["arrays"]:
-        block = whole[at : at + rows * columns].reshape(columns, rows).T
-        found.append(np.cumsum(block, axis=0) * scale)
+    coded = np.zeros(ends.size, dtype=np.uint64)
+    np.add.at(coded, owner, (data & 127).astype(np.uint64) << shift)
+    whole = (coded >> np.uint64(1)).astype(np.int64) ^ -(coded & np.uint64(1)).astype(np.int64)
+    tables: list[IntArray] = []
+    at = 0
+    for rows, columns, _, *clock in document["arrays"]:
+        block = whole[at : at + rows * columns].reshape(columns, rows).T.copy()
+        if clock:
+            ticks = np.diff(tables[clock[0]], axis=0)
+            for k in range(2, rows):
+                block[k] += ahead(block[k - 1 : k], ticks[k - 2 : k])[0]
+        tables.append(np.cumsum(block, axis=0))
         at += rows * columns
-    return found
+    return document, [table * shape[2] for table, shape in zip(tables, document["arrays"], strict=True)]
 
 
 def tick_scale(time: Array) -> float:
@@ -365,22 +403,22 @@ def packed_runs(found: Sequence[Track], packer: Packer) -> list[dict[str, Any]]:
             held[key] = packer.add(values, **how)
         return held[key]
 
-    def drawn(values: Array | None) -> int | None:
-        return None if values is None else add(values, scale=float(np.max(np.abs(values))) / DRAWN or 1.0)
+    def drawn(values: Array | None, clock: int | None, most: int = DRAWN) -> int | None:
+        return None if values is None else add(values, scale=float(np.max(np.abs(values))) / most or 1.0, clock=clock)
 
-    return [
-        {
-            "name": each.name,
-            "time": add(each.time, scale=tick_scale(each.time)),
-            "hip": add(each.hip, scale=fine),
-            "apart": add(each.apart),
-            "force": drawn(each.force),
-            "step": drawn(each.step) if each.led else None,
-            "hip_step": drawn(each.hip_step) if each.led or each.apart is None else None,
-            "off": add(each.off),
-            "along": drawn(each.along),
-            "dt": each.dt,
-            "starts": each.starts.tolist(),
+    made = []
+    for each in found:
+        clock = add(each.time, scale=tick_scale(each.time))
+        run = {
+            "time": clock,
+            "hip": add(each.hip, scale=fine, clock=clock),
+            "apart": drawn(each.apart, clock, APART),
+            "force": drawn(each.force, clock),
+            "step": drawn(each.step, clock) if each.led else None,
+            "hip_step": drawn(each.hip_step, clock) if each.led or each.apart is None else None,
+            "off": add(each.off, clock=clock),
+            "along": drawn(each.along, clock),
         }
-        for each in found
-    ]
+        made.append({"name": each.name, **{name: number for name, number in run.items() if number is not None},
+                     "dt": float(f"{each.dt:.9g}"), "starts": each.starts.tolist()})  # fmt: skip
+    return made

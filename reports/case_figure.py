@@ -5,7 +5,6 @@ One shows the model with the hand's path and where each renderer put the tool; t
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -13,16 +12,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hapticeval.geometry.model import Model
-from hapticeval.reports.canvas import MM, drawn, figure, page_svg
+from hapticeval.reports.canvas import CURVES, MM, drawn, figure, page_svg
 from hapticeval.reports.case_data import Track
 from hapticeval.reports.case_model import TURN, triangles_of
 from hapticeval.reports.plane import Box, box_round, draw_body, labels, name_axes, shape_of
-from hapticeval.types import Array, BoolArray
+from hapticeval.types import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-ROLES = ("ihip", "hip", "one", "two", "ink", "three", "mark")
 DASHES = ((), (6, 2), (2, 2), (6, 2, 2, 2))
 """Lengths of lines and gaps, in points."""
 MARKERS = "osD^vPX"
@@ -30,8 +28,8 @@ MARKERS = "osD^vPX"
 OUT_OF_SIGHT = 3.0
 """A run that goes this many times as far as the median run leaves the picture, which would show nothing else."""
 
-SMALL: Mapping[str, Any] = {"path.simplify_threshold": 1.0}
-"""Settings of figures that a page has beside its data."""
+COLUMNS = 150
+"""A plot without script is as fine as this: columns of two points."""
 
 LEAST = 1e-12
 """m: distances below are rounding errors, and lie on the floor of a logarithmic panel."""
@@ -54,7 +52,7 @@ class Look:
 
 def look(index: int) -> Look:
     """Return the look of the renderer at a place in the order of the columns."""
-    return Look(ROLES[index % len(ROLES)], DASHES[index % len(DASHES)], MARKERS[index % len(MARKERS)])
+    return Look(CURVES[index % len(CURVES)], DASHES[index % len(DASHES)], MARKERS[index % len(MARKERS)])
 
 
 @dataclass(frozen=True)
@@ -141,7 +139,7 @@ def plane_svg(
     """
     space = found[0].hip.shape[1] == 3
     onto = MM * (TURN[:2].T if space else np.eye(2))
-    with figure(5.0, 4.6, page=True, settings=SMALL) as made:
+    with figure(5.0, 4.6, page=True) as made:
         axes = made.add_axes((0.01, 0.01, 0.98, 0.98) if space else (0.115, 0.1, 0.875, 0.89))
         view = view_of(found, model, onto, shape_of(axes))
         if model is not None and space:
@@ -178,7 +176,7 @@ def plane_svg(
             _draw_directions(axes, view)
         else:
             name_axes(axes, (0, 1), 2)
-        return compact(page_svg(made, prefix=prefix, title=title))
+        return page_svg(made, prefix=prefix, title=title)
 
 
 def _draw_path(axes: Axes, each: Track, path: Array, style: Look, hidden: BoolArray | None) -> None:
@@ -287,7 +285,7 @@ def panels_svg(
 ) -> str:
     """Return the panels, one above the other, as an SVG element."""
     height = 1.55 if len(shown) > 2 else 2.1
-    with figure(5.0, 0.5 + height * len(shown), page=True, settings=SMALL) as made:
+    with figure(5.0, 0.5 + height * len(shown), page=True) as made:
         share = 1.0 / len(shown)
         below = 0.42 / (0.5 + height * len(shown))
         free = 1.0 - below
@@ -318,7 +316,16 @@ def panels_svg(
                 for time, text in labels([place.number for place in places], times, 0.03 * (end - start)):
                     axes.annotate(text, (float(time[0]), 1.0), xycoords=("data", "axes fraction"), xytext=(0, 1),
                                   textcoords="offset points", ha="center", fontsize=7.5)  # fmt: skip
-        return compact(page_svg(made, prefix=prefix, title=title), clipped=False)
+        return page_svg(made, prefix=prefix, title=title)
+
+
+def _seen(time: Array, values: Array, starts: IntArray) -> IntArray:
+    """Return the rows that a panel shows: of each of `COLUMNS` the least and the largest, and the ends of stretches."""
+    column = (COLUMNS * (time - time[0]) / max(float(time[-1] - time[0]), 1e-300)).astype(np.int64)
+    edges = np.union1d(np.flatnonzero(np.diff(column)) + 1, starts)
+    parts = zip(np.append(0, edges), np.append(edges, len(time)), strict=True)
+    rows = [begin + int(pick(values[begin:end])) for begin, end in parts for pick in (np.argmin, np.argmax)]
+    return np.unique([0, len(time) - 1, *(starts - 1), *starts, *rows]).astype(np.int64)
 
 
 def _draw_panel(axes: Axes, found: Sequence[Track], panel: Panel, looks: Mapping[str, Look], *, alone: bool) -> None:
@@ -333,8 +340,10 @@ def _draw_panel(axes: Axes, found: Sequence[Track], panel: Panel, looks: Mapping
                 values = np.maximum(values, panel.powers[0])
             time = each.time
             colour, dash = (style.role, style.dash) if k == 0 else (("one", "two", "three")[k - 1], DASHES[k])
+            seen = _seen(time, values, each.starts)
+            starts = np.searchsorted(seen, each.starts)
             axes.plot(
-                np.insert(time, each.starts, np.nan), _broken(values, each.starts), color=drawn(colour),
+                np.insert(time[seen], starts, np.nan), _broken(values[seen], starts), color=drawn(colour),
                 dashes=dash or (None, None), linewidth=1.1,
             )  # fmt: skip
             highs.append(float(values.max()))
@@ -348,37 +357,3 @@ def _draw_panel(axes: Axes, found: Sequence[Track], panel: Panel, looks: Mapping
         high = 1.0
     pad = 0.07 * (high - low)
     axes.set_ylim(low - (pad if low < 0.0 else 0.3 * pad), high + pad)
-
-
-def compact(svg: str, *, clipped: bool = True) -> str:
-    """Return the same figure with its lines to a tenth of a point, each point by its distance from the last.
-
-    Groups that say nothing go, and so do the clips of straight lines, which end at the axes, or of all lines where
-    nothing is beyond the axes to be `clipped`.
-    """
-    straight = r'( d="M \S+ \S+ \S+ \S+ ?")' if clipped else r'( d="[^"]*")'
-    svg = re.sub(straight + r' clip-path="[^"]*"', r"\1", svg)
-    whole = ""
-    while whole != svg:
-        whole, svg = svg, re.sub(r"<g>((?:<(?:path|use|text)\b[^>]*(?:/>|>[^<]*</text>))+)</g>", r"\1", svg)
-    return re.sub(r' d="([^"A-KN-Za-y]*)"', lambda found: f' d="{_stepwise(found[1])}"', svg)
-
-
-def _stepwise(path: str) -> str:
-    parts, at = [], (0, 0)
-    for stroke in path.replace("L", " ").split("M")[1:]:
-        closed = stroke.rstrip().endswith("z")
-        numbers = [round(10.0 * float(each)) for each in stroke.replace("z", " ").split()]
-        steps: list[str] = []
-        for x, y in zip(numbers[::2], numbers[1::2], strict=True):
-            if not steps or (x, y) != at:
-                steps.append(f"{_tenth(x - at[0])} {_tenth(y - at[1])}")
-                at = (x, y)
-        parts.append("m" + " ".join(steps).replace(" -", "-") + ("z" if closed else ""))
-        if closed:
-            at = (numbers[0], numbers[1])
-    return "".join(parts)
-
-
-def _tenth(value: int) -> str:
-    return f"{value / 10:.1f}".replace("-0.", "-.").removesuffix(".0").removeprefix("0") or "0"

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 POINTS = 500
 """Points of a round solid that is drawn as the hull of them."""
 
+CORNERS = 2047
+"""The largest number of a vertex: a solid is seen to a thousandth of its size."""
+
 ROUND = 36
 """Quadrilaterals of a torus round its axis."""
 
@@ -40,7 +43,7 @@ def packed_model(model: Model | None, found: Sequence[Track], packer: Packer) ->
         vertices, triangles = triangles_of(model.boundary)
         return {
             "closed": True,
-            "vertices": packer.add(vertices),
+            "vertices": packer.add(vertices, scale=float(np.max(np.abs(vertices))) / CORNERS),
             "triangles": packer.add(triangles.astype(np.float64), scale=1.0),
             "sharp": isinstance(model.boundary, Mesh),
             "turn": TURN.tolist(),

@@ -5,13 +5,12 @@ Without script the page shows figures and verdicts; the script in `assets/` move
 
 from __future__ import annotations
 
-import json
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
+from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.files import replacing
@@ -20,19 +19,22 @@ from hapticeval.phenomena.sampling import LED
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
-from hapticeval.reports.canvas import classed
 from hapticeval.reports.case_data import Packer, Track, fineness, packed_runs, placed, tracks
-from hapticeval.reports.case_figure import Look, Panel, Place, compact, look, panels, panels_svg, plane_svg
+from hapticeval.reports.case_figure import Look, Panel, Place, look, panels, panels_svg, plane_svg
 from hapticeval.reports.case_model import packed_model
 from hapticeval.reports.places import ASSETS as ASSET_FOLDER
 from hapticeval.reports.places import INDEX, ROOT, case_file
 from hapticeval.reports.plane import refusal_svg
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
+from hapticeval.reports.svg import classed, sheet
 from hapticeval.reports.templates import environment
 from hapticeval.runner.results import RunEntry, VerdictEntry
 
 ASSETS = ("report.css", "case.css", "uPlot.min.css", "uPlot.iife.min.js", "case.js")
-"""Style sheets and scripts of a case page, in the order in which it needs them."""
+"""Style sheets and scripts of a case page, in the order in which it needs them; `FIGURES` beside them."""
+
+FIGURES = "figures.css"
+"""The style sheet of what all figures look like."""
 
 OURS = {INDEX, ASSET_FOLDER}
 """What a folder of a view holds."""
@@ -49,16 +51,52 @@ class Around:
     after: tuple[str, str] | None = None
 
 
-@dataclass(frozen=True)
-class CheckRow:
-    """Verdicts of one check that have one outcome in common, and say the same; most often it is one."""
+ELSEWHERE = ("time", "tick", "moments")
+"""Evidence that is shown in another way."""
 
-    verdicts: Sequence[VerdictEntry]
+
+class Section(NamedTuple):
+    """What a page shows of a case, an HTML element, and the styles by class that its figures need."""
+
+    text: str
+    styles: Mapping[str, str]
+
+
+class Cell(NamedTuple):
+    """A cell of a table: its value, and over how many rows it reaches."""
+
+    value: Any
+    rows: int
+
+
+@dataclass(frozen=True)
+class ShownCheck:
+    """The verdicts of one check: a row each, but those of one outcome that say the same share theirs."""
+
+    name: str
+    rows: Sequence[Sequence[VerdictEntry]]
 
     @property
-    def first(self) -> VerdictEntry:
-        """The verdict that says what all do."""
-        return self.verdicts[0]
+    def metric(self) -> str:
+        """What the check measures, where it is the same for all."""
+        names = {row[0].metric.name for row in self.rows if row[0].metric}
+        return names.pop() if len(names) == 1 else ""
+
+    @property
+    def keys(self) -> Sequence[str]:
+        """What the evidence has, but for what stands elsewhere: in the row, or with the closed forms."""
+        keys = dict.fromkeys(key for row in self.rows for verdict in row for key in verdict.evidence)
+        return [key for key in keys if key not in ELSEWHERE]
+
+    @property
+    def evidence(self) -> Sequence[tuple[str, Sequence[Cell]]]:
+        """Each renderer that has evidence, and what it has by `keys`; one cell for equal ones that meet."""
+        found = [verdict for row in self.rows for verdict in row if verdict.evidence]
+        columns = [list(_spanned([each.evidence.get(key) for each in found])) for key in self.keys]
+        return [
+            (verdict.renderer, [cell for cells in columns if (cell := cells[k]) is not None])
+            for k, verdict in enumerate(found)
+        ]
 
 
 def write_case_page(
@@ -70,17 +108,16 @@ def write_case_page(
     verdicts: Mapping[str, Sequence[VerdictEntry]],
     order: Sequence[str] = (),
     around: Around | None = None,
-) -> Path:
-    """Write the page of a case (suite and name) below `folder`, see `places.case_file`, and return its path.
+) -> Mapping[str, str]:
+    """Write the page of a case (suite and name) below `folder` as `places.case_file`; return the styles that it needs.
 
     `entries` are the runs of the case; `recordings` and `verdicts` are by renderer, and a text in place of a recording
     is the reason why there is none. `order` lists all renderers of the report, so that each looks the same on every
     page. It needs the files that `write_assets` puts beside it. Raises `HapticevalError` where it cannot be written.
     """
-    path = folder / case_file(*case)
     section = case_section(case, entries, recordings, verdicts=verdicts, order=order)
-    _write_page(path, section, entries[0], around or Around(), ROOT)
-    return path
+    _write_page(folder / case_file(*case), section.text, entries[0], around or Around(), ROOT)
+    return section.styles
 
 
 def write_view(
@@ -99,14 +136,14 @@ def write_view(
         )
     case, path = (entry.suite, entry.case), folder / INDEX
     section = case_section(case, [entry], {entry.renderer: recording}, verdicts={entry.renderer: verdicts}, note=note)
-    write_assets(folder)
-    _write_page(path, section, entry, Around(), "")
+    write_assets(folder, section.styles)
+    _write_page(path, section.text, entry, Around(), "")
     return path
 
 
 def _write_page(path: Path, section: str, first: RunEntry, around: Around, root: str) -> None:
     text = environment().get_template("case_page.html.j2").render(
-        section=section, around=around, first=first, files=ASSETS, root=root
+        section=section, around=around, first=first, files=(*ASSETS, FIGURES), root=root
     )  # fmt: skip
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -116,13 +153,14 @@ def _write_page(path: Path, section: str, first: RunEntry, around: Around, root:
         raise HapticevalError(f"cannot write {path}", why=error.strerror or str(error)) from error
 
 
-def write_assets(folder: Path) -> None:
-    """Write styles, scripts and their licences into `folder`/assets, once for all pages."""
+def write_assets(folder: Path, styles: Mapping[str, str]) -> None:
+    """Write scripts, their licences and the sheets, with the `styles` of figures, into `folder`/assets, once."""
+    contents = {name: asset(name) for name in (*ASSETS, *LICENCES)} | {FIGURES: sheet(styles).encode()}
     try:
         (folder / ASSET_FOLDER).mkdir(parents=True, exist_ok=True)
-        for name in (*ASSETS, *LICENCES):
+        for name, content in contents.items():
             with replacing(folder / ASSET_FOLDER / name) as temporary:
-                temporary.write_bytes(asset(name))
+                temporary.write_bytes(content)
     except OSError as error:
         raise HapticevalError(f"cannot write {folder / 'assets'}", why=error.strerror or str(error)) from error
 
@@ -142,8 +180,8 @@ def case_section(
     order: Sequence[str] = (),
     prefix: str = "c",
     note: str = "",
-) -> str:
-    """Return what a page shows of a case, as an HTML element; `prefix` keeps the ids of several apart.
+) -> Section:
+    """Return what a page shows of a case; `prefix` keeps the ids of several apart.
 
     A `note` stands beside the scene. Everything that comes from results is escaped.
     """
@@ -152,11 +190,11 @@ def case_section(
     names = [entry.renderer for entry in entries]
     columns = list(dict.fromkeys([*order, *names]))
     looks = {name: look(columns.index(name)) for name in names}
-    given = [verdict for name in names for verdict in verdicts.get(name, ())]
+    given = [verdict for entry in entries if not entry.error for verdict in verdicts.get(entry.renderer, ())]
     whole = {name: placed(each) for name, each in recordings.items() if isinstance(each, Recording) and _shown(each)}
     problems = {name: each for name, each in recordings.items() if isinstance(each, str)}
     times = {name: [t for v in verdicts.get(name, ()) if (t := time_of(v)) is not None] for name in whole}
-    model = model_of(entries[0])
+    model = model_of(entries[0], next(iter(whole.values()), None))
     if model is not None and any(each.dimension != model.dimension for each in whole.values()):
         model = None
     is_led = any(each.meta.get("source") in LED for each in whole.values())
@@ -169,20 +207,19 @@ def case_section(
     }
     places = _places(given, {each.name for each in found})
     figures: dict[str, str] = {}
-    data: dict[str, Any] = {}
+    data = ""
     label = "/".join(case)
     if found:
         shown = panels(found, held=surface is not None)
-        title = f"{label}: {', '.join(each.name for each in found)}"
         figures = {
             "plane": plane_svg(
-                found, model, looks, places, crosses=crosses, prefix=f"{prefix}p", title=f"{title}: paths on the model"
+                found, model, looks, places, crosses=crosses, prefix=f"{prefix}p", title=f"{label}: paths on the model"
             ),
             "plots": panels_svg(
-                found, shown, looks, places, prefix=f"{prefix}t", title=f"{title}: force and motion against time"
+                found, shown, looks, places, prefix=f"{prefix}t", title=f"{label}: force and motion against time"
             ),
         }
-        data = {**_document(found, shown, model, looks, names), "crosses": crosses}
+        data = _data(found, shown, model, looks, names, crosses)
     elif crosses and model is not None and model.dimension == 2:
         title = f"{label}: the outline of the model, and where renderers refuse it"
         figures = {"refused": refusal_svg(model, next(iter(crosses.values())), prefix=f"{prefix}p", title=title)}
@@ -190,42 +227,29 @@ def case_section(
     for name, each in whole.items():
         if model is not None and has_charts(each):
             title, key = f"{name} in {label}: the charts", f"charts of {name}"
-            figures[key] = compact(atlas_svg(each, model, prefix=f"{prefix}a{len(charts)}", title=title))
+            figures[key] = atlas_svg(each, model, prefix=f"{prefix}a{len(charts)}", title=title)
             charts.append((name, key, charts_words(each)))
-    figures, rules = _classed(figures, prefix)
-    return environment().get_template("case_section.html.j2").render(
+    elements, styles = classed(list(figures.values()))
+    figures = dict(zip(figures, elements, strict=True))
+    text = environment().get_template("case_section.html.j2").render(
         suite=case[0], name=case[1], entries=entries, looks=looks, verdicts=verdicts, problems=problems, model=model,
-        checks=_by_check(given), known=CHECKS, figures=figures, rules=rules, data=_script(data), charts=charts,
+        checks=_by_check(given), known=CHECKS, figures=figures, data=data, charts=charts,
         time_of=time_of, prefix=prefix, numbers={name: k for k, name in enumerate(names)}, note=note,
         scene_words=scene_words, robot_words=robot_words, ended_words=ended_words, figures_cited=figures_cited,
         places={(each.renderer, each.time): each.number for each in places},
         tracks={each.name for each in found},
     )  # fmt: skip
-
-
-def _classed(figures: Mapping[str, str], prefix: str) -> tuple[dict[str, str], str]:
-    """Return the figures with their styles as classes of names that begin with `prefix`, and the rules of these."""
-    elements, rules = classed(list(figures.values()))
-    rules = re.sub(r"font-family:[^;}]*;|stroke-dashoffset:0;", "", rules)  # the page's font, as in every figure
-    named = [re.sub(r'class="z(\d+)"', rf'class="{prefix}\1"', each) for each in elements]
-    return dict(zip(figures, named, strict=True)), re.sub(r"^\.z(\d+)", rf".{prefix}\1", rules, flags=re.MULTILINE)
-
-
-def _script(document: dict[str, Any]) -> str:
-    """JSON that cannot end the element of the page that holds it."""
-    return json.dumps(document, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    return Section(text, styles)
 
 
 def _shown(recording: Recording) -> bool:
     return "hip" in recording.channels and bool(recording.measured.any())
 
 
-def model_of(entry: RunEntry) -> Model | None:
-    """Return the model of a run; None where this version cannot make it."""
-    from hapticeval.geometry.catalogue import make_model
-
+def model_of(entry: RunEntry, recording: Recording | None) -> Model | None:
+    """Return the model of a run; None where this version cannot make it, or its file is gone."""
     try:
-        return make_model(entry.model["kind"], **entry.model_parameters)
+        return entry.made_model(recording)
     except HapticevalError:
         return None
 
@@ -247,15 +271,23 @@ def _places(verdicts: Iterable[VerdictEntry], shown: set[str]) -> list[Place]:
     return list(found.values())
 
 
-def _by_check(verdicts: Sequence[VerdictEntry]) -> list[tuple[str, list[CheckRow]]]:
-    """The verdicts by check, what is not as expected first, then what failed; those that say the same in one row."""
+def _by_check(verdicts: Sequence[VerdictEntry]) -> list[ShownCheck]:
+    """The verdicts by check, what is not as expected first, then what failed."""
     checks: dict[str, dict[tuple[Any, ...], list[VerdictEntry]]] = {}
     for verdict in verdicts:
         alike = verdict.metric is None and time_of(verdict) is None
         key = (verdict.outcome, verdict.message, verdict.level) if alike else (verdict.renderer,)
         checks.setdefault(verdict.check, {}).setdefault(key, []).append(verdict)
-    found = [(check, [CheckRow(each) for each in rows.values()]) for check, rows in checks.items()]
-    return sorted(found, key=lambda each: min(_rank(row.first) for row in each[1]))
+    found = [ShownCheck(check, list(rows.values())) for check, rows in checks.items()]
+    return sorted(found, key=lambda each: min(_rank(row[0]) for row in each.rows))
+
+
+def _spanned(values: Sequence[Any]) -> Iterator[Cell | None]:
+    """The cells of a column: None where the one above reaches there."""
+    for value, alike in groupby(values):
+        rows = len(list(alike))
+        yield Cell(value, rows)
+        yield from [None] * (rows - 1)
 
 
 def _rank(verdict: VerdictEntry) -> int:
@@ -264,13 +296,18 @@ def _rank(verdict: VerdictEntry) -> int:
     return 1 if verdict.outcome is Outcome.FAIL else 2
 
 
-def _document(
-    found: Sequence[Track], shown: Sequence[Panel], model: Model | None, looks: Mapping[str, Look], names: Sequence[str]
-) -> dict[str, Any]:
+def _data(
+    found: Sequence[Track],
+    shown: Sequence[Panel],
+    model: Model | None,
+    looks: Mapping[str, Look],
+    names: Sequence[str],
+    crosses: Mapping[str, Sequence[float]],
+) -> str:
     """What the script reads: runs, panels and model, with the numbers of their arrays, and the arrays, packed."""
     packer = Packer()
     runs = packed_runs(found, packer)
-    return {
+    document = {
         "dimension": int(found[0].hip.shape[1]),
         "runs": [
             {
@@ -285,5 +322,6 @@ def _document(
         "panels": [{"label": each.label, "terms": each.terms, "range": each.powers} for each in shown],
         "model": packed_model(model, found, packer),
         "fine": fineness(found),
-        **packer.document(),
+        "crosses": crosses,
     }
+    return packer.text(document)

@@ -86,11 +86,11 @@ def shown_alone(results: ResultsDocument) -> list[tuple[Effect, RunEntry]]:
 
 def recorded(directory: Path, run: RunEntry) -> tuple[Recording, Model]:
     """Read a run's recording, and make its model. Raises `InputError` as `read_recording` does."""
-    from hapticeval.geometry.catalogue import make_model
     from hapticeval.recordings.hdf5 import read_recording
 
     assert run.recording is not None
-    return read_recording(directory / run.recording), make_model(run.model["kind"], **run.model_parameters)
+    recording = read_recording(directory / run.recording)
+    return recording, run.made_model(recording)
 
 
 def effect_svg(effect: Effect, recording: Recording, model: Model, *, prefix: str, title: str) -> str:

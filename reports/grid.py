@@ -15,7 +15,6 @@ from functools import cached_property
 from types import MappingProxyType
 
 from hapticeval.phenomena.verdict import Level, Outcome
-from hapticeval.quantity import quantity
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 
 
@@ -186,7 +185,7 @@ class Tile:
         place = f"{worst.suite}/{worst.case}"
         if isinstance(worst, RunEntry):
             return f"broke in {place}: {worst.error.what if worst.error else ''}"
-        figures = measured(worst)
+        figures = worst.measured
         return f"worst of {self.total}: {worst.check} in {place}" + (f": {figures}" if figures else "")
 
 
@@ -203,15 +202,6 @@ def _load(entry: VerdictEntry | RunEntry) -> float:
     """How much of its bound a verdict uses; what has no bound lies below."""
     share = used(entry) if isinstance(entry, VerdictEntry) else None
     return -1.0 if share is None else share
-
-
-def measured(verdict: VerdictEntry) -> str:
-    """Return metric and bound of a verdict, for instance `IHIP jump 4.1 mm, bound 0.1 mm`; "" without one."""
-    metric = verdict.metric
-    if metric is None:
-        return ""
-    text = f"{metric.name} {quantity(metric.value, metric.unit)}"
-    return text if verdict.bound is None else f"{text}, bound {quantity(verdict.bound, metric.unit)}"
 
 
 @dataclass(frozen=True)
@@ -307,9 +297,11 @@ def _plural(count: int, noun: str) -> str:
 def worst(results: ResultsDocument, most: int) -> list[VerdictEntry]:
     """Return what is not as expected, or warns, the gravest first; where there is none, the failures that are known.
 
-    Of the verdicts of a check on a renderer, only the worst; of known ones, only the worst of a check.
+    Of the verdicts of a check on a renderer, only the worst; of known ones, only the worst of a check. What broken runs
+    took away is left out.
     """
-    grave = [each for each in results.verdicts if state(each).grave or state(each) is State.WARNING]
+    unexpected = [each for each in results.verdicts if state(each).grave or state(each) is State.WARNING]
+    grave = [each for each in unexpected if not results.lost(each)]
     given = grave or [each for each in results.verdicts if state(each) is State.KNOWN]
     found: dict[tuple[str, ...], VerdictEntry] = {}
     for each in ordered(given):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.reports.bench_figure import TITLES, bench_plots
-from hapticeval.reports.canvas import classed, inlined
+from hapticeval.reports.canvas import page_element
 from hapticeval.reports.effects_figure import EffectPlot, cost_svg
 from hapticeval.reports.grid import (
     Grid,
@@ -26,6 +26,7 @@ from hapticeval.reports.grid import (
     worst,
 )
 from hapticeval.reports.places import anchor, case_file
+from hapticeval.reports.svg import classed, sheet
 from hapticeval.reports.table import by_commit, provenance, ran, summaries
 from hapticeval.reports.templates import environment
 from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, SuiteEntry, VerdictEntry
@@ -98,7 +99,6 @@ def render_index(
     """
     from hapticeval.closed_forms import CLOSED_FORMS
     from hapticeval.phenomena.registry import CHECKS
-    from hapticeval.reports.case_figure import compact
 
     given = worst(results, MOST)
     first = {verdict.key: verdict for verdict in reversed(given)}  # of several failures of a run, one has the figure
@@ -107,7 +107,11 @@ def render_index(
         for verdict in given
     ]
     plots = [] if bench is None else bench_plots(bench)
-    elements, styles = classed([compact(drawing.svg) for _, drawing in shown])
+    pictures = [_picture(each, f"x{number}") for number, each in enumerate(counterexamples)]
+    costs_svg = "" if costs is None else cost_svg(costs)
+    drawn = [*(each.svg for _, each in shown), *(svg for _, svg in plots), *(each.svg for each in effects)]
+    elements, styles = classed([*drawn, *pictures, costs_svg])
+    taken = iter(elements)
     known = {name: CHECKS[name] for name in dict.fromkeys(v.check for v in results.verdicts) if name in CHECKS}
     recorded = {run.renderer for run in results.runs if run.is_recorded}
     names, hard = hard_cases(results)
@@ -127,7 +131,7 @@ def render_index(
 
     return environment().get_template("index.html.j2").render(
         single=single,
-        styles=styles,
+        styles=sheet(styles),
         results=results,
         headline=headline(results),
         sound=sound(results),
@@ -139,17 +143,16 @@ def render_index(
         case_count=len({(run.suite, run.case) for run in results.runs}),
         replays=replays,
         replay_page=("replay" if single else "../replay") + "/report/index.html" if beside else None,
-        counterexamples=[(each, _picture(each, f"x{number}")) for number, each in enumerate(counterexamples)],
         replayed=[run for run in replays if run.replay is not None and run.replay.difference is not None],
         replay=replays[0].replay if replays else None,
         commits=by_commit(results),
         broken=sum(run.error is not None for run in results.runs),
-        broken_runs=[run for run in results.runs if run.error],
+        breakdowns=results.breakdowns,
         ended=sum(run.ended is not None for run in results.runs),
         grid=phenomena(results),
         grave=any(state(each) is not State.KNOWN for each in given),
-        failures=[(verdict, Drawing(svg, each.problem)) for (verdict, each), svg in zip(shown, elements, strict=True)],
-        more=max(0, sum(state(each).grave or state(each) is State.WARNING for each in results.verdicts) - len(given)),
+        failures=[(verdict, Drawing(next(taken), each.problem)) for verdict, each in shown],
+        more=_more(results, given),
         hard_names=names,
         hard=hard,
         summaries=summaries(results),
@@ -165,21 +168,26 @@ def render_index(
         checks=list(known.values()),
         command={name: getattr(results.command, name) for name in results.command.__struct_fields__},
         bench=bench,
-        bench_plots=plots,
+        bench_plots=[(title, next(taken)) for title, _ in plots],
         bench_titles=TITLES,
-        effects=[replace(each, svg=compact(each.svg)) for each in effects],
+        effects=[replace(each, svg=next(taken)) for each in effects],
+        counterexamples=[(each, next(taken)) for each in counterexamples],
         costs=costs,
-        cost_svg="" if costs is None else cost_svg(costs),
+        cost_svg=next(taken),
     )  # fmt: skip
+
+
+def _more(results: ResultsDocument, shown: Sequence[VerdictEntry]) -> int:
+    """How many verdicts are not as expected, or warn, beside those `shown` and those that broken runs took away."""
+    given = [each for each in results.verdicts if not results.lost(each)]
+    return max(0, sum(state(each).grave or state(each) is State.WARNING for each in given) - len(shown))
 
 
 def _picture(found: Counterexample, prefix: str) -> str:
     """Return the picture of a counterexample as an element; empty where there is none."""
-    from hapticeval.reports.case_figure import compact
-
     if found.picture is None:
         return ""
-    return compact(inlined(found.picture.read_text(encoding="utf-8"), prefix=prefix, title=found.line))
+    return page_element(found.picture.read_text(encoding="utf-8"), prefix=prefix, title=found.line)
 
 
 def _suites(results: ResultsDocument) -> list[ShownSuite]:

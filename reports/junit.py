@@ -11,7 +11,6 @@ import re
 import xml.etree.ElementTree as ET
 
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.reports.grid import measured
 from hapticeval.reports.scene_words import ended_words
 from hapticeval.reports.table import ran
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
@@ -71,7 +70,7 @@ def _case(suite: ET.Element, entry: RunEntry | VerdictEntry, name: str) -> ET.El
 
 def _tell(case: ET.Element, verdict: VerdictEntry, ended: str, *, stopped: bool) -> None:
     outcome, published = verdict.outcome, verdict.published
-    figures = measured(verdict)
+    figures = verdict.measured
     text = verdict.message + (f" ({figures})" if figures else "") + (f"; the run {ended}" if ended else "")
     warning = "warning: " * verdict.warns
     if outcome is Outcome.ERROR:

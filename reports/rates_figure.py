@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hapticeval.reports.canvas import drawn, figure, save_figure
+from hapticeval.reports.canvas import CURVES, drawn, figure, save_figure
 
-COLOURS = ("one", "two", "three", "ihip", "hip", "mark", "ink")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 LEAST = 1e-7
 """Share of the largest value at which nothing, which no logarithm reaches, is drawn."""
@@ -31,7 +30,7 @@ def write_rates(directory: Path, document: Mapping[str, Any]) -> list[Path]:
                 if held:
                     values = [max(row["metric"]["value"], LEAST * top) for row in held]
                     axes.plot(
-                        [row["rate"] for row in held], values, label=name, color=drawn(COLOURS[k % len(COLOURS)]),
+                        [row["rate"] for row in held], values, label=name, color=drawn(CURVES[k % len(CURVES)]),
                         marker=MARKERS[k % len(MARKERS)], markersize=4, linewidth=1.0,
                     )  # fmt: skip
             unit = shown[0]["metric"]["unit"] if shown else ""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from textwrap import wrap
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -43,6 +44,12 @@ STACKED: tuple[Place, Place, Place] = (
     (0.16, 0.075, 0.805, 0.105),
 )
 """Where plane, force and what is below it lie: side by side on paper, one above the other on a page."""
+
+HEIGHT, LINE = 3.7, 0.16
+"""Inches of a figure under a title of one line, and of each further one."""
+
+WIDEST = 100
+"""Characters of a line of the title."""
 
 DASHED, DOTTED = (0, (4, 1.2)), (0, (1.2, 1.2))
 
@@ -90,14 +97,19 @@ def _page() -> tuple[Figure, Frame]:
 
 
 def run_figure(recording: Recording, model: Model | None, *, marks: Sequence[Mark] = (), title: str = "") -> Figure:
-    """Return the same as a figure of matplotlib, under a title."""
-    with figure(8.0, 3.7) as made:
-        _draw(_frame(made, BESIDE), recording, model, marks)
-        made.suptitle(title, y=0.99, fontsize="medium")
+    """Return the same as a figure of matplotlib, under a title, which takes as many lines as it needs."""
+    lines = wrap(title, WIDEST)
+    height = HEIGHT + LINE * max(len(lines) - 1, 0)
+    with figure(8.0, height) as made:
+        left, bottom, width, high = np.array(BESIDE).T
+        share = HEIGHT / height
+        places = np.column_stack([left, share * bottom, width, share * high]).tolist()
+        _draw(_frame(made, places), recording, model, marks)
+        made.suptitle("\n".join(lines), y=1.0 - 0.01 * share, fontsize="medium")
         return made
 
 
-def _frame(made: Figure, places: tuple[Place, Place, Place]) -> Frame:
+def _frame(made: Figure, places: Sequence[Place]) -> Frame:
     plane, force, below = map(made.add_axes, places)
     below.sharex(force)
     force.tick_params(labelbottom=False)

@@ -14,14 +14,13 @@ from hapticeval.reports.grid import (
     counted,
     hard_cases,
     headline,
-    measured,
     ordered,
     phenomena,
     state,
 )
 from hapticeval.reports.grid import SYMBOLS as SIGNS
 from hapticeval.reports.scene_words import ended_words
-from hapticeval.runner.results import ResultsDocument, SuiteEntry
+from hapticeval.runner.results import Breakdown, ResultsDocument, SuiteEntry
 
 SYMBOLS = {"pass": "✓", "fail": "✗", "inconclusive": "?", "not-applicable": "-", "error": "!"}
 
@@ -179,26 +178,33 @@ def _blocks(results: ResultsDocument) -> Iterator[str]:
 
 
 def _lists(results: ResultsDocument) -> Iterator[str]:
-    grave = [each for each in ordered(results.verdicts) if state(each).grave]
+    broken = results.breakdowns
+    if broken:
+        yield "## What broke"
+        yield "\n".join(_escape(f"- {_broke(each)}") for each in broken[:FEW])
+    grave = [each for each in ordered(results.verdicts) if state(each).grave and not results.lost(each)]
     warned = [each for each in ordered(results.verdicts) if state(each) is State.WARNING]
     for title, given in (("Not as expected, the worst first", grave), ("Warnings", warned)):
         if given:
             lines = []
             for each in given[:FEW]:
                 published = f", published {each.published}" if each.published else ""
-                figures = measured(each)
+                figures = each.measured
                 place = f"{each.renderer} on {each.suite}/{each.case}/{each.check}"
                 lines.append(f"- {SIGNS[state(each)]} {place}: {each.outcome}{published}; {figures or each.message}")
             lines += [f"- and {len(given) - FEW} more"] * (len(given) > FEW)
             yield f"## {title}"
             yield "\n".join(map(_escape, lines))
-    for title, told in (
-        ("Errors", [(run, f": {run.error.what}") for run in results.runs if run.error]),
-        ("Ended early", [(run, f" {ended_words(run)}") for run in results.runs if run.ended]),
-    ):
-        if told:
-            yield f"## {title}"
-            yield "\n".join(_escape(f"- {run.renderer} on {run.suite}/{run.case}{words}") for run, words in told[:FEW])
+    ended = [f"{run.renderer} on {run.suite}/{run.case} {ended_words(run)}" for run in results.runs if run.ended]
+    if ended:
+        yield "## Ended early"
+        yield "\n".join(_escape(f"- {each}") for each in ended[:FEW])
+
+
+def _broke(broken: Breakdown) -> str:
+    error, cases = broken.error, broken.cases
+    why = f"; {error.why}" * bool(error.why)
+    return f"{broken.words}; {error.what}{why}" + f" (first on {', then '.join(cases)})" * bool(cases)
 
 
 def _legend(results: ResultsDocument) -> str:

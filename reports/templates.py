@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Mapping
 from functools import cache
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from hapticeval.quantity import duration, length, quantity, size
@@ -40,6 +43,7 @@ def environment() -> Environment:
         "millimetres": _millimetres,
         "plural": lambda count, noun: f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s",
         "quantity": quantity,
+        "seen": _seen,
         "short": _short,
         "svg": Markup,
     }
@@ -50,6 +54,7 @@ def environment() -> Environment:
         "meaning": MEANING,
         "anchor": anchor,
         "case_file": case_file,
+        "evidence_words": evidence_words,
         "model_words": model_words,
         "root": ROOT,
         "index": INDEX,
@@ -65,8 +70,57 @@ def model_words(run: RunEntry) -> str:
     return f"{kind} ({words})" if 0 < len(words) < BRIEF else kind
 
 
+UNITS: Mapping[str, str] = MappingProxyType(
+    {
+        "m_s2": "m/s²",
+        "m_s": "m/s",
+        "N_s": "N s",
+        "Ns": "N s",
+        "kg_s": "kg/s",
+        "N_m": "N/m",
+        "1_s": "1/s",
+        "m": "m",
+        "s": "s",
+        "N": "N",
+        "J": "J",
+        "ms": "ms",
+        "time": "s",
+        "deg": "°",
+        "rad": "rad",
+        "dB": "dB",
+        "Hz": "Hz",
+    }
+)
+"""How names of evidence end, and the unit that this means."""
+
+POINTS = re.compile("(to_)?i?hip(_before|_other_path)?")
+"""Names of evidence that are points, in m."""
+
+
+def evidence_words(name: str) -> str:
+    """Return a name of evidence in words, with its unit: `foot_speed_m_s` is the foot speed (m/s)."""
+    end = next((each for each in UNITS if name.endswith(f"_{each}")), "")
+    words = name if end == "time" else name.removesuffix(f"_{end}")
+    unit = "m" if POINTS.fullmatch(name) else UNITS.get(end)
+    words = re.sub("i?hips?", lambda found: found[0].upper().replace("S", "s"), words.replace("_", " "))
+    return words if unit is None else f"{words} ({unit})"
+
+
+def _seen(value: Any) -> str:
+    """Evidence in a table: numbers to four digits, lists without brackets."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.4g}".replace("-", "\u2212")
+    if isinstance(value, list):
+        return ", ".join(map(_seen, value))
+    if isinstance(value, dict):
+        return "; ".join(f"{name}: {_seen(each)}" for name, each in value.items())
+    return "–" if value is None else str(value)  # noqa: RUF001
+
+
 def _brief(value: Any) -> str:
-    """Evidence as JSON text, numbers to six digits."""
+    """A value as JSON text, numbers to six digits."""
     if isinstance(value, str):
         return value
     rounded = json.loads(json.dumps(value), parse_float=lambda text: float(f"{float(text):.6g}"))

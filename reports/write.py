@@ -21,6 +21,7 @@ from hapticeval.reports.index import MOST, Counterexample, Drawing, Single, rend
 from hapticeval.reports.junit import junit
 from hapticeval.reports.places import FOLDER, INDEX, ROOT, case_file
 from hapticeval.reports.run_figure import figure_svg, marks_of
+from hapticeval.reports.svg import sheet
 from hapticeval.reports.table import markdown
 from hapticeval.runner.results import FILE, ResultsDocument, RunEntry, RunKey, VerdictEntry, read_results
 from hapticeval.study.bench.document import FILE as BENCH
@@ -30,7 +31,7 @@ from hapticeval.study.effects.document import read_costs
 from hapticeval.workers import Answer, Ended, Workers
 
 if TYPE_CHECKING:
-    from hapticeval.reports.case_page import Around
+    from hapticeval.reports.case_page import Around, Section
 
 REPLAY = "replay"
 """The folder below a result folder that holds a replay, of which the first page has the outcome."""
@@ -67,24 +68,24 @@ class Page:
         """Suite and case."""
         return self.runs[0].suite, self.runs[0].case
 
-    def make(self) -> str:
+    def make(self) -> Section:
         """Read the recordings and write the page; without figures if it is not to be `drawn`."""
         if not self.drawn:
             return self._made({run.renderer: NOT_DRAWN for run in self.runs if not run.error})
         return self._made({run.renderer: _recording(self.directory, run) for run in self.runs if not run.error})
 
-    def without(self) -> str:
+    def without(self) -> Section:
         """Write the page without figures, where the process that drew them has ended."""
         return self._made({run.renderer: DIED for run in self.runs if not run.error})
 
-    def _made(self, recordings: Mapping[str, Recording | str]) -> str:
-        from hapticeval.reports.case_page import case_section, write_case_page
+    def _made(self, recordings: Mapping[str, Recording | str]) -> Section:
+        from hapticeval.reports.case_page import Section, case_section, write_case_page
 
         given = (self.case, self.runs, recordings)
         if self.pages is None:
             return case_section(*given, verdicts=self.verdicts, order=self.order, prefix=self.prefix)
-        write_case_page(self.pages, *given, verdicts=self.verdicts, order=self.order, around=self.around)
-        return ""
+        styles = write_case_page(self.pages, *given, verdicts=self.verdicts, order=self.order, around=self.around)
+        return Section("", styles)
 
 
 @dataclass(frozen=True)
@@ -153,7 +154,9 @@ def write_reports(
             for order, drawing in zip(orders, made, strict=True)
             if isinstance(order, Picture) and isinstance(drawing, Drawing)
         }
-        single = _single([each for each in made if isinstance(each, str)]) if single_file else None
+        sections = [each for each in made if not isinstance(each, Drawing)]
+        styles = {name: style for each in sections for name, style in each.styles.items()}
+        single = _single([each.text for each in sections], styles) if single_file else None
         text = render_index(
             results,
             drawings,
@@ -168,7 +171,7 @@ def write_reports(
         if single_file:
             written[SINGLE] = text
         else:
-            write_assets(pages)
+            write_assets(pages, styles)
             _write(pages / INDEX, text)
     for name, each in written.items():
         _write(directory / name, each)
@@ -177,13 +180,13 @@ def write_reports(
     return [*(directory / name for name in written), *index, tables]
 
 
-def _single(bodies: Sequence[str]) -> Single:
+def _single(bodies: Sequence[str], styles: Mapping[str, str]) -> Single:
     """Return what a page holds beside the results that needs nothing else: styles, scripts and the cases."""
     from hapticeval.reports.case_page import ASSETS, asset
 
     texts = {name: asset(name).decode() for name in ASSETS}
     return Single(
-        [text for name, text in texts.items() if name.endswith(".css")],
+        [*(text for name, text in texts.items() if name.endswith(".css")), sheet(styles)],
         [text for name, text in texts.items() if name.endswith(".js")],
         bodies,
     )
@@ -260,9 +263,9 @@ def _made(
     progress: Callable[[int, int], None],
     workers: int,
     stopped: Callable[[], bool] | None,
-) -> list[str | Drawing]:
+) -> list[Section | Drawing]:
     progress(0, len(orders))
-    made: dict[int, str | Drawing] = {}
+    made: dict[int, Section | Drawing] = {}
     waiting = iter(enumerate(orders))
     with Workers(draw, workers) as crew:
         while True:
@@ -277,12 +280,12 @@ def _made(
                 progress(len(made), len(orders))
 
 
-def draw(order: Page | Picture) -> str | Drawing:
+def draw(order: Page | Picture) -> Section | Drawing:
     """Carry out an order."""
     return order.make()
 
 
-def _answered(answer: Answer[str | Drawing], order: Page | Picture) -> str | Drawing:
+def _answered(answer: Answer[Section | Drawing], order: Page | Picture) -> Section | Drawing:
     if isinstance(answer.error, Ended):
         return order.without()
     if answer.error is not None:

@@ -1,11 +1,14 @@
-"""What every test shares: no display, Ctrl-C as ever, and hypothesis without deadlines and with the same examples."""
+"""What every test shares: no display, a thread each, Ctrl-C as ever, and hypothesis that draws the same, untimed."""
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 
 os.environ.setdefault("MPLBACKEND", "Agg")
+# Threads of linear algebra wait by spinning: two processes that share two cores would take up to three times as long.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
@@ -22,3 +25,13 @@ providers.is_local_module_file = lambda path: False
 
 # Started from a background job the tests inherit an ignored SIGINT, and would pass it on to the commands they start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_runtest_setup():
+    """Leave what is loaded out of every collection of garbage, which would go through all of it.
+
+    Again after a live loop, which ends that.
+    """
+    if gc.get_freeze_count() == 0:
+        gc.collect()
+        gc.freeze()

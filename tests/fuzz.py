@@ -2,11 +2,15 @@
 
     make fuzz MINUTES=30
     .venv/bin/python tests/fuzz.py 30 tests/geometry -k polygon     further arguments are pytest's
+    .venv/bin/python tests/fuzz.py ideal 11 10000                   the ideal contact in what a search of seed 11 draws
 
 A property that fails is shrunk, listed at the end with the command that repeats it, and left out of the rounds that
 follow; hypothesis keeps its smallest example in .hypothesis/examples, and damaged files stay in .hypothesis/kept.
 Ctrl-C ends the exploration after the property that is running, as the end of the time does; a second one at once.
 Exit codes are pytest's: 0 nothing found, 1 something found, 2 ended by the second Ctrl-C.
+
+The ideal rigid contact fails no check in what a search draws: `ideal` judges it there, and prints each example in which
+it does as a case that can be pasted.
 """
 
 from __future__ import annotations
@@ -78,5 +82,34 @@ class Rounds:
             terminalreporter.line(f"repeat: .venv/bin/pytest --hypothesis-profile=fuzz '{nodeid}'")
 
 
+def judge_ideal(seed: int, count: int) -> int:
+    """Judge the ideal rigid contact in the first `count` examples of a search, and return how many show a failure."""
+    from hapticeval.discovery import resolve
+    from hapticeval.phenomena.verdict import Outcome
+    from hapticeval.runner.judging import judge
+    from hapticeval.search.drawing import drawn, judgeable
+
+    ideal, failing = resolve("ideal"), 0
+    for number, case in enumerate(itertools.islice(drawn((), judgeable(), seed), count), 1):
+        judged = judge(ideal, "ideal", "fuzz", case)
+        told = [] if judged.error is None else [f"error: {judged.error.what}"]
+        for verdict in judged.verdicts:
+            if judged.error is None and verdict.outcome in (Outcome.FAIL, Outcome.ERROR):
+                told.append(f"{verdict.check}: {verdict.finding.message}")
+        failing += bool(told)
+        if told or number % 100 == 0 or number == count:
+            print(
+                f"seed {seed}: {number} examples, {failing} failing, {time.process_time():.0f} s",
+                *told,
+                sep="\n  ",
+                flush=True,
+            )
+        if told:
+            print(f"  {case!r}", flush=True)
+    return failing
+
+
 if __name__ == "__main__":
+    if sys.argv[1:2] == ["ideal"]:
+        sys.exit(judge_ideal(*map(int, sys.argv[2:4])) > 0)
     sys.exit(pytest.main([*OPTIONS, *sys.argv[2:]], plugins=[Rounds(float(sys.argv[1]))]))

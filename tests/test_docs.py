@@ -1,48 +1,92 @@
-"""The pages of documentation: their commands are commands, their pages are all in the contents, their notebooks run."""
+"""The pages of documentation: all that stands in them runs, their pages are all in the contents, their notebooks run.
+
+The pages are run in `build/pages`, a folder each, from where the site takes the pictures that their commands draw.
+"""
 
 from __future__ import annotations
 
 import re
+import runpy
 import shlex
+import shutil
+import sys
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
+from pages import NOT_RUN, PAGES, ROOT, Block, Reader, blocks, lines
 
 from hapticeval.cli import app
 
-ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 GENERATED = {"index.md", "api.md", "checks.md", "architecture.md", "contributing.md", "changelog.md"}
-COMMAND = re.compile(r"^(?:    )?(hapticeval .+)$", re.MULTILINE)
-
-
-def commands(page: Path) -> list[str]:
-    """Return the lines of a page that begin with the command."""
-    return COMMAND.findall(page.read_text(encoding="utf-8").replace("\\\n", " "))
-
-
-LINES = sorted({line for page in PAGES for line in commands(page)})
+BLOCKS = [block for page in PAGES for block in blocks(page)]
+COMMANDS = [line for block in BLOCKS if block.language == "sh" for _, line in lines(block)]
+TOUR = re.findall(r"^    (hapticeval .+)$", PAGES["README"].read_text(encoding="utf-8"), re.MULTILINE)
+DRAWN = ROOT / "build" / "pages"
 
 
 def test_there_are_commands_to_check() -> None:
-    assert len(LINES) > 40
+    assert len(COMMANDS) > 40
 
 
-@pytest.mark.parametrize("line", LINES)
+@pytest.mark.parametrize("line", sorted({*COMMANDS, *TOUR}))
 def test_every_command_has_the_options_that_are_written(line: str) -> None:
     program: Any = typer.main.get_command(app)
-    words = shlex.split(re.split(r"[|;&>]|\s{3,}", line)[0], comments=True)[1:]
-    if words[0].startswith("-"):
+    words = list(takewhile(lambda word: word not in ("|", ">"), shlex.split(line, comments=True)))
+    if words[0] != "hapticeval" or words[1].startswith("-"):
         return
-    command = program.commands[words[0]]
-    command.make_context(words[0], words[1:])
+    command = program.commands[words[1]]
+    command.make_context(words[1], words[2:])
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page != "README"])
+def test_commands_stand_in_blocks_that_are_run(page: str) -> None:
+    text = PAGES[page].read_text(encoding="utf-8")
+    assert re.findall(r"^    (?:hapticeval|python|pip|pytest|cc|c\+\+) .*$", text, re.MULTILINE) == []
+
+
+@pytest.mark.parametrize("block", [each for each in BLOCKS if not each.runs], ids=lambda block: block.place)
+def test_what_is_not_run_says_why(block: Block) -> None:
+    assert len(block.title.removeprefix(NOT_RUN).split()) >= 3
 
 
 def test_every_page_is_in_the_contents() -> None:
     listed = set(re.findall(r": ([\w-]+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE))
-    assert listed == {page.name for page in PAGES[1:]} | GENERATED
+    assert listed == {page.name for page in PAGES.values() if page.name != "README.md"} | GENERATED
+
+
+def folder_of(page: str) -> Path:
+    """Make a folder in which the README's renderer lies, and the examples where the page uses them."""
+    made = DRAWN / page
+    shutil.rmtree(made, ignore_errors=True)
+    made.mkdir(parents=True)
+    (renderer,) = (block for block in blocks("README") if block.language == "python")
+    (made / "mine.py").write_text(renderer.text, encoding="utf-8")
+    if any("examples/" in block.text for block in blocks(page)):
+        (made / "examples").symlink_to(ROOT / "examples")
+    return made
+
+
+@pytest.mark.docs
+@pytest.mark.parametrize("page", [page for page in PAGES if page != "README"])
+def test_the_page_runs(page: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder_of(page))
+    monkeypatch.syspath_prepend(str(Path.cwd()))
+    Reader(Path.cwd()).read(page)
+    sys.modules.pop("mine", None)
+
+
+@pytest.mark.docs
+@pytest.mark.parametrize("script", sorted((ROOT / "docs" / "pictures").glob("*.py")), ids=lambda path: path.stem)
+def test_the_pictures_are_drawn(script: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = DRAWN / f"{script.stem}.py"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    monkeypatch.chdir(folder)
+    runpy.run_path(str(script))
+    assert list(folder.glob("pictures/*.svg"))
 
 
 @pytest.mark.docs

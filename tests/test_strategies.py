@@ -34,7 +34,7 @@ from hapticeval.strategies import (
 
 NAMES = {"Moves": Moves, "Move": Move, "Tremor": Tremor, "ExperimentTable": ExperimentTable, "make_model": make_model}
 MODEL = {kind: make_model(kind) for kind in ("star", "cassinian", "ellipse", "line", "sphere", "torus")}
-COUNT = 200
+COUNT = 100
 
 
 @pytest.mark.parametrize("tremor", [False, True])
@@ -207,8 +207,8 @@ def test_the_examples_of_a_seed_are_the_same_whatever_is_loaded(tmp_path):
     script = (
         "from hapticeval import make_model\n"
         "from hapticeval.strategies import *\n"
-        "print(examples(plane_models(), 12, seed=4), examples(hand_paths(make_model('star')), 12, seed=4))\n"
-        "print(examples(hand_paths(make_model('star')), 12, seed=5))\n"
+        "print(examples(plane_models(), 5, seed=4))\n"
+        "for seed in (4, 5): print(examples(hand_paths(make_model('star')), 5, seed=seed))\n"
     )
     (tmp_path / "mine.py").write_text("HERE = (" + ", ".join(f"{k}, {k}.5" for k in range(1, 4000, 7)) + ")\n")
     answers = []
@@ -218,7 +218,7 @@ def test_the_examples_of_a_seed_are_the_same_whatever_is_loaded(tmp_path):
         )
         answers.append(done.stdout.splitlines())
     assert answers[0] == answers[1]
-    assert answers[0][0].split("] [")[1] != answers[0][1], "another seed gives other examples"
+    assert answers[0][1] != answers[0][2], "another seed gives other examples"
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 /* A penalty renderer: the hand inside the model is pushed to the nearest point of its surface, without memory.
  * It goes through all edges or triangles in each tick. */
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include "hapticeval.h"
@@ -74,8 +75,8 @@ int32_t hr_info_get(const void *self, hr_info *info) {
 int32_t hr_create(const hr_scene *scene, void **self, char *why, uint32_t n) {
   penalty *made = calloc(1, sizeof *made);
   if (!made) return -1;
-  if (scene->n_cells > 100000 && n) {
-    strncpy(why, "too many triangles to go through in a tick", n - 1);
+  if (scene->n_cells > 100000) {
+    snprintf(why, n, "%s", "too many triangles to go through in a tick"); /* ends with a zero, whatever n is */
     free(made);
     return HR_REFUSES_MODEL;
   }

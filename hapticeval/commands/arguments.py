@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Sections(TyperCommand):
-    """A command whose help has a section for each `rich_help_panel` of its options, below the others."""
+    """A command whose help has a section for each `rich_help_panel` of its options, and one for its exit codes."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write them in the order in which the command has them."""
@@ -26,11 +27,21 @@ class Sections(TyperCommand):
         for each in self.get_params(ctx):
             shown = each.get_help_record(ctx)
             if shown is not None:
-                kind = "Options" if isinstance(each, TyperOption) else "Arguments"
-                sections.setdefault(getattr(each, "rich_help_panel", None) or kind, []).append(shown)
+                name, text = shown
+                if isinstance(each, TyperOption):
+                    sections.setdefault(getattr(each, "rich_help_panel", None) or "Options", []).append(shown)
+                else:  # some versions of typer append a Python type
+                    sections.setdefault("Arguments", []).append((name.partition(" <")[0], text))
         for title, rows in sorted(sections.items(), key=lambda section: section[0] not in ("Arguments", "Options")):
             with formatter.section(title):
                 formatter.write_dl(rows)
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 - click's
+        """Write the exit codes as a section, with their words beside them."""
+        title, _, rest = (self.epilog or "").removeprefix("\b\n").partition(":\n")
+        codes = re.findall(r"^  (\d)  (.*(?:\n     .*)*)", rest, re.MULTILINE)
+        with formatter.section(title):
+            formatter.write_dl([(code, " ".join(text.split())) for code, text in codes])
 
 
 option = partial(typer.Option, show_default=False)
@@ -65,7 +76,7 @@ Renderers = Annotated[
     ),
 ]
 
-Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of everything random.", min=0, max=2**32 - 1)]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Seed of everything random.", min=0, max=2**32 - 1)]
 
 Verbose = Annotated[bool, option("-v", "--verbose", help="Show all that there is to say, and each run as it ends.")]
 

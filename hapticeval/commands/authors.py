@@ -8,7 +8,10 @@ from typing import Annotated
 import typer
 
 from hapticeval.commands.arguments import argument
-from hapticeval.commands.terminal import columns, say, wrote
+from hapticeval.commands.terminal import Terminal, columns, say, wrote
+
+PATIENCE = 60.0
+"""Seconds for an answer, unless given: a renderer's own kernels to compile and a large program to start included."""
 
 EXAMINED = """\b
 Exit codes:
@@ -44,30 +47,38 @@ def header() -> None:
 
 def doctor(
     renderer: Annotated[str, typer.Option("-r", "--renderer", metavar="NAME", help="As for `hapticeval run`.")],
+    timeout: Annotated[
+        float, typer.Option("--timeout", metavar="SECONDS", help="How long it has for an answer.", min=0.1)
+    ] = PATIENCE,
 ) -> None:
     """Walk a renderer through the contract, and print what holds and what is missing.
+
+    A renderer that hangs is ended, with the line that it was in.
 
     \b
     Examples:
       hapticeval doctor -r mymodule:factory
       hapticeval doctor -r lib:./libmine.so
+      hapticeval doctor -r mymodule:factory --timeout 5
     """
     from hapticeval.study.doctor import examine, exit_code
 
     found = []
     kind = ""
-    for each in examine(renderer):
-        found.append(each)
-        if each.kind != kind:
-            kind = each.kind
-            say(f"in {'the ' * (kind == 'plane')}{kind}" if kind else "")
-        say(columns([(f"  {each.state:<8}{each.what:<12}", each.text)]))
+    with Terminal() as terminal:
+        for each in examine(renderer, patience=timeout, waiting=terminal.waiting):
+            terminal.clear()
+            found.append(each)
+            if each.kind != kind:
+                kind = each.kind
+                say(f"in {'the ' * (kind == 'plane')}{kind}" if kind else "")
+            say(columns([(f"  {each.state:<8}{each.what:<12}", each.text)]))
     raise typer.Exit(exit_code(found))
 
 
 def new(
     kind: Annotated[str, argument(metavar="KIND", help="python, c, cpp or process.")],
-    directory: Annotated[Path, argument(metavar="DIR", help="A new or empty folder.")],
+    directory: Annotated[Path, argument(metavar="DIR", help="A new or empty folder; the files are named after it.")],
 ) -> None:
     """Write a renderer to start from, with its test and a file for continuous integration.
 

@@ -37,6 +37,15 @@ def bench(
             help="Values to sweep a knob over, such as vertices=40,80,160; may be repeated.",
         ),
     ] = None,
+    models: Annotated[
+        list[str] | None,
+        option(
+            "--model",
+            metavar="MODEL",
+            help="cassinian or star, in the plane; sphere or torus, which renderers get as triangle meshes. May be "
+            "repeated; without it the cassinian, and without --quick the star too.",
+        ),
+    ] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="One model, one knob a renderer, few values: half a minute.")
     ] = False,
@@ -65,6 +74,7 @@ def bench(
     Examples:
       hapticeval bench --quick -o results
       hapticeval bench --quick -r mymodule:factory -o results
+      hapticeval bench --quick --model sphere -o results
       hapticeval bench -r constraint@polygon --knob vertices=40,80,160
       hapticeval bench --within 0.1mm --budget 10us
       hapticeval bench --quick -o new --compare old
@@ -77,16 +87,16 @@ def bench(
     from hapticeval.study.bench.compare import compare_benches
     from hapticeval.study.bench.document import beside, read_bench, read_samples, write_bench
     from hapticeval.study.bench.judge import judged
-    from hapticeval.study.bench.sweep import Sweep, own_variants, settings_of
+    from hapticeval.study.bench.sweep import Sweep, settings_by_model
     from hapticeval.study.bench.text import describe
 
     wanted = None if within is None else parse_length(within, option="--within")
     limit = None if budget is None else parse_duration(budget, option="--budget")
     before = None if compare is None else (read_bench(compare), read_samples(compare))
-    names = renderers or own_variants()
-    settings = settings_of(names, quick=quick, chosen=parse_knobs(knobs or []))
+    settings = settings_by_model(models, renderers, quick=quick, chosen=parse_knobs(knobs or []))
     prepare(directory, keep_reports=True)
-    command = {"renderers": names, "knobs": knobs or [], "within": within, "budget": budget}
+    names = list(dict.fromkeys(each.renderer for of_model in settings.values() for each in of_model))
+    command = {"renderers": names, "models": list(settings), "knobs": knobs or [], "within": within, "budget": budget}
     sweep = Sweep(settings, quick=quick, seed=seed, command=command)
     with Terminal() as terminal:
         sweep.run(terminal.working)

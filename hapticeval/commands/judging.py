@@ -48,9 +48,12 @@ long_run = partial(option, rich_help_panel="Long runs")
 
 EXIT_CODES = """\b
 Exit codes:
-  0  every verdict is as required, as published where the suite publishes one, or known with --known
-  1  a check failed, could not decide or differs, or fewer verdicts than planned were reached, as after Ctrl-C;
-     with --strict also where a check of level should failed or could not decide, or a known failure is none any more
+  0  every verdict is as required, as published where the suite publishes one,
+     or known with --known
+  1  a check failed, could not decide or differs, or fewer verdicts than
+     planned were reached, as after Ctrl-C; with --strict also where a check
+     of level should failed or could not decide, or a known failure is none
+     any more
   2  wrong usage or input, or every case was refused by every renderer
   3  a renderer broke: the message names case, tick and HIP (outranks 1 and 2)
   4  nothing was selected
@@ -74,7 +77,8 @@ MERGED = """\b
 Exit codes:
   0  every verdict is as required, or as published where the suite publishes one
   1  a check failed, could not decide or differs, or one of the runs is incomplete
-  2  wrong usage, or what is in the folders is not one run: versions, seeds, overlaps, missing shards
+  2  wrong usage, or what is in the folders is not one run: versions, seeds,
+     overlaps, missing shards
   3  a renderer broke
 """
 
@@ -98,8 +102,8 @@ def run(
         option(
             "-k",
             metavar="EXPR",
-            help="Only what this selects: names of cases and checks or globs on them, CASE/CHECK, with and, or, not, "
-            "parentheses; may be repeated.",
+            help="Run only what this selects: names of cases and checks or globs on them, CASE/CHECK, with and, or, "
+            "not, parentheses; may be repeated.",
         ),
     ] = None,
     directory: Annotated[
@@ -108,7 +112,8 @@ def run(
     seed: Seed = 0,
     verbose: Verbose = False,
     quick: Annotated[
-        bool, loop("--quick", help="Few cases, which have every check between them, and no reports: some seconds.")
+        bool,
+        loop("--quick", help="Run few cases, which have every check between them, and write no reports: some seconds."),
     ] = False,
     no_report: Annotated[bool, loop("--no-report", help="Write results.json and recordings alone.")] = False,
     exit_first: Annotated[bool, loop("-x", help="Stop at the first verdict that is not as required.")] = False,
@@ -118,10 +123,11 @@ def run(
         bool, gate("--strict", help="Let warnings count, and known failures that are none any more.")
     ] = False,
     known: Annotated[
-        Path | None, gate("--known", metavar="TOML", help="Failures that are known and stop nothing, with reasons.")
+        Path | None, gate("--known", metavar="TOML", help="Let the failures on this list pass, each with its reason.")
     ] = None,
     write_known: Annotated[
-        Path | None, gate("--write-known", metavar="TOML", help="List all that fails now; reasons that it has stay.")
+        Path | None,
+        gate("--write-known", metavar="TOML", help="Make or renew that list from what fails now; its reasons stay."),
     ] = None,
     timeout: Timeout = TIMEOUT,
     resume: Annotated[
@@ -382,22 +388,23 @@ def _as_recorded(made: ReplayCase, renderers: list[str] | None, see: str) -> int
 
 
 def list_(
-    what: Annotated[str, argument(help="renderers, suites, cases, checks, devices or models.")],
+    what: Annotated[str, argument(metavar="WHAT", help="renderers, suites, cases, checks, devices or models.")],
+    suites: Annotated[list[str] | None, argument(metavar="SUITE", help="The cases of these suites only.")] = None,
 ) -> None:
     """List the renderers, suites, cases, checks, devices or models.
 
     \b
     Examples:
       hapticeval list renderers
-      hapticeval list cases
+      hapticeval list cases thesis
     """
     from hapticeval.commands import listing
 
-    say(columns(listing.listed(what)))
+    say(listing.listed(what, suites or ()))
 
 
 def explain(
-    check: Annotated[str, typer.Argument(help="A check's id, as in `hapticeval list checks`.")],
+    check: Annotated[str, argument(metavar="CHECK", help="A check's id, as in `hapticeval list checks`.")],
 ) -> None:
     """Explain what a check asks, measures and allows, and why.
 

@@ -1,24 +1,24 @@
-"""What there is to run and to read about: pairs of a name and a text, for the command line to show."""
+"""What there is to run and to read about, for the command line to show; each list imports what it needs."""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
-from hapticeval.devices.catalogue import DEVICES
-from hapticeval.discovery import known_renderers, resolve
-from hapticeval.errors import HapticevalError, UnknownNameError
-from hapticeval.geometry.catalogue import MODELS
-from hapticeval.phenomena.registry import CHECKS
-from hapticeval.renderer import choices_of
-from hapticeval.suite.installed import find_suites, suite_groups
-from hapticeval.suite.reading import load_suite
+from hapticeval.commands.terminal import columns, lines, paragraphs
+from hapticeval.errors import HapticevalError, InputError, UnknownNameError
+from hapticeval.suite.installed import find_suites, suite_groups, suites_named
+from hapticeval.suite.outline import Heading, outline
+
+Rows = Iterator[tuple[str, str]]
 
 
-def renderers() -> Iterator[tuple[str, str]]:
+def renderers() -> Rows:
     """Every renderer that is installed, and the suffixes that it takes; a broken one says why."""
+    from hapticeval.discovery import known_renderers, resolve
+    from hapticeval.renderer import choices_of
+
     for name in known_renderers():
         try:
             offered = choices_of(resolve(name))
@@ -35,25 +35,36 @@ def renderers() -> Iterator[tuple[str, str]]:
             yield "", f"takes {' '.join(choices)}"
 
 
-def suites() -> Iterator[tuple[str, str]]:
+def suites() -> Rows:
     """The built-in suites, and the groups of them that one name runs."""
-    for name in find_suites():
-        suite = load_suite(name)
+    for name, file in find_suites().items():
+        suite = outline(file)
         yield name, f"{suite.title} ({len(suite.cases)} cases; {suite.citation})"
     for name, members in suite_groups().items():
         yield name, f"all of {', '.join(members)}"
 
 
-def cases() -> Iterator[tuple[str, str]]:
-    """The cases of the built-in suites."""
-    for name in find_suites():
-        for case in load_suite(name).cases:
-            judged = "" if case.judged else "; shown, not judged"
-            yield f"{name}/{case.name}", f"{case.title} ({case.stimulus_kind}{judged})"
+def cases(named: Sequence[str] = ()) -> Iterator[tuple[str, Rows]]:
+    """The suites of those names, groups or files, all that are installed if none are named, each with its cases.
+
+    Raises as `suites_named` and `load_suite` do.
+    """
+    installed = find_suites()
+    for name in dict.fromkeys(member for each in named or installed for member in suites_named(each)):
+        found = outline(installed[name]).cases if name in installed else _cases_of(name)
+        yield name, ((heading.name, heading.title + ("" if judged else " (not judged)")) for heading, judged in found)
 
 
-def checks() -> Iterator[tuple[str, str]]:
+def _cases_of(file: str) -> Sequence[tuple[Heading, bool]]:
+    from hapticeval.suite.reading import load_suite
+
+    return [(Heading(case.name, case.title), case.judged) for case in load_suite(file).cases]
+
+
+def checks() -> Rows:
     """The checks that are installed, each with what it asks; a broken one says why."""
+    from hapticeval.phenomena.registry import CHECKS
+
     for name in CHECKS:
         try:
             yield name, CHECKS[name].asks
@@ -61,8 +72,21 @@ def checks() -> Iterator[tuple[str, str]]:
             yield name, f"broken: {error.why}"
 
 
-def made(catalogue: Mapping[str, Callable[..., object]]) -> Iterator[tuple[str, str]]:
-    """A catalogue of factories, each with its parameters."""
+def devices() -> Rows:
+    """The devices, each with its parameters."""
+    from hapticeval.devices.catalogue import DEVICES
+
+    return _made(DEVICES)
+
+
+def models() -> Rows:
+    """The models, each with its parameters."""
+    from hapticeval.geometry.catalogue import MODELS
+
+    return _made(MODELS)
+
+
+def _made(catalogue: Mapping[str, Callable[..., object]]) -> Rows:
     for name, factory in catalogue.items():
         yield name, _first_sentence(factory)
         given = [_parameter(each) for each in inspect.signature(factory).parameters.values()]
@@ -76,25 +100,35 @@ def _parameter(parameter: inspect.Parameter) -> str:
     return parameter.name if parameter.default is parameter.empty else f"{parameter.name}={parameter.default}"
 
 
-LISTINGS: Mapping[str, Callable[[], Iterator[tuple[str, str]]]] = MappingProxyType(
-    {
-        **{each.__name__: each for each in (renderers, suites, cases, checks)},
-        "devices": partial(made, DEVICES),
-        "models": partial(made, MODELS),
-    }
+LISTINGS: Mapping[str, Callable[[], Rows]] = MappingProxyType(
+    {each.__name__: each for each in (renderers, suites, checks, devices, models)}
 )
-"""What can be listed, by name."""
+"""What can be listed beside the cases, by name."""
 
 
-def listed(what: str) -> Iterator[tuple[str, str]]:
-    """All that there is of one kind. Raises `UnknownNameError` for what is none of `LISTINGS`."""
+def listed(what: str, named: Sequence[str] = ()) -> str:
+    """Return all that there is of one kind, of the cases those of the suites that are `named`, for a terminal.
+
+    Raises `UnknownNameError` for what cannot be listed, and `InputError` for names of what is in no suites.
+    """
+    if what == cases.__name__:
+        return paragraphs(
+            *(lines([suite, columns((f"  {name}", text) for name, text in rows)]) for suite, rows in cases(named))
+        )
     if what not in LISTINGS:
-        raise UnknownNameError("listing", what, LISTINGS)
-    return LISTINGS[what]()
+        raise UnknownNameError("listing", what, [*LISTINGS, cases.__name__])
+    if named:
+        raise InputError(
+            f"{what} are of no suite, and '{named[0]}' is left over",
+            todo=f"write hapticeval list {what}, or list cases SUITE",
+        )
+    return columns(LISTINGS[what]())
 
 
-def explained(name: str) -> Iterator[tuple[str, str]]:
+def explained(name: str) -> Rows:
     """All that a check says of itself. Raises `UnknownNameError` for an id that is none."""
+    from hapticeval.phenomena.registry import CHECKS
+
     if name not in CHECKS:
         raise UnknownNameError("check", name, CHECKS)
     check = CHECKS[name]

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hapticeval.commands.arguments import Renderers, Seed, model_named, option
-from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, say, wrote
+from hapticeval.commands.arguments import Renderers, Scheduler, Seed, model_named, option
+from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, plural, say, wrote
 from hapticeval.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
-    from hapticeval.geometry.model import Model
-    from hapticeval.runner.interrupts import Interrupts
     from hapticeval.search.counterexample import Kept
-    from hapticeval.search.hunt import Search
-    from hapticeval.search.trial import Bench
+    from hapticeval.search.seeds import Hunt, Hunted
 
 EXIT_CODES = """\b
 Exit codes:
@@ -57,6 +53,17 @@ def search(
         Path, typer.Option("-o", "--output", metavar="DIR", help="Where counterexamples are kept.")
     ] = Path("counterexamples"),
     seed: Seed = 0,
+    seeds: Annotated[
+        int,
+        typer.Option(
+            "--seeds",
+            metavar="N",
+            help="Search with so many seeds, from --seed on, each for its own time, on all processors.",
+            min=1,
+            rich_help_panel="Long runs",
+        ),
+    ] = 1,
+    scheduler: Scheduler = None,
 ) -> None:
     """Search for the smallest path that breaks a renderer.
 
@@ -69,13 +76,14 @@ def search(
       hapticeval search -r mine:Renderer
       hapticeval search -r mine:Renderer --check continuous-contact --model cassinian --seconds 10
       hapticeval search -r constraint -r minimum-distance --seed 7 -o found
+      hapticeval search -r mine:Renderer --seeds 16 --scheduler tcp://10.0.0.1:8786
       hapticeval search --replay found -r mine:Renderer
       hapticeval run found/constraint/continuous-contact.toml -r constraint
     """
     raise typer.Exit(
         _replay(replay, renderers)
         if replay is not None
-        else _search(renderers, checks, models, seconds, examples, directory, seed)
+        else _search(renderers, checks, models, seconds, examples, directory, range(seed, seed + seeds), scheduler)
     )
 
 
@@ -86,13 +94,17 @@ def _search(
     seconds: float,
     examples: int | None,
     directory: Path,
-    seed: int,
+    seeds: range,
+    scheduler: str | None,
 ) -> int:
     from hapticeval.discovery import resolve
+    from hapticeval.files import plain
     from hapticeval.phenomena.registry import CHECKS
     from hapticeval.runner.interrupts import Interrupts
     from hapticeval.search.counterexample import read_all
     from hapticeval.search.drawing import judgeable
+    from hapticeval.search.seeds import Hunt, hunted, hunts
+    from hapticeval.workers import cores
 
     if not renderers:
         raise InputError("no renderer is named", why="a search takes its time for each", todo="name one: -r constraint")
@@ -104,95 +116,91 @@ def _search(
         if CHECKS[check].needs_closed_form:
             raise InputError(f"--check {check}", why="it compares with a closed form, which only a case can name")
     asked = tuple(checks or judgeable())
-    on = [model_named(text) for text in models or ()]
+    on = [plain(model_named(text).table, "model") for text in models or ()]
     known = read_all(directory) if directory.is_dir() else []
+    names = dict.fromkeys(renderers)
     codes = []
     with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
-        for name in dict.fromkeys(renderers):
-            if interrupts.count:
+
+        def interrupted() -> bool:
+            return interrupts.count > 0
+
+        def progress(done: float, what: str) -> None:
+            terminal.searching(done, seconds, what)
+
+        all_asked = [Hunt(name, asked, on, known, seconds, examples) for name in names]
+        begun = time.monotonic()
+        if len(seeds) > 1 or scheduler is not None:
+            terminal.line(f"searching with {plural(len(seeds), 'seed')} for what breaks {', '.join(names)}")
+            options: dict[str, Any] = {"workers": cores(), "scheduler": scheduler, "interrupted": interrupted}
+            for hunt, made, ended in hunts(all_asked, seeds, **options, report=terminal.line):
+                if ended < len(seeds):
+                    terminal.line(f"{hunt.renderer}: {ended} of {plural(len(seeds), 'seed')} ended")
+                    codes.append(1)
+                codes.append(_written(hunt, made, directory, time.monotonic() - begun))
+            return max(codes)
+        for hunt in all_asked:
+            if interrupted():
                 codes.append(1)
                 break
-            codes.append(_searched(name, asked, on, seconds, examples, directory, seed, known, terminal, interrupts))
+            begun = time.monotonic()
+            started = f"searching for what breaks {hunt.renderer}: up to {seconds:g} s"
+            terminal.line(f"{started}, Ctrl-C ends it and keeps what is found")
+            made = hunted(hunt, seeds[0], interrupted=interrupted, progress=progress, report=terminal.line)
+            codes.append(max(_written(hunt, made, directory, time.monotonic() - begun), int(interrupted())))
     return max(codes)
 
 
-def _searched(
-    renderer: str,
-    checks: Sequence[str],
-    models: Sequence[Model],
-    seconds: float,
-    examples: int | None,
-    directory: Path,
-    seed: int,
-    known: Sequence[Kept],
-    terminal: Terminal,
-    interrupts: Interrupts,
-) -> int:
-    """Search for what one renderer breaks, write and tell it, and return the exit code."""
-    from hapticeval.search.counterexample import kept, line, notes, write
-    from hapticeval.search.hunt import Search, deadline
-    from hapticeval.search.trial import RENDERER, Bench
+def _written(hunt: Hunt, made: Hunted, directory: Path, took: float) -> int:
+    """Write what was found of one renderer, print it, and return the exit code."""
+    from hapticeval.search.counterexample import line, notes, write
+    from hapticeval.search.trial import RENDERER
 
-    terminal.line(f"searching for what breaks {renderer}: up to {seconds:g} s, Ctrl-C ends it and keeps what is found")
-    begun = time.monotonic()
-    stop = deadline(seconds, lambda: interrupts.count > 0)
-
-    def over() -> bool:
-        terminal.searching(time.monotonic() - begun, seconds, f"{made.tried} examples, {len(made.found)} found")
-        return stop()
-
-    with Bench(renderer, seed, over) as bench:
-        made = Search(
-            bench, checks, seed, models, known=[(each.case, each.examples) for each in known], most=examples,
-            told=terminal.line,
-        )  # fmt: skip
-        made.run()
-    found = [kept(each, renderer, seed) for each in made.found.values()]
     written = []
-    for each in found:
+    for each in made.found:
         files = write(each, directory)
-        written += [files[0], *_picture(each, files[0], seed)]
-    took = time.monotonic() - begun
+        written += [files[0], *_picture(each, files[0])]
     say(
         paragraphs(
-            lines("\n  ".join([f"{renderer}: {line(each)}", *notes(each)]) for each in found),
-            _told(renderer, made, bench, took),
+            lines("\n  ".join([f"{hunt.renderer}: {line(each)}", *notes(each)]) for each in made.found),
+            _told(hunt, made, took),
             wrote(written),
         )
     )
-    if RENDERER in made.found:
+    if any(each.fault.check == RENDERER for each in made.found):
         return 3
     if made.refused is not None:
         return 2
-    return int(bool(found) or not made.judged or interrupts.count > 0)
+    return int(bool(made.found) or not made.judged)
 
 
-def _told(renderer: str, made: Search, bench: Bench, took: float) -> str:
+def _told(hunt: Hunt, made: Hunted, took: float) -> str:
     """Return what was searched, and what was not found."""
     if made.refused is not None:
-        return f"{renderer} refuses every model that was tried: {made.refused}"
-    missing = [name for name in made.checks if name not in made.found]
+        return f"{hunt.renderer} refuses every model that was tried: {made.refused}"
+    found = {each.fault.check for each in made.found}
+    missing = [name for name in hunt.checks if name not in found]
     passed = [f"{name} ({made.judged[name]})" for name in missing if made.judged[name]]
     silent = [name for name in missing if not made.judged[name]]
     ended = "" if made.finished else "; stopped before the end"
-    tried = f"{made.tried} example{'s' * (made.tried != 1)} drawn, {bench.tried} tried in {took:.1f} s{ended}"
+    tried = f"{plural(made.tried, 'example')} drawn, {made.trials} tried in {took:.1f} s{ended}"
     if not made.judged and not made.found:
         return lines([tried, "nothing was judged: no example had an answer when the time was over"])
     said = [("no failure, in so many examples, of", passed), ("no example decides", silent)]
     return lines([tried, *(f"{words}: {', '.join(names)}" for words, names in said if names)])
 
 
-def _picture(made: Kept, suite: Path, seed: int) -> list[Path]:
+def _picture(made: Kept, suite: Path) -> list[Path]:
     """Draw what the renderer does in a counterexample beside its suite; nothing where it breaks."""
     from hapticeval.reports.canvas import save_figure
     from hapticeval.reports.run_figure import Mark, run_figure
     from hapticeval.search.counterexample import line
-    from hapticeval.search.trial import RENDERER, Bench
+    from hapticeval.search.trial import RENDERER, Bench, recorded
 
     if made.fault.check == RENDERER:
         return []
-    with Bench(made.renderer, seed, lambda: False) as bench:
-        recording = bench.recorded(made.case)
+    with Bench(made.renderer, made.seed, lambda: False) as bench:
+        recording = bench.asked(made.case, recorded, made.case)
     if recording is None:
         return []
     marks = [] if made.fault.time is None else [Mark(1, made.fault.time, True)]

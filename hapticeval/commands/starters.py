@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import keyword
+import re
+import shlex
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 
@@ -37,8 +42,9 @@ jobs:
 
 @dataclass(frozen=True)
 class Starter:
-    """A renderer to start from: its files, its name, what builds it, and what it is judged by."""
+    """A renderer to start from: the `stem` of its files' names, the files, its name, what builds and what judges it."""
 
+    stem: str
     files: tuple[str, ...]
     renderer: str
     judged: str = "-k plane-press"
@@ -48,23 +54,28 @@ class Starter:
 
 STARTERS: Mapping[str, Starter] = MappingProxyType(
     {
-        "python": Starter(("mine.py", "test_mine.py"), "mine:Nearest"),
-        "c": Starter(("penalty.c", "Makefile", "test_penalty.py"), "lib:./libpenalty.so", build="make", header=True),
+        "python": Starter("mine", ("mine.py", "test_mine.py"), "mine:Nearest"),
+        "c": Starter(
+            "penalty", ("penalty.c", "Makefile", "test_penalty.py"), "lib:./libpenalty.so", build="make", header=True
+        ),
         "cpp": Starter(
+            "god_object",
             ("god_object.cpp", "CMakeLists.txt", "Makefile", "blocks.toml", "test_god_object.py"),
             "lib:./libgod_object.so",
             judged="blocks.toml",
             build="make",
             header=True,
         ),
-        "process": Starter(("mine.py", "mine.m", "test_mine.py"), "'cmd:python3 mine.py'", judged="-k star-loops"),
+        "process": Starter(
+            "mine", ("mine.py", "mine.m", "test_mine.py"), "'cmd:python3 mine.py'", judged="-k star-loops"
+        ),
     }
 )
 """By kind, which is the folder of its files among the examples."""
 
 
 def write(kind: str, directory: Path) -> tuple[list[Path], list[str]]:
-    """Write a renderer to start from; return the files, and the commands that come next.
+    """Write a renderer to start from, named after its folder; return the files, and the commands that come next.
 
     Raises `UnknownNameError` for another kind, and `InputError` for a folder that has something in it.
     """
@@ -73,19 +84,40 @@ def write(kind: str, directory: Path) -> tuple[list[Path], list[str]]:
     if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
         raise InputError(f"'{directory}' is not an empty folder", why="what is there is not written over")
     starter = STARTERS[kind]
-    texts = {name: files("hapticeval.examples").joinpath(kind, name).read_text("utf-8") for name in starter.files}
+    named = re.compile(rf"\b(lib|test_|){starter.stem}\b")
+    files_alone = re.compile(rf"{named.pattern}(?=\.(?:c|cpp|so)\b)")
+    name = _name(directory.resolve().name)
+
+    def renamed(text: str, pattern: re.Pattern[str] = named) -> str:
+        return pattern.sub(rf"\g<1>{name}", text)
+
+    texts = {}
+    for each in starter.files:
+        text = files("hapticeval.examples").joinpath(kind, each).read_text("utf-8")
+        texts[renamed(each)] = renamed(text, files_alone if Path(each).suffix in (".c", ".cpp") else named)
     if starter.header:
         texts["hapticeval.h"] = files("hapticeval.adapters").joinpath("hapticeval.h").read_text("utf-8")
     build = f"      - run: {starter.build}\n" if starter.build else ""
-    texts[str(WORKFLOW)] = CI.format(build=build, renderer=starter.renderer, judged=starter.judged)
+    renderer = renamed(starter.renderer)
+    texts[str(WORKFLOW)] = CI.format(build=build, renderer=renderer, judged=starter.judged)
     written = []
-    for name, text in texts.items():
-        file = directory / name
+    for path, text in texts.items():
+        file = directory / path
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(text, encoding="utf-8")
         except OSError as error:
             raise InputError(f"cannot write {file}", why=error.strerror or str(error)) from error
         written.append(file)
-    steps = [f"cd {directory}", starter.build, f"hapticeval doctor -r {starter.renderer}"]
-    return written, [*filter(None, steps), f"hapticeval run {starter.judged} -r {starter.renderer}"]
+    steps = [f"cd {shlex.quote(str(directory))}", starter.build, f"hapticeval doctor -r {renderer}"]
+    return written, [*filter(None, steps), f"hapticeval run {starter.judged} -r {renderer}"]
+
+
+def _name(folder: str) -> str:
+    """Return the name of a module and a library for a folder's: not one that another module has."""
+    name = re.sub(r"\W", "_", folder, flags=re.ASCII)
+    if not name.isidentifier():
+        name = f"renderer_{name}"
+    spec = find_spec(name)
+    taken = spec is not None and spec.origin is not None
+    return f"{name}_renderer" if keyword.iskeyword(name) or name in sys.stdlib_module_names or taken else name

@@ -14,10 +14,13 @@ import typer
 from hapticeval.commands.terminal import counted, lines, paragraphs, plural, wrote
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.quantity import aligned
-from hapticeval.runner.results import Problem, ResultsDocument, RunEntry, VerdictEntry
+from hapticeval.runner.results import Breakdown, Problem, ResultsDocument, RunEntry, Timing, VerdictEntry
 
 SHOWN = 10
 """Unexpected verdicts that are shown without -v: the worst; more scroll off a screen, and the report has them all."""
+
+CASES = 3
+"""Cases that are named of those in which a renderer broke in one way, without -v."""
 
 LEGEND = {
     "!": "!n are not as expected",
@@ -31,7 +34,7 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
 
     Where a `width` is given, tables that are wider are shown as lists.
     """
-    stops = [verdict for verdict in _apart_from_broken(results) if results.stops(verdict)]
+    stops = [verdict for verdict in results.verdicts if results.stops(verdict) and not results.lost(verdict)]
     stops.sort(key=lambda each: each.severity, reverse=True)
     rest = [verdict for verdict in results.verdicts if not results.stops(verdict)]
     shown = stops if verbose else stops[:SHOWN]
@@ -39,8 +42,12 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
     return paragraphs(
         _grid(results, width),
         *_tables(results, width),
-        lines(_stopped("broke", run, run.error) for run in results.runs if run.error),
-        lines(_stopped("refuses", run, run.refusal) for run in _refused(results) if run.refusal),
+        lines(_broke(each, verbose=verbose) for each in results.breakdowns),
+        lines(
+            _stopped(f"refuses: {run.renderer} on {run.suite}/{run.case}", run.refusal)
+            for run in _refused(results)
+            if run.refusal
+        ),
         lines(map(_shown, shown)),
         f"and {plural(more, 'verdict')} more that {'is' if more == 1 else 'are'} not as expected: -v shows them"
         if more
@@ -97,8 +104,8 @@ def _share(verdicts: Sequence[VerdictEntry], results: ResultsDocument) -> tuple[
 def _tables(results: ResultsDocument, width: int) -> Iterator[str]:
     """A table a suite that has rows which some renderer has decided."""
     titles = [(suite.title, suite.rows) for suite in results.suites if suite.rows]
-    told = {title for _, rows in titles for title in rows}
-    left = [title for title in results.table if title not in told]
+    named = {title for _, rows in titles for title in rows}
+    left = [title for title in results.table if title not in named]
     for name, rows in [*titles, ("", left)]:
         found = {title: row for title in rows if (row := results.table.get(title))}
         if found:
@@ -141,28 +148,28 @@ def _laid_out(header: Sequence[str], rows: Sequence[Sequence[tuple[str, str | No
     return lines([whole[0], *("  ".join(row).rstrip() for row in painted)])
 
 
-def _stopped(how: str, run: RunEntry, said: Problem) -> str:
-    told = [paint(f"{how}: {run.renderer} on {run.suite}/{run.case}", "red"), f"  {said.what}"]
-    told += [f"  {label}: {each}" for label, each in (("why", said.why), ("what to do", said.todo)) if each]
-    return lines(told)
+def _broke(broken: Breakdown, *, verbose: bool) -> str:
+    cases = broken.cases
+    shown = cases if verbose else cases[:CASES]
+    more = f", and {plural(len(cases) - len(shown), 'other')}" * (len(shown) < len(cases))
+    text = _stopped(f"broke: {broken.words}", broken.error)
+    return lines([text, f"  first on {', then '.join(shown)}{more}"] if cases else [text])
+
+
+def _stopped(head: str, problem: Problem) -> str:
+    shown = [paint(head, "red"), f"  {problem.what}"]
+    shown += [f"  {label}: {each}" for label, each in (("why", problem.why), ("what to do", problem.todo)) if each]
+    return lines(shown)
 
 
 def _refused(results: ResultsDocument) -> Iterator[RunEntry]:
     """The first run of each renderer that has refused all that it was given: it has not been judged at all."""
     judged = {run.renderer for run in results.runs if not run.refusal}
-    told: set[str] = set()
+    seen: set[str] = set()
     for run in results.runs:
-        if run.renderer not in judged | told:
-            told.add(run.renderer)
+        if run.renderer not in judged | seen:
+            seen.add(run.renderer)
             yield run
-
-
-def _apart_from_broken(results: ResultsDocument) -> Iterator[VerdictEntry]:
-    """The verdicts less the errors of runs that broke: these are shown as one."""
-    broken = {run.key for run in results.runs if run.error}
-    for verdict in results.verdicts:
-        if not (verdict.key in broken and verdict.outcome is Outcome.ERROR):
-            yield verdict
 
 
 def _shown(verdict: VerdictEntry) -> str:
@@ -205,9 +212,14 @@ def _totals(results: ResultsDocument, *, verbose: bool) -> str:
     ran = f"{results.ran} of {plural(results.planned, 'planned verdict')} ran"
     if not results.complete:
         ran += f" (incomplete: {results.reason})"
-    timing = results.timing
+    return f"{ran}: {counted(results.verdicts)}; {unexpected or 'none'} not as expected{noted}\n{_took(results.timing)}"
+
+
+def _took(timing: Timing) -> str:
+    """How long it took, beside the time that was simulated where that says anything."""
+    if timing.times_real_time < 0.05:
+        return f"took {timing.wall_seconds:.1f} s"
     return (
-        f"{ran}: {counted(results.verdicts)}; {unexpected or 'none'} not as expected{noted}\n"
         f"simulated {timing.simulated_seconds:.1f} s in {timing.wall_seconds:.1f} s: "
         f"{timing.times_real_time:.1f} times real time"
     )

@@ -28,6 +28,10 @@ PATIENCE = 2.0
 """Seconds after which a person wants to see that something moves."""
 
 
+REMIND = 5.0
+"""Seconds between two lines about what is waited for."""
+
+
 @dataclass
 class _Suite:
     """What has come of the jobs of a suite."""
@@ -41,15 +45,17 @@ class _Suite:
 class Terminal:
     """Shows a run as it goes on: a bar on a terminal when the run is not quick, elsewhere a line a suite.
 
-    If it is `verbose`, elsewhere a line a job. A context manager, so that the bar leaves the terminal as it found it
-    whatever happens.
+    If it is `verbose`, elsewhere a line a job; else one for the first job in which a renderer breaks in some way. A
+    context manager, so that the bar leaves the terminal as it found it whatever happens.
     """
 
     def __init__(self, stream: TextIO | None = None, *, verbose: bool = False) -> None:
         self._stream = sys.stderr if stream is None else stream
         self._verbose = verbose
         self._suites: dict[str, _Suite] = {}
+        self._broken: set[tuple[str, tuple[str, str]]] = set()
         self._begun = time.monotonic()
+        self._reminded = 0.0
         self._planned_jobs = 0
         self._finished_jobs = 0
         self.interrupted = False
@@ -73,11 +79,13 @@ class Terminal:
             self._suites = {name: _Suite(planned) for name, planned in event.jobs_of.items()}
             planned = f"{plural(event.planned_jobs, 'run')}, {plural(event.planned_verdicts, 'verdict')} planned"
             self.line(planned + kept)
+            for note in event.notes:
+                self.line(note)
         elif isinstance(event, JobFinished):
             self._finished_jobs += 1
             if self._stream.isatty():
                 self._advance(self._finished_jobs, self._planned_jobs, f"{event.run.renderer} on {event.run.case}")
-            elif self._verbose or event.error is not None:
+            elif self._verbose or self._breaks_anew(event):
                 count = f"[{self._finished_jobs}/{self._planned_jobs}]"
                 self.line(f"{count} {event.run.renderer} on {event.run.suite}/{event.run.case}: {_told(event)}")
             if not self._stream.isatty() and not self._verbose:
@@ -90,6 +98,14 @@ class Terminal:
         elif isinstance(event, RunFinished):
             for name in [name for name, suite in self._suites.items() if suite.finished]:
                 self._close(name)
+
+    def _breaks_anew(self, event: JobFinished) -> bool:
+        """Return whether a renderer broke in a way in which it has not broken before."""
+        if event.run.error is None:
+            return False
+        before = len(self._broken)
+        self._broken.add((event.run.renderer, event.run.error.kind))
+        return len(self._broken) > before
 
     def _add(self, event: JobFinished) -> None:
         """Count a job of a suite, and print the suite's line after its last one."""
@@ -121,12 +137,28 @@ class Terminal:
         if self._stream.isatty():
             self._advance(min(int(done), int(total)), int(total), what)
 
+    def waiting(self, what: str, seconds: float, most: float) -> None:
+        """Take what is waited for since how many of `most` seconds: a bar on a terminal, else a line now and then."""
+        if self._stream.isatty():
+            self._advance(int(seconds), int(most), what)
+        elif seconds < self._reminded:  # another wait
+            self._reminded = 0.0
+        elif seconds >= self._reminded + REMIND:
+            self._reminded = seconds
+            self.line(f"{what}: {seconds:.0f} of {most:.0f} s")
+
     def drawn(self, done: int, total: int) -> None:
         """Take how many of the report's figures are drawn: a bar on a terminal, elsewhere one line before many."""
         if self._stream.isatty():
             self._advance(done, total, "drawing figures")
         elif done == 0 and total > FEW:
             self.line(f"drawing {plural(total, 'figure')}")
+
+    def clear(self) -> None:
+        """Leave the terminal to what comes on stdout."""
+        if self._bar is not None:
+            self._bar.stop()  # it comes again below with the next step
+            self._bar = None
 
     def _advance(self, done: int, total: int, what: str) -> None:
         """Move the bar; it appears with the first step that ends after `PATIENCE` seconds."""
@@ -153,9 +185,7 @@ class Terminal:
 
     def line(self, text: str) -> None:
         """Print something on a line of its own."""
-        if self._bar is not None:
-            self._bar.stop()  # it comes again below with the next step
-            self._bar = None
+        self.clear()
         print(text, file=self._stream, flush=True)
 
 

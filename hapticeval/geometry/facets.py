@@ -122,18 +122,25 @@ def _half_plane(curve: Curve) -> Polygon:
 
 
 def _meshes(surface: Surface) -> Callable[[float], Facets]:
-    """Return what makes meshes: the sphere's are `solids.icosphere`, which are stretched to ellipsoids."""
+    """Return what makes meshes, see `triangulated`."""
 
     def made(finer: float) -> Facets:
-        if surface.kind == "torus":
-            major, minor = surface.reals
-            mesh = Mesh(surface.name, *_torus(major, minor, finer))
-        else:
-            points, rows = solids.icosphere(min(math.ceil(math.log2(finer)) + 1, 8), 1.0)
-            mesh = Mesh(surface.name, points * np.array(surface.reals), rows)
+        mesh = Mesh(surface.name, *triangulated(surface, finer))
         return Facets(mesh, _apart(mesh, surface))
 
     return made
+
+
+def triangulated(surface: Surface, finer: float) -> Triangles:
+    """Return triangles with their corners on a surface: 80 on a sphere, 240 or so on a torus, and `finer`^2 times that.
+
+    A sphere's are `solids.icosphere`, which are stretched to ellipsoids; they are finer by powers of two only.
+    """
+    if surface.kind == "torus":
+        major, minor = surface.reals
+        return _torus(major, minor, finer)
+    points, rows = solids.icosphere(min(math.ceil(math.log2(finer)) + 1, 8), 1.0)
+    return points * np.array(surface.reals), rows
 
 
 def _torus(major: float, minor: float, finer: float) -> Triangles:

@@ -40,6 +40,10 @@ class Motion:
         """Return moved points (n, N), m, where they were."""
         return np.asarray(((points - self.shift) / self.scale) @ self.matrix)
 
+    def turned(self, vectors: Array) -> Array:
+        """Return vectors (n, N) or (N,) in the axes of the moved scene."""
+        return np.asarray(vectors @ self.matrix.T)
+
     def turned_back(self, vectors: Array) -> Array:
         """Return vectors (n, N) of the moved scene in the axes of the scene before."""
         return np.asarray(vectors @ self.matrix)

@@ -25,7 +25,7 @@ from hapticeval.phenomena.surface_motion import decay_rate
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
-from hapticeval.types import Array, BoolArray
+from hapticeval.types import Array, BoolArray, IntArray
 
 SPEEDS = (0.5, 0.75)
 """The experiment is run at these shares of its speed too, so that the error's growth with v^2 can be seen."""
@@ -46,7 +46,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     slower = SPEEDS if runs.at_speed is not None else ()
     everything = [base, *(runs.at_speed(factor) for factor in slower if runs.at_speed is not None)]
     terms = [_terms(recording, scene) for recording in everything]
-    errors, pushes, costs, rings, sizes = zip(*terms, strict=True)
+    ticks, errors, pushes, costs, rings, sizes = zip(*terms, strict=True)
     cost = np.concatenate(costs)
     if cost.size < 8:
         return undecided("the tool hardly touches the surface")
@@ -55,8 +55,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return Finding(Outcome.NOT_APPLICABLE, "the tool does not slide over a curved surface")
     share, deviation = _share(np.concatenate(errors), np.concatenate(pushes), cost, block_diag(*rings))
     bound = HOLD_TICKS * max(sizes) * base.dt
-    contact = np.flatnonzero(touching(base, scene))
-    tick = int(contact[np.argmax(np.abs(costs[0]))]) if contact.size else 0
+    tick = int(ticks[0][np.argmax(np.abs(costs[0]))]) if ticks[0].size else int(np.argmax(touching(base, scene)))
     evidence: dict[str, object] = {
         **evidence_at(base, tick),
         "centripetal_error_m": share * largest,
@@ -97,8 +96,9 @@ def _loose(recording: Recording, scene: Scene) -> int | None:
     return int(np.argmax(np.where(free, distance, 0.0))) if np.mean(free) > TELLS else None
 
 
-def _terms(recording: Recording, scene: Scene) -> tuple[Array, Array, Array, Array, float]:
-    """Per sample in contact, once under way: surface error, the operator's share of it, the centripetal cost (all m).
+def _terms(recording: Recording, scene: Scene) -> tuple[IntArray, Array, Array, Array, Array, float]:
+    """Per sample in contact, once under way: its tick, and surface error, the operator's share of it, the centripetal
+    cost (all m).
 
     The cost is what a spring pays when it alone supplies (3.8): kappa v_t^2 m / K_p, outwards, as the assigned dynamics
     answer to it. Then how a spring without damper rings, see `_ringing`, and the largest |kappa| v_t, rad/s, the rate
@@ -111,13 +111,27 @@ def _terms(recording: Recording, scene: Scene) -> tuple[Array, Array, Array, Arr
         push = np.sum(recording.channels["operator_force"] * frame.normal, axis=1)
     cost, share = (_answer(force, recording, scene) for force in (speed2 * scene.mass, push))
     bearing = touching(recording, scene)
+    judged = bearing
     if not scene.bilateral:
-        bearing &= above_force_floor(
-            recording, scene
-        )  # inside and without force, as after a touch, nothing bends the path
-    judged = bearing & _under_way(recording, scene, bearing)
+        # Inside and without force, as after a touch, nothing bends the path.
+        bearing = bearing & above_force_floor(recording, scene)
+        judged = bearing & ~_struck(bearing)
+    judged = judged & _under_way(recording, scene, bearing)
     fastest = float(np.max(turning[judged], initial=0.0))
-    return frame.distance[judged], share[judged], cost[judged], _ringing(recording.time[judged], scene), fastest
+    rings = _ringing(recording.time[judged], scene)
+    return np.flatnonzero(judged), frame.distance[judged], share[judged], cost[judged], rings, fastest
+
+
+def _struck(bearing: BoolArray) -> BoolArray:
+    """Where a force that was not there begins, (n,), and as many ticks after that as an answer may lag.
+
+    A tool that is struck flies at that sample yet: how far it is off the surface is a way that it has still to go.
+    """
+    struck = np.zeros_like(bearing)
+    begins = np.flatnonzero(bearing[1:] & ~bearing[:-1]) + 1
+    for tick in begins.tolist():
+        struck[tick : tick + LAG_TICKS + 1] = True
+    return struck
 
 
 def _ringing(time: Array, scene: Scene) -> Array:
@@ -235,7 +249,8 @@ CHECK = Check(
     unit="",
     bound=(
         "Cost and push count as the assigned dynamics answer to them, from when the start has died out to a "
-        "hundredth, and while the surface bears a force; what rings at sqrt(K_p / m), as a spring without damper "
+        "hundredth, and while the surface bears a force, on one that only pushes without the first of it and the three "
+        "ticks after, when a tool that is struck flies yet; what rings at sqrt(K_p / m), as a spring without damper "
         "does, is neither's. 1.5 kappa v T: while a force is held for a tick T the normal turns by kappa v T, half of "
         "it on average, and one tick more may pass between sample and force. The verdict "
         "is inconclusive within two standard errors of the bound. On a bilateral constraint the force at the start, "

@@ -30,17 +30,17 @@ class Closer(Protocol):
 class Runs:
     """The recording that is judged, and the ways to get its siblings where the runner can make them.
 
-    `refine(k)` runs the same stimulus at k times the sampling rate; `reverse()` leads the hand backwards along the same
-    points; `at_speed(f)` starts the experiment f times as fast; `again()` runs it once more through the same renderer,
-    which is reset in between; `look` is `base` with a way to refine a part of it; `without(kind)` leads the hand along
-    the same path through the renderer made for the scene without the effect of that kind; `moved(motion, nudge)` is the
-    path, off by `nudge` (m), in the scene moved, as it looks when it is moved back, or None where the model cannot be
-    moved so or the renderer refuses it there; `reordered()` is the path in the scene with the model's vertices in
-    another order, or None likewise; `subdivided()` leads the hand from each HIP to the next in two steps of half the
-    time, and returns both rows a step; `in_turns()` is the path through a renderer that takes turns with another of the
-    same factory, on a model of half the size, led backwards. Each is None where it cannot be had: a recorded hardware
-    run has no siblings. `law` names the closed form (`hapticeval.closed_forms`) that the case gives for this renderer,
-    if it does. Raises `InputError` for a recording with rows that are not valid.
+    `refine(k)` runs the same stimulus at k times the sampling rate; `reverse()` leads the hand backwards along the
+    same points; `at_speed(f)` starts the experiment f times as fast; `again()` runs it once more through the same
+    renderer, which is reset in between; `look` is `base` with a way to refine a part of it; `without(kind)` leads the
+    hand along the same path through the renderer made for the scene without the effect of that kind; `moved(motion,
+    nudge)` is the stimulus, off by `nudge` (m), in the scene moved, as it looks when it is moved back, or None where
+    the model cannot be moved so or the renderer refuses it there; `reordered()` is the path in the scene with the
+    model's vertices in another order, or None likewise; `subdivided()` leads the hand from each HIP to the next in two
+    steps of half the time, and returns both rows a step; `in_turns()` is the path through a renderer that takes turns
+    with another of the same factory, on a model of half the size, led backwards. Each is None where it cannot be had:
+    a recorded hardware run has no siblings. `law` names the closed form (`hapticeval.closed_forms`) that the case
+    gives for this renderer, if it does. Raises `InputError` for a recording with rows that are not valid.
     """
 
     base: Recording
@@ -135,8 +135,8 @@ class Check:
     check's `unit`, or one of its own.
 
     `needs_loop` marks a check of how hand and force act on each other: a hand led along a recorded path does not show
-    it, so that an undecided verdict stops no gate. `holds` marks what Problem 7.1 asks of a closed loop on a bilateral
-    constraint: of a recording in another scene it is not asked unless a case names it.
+    it, so that an undecided verdict stops no gate. `holds` marks what is asked of a closed loop that is set up for
+    it, as Problem 7.1 does of one on a bilateral constraint: of other runs it is not asked unless a case names it.
     """
 
     id: str

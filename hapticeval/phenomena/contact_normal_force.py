@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -42,18 +43,22 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if "ihip" not in base.channels:
         return _without_ihip(base, scene, strong)
     declared, near = resolution(base, scene), _reach(base, scene)[strong]
-    deviation = _deviation(base, scene, strong, near + declared)
+    off = scene.model.boundary.normal_cone(base.ihip[strong], near + declared)
+    deviation = _deviation(base, scene, strong, off)
     allowed = _rounding(base, scene, strong)
     worst = int(np.argmax(deviation - allowed))
     angle, bound = math.degrees(float(deviation[worst])), math.degrees(float(allowed[worst]))
     tick = int(strong[worst])
-    evidence: dict[str, object] = {**evidence_at(base, tick), "samples": int(strong.size), **_error_angle(base, scene)}
+    leans = _error_angle(base, strong, off)
+    evidence: dict[str, object] = {**evidence_at(base, tick), "samples": int(strong.size), **leans}
     metric = Metric("angle of the force outside the true normals", angle, "deg")
     where = f"every true normal near the IHIP at t = {base.time[tick]:.4g} s"
     if angle > bound:
         return Finding(Outcome.FAIL, f"the force points {angle:.3g} degrees off {where}", metric, bound, evidence)
     granted = ""
-    bare = _deviation(base, scene, strong, near) if declared > 0.0 else deviation
+    bare = deviation
+    if declared > 0.0:
+        bare = _deviation(base, scene, strong, scene.model.boundary.normal_cone(base.ihip[strong], near))
     most = int(np.argmax(bare - allowed))
     if bare[most] > allowed[most]:
         leaning = math.degrees(float(bare[most]))
@@ -103,14 +108,13 @@ def _without_ihip(recording: Recording, scene: Scene, strong: IntArray) -> Findi
     return replace(finding, outcome=Outcome.INCONCLUSIVE, message=message, evidence=evidence)
 
 
-def _error_angle(recording: Recording, scene: Scene) -> dict[str, float]:
+def _error_angle(recording: Recording, strong: IntArray, off: Callable[[Array], Array]) -> dict[str, float]:
     """How far the error vector leans from the normal, degrees: what section 5.1 asks to vanish at shallow depth."""
-    error = recording.ihip - recording.hip
-    pressed = np.flatnonzero(above_force_floor(recording, scene) & np.any(error != 0.0, axis=1))
-    if pressed.size == 0:
+    error = (recording.ihip - recording.hip)[strong]
+    deep = np.any(error != 0.0, axis=1)
+    if not deep.any():
         return {}
-    reach = _reach(recording, scene)[pressed] + resolution(recording, scene)
-    angles = np.degrees(scene.model.boundary.normal_cone(recording.ihip[pressed], reach)(error[pressed]))
+    angles = np.degrees(off(error)[deep])
     return {
         "error_vector_angle_median_deg": float(np.median(angles)),
         "error_vector_angle_95_deg": float(np.percentile(angles, 95)),
@@ -131,13 +135,12 @@ def _reach(recording: Recording, scene: Scene) -> Array:
     return np.asarray(LAG_TICKS * around + standoff(recording, scene) + rounding(scene))
 
 
-def _deviation(recording: Recording, scene: Scene, strong: IntArray, reach: Array) -> Array:
-    """Angle (rad) of each force above the floor outside the true normals within its `reach`, m, of its IHIP.
+def _deviation(recording: Recording, scene: Scene, strong: IntArray, off: Callable[[Array], Array]) -> Array:
+    """Angle (rad) of each force above the floor outside the true normals around its IHIP, from which `off` measures.
 
     A force that is a spring from a late IHIP to the present HIP is tilted by the HIP's travel since; so the spring to
     each of the last three HIPs is looked at too, and the best of them counts.
     """
-    off = scene.model.boundary.normal_cone(recording.ihip[strong], reach)
     force = recording.force[strong]
     depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[strong]
     strength = np.linalg.norm(force, axis=1)

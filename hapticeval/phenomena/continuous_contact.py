@@ -76,7 +76,13 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     distance, tick = off_surface(base, scene)
     allowed = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene) + rounding(scene)
     if distance <= allowed:
-        return finding
+        gone = lets_go(base, slice(0, None), allowed, scene)
+        if finding.outcome is Outcome.FAIL or gone is None:
+            return finding
+        lost = f"inside the model without contact at t = {base.time[gone]:.4g} s, which contact-kept judges"
+        return replace(
+            finding, message=f"{finding.message}; {lost}", evidence={**finding.evidence, "let_go_tick": gone}
+        )
     message = f"the IHIP in contact lies {mm(distance)} off the surface at t = {base.time[tick]:.4g} s"
     if finding.outcome is Outcome.FAIL:
         evidence = {**finding.evidence, "off_surface_m": distance}
@@ -112,7 +118,8 @@ def _pops(base: Recording, jump: float, where: str, evidence: dict[str, object])
 
 def _continuous(base: Recording, scene: Scene, jump: float) -> str:
     step = hip_step(base, scene)
-    return f"continuous: the largest IHIP step is {jump / step if step else 0.0:.3g} times the largest HIP step"
+    times = jump / step if step else 0.0
+    return f"continuous while in contact: the largest IHIP step is {times:.3g} times the largest HIP step"
 
 
 def _judge_refined(base: Recording, refine: Callable[[int], Recording], scene: Scene, tick: int) -> Finding:
@@ -147,7 +154,9 @@ def _judge_refined(base: Recording, refine: Callable[[int], Recording], scene: S
     if slope < STAYS and left > bound - off:
         message = f"a jump of {where} stays, within the declared standoff of {mm(off)}"
     elif jumps[-1] > bound:
-        message = f"continuous but steep: refinement takes the largest IHIP step down to {mm(jumps[-1])}"
+        message = (
+            f"continuous while in contact, but steep: refinement takes the largest IHIP step down to {mm(jumps[-1])}"
+        )
     else:
         message = _continuous(base, scene, jumps[0])
     return Finding(Outcome.PASS, message, metric, bound, evidence)
@@ -167,7 +176,7 @@ def _fault_of_sibling(base: Recording, fine: Recording, factor: int, tick: int, 
     if apart.max() > allowed:
         return None
     jump = _step_to(base, tick)
-    if jump > allowed and lets_go(fine, rows, allowed, scene):
+    if jump > allowed and lets_go(fine, rows, allowed, scene) is not None:
         there = "it lets go there"
     elif factor * largest_jump(fine, scene)[0] < jump - allowed:
         there = "it does not"
@@ -188,7 +197,10 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
         steps = contact_steps(base, scene)
         jump, tick = largest_jump(base, scene)
         if jump > bound:
-            message = f"continuous but steep: the IHIP moves {mm(jump)} in one step, and finer steps shrink it"
+            moved = mm(jump)
+            message = (
+                f"continuous while in contact, but steep: the IHIP moves {moved} in one step; finer ones shrink it"
+            )
         elif jump > bound - off:
             message = f"a step of {mm(jump)} is within the declared standoff of {mm(off)}"
         else:
@@ -283,7 +295,9 @@ def _judge_fixed(base: Recording, scene: Scene, jump: float, tick: int) -> Findi
     metric = Metric("largest IHIP jump", jump, "m")
     moved, note = mm(jump), "judged on one sampling only, which is the weaker test"
     if jump <= bound:
-        return Finding(Outcome.PASS, f"no jump beyond the HIP's own steps; {note}", metric, bound, evidence)
+        return Finding(
+            Outcome.PASS, f"no jump beyond the HIP's own steps while in contact; {note}", metric, bound, evidence
+        )
     if on_axis:
         message = f"the IHIP moves {moved} in one step near the medial axis; {note}"
         return undecided(message, metric, bound, evidence)
@@ -321,12 +335,14 @@ CHECK = Check(
         "where the longer ones went: a jump that finer sampling does not have, or that it lets go at, depends on the "
         "sampling rate, and fails. Where steps stay above the bound, the exponent decides by which they shrink with "
         "the HIP's: 0 for a jump, 1 for a Lipschitz map, alpha / 180 degrees for a conformal map at a tip of alpha. "
-        "From 1/6 on it is continuous; below, steep, which decides nothing. What becomes smooth only below what "
-        "coordinates in single precision resolve, and what moves while the hand rests, is a jump; it has to show at 2 "
-        "and 4 times the rate too. One of up to 1.5 of the renderer's declared edges or cells is a mini pop-through "
+        "From 1/6 on it is continuous; below, steep, which decides nothing, unless it becomes smooth: over less HIP "
+        "travel than coordinates in single precision resolve that is a jump, over more it is continuous. What moves "
+        "while the hand rests is a jump. A jump has to show at 2 and 4 times the rate too. One of up to 1.5 of the "
+        "renderer's declared edges or cells is a mini pop-through "
         "(4.1.2), a longer one a major. A run without places to look at, in closed loop, is refined as a whole: bound "
         "3 HIP steps of the finest run + standoff, a slope of log2 J below 0.15 for a jump, and above it the limit of "
-        "J, if its fall is no power law (Aitken). One recording alone is the weaker test: with the bound widened by "
+        "J, if its fall is no power law (Aitken). Steps that leave the contact are none: whether the tool is let go is "
+        "contact-kept's question. One recording alone is the weaker test: with the bound widened by "
         "what projecting on a convex surface stretches, a longer step is a jump where leaving samples out around it "
         "leaves it as it is, else undecided."
     ),

@@ -9,7 +9,7 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.crossings import Crossing, angle_between, find_crossings
+from hapticeval.phenomena.crossings import NEAR, Crossing, angle_between, find_crossings
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     NO_IHIP,
@@ -27,9 +27,6 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import BoolArray, IntArray
 
-NEAR = 0.05
-"""Share of the corner's turn within which a direction counts as a face's: far above rounding, far below a switch."""
-
 HELD = 0.5
 """Share of the usual force on the first face below which the force is not kept any more."""
 
@@ -42,25 +39,28 @@ def judge_broken_contact(runs: Runs, scene: Scene) -> Finding:
         return Finding(Outcome.NOT_APPLICABLE, "the hand is not led along a face past a convex corner into free space")
     strong = above_force_floor(base, scene)
     findings = [_broken(base, scene, crossing, strong) for crossing in crossings]
-    return worst([finding for finding in findings if finding is not None]) or undecided(
-        "no force is felt under a face before its convex corner"
-    )
+    judged = worst([finding for finding in findings if finding is not None])
+    if judged is None and all(strong[crossing.first : crossing.crossed].any() for crossing in crossings):
+        message = "the tool is on another face while the hand goes under one past its convex corner"
+        return Finding(Outcome.NOT_APPLICABLE, message)
+    return judged or undecided("no force is felt under a face before its convex corner")
 
 
 def _broken(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray) -> Finding | None:
-    """Judge one convex corner; None where no force is felt before it along the face that the hand is under."""
+    """Judge one convex corner; None where the tool does not press before it on the face that the hand is under."""
     along, under = crossing.along, crossing.under
     crossed, end = crossing.crossed, crossing.end
     first_face = strong & (angle_between(base.force, crossing.normal_pre) <= NEAR * crossing.turn)
-    pressed = np.flatnonzero(strong[crossing.first : crossed])
+    # A tool that another part of the solid bars from the hand, or a late one, comes to this face when it does.
+    pressed = np.flatnonzero((strong & crossing.tool)[crossing.first : crossed])
     if pressed.size == 0:
         return None
     # A tool that is struck is given its impulse at once, and what it presses with from then on may begin at nothing.
     settled = pressed[pressed > pressed[0] + LAG_TICKS]
     first = crossing.first + int((settled if settled.size else pressed)[0])
     strength = np.linalg.norm(base.force, axis=1)
-    usual = float(np.median(strength[first:crossed]))
-    kept = first_face[first:crossed]
+    usual = float(np.median(strength[first:crossed][crossing.tool[first:crossed]]))
+    kept = (first_face & crossing.tool)[first:crossed]
     # A spring's force goes with the depth, and a rigid contact's with what the hand does: only at one depth is it held.
     depth = float(np.median(under[first:crossed]))
     if depth > rounding(scene) and np.ptp(under[first:crossed]) <= 0.5 * HELD * depth:
@@ -74,6 +74,17 @@ def _broken(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray
     late = float(np.max(along[crossed:end], where=wrong, initial=0.0))
     too_early = early >= late
     tick = int(early_ticks[0]) if too_early and early_ticks.size else min(crossed + gone, len(base) - 1)
+    fails = f"a force remains up to {mm(late)} past the corner"
+    if too_early:
+        before = f"{mm(early)} before the corner"
+        if not strong[tick]:
+            fails = f"the force is lost {before}"
+        elif not crossing.tool[tick]:
+            fails = f"the force leaves n_pre {before}: another face pushes"
+        elif not first_face[tick]:
+            fails = f"the force leaves n_pre {before}"
+        else:
+            fails = f"the force falls below half of the usual {before}"
     return compared(
         Metric(BROKEN_CONTACT.metric, max(early, late), "m"),
         position_tolerance(base, scene),
@@ -86,9 +97,7 @@ def _broken(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray
             "force_pre_N": usual,
         },
         passes=f"the force keeps n_pre to the corner and is zero {gone} tick(s) after it",
-        fails=f"the force is lost, or leaves n_pre, {mm(early)} before the corner"
-        if too_early
-        else f"a force remains up to {mm(late)} past the corner",
+        fails=fails,
     )
 
 
@@ -182,7 +191,8 @@ BROKEN_CONTACT = Check(
         "cannot know the corner better than its own surface does. A force within 5 per cent of the corner's turn, and "
         "where the hand keeps to a depth of at least half the usual size on the first face, counts as kept; past the "
         "corner every force counts until the first zero, and every one along n_pre thereafter. The first three ticks "
-        "after a touch are that of a strike. Asked of each way under one face past a corner and out of the model; "
+        "after a touch are that of a strike. It counts from where the tool is on that face: its IHIP, or without one "
+        "its force, is that face's. Asked of each way under one face past a corner and out of the model; "
         "without one it is not applicable. On a solid the distance is square to the edge over which a rigid tool that "
         "follows the hand leaves the face; over a vertex, to the edge that the hand's foot passes."
     ),

@@ -7,15 +7,22 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import shapely
 
 from hapticeval.geometry.boundary import Boundary, Corner
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import EDGE, FACE, PSEUDO, VERTEX
 from hapticeval.geometry.mesh_tool import FREE
-from hapticeval.phenomena.sampling import LAG_TICKS, hip_steps, rounding
+from hapticeval.phenomena.sampling import LAG_TICKS, hip_steps, lacks_ihip, position_tolerance, resolution, rounding
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
+
+NEAR = 0.05
+"""Share of the corner's turn within which a direction counts as a face's: far above rounding, far below a switch."""
+
+SAMPLES = 1025
+"""Points on a face in the plane, as long as it may be: a chord of one that bends misses it by kappa ds^2 / 8."""
 
 RESTS = -2
 """In place of a face: the rigid tool rests on an edge or in a corner."""
@@ -30,6 +37,8 @@ class Crossing:
     tick `crossed` on, and up to, not including, `end` it does nothing else. `along` (n,), m: at each tick of the
     recording how far it is past the corner, square to it, along the first face; `under` (n,), m, how deep under that
     face. `steps` (n - 1,), m: its ways from tick to tick, without what leads a tool that rests on an edge along it.
+    `tool` (n,): in the plane, where the tool is on the first face by the IHIP, or by the force where that is all
+    there is; on a solid, where the rigid tool that follows the hand is, whatever the renderer's does.
     """
 
     place: Array
@@ -42,6 +51,7 @@ class Crossing:
     along: Array
     under: Array
     steps: Array
+    tool: BoolArray
 
 
 def find_crossings(recording: Recording, scene: Scene, *, convex: bool) -> list[Crossing]:
@@ -60,7 +70,7 @@ def find_crossings(recording: Recording, scene: Scene, *, convex: bool) -> list[
         crossing
         for corner in boundary.corners
         if corner.convex == convex
-        for crossing in _past_corner(recording, boundary, corner, rounding(scene))
+        for crossing in _past_corner(recording, scene, corner)
     ]
 
 
@@ -78,8 +88,9 @@ def angle_between(vectors: Array, direction: Array) -> Array:
     return np.asarray(np.arctan2(np.linalg.norm(vectors - along[:, np.newaxis] * direction, axis=1), along))
 
 
-def _past_corner(recording: Recording, boundary: Boundary, corner: Corner, slack: float) -> Iterator[Crossing]:
+def _past_corner(recording: Recording, scene: Scene, corner: Corner) -> Iterator[Crossing]:
     """Yield the crossings of a corner in the plane, either way."""
+    boundary, slack = scene.model.boundary, rounding(scene)
     from_corner = recording.hip - corner.position
     near = np.linalg.norm(from_corner, axis=1) <= 0.5 * _to_next(boundary, corner)
     if not near.any():
@@ -107,7 +118,27 @@ def _past_corner(recording: Recording, boundary: Boundary, corner: Corner, slack
                 continue
             if _comes_from_outside(recording, boundary, first, under, pre, slack):
                 turn, steps = abs(corner.turn), hip_steps(recording)
-                yield Crossing(corner.position, pre, post, turn, first, crossed, end, along, under, steps)
+                tool = _on_face(recording, scene, corner, way)
+                yield Crossing(corner.position, pre, post, turn, first, crossed, end, along, under, steps, tool)
+
+
+def _on_face(recording: Recording, scene: Scene, corner: Corner, way: float) -> BoolArray:
+    """Return where the IHIP is nearest to the face before a corner, to what a contact point can be placed; (n,).
+
+    Without an IHIP, where the force is along that face's normal.
+    """
+    if "ihip" not in recording.channels or lacks_ihip(recording, scene):
+        normal = corner.normal_pre if way > 0.0 else corner.normal_post
+        return np.asarray(angle_between(recording.force, normal) <= NEAR * abs(corner.turn))
+    boundary, within = scene.model.boundary, position_tolerance(recording, scene) + resolution(recording, scene)
+    behind = [way * (corner.s - other.s) for other in boundary.corners if other is not corner]
+    if boundary.closed:
+        behind = [length % boundary.girth for length in behind]
+    longest = min((length for length in behind if length > 0.0), default=boundary.girth)
+    face = boundary.walk(corner.position, -way * np.linspace(0.0, longest, SAMPLES)).foot
+    line = shapely.simplify(shapely.LineString(face), 1e-3 * within)
+    feet = boundary.closest_point(recording.ihip).foot
+    return np.asarray(shapely.distance(shapely.points(feet), line) <= within)
 
 
 def _run(flags: BoolArray) -> int:
@@ -151,7 +182,7 @@ def _past_edges(recording: Recording, mesh: Mesh, slack: float) -> Iterator[Cros
         end = crossed + _run(free[crossed:end])
         if end - crossed > LAG_TICKS:
             turn = float(angle_between(post[np.newaxis], pre)[0])
-            yield Crossing(place, pre, post, turn, first, crossed, end, along, under, steps)
+            yield Crossing(place, pre, post, turn, first, crossed, end, along, under, steps, faces == face)
 
 
 def _into_edges(recording: Recording, mesh: Mesh, slack: float) -> Iterator[Crossing]:
@@ -176,7 +207,8 @@ def _into_edges(recording: Recording, mesh: Mesh, slack: float) -> Iterator[Cros
             turn = float(angle_between(post[np.newaxis], pre)[0])
             under = (tools[first] - recording.hip) @ pre
             along = np.zeros(len(recording))  # of what is left at an edge, which this is not asked for
-            yield Crossing(tools[crossed], pre, post, turn, first, crossed, end, along, under, steps)
+            tool = faces == face
+            yield Crossing(tools[crossed], pre, post, turn, first, crossed, end, along, under, steps, tool)
 
 
 def _followed(recording: Recording, mesh: Mesh) -> tuple[IntArray, IntArray, Array]:

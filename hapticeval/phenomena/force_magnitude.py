@@ -95,9 +95,13 @@ def _measure(base: Recording, scene: Scene, spring: Spring) -> Measured:
         errors += [base.hip[hip] - base.ihip[ihip] for hip, ihip in ((before, now), (before, before), (now, after))]
     shares = np.array([_share(force, each, scene.stiffness, spring) for each in errors])
     along, depth = _along(force, errors[0], spring)
-    # A spring that gives nothing has no direction of its own: what it should have given is along the error.
+    # A spring that gives nothing has no direction of its own: what it should have given is along the error. One across
+    # the surface has nothing to give above the tangent, as beside a neck with the IHIP on its other side.
     granted = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene)
     idle = ~above_force_floor(base, scene)[now] & (np.linalg.norm(errors[0], axis=1) > granted)
+    if spring is Spring.NORMAL and idle.any():
+        normal = scene.model.boundary.closest_point(base.ihip[now[idle]]).normal
+        idle[idle] = np.sum(normal * errors[0][idle], axis=1) < -granted
     shares[:, idle] = [_share(force[idle], each[idle], scene.stiffness, Spring.ERROR) for each in errors]
     along[idle], depth[idle] = _along(force[idle], errors[0][idle], Spring.ERROR)
     velocity = _velocity(base)
@@ -137,12 +141,15 @@ def _share(force: Array, error: Array, stiffness: float, spring: Spring) -> Arra
 def _bending(base: Recording, scene: Scene, velocity: Array, ticks: IntArray) -> Array:
     """Return |kappa| v^2 of the way along the surface (3.8), (n,), m/s^2: by which a law that knows it may differ.
 
-    With v the speed of the hand or of the IHIP, whichever is larger.
+    With v the speed of the hand, or of the IHIP since the tick before or to the next, whichever is largest: where the
+    curvature jumps, so does the IHIP's speed.
     """
     shape = scene.model.boundary.closest_point(base.ihip[ticks]).shape
     largest = np.max(np.abs(np.linalg.eigvalsh(shape)), axis=1)
     sliding = backward_difference(base.ihip, base.time)
-    speed = np.maximum(*(np.linalg.norm(each[ticks], axis=1) for each in (velocity, sliding)))
+    after = np.minimum(ticks + 1, len(base) - 1)
+    speeds = (np.linalg.norm(each, axis=1) for each in (velocity[ticks], sliding[ticks], sliding[after]))
+    speed = np.max([*speeds], axis=0)
     return np.asarray(largest * speed**2)
 
 

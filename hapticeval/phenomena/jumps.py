@@ -94,13 +94,14 @@ def largest_jump(recording: Recording, scene: Scene) -> tuple[float, int]:
     return float(steps[tick]), tick
 
 
-def lets_go(recording: Recording, rows: slice, depth: float, scene: Scene) -> bool:
-    """Whether contact is lost among some rows, after it was had there, while the HIP is more than `depth` m inside."""
+def lets_go(recording: Recording, rows: slice, depth: float, scene: Scene) -> int | None:
+    """Return the first tick of some rows, after contact was had there, without it and the HIP over `depth` m inside."""
     contact = touching(recording, scene)[rows]
     lost = np.flatnonzero(np.logical_or.accumulate(contact) & ~contact)
     if lost.size == 0:
-        return False
-    return bool(np.any(scene.model.boundary.signed_distance(recording.hip[rows][lost]) < -depth))
+        return None
+    inside = lost[scene.model.boundary.signed_distance(recording.hip[rows][lost]) < -depth]
+    return (rows.start or 0) + int(inside[0]) if inside.size else None
 
 
 def aitken(coarse: float, middle: float, fine: float) -> float:
@@ -245,7 +246,7 @@ def _comes_along(
     factor = (len(fine) - 1 - LAG_TICKS) // (last - begin)
     hip_step = float(np.max(np.linalg.norm(np.diff(coarse.hip[begin : last + 1], axis=0), axis=1)))
     allowed = LAG_TICKS * hip_step + standoff
-    if touching(coarse, scene)[begin : last + 1].all() and lets_go(fine, slice(None), allowed, scene):
+    if touching(coarse, scene)[begin : last + 1].all() and lets_go(fine, slice(None), allowed, scene) is not None:
         return False
     contact = touching(fine, scene)
     lengths = contact_steps(fine, scene)
@@ -287,9 +288,10 @@ def _judge(scales: tuple[Scale, ...], tick: int, bound: float, rounding: float) 
     """A jump, a steep map, or None for a continuous one, by how the spread falls from scale to scale.
 
     A Hoelder map of exponent a has a spread c h^a at any scale, down to what single precision resolves and below. A
-    jump keeps its spread below, or tends to a limit above the bound: spread = limit + c r^k (Aitken). Or it is rounded:
-    it shrinks less than any continuous map of those, and only below becomes smooth, too late for coordinates to tell.
-    A scale below at which the IHIP does not follow the hand shows the steps of rounding, which every map has.
+    jump keeps its spread below, or tends to a limit above the bound: spread = limit + c r^k (Aitken). What shrinks less
+    than any such map, and becomes smooth only below, is a rounded jump where it rises over less HIP travel than
+    coordinates resolve; where it takes more, it is steep and continuous. A scale below at which the IHIP does not
+    follow the hand shows the steps of rounding, which every map has.
     """
     last = scales[-1]
     finest = max((k for k, scale in enumerate(scales) if scale.hip_step >= rounding), default=0)
@@ -299,7 +301,8 @@ def _judge(scales: tuple[Scale, ...], tick: int, bound: float, rounding: float) 
         return Seen(Left.STAYS, tick, last.jump, slope, scales)
     below = [scale for scale in scales[finest + 1 :] if scale.follows]
     if slope < STEEPEST and below and _exponent(below[-2] if len(below) > 1 else seen, below[-1]) > SMOOTH:
-        return Seen(Left.STAYS, tick, seen.jump, slope, scales)
+        rise = math.inf if below[-1].jump == 0.0 else seen.spread * below[-1].hip_step / below[-1].jump
+        return Seen(Left.STAYS, tick, seen.jump, slope, scales) if rise < rounding else None
     if len(below) == BELOW:
         limit = aitken(seen.spread, below[0].spread, below[1].spread)
         if limit > max(bound, 0.5 * below[1].spread):

@@ -54,7 +54,8 @@ def steepness(runs: Runs, reach: float, scene: Scene) -> Array:
         near = runs.moved(identity, tuple(nudge.tolist()))
         if near is not None:
             steep = np.maximum(steep, answers_apart(runs, near, scene))
-    return steep
+    # In a closed loop the hand is elsewhere from then on.
+    return steep if runs.at_speed is None else np.maximum.accumulate(steep)
 
 
 def _directions(dimension: int) -> Array:

@@ -267,14 +267,18 @@ class Cluster(Generic[T]):
                     "a worker of the cluster cannot make calls", why=f"{type(error).__name__}: {error}"
                 ) from error
             return self._killed(chunk)
-        if future.status in ("cancelled", "lost"):
-            raise self._lost()
         try:
             answers, took = future.result(timeout=FETCH)
         except TimeoutError:  # the worker that had them is gone, and another one makes the calls again
             self._under_way[future] = chunk
             future.add_done_callback(self._done.put)
             return []
+        except KilledWorker:
+            return self._killed(chunk)
+        except CancelledError:  # the scheduler is gone, or has forgotten them with the worker that had them
+            if self._client.status != "running":
+                raise self._lost() from None
+            return self._left(chunk)
         self._took.extend(took)
         self._waiting.extendleft(reversed(chunk.calls[len(answers) :]))
         return list(answers)
@@ -286,6 +290,13 @@ class Cluster(Generic[T]):
         self._suspects += [_Chunk([call], alone=True) for call in chunk.calls]
         return []
 
+    def _left(self, chunk: _Chunk) -> list[Answer[T]]:
+        """Have a chunk sent again that nobody is at any more, unless that was so too often."""
+        if chunk.strikes >= STRIKES:
+            return self._killed(chunk)
+        self._again.append(chunk._replace(strikes=chunk.strikes + 1))
+        return []
+
     def _rescue(self) -> None:
         """Send those chunks again that were left when there was no worker for them: dask does not look for one anew."""
         running = {key for keys in self._client.processing().values() for key in keys}
@@ -293,10 +304,7 @@ class Cluster(Generic[T]):
         for future in left:
             chunk = self._under_way.pop(future)
             future.cancel(force=True)
-            if chunk.strikes < STRIKES:
-                self._again.append(chunk._replace(strikes=chunk.strikes + 1))
-            else:
-                self._rescued += self._killed(chunk)
+            self._rescued += self._left(chunk)
 
     def _look(self) -> None:
         """See which workers there are, and ask new ones what they compute with."""
@@ -311,7 +319,7 @@ class Cluster(Generic[T]):
         elif self._empty_since is None:
             self._empty_since = self._looked
         elif self._looked - self._empty_since > WAIT:
-            raise LostError(f"no worker has been at the scheduler {self._address} for {WAIT:g} s")
+            raise LostError(f"no worker like this machine has been at the scheduler {self._address} for {WAIT:g} s")
 
     def _ask(self, addresses: Sequence[str], threads: Mapping[str, int]) -> None:
         question = _by_value(self._files)

@@ -21,6 +21,8 @@ class RunStarted:
     """Of these, finished in an earlier run that this one resumes: they are not reported again."""
     jobs_of: Mapping[str, int] = field(default_factory=dict)
     """How many jobs of each suite are to be reported."""
+    notes: tuple[str, ...] = ()
+    """What the list of known failures has about renderers that do not run."""
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import shutil
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from hapticeval.errors import InputError
 from hapticeval.files import replacing
@@ -24,6 +24,8 @@ from hapticeval.runner.results import RunKey
 from hapticeval.runner.work import Work, derived_seed, run_job
 from hapticeval.suite.files import files_of
 from hapticeval.workers import TRIES, Answer, Crew, Ended, LostError, Overdue, Workers
+
+T = TypeVar("T")
 
 Carried: TypeAlias = tuple[JobFinished, bytes | None]
 
@@ -59,7 +61,7 @@ def execute(
     `exit_first`. What has finished is kept, also where the scheduler is lost, the results say that they are incomplete
     and why, and `RunFinished` is still the last event.
     """
-    finished = {at: kept[key] for at, job in enumerate(plan.jobs) if (key := _key(job)) in kept} if kept else {}
+    finished = {at: kept[job.key] for at, job in enumerate(plan.jobs) if job.key in kept} if kept else {}
     old = set(finished)
     waiting = iter([(at, job) for at, job in enumerate(plan.jobs) if at not in old])
     added = 0
@@ -71,14 +73,15 @@ def execute(
                 shutil.rmtree(directory / "recordings", ignore_errors=True)
                 outcomes.clear()
             jobs_of = Counter(job.suite for at, job in enumerate(plan.jobs) if at not in old)
-            yield RunStarted(plan.planned, len(plan.jobs), len(old), jobs_of)
+            unplanned = plan.known.unplanned(plan.renderers, [suite.name for suite in plan.suites])
+            yield RunStarted(plan.planned, len(plan.jobs), len(old), jobs_of, unplanned)
             progress = Progress(plan, directory)
             while True:
                 if not interrupts.count and not stopped:
                     try:
                         with nullcontext() if workers else interrupts.raised():
                             for number, job in islice(waiting, crew.free):
-                                crew.begin(number, job, directory, derived_seed(plan.seed, *_key(job)))
+                                crew.begin(number, job, directory, derived_seed(plan.seed, *job.key))
                     except KeyboardInterrupt:
                         yield Interrupted(1, at_once=True)
                         break
@@ -121,22 +124,35 @@ def execute(
         yield RunFinished(results)
 
 
-def _key(job: Job) -> RunKey:
-    return job.suite, job.case.name, job.renderer
-
-
 def _crew(work: Work, workers: int, scheduler: str | None, plan: Plan, timeout: float) -> Crew[Carried]:
     if scheduler is None:
-        return Workers(partial(carry_out_here, work), workers, tries=TRIES)
+        return crew_of(partial(carry_out_here, work), workers)
+    cases = {(job.suite, job.case.name): job.case for job in plan.jobs}
+    files = {path: digest for case in cases.values() for path, digest in files_of(case).items()}
+    return crew_of(partial(carry_out_afar, work), 0, scheduler, timeout=timeout, files=files)
+
+
+def crew_of(
+    function: Callable[..., T],
+    workers: int,
+    scheduler: str | None = None,
+    *,
+    timeout: float = math.inf,
+    files: Mapping[str, str] | None = None,
+) -> Crew[T]:
+    """Return who calls a function: so many processes, or the workers of the dask scheduler at an address.
+
+    See `Cluster` for `timeout` and `files`. Raises `InputError` where dask.distributed is missing.
+    """
+    if scheduler is None:
+        return Workers(function, workers, tries=TRIES)
     try:
         from hapticeval.runner.cluster import Cluster
     except ImportError as error:
         raise InputError(
             f"--scheduler {scheduler} needs dask.distributed", why=str(error), todo="pip install 'hapticeval[cluster]'"
         ) from error
-    cases = {(job.suite, job.case.name): job.case for job in plan.jobs}
-    files = {path: digest for case in cases.values() for path, digest in files_of(case).items()}
-    return Cluster(partial(carry_out_afar, work), scheduler, timeout=timeout, files=files)
+    return Cluster(function, scheduler, timeout=timeout, files=files)
 
 
 def _done(answer: Answer[Carried], job: Job, directory: Path | None, timeout: float) -> JobFinished:
@@ -144,7 +160,7 @@ def _done(answer: Answer[Carried], job: Job, directory: Path | None, timeout: fl
     if isinstance(answer.error, Ended):
         return ended(job, answer.error)
     if isinstance(answer.error, Overdue):
-        return overdue(job, timeout)
+        return overdue(job, timeout, answer.error)
     if answer.error is not None:
         raise answer.error
     assert answer.value is not None

@@ -9,6 +9,8 @@ from typing import Any, cast
 
 import numpy as np
 
+from hapticeval.devices.point_mass import PointMass
+from hapticeval.effects.effect import Stage
 from hapticeval.errors import HapticevalError, RefusalError, described, renderer_errors
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.motion import Motion, scaling
@@ -24,6 +26,7 @@ from hapticeval.simulation.closed_loop import simulate_closed_loop
 from hapticeval.simulation.playback import Closeup, compare_batch, play, play_in_turns
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.suite.case import Case
+from hapticeval.types import Array
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,7 @@ class _RunFactory:
         }
         if isinstance(stimulus, Experiment):
             siblings |= {"at_speed": lambda factor: self.record(stimulus.at_speed(factor), dt), "law": self.law}
+            siblings["moved"] = self.moved
         else:
             back = Path(*stimulus.sampled(dt)).reversed()
             siblings |= {"reverse": lambda: self.record(back, dt), "look": self.closeup(base)}
@@ -82,14 +86,15 @@ class _RunFactory:
         return Runs(base, **siblings).remembered()
 
     def moved(self, motion: Motion, nudge: tuple[float, ...]) -> Recording | None:
-        """Record the path in the moved scene, with the hand off by `nudge`; see `Runs.moved`."""
+        """Record the stimulus in the moved scene, with the hand off by `nudge`; see `Runs.moved`."""
+        if isinstance(self.stimulus, Experiment) and not _moves_alike(self.scene, motion):
+            return None
         if motion not in self._moved:
             self._moved[motion] = self._made_moved(motion)
         scene, renderer = self._moved[motion]
         if renderer is None:
             return None
-        path = self.path()
-        found = self._played(renderer, scene, Path(path.time, motion(path.points + np.array(nudge))))
+        found = self._played(renderer, scene, self._moved_stimulus(motion, np.array(nudge)))
         if found is None:
             return None
         back = {"hip": motion.back(found.hip), "ihip": motion.back(found.ihip)}
@@ -134,14 +139,23 @@ class _RunFactory:
         path = cast("Path", self.stimulus)
         return Path(*path.sampled(self.scene.sampling_time)) if isinstance(self.renderer, Renderer) else path
 
-    def _played(self, renderer: Renderer | TrajectoryRenderer, scene: Scene, path: Path) -> Recording | None:
-        """Return what a renderer answers along a path; None where it refuses."""
+    def _moved_stimulus(self, motion: Motion, nudge: Array) -> Stimulus:
+        if isinstance(self.stimulus, Experiment):
+            return self.stimulus.moved(motion, nudge)
+        path = self.path()
+        return Path(path.time, motion(path.points + nudge))
+
+    def _played(self, renderer: Renderer | TrajectoryRenderer, scene: Scene, stimulus: Stimulus) -> Recording | None:
+        """Return what a renderer answers to a stimulus; None where it refuses, or ends an experiment early."""
         try:
-            found = play(renderer, path, scene.sampling_time, scene=scene)
+            if isinstance(stimulus, Path):
+                found = play(renderer, stimulus, scene.sampling_time, scene=scene)
+            else:
+                found = simulate_closed_loop(renderer, stimulus, scene, scene.sampling_time)
         except RefusalError:
             return None
         self.simulated += len(found) * scene.sampling_time
-        return found
+        return None if "ended" in found.meta else found
 
     def _made_moved(self, motion: Motion) -> tuple[Scene, Renderer | TrajectoryRenderer | None]:
         """Return the scene moved, and the renderer in it; None where there is none."""
@@ -174,6 +188,15 @@ class _RunFactory:
             return None
         compare_batch(self.renderer, base, stiffness=self.scene.stiffness, damping=self.scene.damping)
         return Closeup.of(self.renderer, base, self.scene)
+
+
+def _moves_alike(scene: Scene, motion: Motion) -> bool:
+    """Whether a closed loop in the moved scene is the same loop: of a point mass, at its size, without axes.
+
+    A robot stands where it stands, a force need not grow with the lengths, and what counts or clips does so by axis.
+    """
+    loop = (each for each in scene.effects if each.stage not in (None, Stage.ANSWER))
+    return motion.scale == 1.0 and isinstance(scene.robot, PointMass) and all(each.linear for each in loop)
 
 
 def make_renderer(factory: RendererFactory, scene: Scene) -> Renderer | TrajectoryRenderer:

@@ -9,8 +9,12 @@ verdicts = ["thesis/star-convex-corner/continuous-contact", "thesis/cassinian-de
 
 from __future__ import annotations
 
+import difflib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+import re
+import textwrap
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -18,17 +22,22 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from msgspec import Meta, Struct
 from msgspec.structs import replace
 
+from hapticeval.discovery import known_renderers
 from hapticeval.documents import convert, read_toml
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError, at
 from hapticeval.files import replacing
 from hapticeval.phenomena.verdict import UNSATISFIED, Outcome
 from hapticeval.runner.results import ResultsDocument, VerdictEntry
+from hapticeval.suite.installed import find_suites
 
 if TYPE_CHECKING:
     from hapticeval.suite.suite import Suite
 
 UNEXPLAINED = "not explained yet"
 """How the reason of an entry begins that nobody has written a reason for."""
+
+REASON = 100
+"""Characters of a message that a reason begins with."""
 
 TODO = 'write renderer, reason and verdicts = ["suite/case/check"] as docs/gate.md shows, or have --write-known do it'
 
@@ -77,6 +86,23 @@ class Known:
                 if suite in checks and check not in checks[suite][case]:
                     raise UnknownNameError(f"check of {suite}/{case}", check, checks[suite][case])
 
+    def unplanned(self, renderers: Collection[str], suites: Collection[str]) -> tuple[str, ...]:
+        """Return a sentence for each renderer and suite on the list that is none of these, with what may be meant.
+
+        A list may hold more than runs now, so that this is no error. What is installed is not misspelt.
+        """
+        listed = (
+            ("", renderers, known_renderers(), (name for name, _ in self.entries)),
+            ("suite ", suites, find_suites(), (place.partition("/")[0] for _, place in self.entries)),
+        )
+        return tuple(
+            f"{self.source} lists {kind}'{name}' ({count} verdict{'s' * (count > 1)}), which does not run here"
+            + "".join(f": did you mean {close}?" for close in difflib.get_close_matches(name, planned, n=1))
+            for kind, planned, installed, names in listed
+            for name, count in Counter(names).items()
+            if name not in planned and name not in installed
+        )
+
     def marked(self, verdict: VerdictEntry) -> VerdictEntry:
         """Return the verdict with the reason why it is known, if it is.
 
@@ -113,7 +139,7 @@ class Known:
             worst = max(verdicts, key=lambda each: each.severity)
             entry = KnownEntry(
                 renderer=renderer,
-                reason=f"{UNEXPLAINED}: {worst.message} ({worst.suite}/{worst.case})",
+                reason=f"{UNEXPLAINED}: {_short(worst.message)} ({worst.suite}/{worst.case})",
                 verdicts=tuple(each.place for each in verdicts),
                 outcome=_word(worst),
             )
@@ -122,6 +148,11 @@ class Known:
 
 
 NONE_KNOWN = Known()
+
+
+def _short(message: str) -> str:
+    """Return what a message says first."""
+    return textwrap.shorten(re.split(r"; |\. |, and ", message)[0], REASON, placeholder=" ...")
 
 
 def _word(verdict: VerdictEntry) -> Literal["fail", "inconclusive"]:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import shlex
-import tempfile
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from hapticeval.errors import RefusalError, RendererError
+from hapticeval.errors import RefusalError, RendererError, caught_in
 from hapticeval.files import plain
+from hapticeval.recordings.hdf5 import recording_bytes
 from hapticeval.runner.events import JobFinished
 from hapticeval.runner.judging import Judged, error_verdicts
 from hapticeval.runner.planning import Job
-from hapticeval.runner.results import Ended, Problem, Refusal, Robot, RunEntry, SceneEntry, VerdictEntry
-from hapticeval.runner.work import Work, scene_document
+from hapticeval.runner.results import Ended, Problem, Refusal, Robot, RunEntry, SceneEntry, VerdictEntry, digest_of
+from hapticeval.runner.work import Work, recording_file, scene_document
 from hapticeval.suite.case import Case
-from hapticeval.workers import TRIES
+from hapticeval.workers import TRIES, Overdue
 from hapticeval.workers import Ended as EndedProcess
 
 
@@ -25,11 +28,11 @@ def carry_out_here(work: Work, job: Job, directory: Path | None, seed: int) -> t
 
 def carry_out_afar(work: Work, job: Job, directory: Path | None, seed: int) -> tuple[JobFinished, bytes | None]:
     """Do a job on a machine that may not see the result folder: its recording's file travels along, as bytes."""
-    if directory is None:
-        return carry_out_here(work, job, None, seed)
-    with tempfile.TemporaryDirectory(prefix="hapticeval-") as folder:
-        judged, file = work(job, Path(folder), seed)
-        return outcome_of(job, judged, file), None if file is None else (Path(folder) / file).read_bytes()
+    judged, _ = work(job, None, seed)
+    if directory is None or judged.recording is None:
+        return outcome_of(job, judged, None), None
+    content = recording_bytes(judged.recording)
+    return outcome_of(job, replace(judged, recording=None), recording_file(job)), content
 
 
 def outcome_of(job: Job, judged: Judged, file: Path | None) -> JobFinished:
@@ -56,11 +59,12 @@ def ended(job: Job, how: EndedProcess) -> JobFinished:
     return outcome_of(job, error_verdicts(error, job.renderer, job.suite, job.case), None)
 
 
-def overdue(job: Job, seconds: float) -> JobFinished:
+def overdue(job: Job, seconds: float, how: Overdue) -> JobFinished:
     """Return what is left of a job that took longer than so many seconds and was ended."""
+    place = caught_in(how.stack)
     error = RendererError(
         f"the renderer was ended after {seconds:g} s in this case",
-        why="it hangs, or takes longer than --timeout",
+        why=f"it hangs, or takes longer than --timeout{place and f': it was {place}'}",
         todo=f"give it more time with --timeout, or {_alone(job)}",
     )
     return outcome_of(job, error_verdicts(error, job.renderer, job.suite, job.case), None)
@@ -84,7 +88,7 @@ def run_entry(job: Job, judged: Judged, file: Path | None) -> RunEntry:
         title=case.title,
         shows=case.shows,
         citation=case.citation,
-        model=plain(case.model, "model"),
+        model=_portable(plain(case.model, "model")),
         depth_of=case.depth_of,
         judged=case.judged,
         scene=_scene(case),
@@ -94,6 +98,13 @@ def run_entry(job: Job, judged: Judged, file: Path | None) -> RunEntry:
         refusal=None if judged.refusal is None else Refusal.of(judged.refusal, position=_position(judged.refusal)),
         replay=judged.replay,
     )
+
+
+def _portable(model: Mapping[str, Any]) -> dict[str, Any]:
+    """A model as results name it: of a file its name and a digest of its content, whatever the folder here."""
+    if not isinstance(model.get("file"), str):
+        return dict(model)
+    return {**model, "file": Path(model["file"]).name, "sha256": digest_of(Path(model["file"]))}
 
 
 def _position(refusal: RefusalError) -> list[float] | None:

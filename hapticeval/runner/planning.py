@@ -9,7 +9,7 @@ from hapticeval.discovery import own_renderers, resolve, resolve_installed
 from hapticeval.errors import InputError, NothingSelectedError, at
 from hapticeval.renderer import RendererFactory
 from hapticeval.runner.known import NONE_KNOWN, Known
-from hapticeval.runner.results import ResultsDocument
+from hapticeval.runner.results import ResultsDocument, RunKey
 from hapticeval.runner.sharding import Shard
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suites
@@ -27,6 +27,11 @@ class Job:
     renderer: str
     factory: RendererFactory | None = None
     """What makes the renderer, where its name does not say it."""
+
+    @property
+    def key(self) -> RunKey:
+        """Suite, case and renderer."""
+        return self.suite, self.case.name, self.renderer
 
 
 @dataclass(frozen=True)
@@ -57,7 +62,7 @@ class Plan:
     def failed_first(self, earlier: ResultsDocument) -> Plan:
         """Return the plan with the jobs first that have a verdict in `earlier` results that stops a gate."""
         failed = {verdict.key for verdict in earlier.verdicts if earlier.stops(verdict)}
-        jobs = sorted(self.jobs, key=lambda job: (job.suite, job.case.name, job.renderer) not in failed)
+        jobs = sorted(self.jobs, key=lambda job: job.key not in failed)
         return replace(self, jobs=tuple(jobs))
 
 

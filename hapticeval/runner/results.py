@@ -12,18 +12,24 @@ import platform
 from collections.abc import Iterator
 from dataclasses import asdict
 from functools import cached_property
+from hashlib import sha256
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple, Self
 
 import msgspec
 from msgspec import Meta
 
 from hapticeval.devices.inner_loop import InnerLoop
-from hapticeval.errors import HapticevalError, RefusalError, RendererError
+from hapticeval.errors import HapticevalError, InputError, RefusalError, RendererError, kind_of
 from hapticeval.files import plain, read_json, without_non_finite, write_json
 from hapticeval.phenomena.verdict import UNSATISFIED, Level, Outcome, Verdict
+from hapticeval.quantity import quantity
 from hapticeval.recordings.compare.difference import Difference
+
+if TYPE_CHECKING:
+    from hapticeval.geometry.model import Model
+    from hapticeval.recordings.recording import Recording
 
 FILE = "results.json"
 FORMAT_VERSION: Final = 1
@@ -84,6 +90,11 @@ class Environment(Entry, frozen=True, kw_only=True):
     versions: dict[str, str | None]
 
 
+def digest_of(file: Path) -> str:
+    """Return the SHA-256 of a file's content. Raises `OSError`."""
+    return sha256(file.read_bytes()).hexdigest()
+
+
 class Problem(Entry, frozen=True, kw_only=True):
     """An error that stopped a run, with the exit code that it calls for: 3 where the renderer broke."""
 
@@ -91,6 +102,11 @@ class Problem(Entry, frozen=True, kw_only=True):
     why: str
     todo: str
     exit_code: int = RendererError.exit_code
+
+    @property
+    def kind(self) -> tuple[str, str]:
+        """What errors that have one cause have in common."""
+        return kind_of(self.what), self.why
 
     @classmethod
     def of(cls, error: HapticevalError, **more: Any) -> Self:
@@ -209,8 +225,51 @@ class RunEntry(Entry, frozen=True, kw_only=True):
     @property
     def model_parameters(self) -> dict[str, Any]:
         """The model's parameters by name."""
-        rest = {name: each for name, each in self.model.items() if name != "kind"}
+        rest = {name: each for name, each in self.model.items() if name not in ("kind", "sha256")}
         return dict(rest.get("parameters", rest))
+
+    def made_model(self, recording: Recording | None) -> Model:
+        """Return the model; one of a file, of which an entry has name and digest, from where its `recording` has it.
+
+        Raises `InputError` as `make_model` does, and for a file that is another by now.
+        """
+        from hapticeval.geometry.catalogue import make_model
+        from hapticeval.recordings.provenance import model_of
+
+        given = dict(self.model_parameters)
+        digest = self.model.get("sha256")
+        if digest is not None:
+            there = None if recording is None else model_of(recording)
+            file = Path(str((there or {}).get("file", self.model["file"])))
+            if not file.is_file() or digest_of(file) != digest:
+                raise InputError(f"the model's file {file} is gone, or another by now", todo="run the case again")
+            given["file"] = str(file)
+        return make_model(self.model["kind"], **given)
+
+
+class Breakdown(NamedTuple):
+    """Runs of one renderer that one cause stopped, and the verdicts that it took away: `lost`, which are errors."""
+
+    runs: list[RunEntry]
+    error: Problem
+    lost: list[VerdictEntry]
+
+    @property
+    def words(self) -> str:
+        """Return who broke where, and what that took away."""
+        first = self.runs[0]
+        where = f"{first.suite}/{first.case}" if len(self.runs) == 1 else f"{len(self.runs)} cases"
+        return f"{first.renderer} on {where}: {len(self.lost)} verdict{'s' * (len(self.lost) != 1)} lost"
+
+    @property
+    def checks(self) -> list[str]:
+        """Return the names of the checks that could not judge."""
+        return list(dict.fromkeys(each.check for each in self.lost))
+
+    @property
+    def cases(self) -> list[str]:
+        """Return the cases as suite/case; of several, else nothing, since `words` names the one."""
+        return [f"{run.suite}/{run.case}" for run in self.runs] if len(self.runs) > 1 else []
 
 
 class Measure(Entry, frozen=True, kw_only=True):
@@ -299,12 +358,12 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
 
     @property
     def measured(self) -> str:
-        """Metric and bound in SI units, for instance `IHIP jump = 0.0041 m, bound 0.0001 m`; "" where there is none."""
+        """Metric and bound, lengths in mm, for instance `IHIP jump = 4.1 mm, bound 0.1 mm`; "" where there is none."""
         metric = self.metric
         if metric is None or metric.value is None:
             return ""
-        text = f"{metric.name} = {metric.value:.4g} {metric.unit}".rstrip()
-        return text if self.bound is None else f"{text}, bound {self.bound:.4g} {metric.unit}".rstrip()
+        text = f"{metric.name} = {quantity(metric.value, metric.unit)}"
+        return text if self.bound is None else f"{text}, bound {quantity(self.bound, metric.unit)}"
 
     @property
     def severity(self) -> tuple[bool, float]:
@@ -403,6 +462,26 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
         """Return whether every renderer refused every case: then nothing was judged. A recorded run is no renderer."""
         runs = [run for run in self.runs if not run.is_recorded]
         return bool(runs) and all(run.refusal for run in runs)
+
+    def lost(self, verdict: VerdictEntry) -> bool:
+        """Return whether a verdict is an error because its run broke: `breakdowns` reports all of these at once."""
+        return verdict.outcome is Outcome.ERROR and verdict.key in self._broken
+
+    @cached_property
+    def _broken(self) -> frozenset[RunKey]:
+        return frozenset(run.key for run in self.runs if run.error)
+
+    @cached_property
+    def breakdowns(self) -> list[Breakdown]:
+        """What broke, once for each renderer and cause, in the order of the runs."""
+        found: dict[tuple[str, tuple[str, str]], Breakdown] = {}
+        for run in self.runs:
+            if run.error is not None:
+                key = run.renderer, run.error.kind
+                runs, error, before = found.get(key, Breakdown([], run.error, []))
+                taken = filter(self.lost, self.verdicts_of.get(run.key, []))
+                found[key] = Breakdown([*runs, run], error, [*before, *taken])
+        return list(found.values())
 
     def stops(self, verdict: VerdictEntry) -> bool:
         """Return whether a verdict stops the gate of this run."""

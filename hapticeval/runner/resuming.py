@@ -24,7 +24,7 @@ def finished(plan: Plan, directory: Path) -> dict[RunKey, JobFinished]:
     _refuse_another(plan, document, directory)
     kept = {run.key: JobFinished(run, tuple(document.verdicts_of.get(run.key, ()))) for run in document.runs}
     kept |= {job.run.key: job for job in read_outcomes(directory)}
-    checks = {(job.suite, job.case.name, job.renderer): job.case.checks for job in plan.jobs}
+    checks = {job.key: job.case.checks for job in plan.jobs}
     return {
         key: job
         for key, job in kept.items()

@@ -6,12 +6,22 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
-from typing import TYPE_CHECKING
+from typing import Protocol, TypeVar
 
 from hapticeval.errors import InputError, NothingSelectedError
+from hapticeval.runner.results import RunKey
 
-if TYPE_CHECKING:
-    from hapticeval.runner.planning import Job
+
+class Keyed(Protocol):
+    """A job, which its suite, case and renderer name."""
+
+    @property
+    def key(self) -> RunKey:
+        """Suite, case and renderer."""
+        ...
+
+
+T = TypeVar("T", bound=Keyed)
 
 
 @dataclass(frozen=True, order=True)
@@ -34,7 +44,7 @@ class Shard:
     def __str__(self) -> str:
         return f"{self.number}/{self.count}"
 
-    def of(self, jobs: Sequence[Job]) -> tuple[Job, ...]:
+    def of(self, jobs: Sequence[T]) -> tuple[T, ...]:
         """Return the jobs of this shard, in the order of the plan.
 
         Jobs are dealt out by turns in the order of a digest of their names: shards differ by one job at most, and none
@@ -44,9 +54,9 @@ class Shard:
             raise NothingSelectedError(
                 f"shard {self} is empty", why=f"there are {len(jobs)} jobs", todo="make fewer shards"
             )
-        dealt = sorted(range(len(jobs)), key=lambda at: _digest(jobs[at]))
+        dealt = sorted(range(len(jobs)), key=lambda at: _digest(jobs[at].key))
         return tuple(jobs[at] for at in sorted(dealt[self.number - 1 :: self.count]))
 
 
-def _digest(job: Job) -> bytes:
-    return sha256("\0".join((job.suite, job.case.name, job.renderer)).encode()).digest()
+def _digest(key: RunKey) -> bytes:
+    return sha256("\0".join(key).encode()).digest()

@@ -113,7 +113,7 @@ def notes(made: Kept) -> list[str]:
 
 def write(made: Kept, folder: FilePath) -> list[FilePath]:
     """Write a counterexample below `folder`, and return the paths of its files; an earlier one of that check goes."""
-    place, name = folder / file_stem(made.renderer), _name(made.fault)
+    place, name = _place(folder, made.renderer), _name(made.fault)
     files = {f"{name}.toml": _suite(made, name), f"{name}.json": _json(made)}
     if made.trajectory is not None:
         path = made.trajectory.path()
@@ -126,6 +126,15 @@ def write(made: Kept, folder: FilePath) -> list[FilePath]:
         with replacing(place / file) as temporary:
             temporary.write_text(text, encoding="utf-8")
     return [place / file for file in files]
+
+
+def _place(folder: FilePath, renderer: str) -> FilePath:
+    """Return the folder of a renderer: its name as far as a file may have it, with a digest where another has that."""
+    whole = folder / file_stem(renderer)
+    short = folder / whole.name.partition("~")[0]
+    if whole.is_dir() or short == folder or any(each.renderer != renderer for each in map(_read, _files(short))):
+        return whole
+    return short
 
 
 def read_all(folder: FilePath) -> list[Kept]:

@@ -1,5 +1,8 @@
 """A search: cases are drawn and tried until each check has failed once, and each failure is shrunk.
 
+What fails on one model is shrunk when all that is drawn on it was tried, by turns: one fault that takes long to shrink
+keeps no other from being found, or made smaller.
+
 The clock decides where a search stops, and never what it tries: cases come in the order of `drawing.drawn`, a shrink
 tries what it tries, and both are cut short where the time is over. What was found before that is what any longer search
 with the same seed and versions finds first, to the byte; a case whose shrink was cut short is marked.
@@ -16,8 +19,9 @@ from msgspec.structs import replace
 
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.verdict import Outcome
+from hapticeval.search.bisection import jump_between
 from hapticeval.search.drawing import drawn, first_models
-from hapticeval.search.shrink import Shrink, size_of
+from hapticeval.search.shrink import MOST, Shrink, size_of
 from hapticeval.search.trial import RENDERER, Bench, Fault, Stopped
 from hapticeval.suite.case import Case
 from hapticeval.types import Array
@@ -27,6 +31,9 @@ SMALL = 3e-3
 
 AGAIN = 5
 """How many further failures of a check are shrunk, on other models or of another kind, in search of a smaller one."""
+
+TURN = 100
+"""Cases that a shrink tries before the next one has its turn."""
 
 DECIDED = (Outcome.PASS, Outcome.FAIL)
 """Outcomes of a check that has something to say of a case."""
@@ -48,7 +55,6 @@ class Found:
     examples: int
     complete: bool = True
     pair: tuple[Array, Array, float] | None = None
-    models: set[str] = field(default_factory=set)
 
     @property
     def size(self) -> float:
@@ -60,7 +66,7 @@ class Found:
 class Search:
     """A search for what one renderer breaks: `checks` in turn, on `models` or on those that come with the package.
 
-    `known` are cases of earlier searches, tried first, with the number of examples after which each was met; `told`
+    `known` are cases of earlier searches, tried first, with the number of examples after which each was met; `report`
     gets a line at each step. After `run`, `found` has what was found by check, `tried` how many cases were drawn,
     `judged` in how many cases each check has passed or failed, `refused` why the renderer would not take any, and
     `finished` whether nothing has stopped it.
@@ -72,12 +78,14 @@ class Search:
     models: Sequence[Model] = ()
     known: Iterable[tuple[Case, int]] = ()
     most: int | None = None
-    told: Callable[[str], None] | None = None
+    report: Callable[[str], None] | None = None
     found: dict[str, Found] = field(default_factory=dict)
     tried: int = 0
     judged: Counter[str] = field(default_factory=Counter)
     refused: str | None = None
     finished: bool = False
+    _looked: dict[str, set[str]] = field(default_factory=dict)
+    _waiting: list[tuple[Found, Shrink, bool]] = field(default_factory=list)
 
     def run(self) -> None:
         """Search until every check has failed, as many cases as `most` were drawn, or it is stopped."""
@@ -85,9 +93,15 @@ class Search:
         taken = False
         refusing: set[str] = set()
         models = len(first_models(self.models))
+        last: tuple[str, bool] | None = None
         try:
             for case, before in self._cases(left, refusing):
                 model = repr(case.model)
+                if (model, before is None) != last:
+                    self._settle(left)
+                    last = model, before is None
+                if not left:
+                    break
                 if model in refusing:
                     continue
                 self.tried += before is None
@@ -101,13 +115,10 @@ class Search:
                 taken = True
                 self.judged.update(name for name, outcome in answer.outcomes.items() if outcome in DECIDED)
                 for fault in answer.faults:
-                    self._note(case, fault, before)
-                for fault in answer.faults:
                     self._meet(case, fault, before)
-                for name in [name for name in left if self._enough(name)]:
-                    left.remove(name)
-                if not left or (self.most is not None and self.tried >= self.most) or RENDERER in self.found:
+                if (self.most is not None and self.tried >= self.most) or RENDERER in self.found:
                     break
+            self._settle(left)
             self.finished = True
         except Stopped:
             pass
@@ -127,49 +138,50 @@ class Search:
         found = self.found.get(name)
         if found is None:
             return False
-        return found.case.experiment is not None or found.size <= SMALL or len(found.models) > AGAIN
-
-    def _note(self, case: Case, fault: Fault, before: int | None) -> None:
-        """Keep a failure of a check that has not failed before, as it is: a shrink of another one may take long."""
-        if fault.check not in self.found:
-            asked = case.checks if fault.check == RENDERER else (fault.check,)
-            examples = self.tried if before is None else before
-            self.found[fault.check] = Found(replace(case, checks=asked), fault, examples, complete=False)
+        return found.case.experiment is not None or found.size <= SMALL or len(self._looked[name]) > AGAIN
 
     def _meet(self, case: Case, fault: Fault, before: int | None) -> None:
-        """Shrink a failure, unless one of that check and kind is known on that model; keep it if it is the smallest."""
+        """Keep a failure and queue its shrinking; ignore one of a check and kind that is known on that model."""
         model = repr((case.model, fault.kind))
-        best = self.found.get(fault.check)
-        if best is not None and not best.models:
-            best = None  # only noted
-        if best is not None and (model in best.models or self._enough(fault.check)):
+        looked = self._looked.setdefault(fault.check, set())
+        if model in looked or (fault.check in self.found and self._enough(fault.check)):
             return
+        looked.add(model)
         asked = case.checks if fault.check == RENDERER else (fault.check,)
-        examples = self.tried if before is None else before
-        made = Found(replace(case, checks=asked), fault, examples)
-        made.models = (set() if best is None else best.models) | {model}
-        self._tell(f"{fault.check} fails after {examples} example{'s' * (examples != 1)}; shrinking")
+        made = Found(replace(case, checks=asked), fault, self.tried if before is None else before, complete=False)
+        self.found.setdefault(fault.check, made)
         shrink = Shrink(made.case, fault, lambda smaller: self._fault_of(smaller, fault))
-        try:
-            if best is None:
-                self.found[fault.check] = made
-            if before is None or (case.experiment is None and made.size > SMALL):
-                shrink.run()  # what is known and small stays as it was found
-            made.case, made.fault = shrink.case, shrink.fault
-            if fault.check == JUMPS:
-                made.pair = self.bench.pair(made.case, made.fault)
-        except Stopped:
-            made.case, made.fault, made.complete = shrink.case, shrink.fault, False
-            raise
-        finally:
-            if best is not None:
-                best.models.add(model)
-                if made.complete and made.size < best.size:
-                    self.found[fault.check] = made
+        # What is known and small stays as it was found.
+        stays = before is not None and (case.experiment is not None or made.size <= SMALL)
+        self._waiting.append((made, shrink, stays))
+
+    def _settle(self, left: list[str]) -> None:
+        """Shrink what waits for it, by turns, and take from `left` what need not be looked for any more."""
+        waiting, self._waiting = self._waiting, []
+        for most in (TURN, MOST):
+            for made, shrink, stays in waiting:
+                if made.complete:
+                    continue
+                if most == TURN:
+                    many = f"{made.examples} example{'s' * (made.examples != 1)}"
+                    self._tell(f"{made.fault.check} fails after {many}; shrinking")
+                try:
+                    done = stays or shrink.run(most)
+                finally:
+                    made.case, made.fault = shrink.case, shrink.fault
+                if done or most == MOST:
+                    if made.fault.check == JUMPS:
+                        made.pair = self.bench.asked(made.case, jump_between, made.case, made.fault)
+                    made.complete = True
+                best = self.found[made.fault.check]
+                if made.complete and (made.size < best.size or not best.complete):
+                    self.found[made.fault.check] = made
+        for name in [name for name in left if self._enough(name)]:
+            left.remove(name)
 
     def _tell(self, text: str) -> None:
-        if self.told is not None:
-            self.told(text)
+        if self.report is not None:
+            self.report(text)
 
     def _fault_of(self, case: Case, wanted: Fault) -> Fault | None:
         return next((fault for fault in self.bench(case).faults if fault.same(wanted)), None)

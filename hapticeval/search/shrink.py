@@ -30,6 +30,9 @@ ROUNDED = 6
 SPEEDS = (0.05, 0.1, 0.02, 0.01, 0.2, 0.5)
 """Round speeds (m/s) of even moves, the first that the fault survives: at 1 kHz 50 um a tick and so on."""
 
+LONG = 0.3
+"""Length (m) from which on a path is first made as fast as it may be: each case that is tried takes as long as it."""
+
 WORTH = 0.98
 """A way counts as shorter below this share of the one before."""
 
@@ -61,12 +64,14 @@ class Shrink:
         self.case = case
         self.fault = fault
         self.tried = 0
+        self._most = MOST
         self._fails = fails
         self._outside = self._starts_outside(case)
         self._seen: set[str] = set()
 
-    def run(self) -> None:
-        """Shrink until nothing makes it smaller, or `MOST` cases were tried."""
+    def run(self, most: int = MOST) -> bool:
+        """Shrink until nothing makes it smaller, and return True, or until `most` cases were tried in all."""
+        self._most = most
         if isinstance(self.case.trajectory, Moves):
             self._fixpoint(_steady, _cut(self), _fewer, _even, self._shorter)
             self._fixpoint(_fewer_vertices, _fewer, self._shorter)
@@ -79,6 +84,7 @@ class Shrink:
             self._first(_mirrored)
         else:
             self._fixpoint(_plainer_scene, _less_push, _fewer_vertices)
+        return self.tried < most
 
     def _fixpoint(self, *passes: Callable[[Case], Iterator[Case]]) -> None:
         while True:
@@ -86,13 +92,13 @@ class Shrink:
             for each in passes:
                 while self._first(each):
                     pass
-            if self.case is before or self.tried >= MOST:
+            if self.case is before or self.tried >= self._most:
                 return
 
     def _first(self, pass_: Callable[[Case], Iterator[Case]]) -> bool:
         """Take the first smaller case of a pass that still fails; whether there was one."""
         for case in pass_(self.case):
-            if self.tried >= MOST:
+            if self.tried >= self._most:
                 return False
             if self._take(case):
                 return True
@@ -261,13 +267,13 @@ def _fewer(case: Case) -> Iterator[Case]:
 
 
 def _even(case: Case) -> Iterator[Case]:
-    """Make moves even, all or one: at the round speeds, and at the mean speed that they have."""
+    """Make moves even: at the round speeds, of a long way the highest first, and at the mean speed that they have."""
     moves = _moves(case)
     if all(move.even for move in moves.moves):
         return
     points = _points(moves)
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    for speed in (*SPEEDS, None):
+    for speed in (*(SPEEDS if moves.length < LONG else sorted(SPEEDS, reverse=True)), None):
         made = tuple(
             replace(
                 move,

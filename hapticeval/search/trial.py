@@ -5,21 +5,22 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from msgspec import Struct
 
 from hapticeval.discovery import resolve
-from hapticeval.errors import RendererError
+from hapticeval.errors import RendererError, kind_of
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import RendererFactory
 from hapticeval.runner.judging import judge
 from hapticeval.runner.work import seed_all
 from hapticeval.suite.case import Case
-from hapticeval.types import Array
 from hapticeval.workers import Ended, Workers
+
+T = TypeVar("T")
 
 RENDERER = "renderer"
 """What stands for a check's id where the renderer itself broke: it raised, answered nonsense, died or hung."""
@@ -102,9 +103,21 @@ class Bench:
     def __call__(self, case: Case) -> Tried:
         """Return what comes of a case. Raises `Stopped`, and whatever stops the search itself."""
         self.tried += 1
-        return self._asked(case, _try, case) or Tried()
+        found = self._asked(case, _try, case)
+        return Tried((found,)) if isinstance(found, Fault) else found
 
-    def _asked(self, case: Case, function: Callable[..., Any], *arguments: Any) -> Any:
+    def asked(self, case: Case, function: Callable[..., T], *arguments: Any) -> T | None:
+        """Return what a function of renderer, seed and more gives, called for a case; None where that dies or hangs.
+
+        Raises as a trial does.
+        """
+        found = self._asked(case, function, *arguments)
+        return None if isinstance(found, Fault) else found
+
+    def _asked(self, case: Case, function: Callable[..., T], *arguments: Any) -> T | Fault:
+        """Return what a function gives, or the fault of a renderer that dies or hangs in it."""
+        if self._over():  # answers may come faster than one is waited for
+            raise Stopped
         model = repr(case.model)
         patience = FIRST
         if model in self._warm:
@@ -120,9 +133,7 @@ class Bench:
             for answer in self._workers.answers(POLL):
                 if isinstance(answer.error, Ended):
                     self._end()
-                    return Tried(
-                        (Fault(RENDERER, "dies", f"the renderer ends the process that it runs in: {answer.error.how}"),)
-                    )
+                    return Fault(RENDERER, "dies", f"the renderer ends the process that it runs in: {answer.error.how}")
                 if answer.error is not None:
                     raise answer.error
                 took = time.monotonic() - begun - waited
@@ -131,26 +142,14 @@ class Bench:
                 else:
                     self._prepared[model] = took
                     self._warm.add(model)
-                return answer.value
+                return cast("T", answer.value)
             waited = self._workers.starved(0) - starved
             if time.monotonic() - begun - waited > patience:
                 self._end()
-                return Tried((Fault(RENDERER, "hangs", f"the renderer gives no answer in {patience:.3g} s"),))
+                return Fault(RENDERER, "hangs", f"the renderer gives no answer in {patience:.3g} s")
             if self._over():
                 self._end()
                 raise Stopped
-
-    def pair(self, case: Case, fault: Fault) -> tuple[Array, Array, float] | None:
-        """Return two HIPs (N,), m, at most 1 nm apart, and how far the IHIP jumps between them, m; None for no jump."""
-        from hapticeval.search.bisection import jump_between
-
-        found = self._asked(case, jump_between, case, fault)
-        return None if isinstance(found, Tried) else found
-
-    def recorded(self, case: Case) -> Recording | None:
-        """Return what the renderer does in a case; None where it breaks."""
-        found = self._asked(case, _record, case)
-        return None if isinstance(found, Tried) else found
 
     def _end(self) -> None:
         if self._workers is not None:
@@ -200,13 +199,13 @@ def _try(renderer: str, seed: int, case: Case) -> Tried:
     return Tried(tuple(faults), {verdict.check: str(verdict.outcome) for verdict in judged.verdicts})
 
 
-def _record(renderer: str, seed: int, case: Case) -> Recording | None:
+def recorded(renderer: str, seed: int, case: Case) -> Recording | None:
+    """Return what the renderer does in a case; None where it breaks."""
     seed_all(seed)
     return judge(factory_of(renderer), renderer, SUITE, case).recording
 
 
 def _broken(error: RendererError, case: Case) -> Fault:
-    """Return the fault of a renderer that broke: errors are of one kind where they begin with the same words."""
-    kind = error.what.split(" at tick ")[0].split(":")[0]
+    """Return the fault of a renderer that broke."""
     time_ = None if error.tick is None else error.tick * case.build_scene().sampling_time
-    return Fault(RENDERER, kind, error.what, time=time_)
+    return Fault(RENDERER, kind_of(error.what), error.what, time=time_)

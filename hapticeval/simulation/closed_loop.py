@@ -112,7 +112,7 @@ def _drive_point_mass(
         "velocity": velocities,
         "operator_force": 0.5 * (push[:-1] + push[1:]),
     }
-    return _recorded(renderer, time, channels, dt, end)
+    return _recorded(renderer, experiment, time, channels, dt, end)
 
 
 def _drive_device(
@@ -146,7 +146,7 @@ def _drive_device(
             )
         elif status >= kernels.REFUSED:
             end = _ended(tick, _refused(law, status - kernels.REFUSED + 1, out[kernels.MEASURED_HIP, tick]))
-    return _recorded(renderer, time, _channels(loop, scene), dt, end)
+    return _recorded(renderer, experiment, time, _channels(loop, scene), dt, end)
 
 
 def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float) -> _End | None:
@@ -190,8 +190,11 @@ def _ended(tick: int, error: DomainError) -> _End:
     return _End(tick, error)
 
 
-def _recorded(renderer: Renderer, time: Array, channels: Mapping[str, Array], dt: float, end: _End | None) -> Recording:
-    meta: dict[str, Any] = {"source": "experiment", "dt": dt, **abilities_of(renderer).meta}
+def _recorded(
+    renderer: Renderer, experiment: Experiment, time: Array, channels: Mapping[str, Array], dt: float, end: _End | None
+) -> Recording:
+    meta: dict[str, Any] = {"source": "experiment", "dt": dt, "quiet_from": experiment.quiet_from}
+    meta |= abilities_of(renderer).meta
     count = time.size
     if end is not None:
         count = end.tick

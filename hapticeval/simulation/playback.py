@@ -17,6 +17,7 @@ from hapticeval.errors import (
     RendererError,
     blamed,
     described,
+    in_mm,
     renderer_errors,
 )
 from hapticeval.geometry.boundary import Boundary
@@ -266,7 +267,7 @@ def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt:
 def not_finite(tick: int, hip: Array, ihip: Array, force: Array) -> RendererError:
     """Return the error of a renderer whose answer holds a number that is not finite."""
     return RendererError(
-        f"the renderer's answer is not finite: IHIP {ihip}, force {force}",
+        f"the renderer's answer is not finite: IHIP {in_mm(ihip)}, force {force} N",
         tick=tick,
         hip=hip,
         why="a number that is not finite would reach the motors",
@@ -491,13 +492,16 @@ class Closeup:
         if kept is not None and subject.proves(kept, self._rows.part(row + 1, row + 1 + PROOF)):
             self._kept[row] = kept
             if len(self._kept) > KEPT:
-                del self._kept[next(iter(self._kept))]
+                rows = sorted(self._kept)
+                del self._kept[
+                    min(zip(rows, rows[1:], rows[2:], strict=False), key=lambda three: three[2] - three[0])[1]
+                ]
             return kept
         return None
 
 
-KEPT = 8
-"""Copies of a renderer that are kept of one path, for it may be large."""
+KEPT = 16
+"""Copies of a renderer that are kept of one path, for it may be large: spread over all of it, so that none is far."""
 PROOF = 8
 """Ticks over which two copies of a renderer have to answer alike, one after the other."""
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 
 from hapticeval.errors import InputError
+from hapticeval.geometry.motion import Motion
 from hapticeval.recordings.recording import check_finite, check_increasing
 from hapticeval.types import Array
 
@@ -148,6 +149,26 @@ class Experiment:
         """The operator's force at each of `time` (n,): (n, N), N."""
         return np.column_stack([np.interp(time, self.force_time, column) for column in self.force.T])
 
+    @property
+    def quiet_from(self) -> float:
+        """From when on, s, the operator's push and the place that the hand draws to stay the same."""
+        ends = [_still_from(self.force_time, self.force)]
+        if self.hand is not None:
+            path = self.hand.path
+            ends.append(_still_from(path.time - path.time[0], path.points))
+        return max(ends)
+
+    def moved(self, motion: Motion, nudge: Array) -> Experiment:
+        """The same experiment, tool and hand off by `nudge` (N,), m, in the scene moved; `motion` keeps lengths."""
+        hand = self.hand
+        if hand is not None:
+            path = Path(hand.path.time, motion(hand.path.points + nudge))
+            hand = Hand(path=path, stiffness=hand.stiffness, damping=hand.damping)
+        position = motion(self.position + nudge)
+        return replace(
+            self, position=position, velocity=motion.turned(self.velocity), force=motion.turned(self.force), hand=hand
+        )
+
     def at_speed(self, factor: float) -> Experiment:
         """The same experiment at `factor` times the pace: started faster, pushed and ended sooner."""
         return Experiment(
@@ -158,6 +179,12 @@ class Experiment:
             self.force,
             None if self.hand is None else self.hand.at_speed(factor),
         )
+
+
+def _still_from(time: Array, values: Array) -> float:
+    """Return the time, s, of the first of the equal rows at the end, from 0 on."""
+    moving = np.flatnonzero(np.any(values != values[-1], axis=1))
+    return max(0.0, float(time[moving[-1] + 1])) if moving.size else 0.0
 
 
 Stimulus: TypeAlias = Path | Experiment

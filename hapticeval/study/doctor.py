@@ -16,28 +16,32 @@ import numpy as np
 
 from hapticeval.adapters.outside import Outside
 from hapticeval.discovery import resolve
-from hapticeval.errors import HapticevalError, RefusalError, described
+from hapticeval.errors import (
+    HapticevalError,
+    RefusalError,
+    RendererError,
+    caught_in,
+    described,
+    origin,
+    renderer_errors,
+)
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.sampling import LAG_TICKS
 from hapticeval.recordings.recording import SINGLE, backward_difference
 from hapticeval.renderer import Batch, Renderer, abilities_of
 from hapticeval.runner.judging import make_renderer
+from hapticeval.runner.results import Problem
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import reset_checked, step_checked
 from hapticeval.types import Array
-from hapticeval.workers import Ended, Workers
+from hapticeval.workers import Ended, Overdue, Workers
 
 MODELS = {"plane": "circle", "space": "cube"}
-
-PATIENCE = 60.0
-"""Seconds for a question, a renderer's own kernels to compile and a large program to start included."""
 
 OURS = 600.0
 """Seconds for what is asked of no renderer: the models' kernels may have to be compiled."""
 
 POLL = 0.1
-
-HANGS = "it hangs"
 
 DEPTH, PACE, REST = 1e-2, 1e-3, 20
 """How deep the hand is led in, and how far it goes in a tick, in sizes of the model; and ticks that it rests there."""
@@ -67,6 +71,17 @@ class Found(NamedTuple):
 Answered = tuple[State, str]
 """What a question returns."""
 
+Waiting = Callable[[str, float, float], None]
+"""Takes what is waited for, for how many seconds so far, and for how many at the most."""
+
+
+class Broke(Exception):
+    """The renderer broke at a question: `text` says how, `cause` what such breaks have in common."""
+
+    def __init__(self, text: str, cause: object, *, last: bool = False) -> None:
+        super().__init__(text, cause)
+        self.text, self.cause, self.last = text, cause, last
+
 
 class Way(NamedTuple):
     """A hand's way (n, N), m, from free space to the deepest point at row `deep`, a rest there, and out again."""
@@ -86,31 +101,52 @@ class Case(NamedTuple):
     way: Way
 
 
-def examine(name: str) -> Iterator[Found]:
-    """Ask the renderer of that name all questions, and yield what is found. Raises as `resolve` does."""
+def examine(name: str, *, patience: float, waiting: Waiting | None = None) -> Iterator[Found]:
+    """Ask the renderer of that name all questions, and yield what is found. Raises as `resolve` does.
+
+    An answer is waited for at most `patience` seconds; one that does not come is the last. What breaks in the same way
+    as at an earlier question only names that one.
+    """
     resolve(name)
     refused = 0
+    first: dict[object, str] = {}
     with Workers(_asked, 1) as crew:
         for kind in MODELS:
-            _answer(crew, OURS, name, kind, "")
+            _answer(crew, OURS, waiting, f"preparing the {MODELS[kind]}", name, kind, "")
             for what in QUESTIONS:
-                state, text = _answer(crew, PATIENCE, name, kind, what)
+                place = f"'{what}' in {'the ' * (kind == 'plane')}{kind}"
+                try:
+                    state, text = _answer(crew, patience, waiting, f"waiting for {place}", name, kind, what)
+                except Broke as broke:
+                    state, text = State.BROKE, broke.text
+                    if broke.cause in first:
+                        text = f"as at {first[broke.cause]}"
+                    first.setdefault(broke.cause, place)
+                    if broke.last:
+                        yield Found(what, kind, state, text)
+                        return
                 yield Found(what, kind, state, text)
-                if (what == "made" and state is not State.OK) or text.endswith(HANGS):
+                if what == "made" and state is not State.OK:
                     refused += state is State.NOTE
                     break
     if refused == len(MODELS):
         yield Found("dimension", "", State.MISSING, "it refuses models in the plane and in space: there is no other")
 
 
-def _answer(crew: Workers[Answered], patience: float, *question: str) -> Answered:
+def _answer(crew: Workers[Answered], patience: float, waiting: Waiting | None, asked: str, *question: str) -> Answered:
+    """Return the answer to a question. Raises `Broke`."""
     crew.begin(0, *question)
-    while not (found := crew.answers(POLL)):
-        if crew.give_up(patience):
-            return State.BROKE, f"no answer in {patience:g} s: {HANGS}"
+    begun, starved = time.monotonic(), crew.starved(0)
+    while not (found := crew.answers(POLL) or crew.give_up(patience)):
+        if waiting is not None:
+            waiting(asked, time.monotonic() - begun - (crew.starved(0) - starved), patience)
     answer = found[0]
+    if isinstance(answer.error, Overdue):
+        place = caught_in(answer.error.stack)
+        raise Broke(f"no answer in {patience:g} s: it hangs{place and f', {place}'}; no more is asked", None, last=True)
     if isinstance(answer.error, Ended):
-        return State.BROKE, f"it ends the process that it runs in: {answer.error.how}"
+        text = f"it ends the process that it runs in: {answer.error.how}"
+        raise Broke(text, text)
     if answer.error is not None:
         raise answer.error
     assert answer.value is not None
@@ -118,18 +154,19 @@ def _answer(crew: Workers[Answered], patience: float, *question: str) -> Answere
 
 
 def _asked(name: str, kind: str, what: str) -> Answered:
-    """Put one question, in a process of its own; whatever the renderer raises is its answer. "" only prepares."""
+    """Put one question, in a process of its own; "" only prepares. Raises `Broke` for whatever the renderer raises."""
+    if not what:
+        _scene(kind)
+        return State.OK, ""
     try:
-        if not what:
-            _scene(kind)
-            return State.OK, ""
         if what == "made":
             return _made(name, kind)
         return QUESTIONS[what](_case(name, kind))
     except HapticevalError as error:
-        return State.BROKE, "; ".join(part for part in (error.what, error.why) if part)
-    except Exception as error:
-        return State.BROKE, described(error)
+        raise Broke("; ".join(filter(None, (error.what, error.why))), Problem.of(error).kind) from None
+    except Exception as error:  # of a property, or of what an answer was taken for
+        text = f"it raised {described(error)}; {origin(error)}"
+        raise Broke(text, text) from None
 
 
 @lru_cache(maxsize=2)
@@ -201,8 +238,7 @@ def _free(case: Case) -> Answered:
         return State.MISSING, f"a force of {force:.3g} N in free space: return zero there"
     if off > _rounding(hips):
         return State.MISSING, f"the IHIP is {1e3 * off:.3g} mm from the HIP in free space: return the HIP there"
-    told = getattr(case.renderer, "contact", None)
-    if told:
+    if getattr(case.renderer, "contact", None):
         return State.MISSING, "it reports contact in free space"
     return State.OK, "the IHIP is the HIP, and the force zero"
 
@@ -211,7 +247,7 @@ def _contact(case: Case) -> Answered:
     """Under the surface the IHIP is on it, and the force pushes out."""
     scene, way = case.scene, case.way
     ihips, forces = _led(case, way.hips[: way.deep + 1], scene.sampling_time)
-    told = getattr(case.renderer, "contact", None)
+    touches = getattr(case.renderer, "contact", None)
     depth = DEPTH * scene.model.size
     outwards = float(forces[-1] @ way.normal)
     if not forces[-1].any() and np.linalg.norm(ihips[-1] - way.hips[way.deep]) <= _rounding(way.hips):
@@ -221,7 +257,7 @@ def _contact(case: Case) -> Answered:
         )
     if not outwards > 0.0:
         return State.MISSING, f"the force {forces[-1]} N does not push the hand out, along {way.normal}"
-    if told is False:
+    if touches is False:
         return State.MISSING, f"it reports free space {1e3 * depth:.3g} mm under the surface"
     off = abs(float(scene.model.boundary.signed_distance(ihips[-1:])[0]))
     can = abilities_of(case.renderer)
@@ -252,8 +288,8 @@ def _again(case: Case) -> Answered:
     first = _led(case, case.way.hips[: case.way.deep + 1], dt)
     second = _led(case, case.way.hips[: case.way.deep + 1], dt)
     apart = [float(np.abs(a - b).max()) for a, b in zip(first, second, strict=True)]
-    said = abilities_of(case.renderer).declares
-    allowed = (0.0, 0.0) if said is None else (said.ihip_scatter, said.force_scatter)
+    declared = abilities_of(case.renderer).declares
+    allowed = (0.0, 0.0) if declared is None else (declared.ihip_scatter, declared.force_scatter)
     if any(by > may for by, may in zip(apart, allowed, strict=True)):
         return (
             State.MISSING,
@@ -277,7 +313,12 @@ def _batch(case: Case) -> Answered:
         return State.NOTE, "there is no run(hips, dt): each tick is a call"
     dt = case.scene.sampling_time
     single = _led(case, case.way.hips, dt)
-    batch = [np.asarray(each, dtype=np.float64) for each in cast("Batch", case.renderer).run(case.way.hips.copy(), dt)]
+    with renderer_errors("run()"):
+        given = cast("Batch", case.renderer).run(case.way.hips.copy(), dt)
+        batch = [np.asarray(each, dtype=np.float64) for each in given]
+    shapes = [each.shape for each in batch]
+    if shapes != [case.way.hips.shape] * 2:
+        raise RendererError(f"the renderer's run() answered shapes {shapes}, not two of {case.way.hips.shape}")
     apart = [float(np.abs(a - b).max()) for a, b in zip(single, batch, strict=True)]
     if not apart[0] <= _rounding(case.way.hips) or not apart[1] <= case.scene.stiffness * _rounding(case.way.hips):
         return State.MISSING, f"run() differs from single steps by {apart[0]:.3g} m and {apart[1]:.3g} N"
@@ -307,9 +348,10 @@ def _speed(case: Case) -> Answered:
     reset_checked(case.renderer, hips[0])
     rest, spent = np.zeros_like(hips[0]), []
     for k in range(TIMED):
-        begun = time.perf_counter()
-        case.renderer.step(hips[k % len(hips)], rest, dt)
-        spent.append(time.perf_counter() - begun)
+        with renderer_errors("step()", tick=k, hip=hips[k % len(hips)]):
+            begun = time.perf_counter()
+            case.renderer.step(hips[k % len(hips)], rest, dt)
+            spent.append(time.perf_counter() - begun)
     usual, most = (1e6 * float(np.percentile(spent, share)) for share in (50, 99))
     words = f"{usual:.3g} us a step, 99 % in {most:.3g} us, through Python; a tick has {1e6 * dt:g} us"
     return (State.OK if usual < 1e6 * dt else State.MISSING), words

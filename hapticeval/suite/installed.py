@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import resources
+from itertools import takewhile
 from pathlib import Path as FilePath
 from types import MappingProxyType
 
@@ -31,10 +32,18 @@ def suites_named(name_or_path: str) -> tuple[str, ...]:
 
 
 def suite_groups() -> Mapping[str, tuple[str, ...]]:
-    """The groups of installed suites: what stands before the hyphen, and the names that begin so."""
-    groups: dict[str, list[str]] = {}
-    for name in find_suites():
-        first, hyphen, _ = name.partition("-")
-        if hyphen:
-            groups.setdefault(first, []).append(name)
-    return {first: tuple(names) for first, names in groups.items() if len(names) > 1}
+    """The groups of installed suites: the words that names with the same first one have in common, and the names.
+
+    Where these words are a suite's name that suite is meant, and there is no group.
+    """
+    known = find_suites()
+    families: dict[str, list[str]] = {}
+    for name in known:
+        families.setdefault(name.partition("-")[0], []).append(name)
+    groups: dict[str, tuple[str, ...]] = {}
+    for names in families.values():
+        words = zip(*(name.split("-") for name in names), strict=False)
+        group = "-".join(first for first, *_ in takewhile(lambda each: len(set(each)) == 1, words))
+        if group not in known:
+            groups[group] = tuple(names)
+    return groups

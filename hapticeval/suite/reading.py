@@ -17,6 +17,7 @@ from hapticeval.phenomena.registry import CHECKS
 from hapticeval.stimulus.paths import Positive
 from hapticeval.suite.case import Case, CaseEntries, Published
 from hapticeval.suite.installed import find_suites, suites_named
+from hapticeval.suite.outline import Heading
 from hapticeval.suite.suite import Names, Row, Suite
 
 
@@ -173,10 +174,11 @@ def _swept(case: Case, at_depth: Depth) -> Case:
     both = (case.published, at_depth.published)
     renderers = dict.fromkeys(renderer for published in both for renderer in published)
     trajectory: Any = case.trajectory
+    name, title = Heading(case.name, case.title).swept(at_depth.label, at_depth.depth)
     return structs.replace(
         case,
-        name=f"{case.name}-{at_depth.label}",
-        title=f"{case.title}: {1e3 * at_depth.depth:.3g} mm",
+        name=name,
+        title=title,
         trajectory=structs.replace(trajectory, depth=at_depth.depth),
         published={each: {**both[0].get(each, {}), **both[1].get(each, {})} for each in renderers},
     )
@@ -184,16 +186,17 @@ def _swept(case: Case, at_depth: Depth) -> Case:
 
 def _varied(case: Case, label: str, variant: Variant) -> Case:
     """Return the case in another scene. What is in print, closed forms too, is about the case as it stands."""
-    words = {name: getattr(variant, name) for name in ("shows", "citation", "judged")}
+    name, title = Heading(case.name, case.title).varied(label, variant.title)
+    words = {each: getattr(variant, each) for each in ("shows", "citation", "judged")}
     return structs.replace(
         case,
-        name=f"{case.name}-{label}",
-        title=f"{case.title}, {variant.title}",
+        name=name,
+        title=title,
         scene={**case.scene, **variant.scene},
         checks=tuple(check for check in case.checks if not CHECKS[check].needs_closed_form),
         published={},
         closed_form={},
-        **{name: value for name, value in words.items() if value is not UNSET},
+        **{each: value for each, value in words.items() if value is not UNSET},
     )
 
 

@@ -2,28 +2,41 @@
 // The moving part of a case page: unpacks the runs, and moves HIP and IHIP over model and plots with one slider.
 // Everything that it shows is in the page as figures too; without script those stay.
 (() => {
+  const DIGITS = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz!#$%&()*+-;,=>?@^_`{|}~";
   const MM = 1e3, MARKERS = 14, CHUNK = 8, RAYS = 60, FINE = 0.06, LENS = 0.36;
   const plots = [];  // all uPlot instances, to be made anew where colours change
 
   // --- data -------------------------------------------------------------------------------------------------------
-  /** Arrays of a document of `case_data.Packer`: for each its columns, Float64Array. */
-  async function unpack(document_) {
-    const text = atob(document_.packed);
-    const bytes = Uint8Array.from(text, (each) => each.charCodeAt(0));
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  /** The document of `case_data.Packer`, and its arrays: for each its columns, Float64Array. */
+  async function unpack(packed) {
+    const digits = new Map([...DIGITS].map((each, k) => [each, k])), text = packed.trim(), bytes = new Uint8Array(Math.ceil(text.length / 5) * 4), view = new DataView(bytes.buffer);
+    for (let k = 0; k < text.length; k += 5) {  // five digits of base 85 are four bytes; the last ones are filled up
+      let value = 0;
+      for (let j = k; j < k + 5; j++) value = value * 85 + (j < text.length ? digits.get(text[j]) : 84);
+      view.setUint32((k / 5) * 4, value);
+    }
+    const count = bytes.length - (5 - (text.length % 5)) % 5;
+    const stream = new Blob([bytes.subarray(0, count)]).stream().pipeThrough(new DecompressionStream("deflate"));
     const data = new Uint8Array(await new Response(stream).arrayBuffer());
-    let at = 0;
+    let at = data.indexOf(10) + 1;
+    const document_ = JSON.parse(new TextDecoder().decode(data.subarray(0, at)));
     const next = () => {  // a varint; beyond 2^31, which bits of JavaScript do not reach
       let value = 0, unit = 1, byte;
       do { byte = data[at++]; value += (byte & 127) * unit; unit *= 128; } while (byte > 127);
       return value % 2 ? -(value + 1) / 2 : value / 2;
     };
-    return document_.arrays.map(([rows, columns, scale]) => Array.from({ length: columns }, () => {
-      const out = new Float64Array(rows);
-      let sum = 0;
-      for (let k = 0; k < rows; k++) { sum += next(); out[k] = sum * scale; }
-      return out;
+    const clocks = [];
+    const arrays = document_.arrays.map(([rows, columns, scale, clock]) => Array.from({ length: columns }, (_, column) => {
+      const whole = new Float64Array(rows), ticks = clocks[clock];
+      for (let k = 0, step = 0; k < rows; k++) {
+        const ahead = ticks && k > 1 ? Math.floor((step * (ticks[k] - ticks[k - 1])) / Math.max(ticks[k - 1] - ticks[k - 2], 1) + 0.5) : 0;
+        step = next() + ahead;
+        whole[k] = (k ? whole[k - 1] : 0) + step;
+      }
+      if (!column) clocks.push(whole);
+      return whole.map((value) => value * scale);
     }));
+    return [document_, arrays];
   }
 
   const size = (columns, k) => Math.hypot(...columns.map((each) => each[k]));
@@ -54,7 +67,7 @@
     return Array.from({ length: count }, (_, k) => at(run, first + (span * (k + shift)) / count));
   };
 
-  function makeRun(spec, arrays) {
+  function makeRun(spec, arrays, fine) {
     const of = (number) => (number === null || number === undefined ? null : arrays[number]);
     const hip = of(spec.hip), apart = of(spec.apart);
     const ihip = apart ? hip.map((column, c) => column.map((value, k) => value + apart[c][k])) : null;
@@ -62,7 +75,7 @@
     for (let k = 0; k < n; k++) touches[k] = apart && apart.some((column) => column[k] !== 0) ? 1 : 0;
     return {
       ...spec, time: of(spec.time)[0], hipNumber: spec.hip, hip, apart, ihip, force: of(spec.force), step: of(spec.step),
-      hip_step: of(spec.hip_step), off: of(spec.off), along: of(spec.along), starts: new Set(spec.starts), touches, shown: true,
+      fine: spec.apart === undefined ? 0 : MM * fine(spec.apart), light: spec.force === undefined ? 0 : fine(spec.force), hip_step: of(spec.hip_step), off: of(spec.off), along: of(spec.along), starts: new Set(spec.starts), touches, shown: true,
     };
   }
 
@@ -110,7 +123,8 @@
     return made;
   };
 
-  const short = (value) => (value === null ? "–" : Math.abs(value) < 1e-12 ? "0" : String(Number(value.toPrecision(4))).replace("-", "−"));
+  /** A number with as many decimals as the steps have in which it is held. */
+  const inSteps = (value, step) => value.toFixed(Math.min(Math.max(Math.ceil(-Math.log10(step)), 0), 12));
 
   // --- the model and what moves on it -------------------------------------------------------------------------------
   class Scene {
@@ -576,7 +590,7 @@
     constructor(section, document_, arrays, key) {
       this.section = section;
       this.key = key;
-      this.runs = document_.runs.map((spec) => makeRun(spec, arrays));
+      this.runs = document_.runs.map((spec) => makeRun(spec, arrays, (number) => document_.arrays[number][2]));
       this.closed = document_.model?.closed ?? false;
       this.fine = document_.fine;
       this.crosses = document_.crosses;
@@ -587,8 +601,8 @@
       this.end = Math.max(...this.runs.map((run) => run.time[run.time.length - 1]));
       this.times = [...new Set(this.runs.flatMap((run) => [...run.time]))].sort((a, b) => a - b);
       this.time = this.start;
-      this.jumps = [...section.querySelectorAll("a.jump")];
-      this.marks = this.jumps.filter((link) => link.dataset.mark).map((link) => ({ link, run: this.runs.find((run) => run.number === Number(link.dataset.run)), time: Number(link.dataset.time), number: link.dataset.mark })).filter((each) => each.run);
+      this.verdicts = [...section.querySelectorAll(".check li[data-time]")];
+      this.marks = this.verdicts.filter((each) => each.dataset.mark).map((each) => ({ run: this.runs.find((run) => run.number === Number(each.dataset.run)), time: Number(each.dataset.time), number: each.dataset.mark })).filter((each) => each.run);
       const seen = new Set();
       this.marks = this.marks.filter((each) => !seen.has(each.number) && seen.add(each.number));
       const stage = section.querySelector(".stage"), views = stage.querySelector(".views");
@@ -597,7 +611,11 @@
       this.scene = new Scene(this, views.querySelector(".plane"), document_, arrays);
       this.plots = new Plots(this, views.querySelector(".plots"), document_.panels);
       for (const box of section.querySelectorAll(".runs-shown input")) box.addEventListener("change", () => this.choose(box));
-      for (const link of this.jumps) link.addEventListener("click", (event) => { event.preventDefault(); history.replaceState(null, "", link.hash); this.jump(link); });
+      for (const verdict of this.verdicts) {
+        const time = verdict.querySelector("i"), link = element("a", { class: "jump", href: `#${verdict.id}` }, time.textContent);
+        link.addEventListener("click", (event) => { event.preventDefault(); history.replaceState(null, "", link.hash); this.jump(verdict); });
+        time.replaceWith(link);
+      }
       this.go(this.start);
       this.table();
       this.scene.resize();
@@ -665,9 +683,9 @@
 
     fill() {
       const point = (columns) => (columns ? columns.map((column) => (MM * column[0]).toFixed(3).replace("-", "−")).join(", ") : "–");
-      for (const [{ now }, cells] of this.rows ?? []) {
-        cells[0].textContent = now.apart ? short(MM * size(now.apart, 0)) : "–";
-        cells[1].textContent = now.force ? short(size(now.force, 0)) : "–";
+      for (const [{ now, fine, light }, cells] of this.rows ?? []) {
+        cells[0].textContent = now.apart ? inSteps(MM * size(now.apart, 0), fine) : "–";
+        cells[1].textContent = now.force ? inSteps(size(now.force, 0), light) : "–";
         cells[2].textContent = point(now.hip);
         cells[3].textContent = point(now.ihip);
       }
@@ -690,13 +708,13 @@
     stop() { this.playing = false; this.button.textContent = "▶"; this.button.setAttribute("aria-label", "play"); }
 
     /** Go to the place of a verdict, and show its renderer. */
-    jump(link) {
+    jump(verdict) {
       this.stop();
-      const box = this.section.querySelector(`.runs-shown input[data-run="${link.dataset.run}"]`);
+      const box = this.section.querySelector(`.runs-shown input[data-run="${verdict.dataset.run}"]`);
       if (box && !box.checked) { box.checked = true; this.choose(box); }
-      for (const each of this.section.querySelectorAll(".verdict.current")) each.classList.remove("current");
-      link.closest(".verdict").classList.add("current");
-      this.go(Number(link.dataset.time));
+      for (const each of this.section.querySelectorAll(".check li.current")) each.classList.remove("current");
+      verdict.classList.add("current");
+      this.go(Number(verdict.dataset.time));
       const views = this.section.querySelector(".views").getBoundingClientRect();
       if (views.bottom < 80 || views.top > innerHeight - 80) this.section.querySelector(".views").scrollIntoView({ block: "start" });
     }
@@ -709,8 +727,7 @@
     const script = section.querySelector("script.case-data");
     if (!script) return null;
     const promise = (async () => {
-      const document_ = JSON.parse(script.textContent);
-      return new View(section, document_, await unpack(document_), `case${index}`);
+      return new View(section, ...(await unpack(script.textContent)), `case${index}`);
     })();
     views.set(section, promise);
     return promise;
@@ -722,8 +739,8 @@
     const section = target && target.closest(".one-case");
     if (!section || target === section) return;
     const view = await begin(section, [...document.querySelectorAll(".one-case")].indexOf(section));
-    const link = target.closest(".verdict")?.querySelector("a.jump");
-    if (view && link) view.jump(link);
+    const verdict = target.closest(".check li[data-time]");
+    if (view && verdict) view.jump(verdict);
   }
 
   async function start() {

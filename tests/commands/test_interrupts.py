@@ -14,6 +14,8 @@ import pytest
 from hapticeval.cli import main
 from hapticeval.runner.results import FILE, read_results
 
+pytestmark = pytest.mark.system
+
 WAITING = (
     "interrupted: 1 run that had begun is being finished, what is done is kept; press Ctrl-C again to stop at once\n"
 )

@@ -26,13 +26,14 @@ def kind(request: pytest.FixtureRequest) -> str:
 @pytest.fixture
 def folder(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    assert main(["new", kind, "mine"]) == 0
-    monkeypatch.setattr(sys, "path", [str(tmp_path / "mine"), *sys.path])
-    monkeypatch.chdir(tmp_path / "mine")
-    yield tmp_path / "mine"
-    sys.modules.pop("mine", None)
+    assert main(["new", kind, "my-laser"]) == 0
+    monkeypatch.setattr(sys, "path", [str(tmp_path / "my-laser"), *sys.path])
+    monkeypatch.chdir(tmp_path / "my-laser")
+    yield tmp_path / "my-laser"
+    sys.modules.pop("my_laser", None)
 
 
+@pytest.mark.system
 def test_it_passes_its_own_test_and_its_ci(kind: str, folder: Path) -> None:
     (test,) = folder.glob("test_*.py")
     names = runpy.run_path(str(test))
@@ -42,6 +43,9 @@ def test_it_passes_its_own_test_and_its_ci(kind: str, folder: Path) -> None:
     (judged,) = (shlex.split(each) for each in steps if each.startswith("hapticeval run"))
     assert ("make" in steps) == (kind in ("c", "cpp"))
     assert main(judged[1:]) == 0
+    written = [each for each in folder.rglob("*") if each.suffix in (".c", ".cpp", ".m", ".py", ".so")]
+    assert {each.stem.removeprefix("lib").removeprefix("test_") for each in written} == {"my_laser"}
+    assert not any(each.suffix != ".so" and re.search(r"\bmine\b", each.read_text()) for each in written)
 
 
 def test_a_folder_with_something_in_it_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -56,10 +60,23 @@ def test_another_kind_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert "did you mean python?" in capsys.readouterr().err
 
 
+@pytest.mark.system
 def test_the_cmake_project_builds(tmp_path: Path) -> None:
     if not (shutil.which("cmake") and shutil.which("c++")):
         pytest.skip("no CMake, or no compiler")
     assert main(["new", "cpp", str(tmp_path / "mine")]) == 0
     for command in (["cmake", "-B", "build", "."], ["cmake", "--build", "build"]):
         subprocess.run(command, cwd=tmp_path / "mine", check=True, capture_output=True)
-    assert (tmp_path / "mine" / "libgod_object.so").is_file()
+    assert (tmp_path / "mine" / "libmine.so").is_file()
+
+
+@pytest.mark.parametrize(
+    ("folder", "module"),
+    [("json", "json_renderer"), ("numpy", "numpy_renderer"), ("3d", "renderer_3d"), ("A b", "A_b")],
+)
+def test_a_name_that_is_taken_or_none_is_changed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], folder: str, module: str
+) -> None:
+    assert main(["new", "python", str(tmp_path / folder)]) == 0
+    assert (tmp_path / folder / f"{module}.py").is_file()
+    assert f"hapticeval doctor -r {module}:Nearest" in capsys.readouterr().out

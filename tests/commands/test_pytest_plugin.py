@@ -74,8 +74,8 @@ def test_what_fails_shows_metric_bound_place_and_picture(folder):
             f"{FLAT}::memoryless* PASSED*",
             "continuous-contact on local_mine:Jumps, slides/flat: fail",
             "  pop-through: the IHIP jumps 20 mm at t = 0.107 s, *",
-            "  IHIP jump that refinement leaves = 0.02 m, bound 0.0001425 m",
-            "  at t = 0.107 s, HIP (0.0101*, -0.001) m, IHIP (0.02, 0) m",
+            "  IHIP jump that refinement leaves = 20 mm, bound 0.1425 mm",
+            "  at t = 0.107 s, HIP (10.1*, -1) mm, IHIP (20, 0) mm",
             "  picture: .pytest_cache/d/hapticeval/slides-flat-local_mine-jumps*.svg",
         ]
     )
@@ -174,6 +174,7 @@ def test_a_marker_that_cannot_be_meant_is_refused(folder, marked):
     assert "@pytest.mark.hapticeval" in "\n".join([*result.outlines, *result.errlines])
 
 
+@pytest.mark.system
 def test_processes_share_the_items(folder):
     result = folder.runpytest_subprocess(*JUMPS, "-n", "2", "--dist", "loadgroup")
     result.assert_outcomes(passed=1, failed=3)

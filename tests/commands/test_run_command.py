@@ -18,7 +18,7 @@ from hapticeval.runner.results import FILE, read_results
 
 
 def run(*arguments):
-    return main(["run", "slides.toml", *arguments])
+    return main(["run", "slides.toml", "--no-report", *arguments])
 
 
 def words(text):
@@ -31,7 +31,7 @@ def test_the_version_is_the_package_s(capsys):
 
 
 def test_a_good_renderer_passes_and_its_reports_can_be_written_anew(here, capsys):
-    assert run("-r", "local_mine:Good") == 0
+    assert main(["run", "slides.toml", "-r", "local_mine:Good"]) == 0
     shown = capsys.readouterr()
     assert "4 of 4 planned verdicts ran: 4 pass; none not as expected" in shown.out
     assert "times real time" in shown.out
@@ -57,7 +57,7 @@ def test_a_good_renderer_passes_and_its_reports_can_be_written_anew(here, capsys
             1,
             [
                 "fail: local_mine:Jumps on slides/flat/continuous-contact\n"
-                "  IHIP jump that refinement leaves = 0.02 m, bound 0.0001425 m"
+                "  IHIP jump that refinement leaves = 20 mm, bound 0.1425 mm"
             ],
         ),
         (
@@ -72,8 +72,9 @@ def test_a_good_renderer_passes_and_its_reports_can_be_written_anew(here, capsys
             ["-r", "local_mine:Jumps", "-r", "local_mine:Breaks"],
             3,
             [
-                "broke: local_mine:Breaks on slides/flat\n",
-                "OSError: the sensor is gone at tick 106 (counted from 0), HIP (0.01007, -0.001) m",
+                "broke: local_mine:Breaks on 3 cases: 4 verdicts lost\n",
+                "first on slides/flat, then slides/flat-back, then slides/flat-again\n",
+                "OSError: the sensor is gone at tick 106 (counted from 0), HIP (10.07, -1) mm",
                 "fail: local_mine:Jumps on slides/flat/continuous-contact",
             ],
         ),
@@ -90,7 +91,7 @@ def test_the_summary_and_the_exit_code(here, capsys, arguments, code, expected):
 
 
 def test_a_renderer_that_refuses_all_that_there_is_has_not_passed(here, capsys):
-    alone = ["run", "-k", "star-convex-corner", "-r", "set-stabilisation"]
+    alone = ["run", "--no-report", "-k", "star-convex-corner", "-r", "set-stabilisation"]
     assert main(alone) == 2
     shown = capsys.readouterr().out
     assert "refuses: set-stabilisation on thesis/star-convex-corner" in shown
@@ -153,7 +154,7 @@ def test_the_same_command_gives_the_same_verdicts(here, monkeypatch):
     [
         ("renderers", "minimum-distance"),
         ("suites", "thesis"),
-        ("cases", "thesis/cassinian-deep-slide"),
+        ("cases", "cassinian-deep-slide"),
         ("checks", "continuous-contact"),
         ("devices", "parallelogram-2dof"),
         ("models", "cassinian"),
@@ -162,8 +163,23 @@ def test_the_same_command_gives_the_same_verdicts(here, monkeypatch):
 def test_there_is_a_list_of_everything(capsys, what, entry):
     assert main(["list", what]) == 0
     out = capsys.readouterr().out
-    assert any(line.split()[0] == entry for line in out.splitlines())
+    assert any(line.split()[:1] == [entry] for line in out.splitlines())
     assert "broken:" not in out
+
+
+def test_the_cases_of_a_suite_are_listed_without_compiling(here, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["list", "cases", "thesis", "slides.toml"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("thesis\n  cassinian-shallow-slide ")
+    assert "\n\nslides.toml\n  flat " in out
+    assert max(map(len, out.splitlines())) <= 80
+    quick = "import sys; from hapticeval.cli import main; main(['list', 'cases']); assert 'numba' not in sys.modules"
+    subprocess.run([sys.executable, "-c", quick], check=True, capture_output=True)
+    assert main(["list", "checks", "thesis"]) == 2
+    assert "write hapticeval list checks, or list cases SUITE" in capsys.readouterr().err
+    assert main(["list", "cases", "thesi"]) == 2
+    assert "did you mean thesis?" in capsys.readouterr().err
 
 
 COMMANDS = [
@@ -189,7 +205,7 @@ def test_the_help_of_a_command_has_an_example_and_its_exit_codes(capsys, command
     assert main([command, "--help"]) == 0
     out = capsys.readouterr().out
     assert f"  hapticeval {command}" in out.split("Example", 1)[1]
-    assert "\n    0  " in out.split("Exit codes:", 1)[1]
+    assert re.findall(r"^  (\d)  \w", out.split("\nExit codes:\n", 1)[1], re.MULTILINE)[0] == "0"
 
 
 @pytest.mark.parametrize("name", CHECKS)
@@ -226,7 +242,7 @@ def test_the_first_run_says_that_it_compiles(here, capsys, monkeypatch):
 
 
 def test_ctrl_c_that_no_command_answers_is_answered_in_a_word(capsys, monkeypatch):
-    monkeypatch.setattr("hapticeval.commands.judging.columns", lambda _: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr("hapticeval.commands.listing.columns", lambda _: signal.raise_signal(signal.SIGINT))
     assert main(["list", "checks"]) == 1
     assert capsys.readouterr().err == "interrupted\n"
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

@@ -105,6 +105,13 @@ def test_a_list_that_cannot_be_meant_stops_the_run_before_it_begins(here, capsys
     assert not (here / "results").exists()
 
 
+def test_a_renderer_that_is_listed_and_does_not_run_is_named(here, capsys):
+    listed = '[[known]]\nrenderer = "local_mine:Gud"\nreason = "x"\nverdicts = ["slides/flat/memoryless"]\n'
+    (here / "known.toml").write_text(listed)
+    main([*JUMPS, "--known", "known.toml"])
+    assert "known.toml lists 'local_mine:Gud' (1 verdict), which does not run here" in capsys.readouterr().err
+
+
 def test_a_list_that_is_not_there_is_refused(here, capsys):
     assert main([*JUMPS, "--known", "absent.toml"]) == 2
     assert "what to do: make it of what fails now: --write-known absent.toml" in capsys.readouterr().err

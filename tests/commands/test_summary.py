@@ -3,12 +3,13 @@
 from pathlib import Path
 
 import pytest
-from result_entries import changed, results_of
+from result_entries import changed, results_of, run_entry
 
 from hapticeval.commands import summary as module
 from hapticeval.commands.summary import SHOWN, summary
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
-from hapticeval.runner.results import VerdictEntry
+from hapticeval.reports.table import markdown
+from hapticeval.runner.results import Problem, VerdictEntry
 
 
 def verdict(outcome, *, metric=None, bound=None, known=None, **more):
@@ -54,7 +55,7 @@ def test_the_whole_of_it():
         "Suitable  No   -",
         "",
         "fail: r on s/c/memoryless",
-        "  jump = 0.01235 m, bound 0.001 m",
+        "  jump = 12.35 mm, bound 1 mm",
         "  what was seen",
         "",
         "4 of 5 planned verdicts ran (incomplete: interrupted by the user): 1 pass, 1 fail, 2 not-applicable; "
@@ -108,6 +109,31 @@ def test_the_worst_come_first_and_the_rest_with_v():
     assert len(heads) == SHOWN
     assert "and 3 verdicts more that are not as expected: -v shows them" in shown
     assert len([line for line in summary(results_of(*many), [], verbose=True).splitlines() if " on s/" in line]) == 12
+
+
+def broke(case, tick, *, renderer="r", line="in mine.py, line 7"):
+    what = f"the renderer's step() raised KeyError: 'x{tick}' at tick {tick} (counted from 0), HIP (0, {tick}) m"
+    return run_entry(renderer=renderer, case=case, error=Problem(what=what, why=line, todo=""))
+
+
+def test_one_cause_is_one_message_with_the_verdicts_that_it_took_away():
+    runs = [broke(f"c{k}", k) for k in range(5)]
+    runs += [broke("c5", 1, line="in mine.py, line 9"), broke("c5", 1, renderer="q")]
+    lost = [verdict(Outcome.ERROR, case=run.case, renderer=run.renderer) for run in runs for _ in range(2)]
+    done = results_of(*lost, verdict(Outcome.FAIL, case="c0"), runs=runs)
+    shown = summary(done, [])
+    assert [line for line in shown.splitlines() if line.startswith(("broke", "error", "fail", "  first"))] == [
+        "broke: r on 5 cases: 10 verdicts lost",
+        "  first on s/c0, then s/c1, then s/c2, and 2 others",
+        "broke: r on s/c5: 2 verdicts lost",
+        "broke: q on s/c5: 2 verdicts lost",
+        "fail: r on s/c0/memoryless",
+    ]
+    assert "HIP (0, 0)" in shown
+    assert "then s/c3, then s/c4\n" in summary(done, [], verbose=True)
+    table = markdown(done)
+    assert table.count(" lost; ") == 3
+    assert "on s/c0/memoryless: error" not in table
 
 
 def test_what_is_known_is_counted_and_what_is_no_more_is_shown():

@@ -53,7 +53,8 @@ def job(*verdicts, error=None):
     optional = ("device", "inner_loop", "effects")
     scene = SceneEntry(**{name: 1.0 for name in SceneEntry.__struct_fields__ if name not in optional})
     run = dict.fromkeys(RunEntry.__struct_fields__) | {"suite": "s", "case": "c", "renderer": "r", "scene": scene}
-    return JobFinished(RunEntry(**{**run, "model": {"kind": "line"}}), verdicts, error)
+    run |= {"model": {"kind": "line"}, "error": None if error is None else Problem.of(error)}
+    return JobFinished(RunEntry(**run), verdicts, error)
 
 
 @pytest.mark.parametrize(
@@ -145,7 +146,7 @@ RUN = [
     job(verdict(Outcome.ERROR), error=BROKE),
     RunFinished(results(verdict(Outcome.PASS))),
 ]
-BROKEN = "[2/3] r on s/c: broke: it raised at tick 3 (counted from 0), HIP (0, 0.1) m"
+BROKEN = "[2/3] r on s/c: broke: it raised at tick 3 (counted from 0), HIP (0, 100) mm"
 
 
 def test_a_line_a_suite_where_there_is_no_terminal():
@@ -153,6 +154,24 @@ def test_a_line_a_suite_where_there_is_no_terminal():
         "3 runs, 5 verdicts planned",
         BROKEN,
         "[2/3] s: 2 runs: 1 pass, 1 fail, 1 error (2 not as expected)",
+    ]
+
+
+def test_a_renderer_that_breaks_everywhere_alike_has_one_line():
+    again = RendererError("it raised", tick=5, hip=(0.0, 0.2))
+    other = RendererError("it raised", why="elsewhere")
+    jobs = [job(verdict(Outcome.ERROR), error=each) for each in (BROKE, again, other)]
+    assert len(lines(RunStarted(3, 3, jobs_of={"s": 3}), *jobs)) == 4
+
+
+def test_what_is_waited_for_is_told_now_and_then():
+    stream = io.StringIO()
+    with terminal.Terminal(stream) as sink:
+        for what in ("one", "two"):
+            for tenth in range(121):
+                sink.waiting(what, 0.1 * tenth, 60.0)
+    assert stream.getvalue().splitlines() == [
+        f"{what}: {seconds} of 60 s" for what in ("one", "two") for seconds in (5, 10)
     ]
 
 

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pytest
 from robots import recorded, twin_of, wired
 
 from hapticeval.cli import main
@@ -18,6 +19,8 @@ from hapticeval.recordings.journal import recover
 from hapticeval.replay.as_recorded import as_recorded
 from hapticeval.replay.job import prepared, replay_plan
 from hapticeval.replay.subject import subject
+
+pytestmark = pytest.mark.system
 
 CYCLES, KILLED = 1500, 700
 

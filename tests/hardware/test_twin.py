@@ -18,10 +18,9 @@ from hapticeval.stimulus.stimulus import Experiment
 CYCLES = 600
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize(
-    "effects",
-    [REAL, {**REAL, "delay": DT}, {**REAL, "delay": 2.3e-3, "torque_limit": 0.3}],
+    ("dimension", "effects"),
+    [(3, REAL), (2, {**REAL, "delay": DT}), (3, {**REAL, "delay": 2.3e-3, "torque_limit": 0.3})],
     ids=["real", "a tick late", "weak and late"],
 )
 def test_it_is_the_closed_loop(tmp_path, dimension, effects):

@@ -155,6 +155,19 @@ class Bends:
         return self.begun + self.at + self.length * math.copysign(abs(d) ** self.exponent, d)
 
 
+class Rises:
+    """A jump of 10 mm, rounded: at `at` metres from where it began it rises linearly over `over` metres of travel."""
+
+    def __init__(self, over: float, at: float = 0.02) -> None:
+        self.over, self.at = over, at
+        self.begun: float | None = None
+
+    def __call__(self, s: float, tick: int, dt: float) -> float | None:
+        if self.begun is None:
+            self.begun = s
+        return s + 0.01 * min(max((s - self.begun - self.at) / self.over, 0.0), 1.0)
+
+
 def single(scene: Scene, rule: Callable[[], Rule], inner: Callable[[Scene], Renderer] | None = None) -> honest.Single:
     """All in single precision, HIP and answer."""
     return honest.Single(scene, Moved(scene, rule, inner))

@@ -18,6 +18,7 @@ from honest import Spring
 
 from hapticeval.discovery import resolve
 from hapticeval.documents import convert
+from hapticeval.renderer import Response
 from hapticeval.scene import Scene
 from hapticeval.suite.case import Case
 
@@ -68,6 +69,30 @@ CASES = {
             trajectory={"kind": "points", "points": [[0.0, 0.021], [0.001, -0.019]], "duration": 0.02},
         ),
         case(
+            "rest",
+            {"kind": "circle"},
+            ("comes-to-rest", "contact-kept"),
+            experiment={
+                "duration": 2.0,
+                "position": [0.0, 0.11],
+                "hand": {"stiffness": 50, "damping": 1, "path": {"points": [[0, 0.08], [0, 0.08]], "duration": 1}},
+            },
+        ),
+        case(
+            "laps",
+            {"kind": "circle"},
+            ("drift",),
+            trajectory={
+                "kind": "loop",
+                "start": [0.11, 0.0],
+                "centre": [0.08, 0.0],
+                "radius": 0.01,
+                "laps": 4,
+                "lap": 0.1,
+                "approach": 0.1,
+            },
+        ),
+        case(
             "moved",
             {"kind": "star"},
             ("numerical-stability",),
@@ -95,6 +120,26 @@ class Outsider:
     fails: Mapping[str, str] = field(default_factory=dict)
     cases: tuple[str, ...] = ("slide",)
     breaks: str = ""
+
+
+class ThriceAsStiff(Spring):
+    """The same with thrice the scene's stiffness."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene)
+        self.stiffness *= 3.0
+
+
+class Wandering(Spring):
+    """The same, with an IHIP that is off by a nanometre more with each tick."""
+
+    def reset(self, hip: np.ndarray) -> None:
+        self.ticks = 0
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        self.ticks += 1
+        ihip, force = super().step(hip, velocity, dt)
+        return Response(ihip + 1e-9 * self.ticks if force.any() else ihip, force)
 
 
 MEMORY = "the IHIP depends on more than the HIP"
@@ -146,6 +191,10 @@ BROKEN: Mapping[str, Outsider] = {
         honest.SevenDigits, {"numerical-stability": "seven digits, and none declared"}, ("moved",)
     ),
     "snaps": Outsider(honest.Snapping, {"numerical-stability": "a grid of 1 um that nobody declared"}, ("moved",)),
+    "thrice-as-stiff": Outsider(
+        ThriceAsStiff, {"comes-to-rest": "3,000 N/m, and a hand whose damping allows 2,000"}, ("rest",)
+    ),
+    "wanders": Outsider(Wandering, {"drift": "the IHIP wanders by a nanometre a tick"}, ("laps",)),
     "runs-apart": Outsider(jumping.OffStep, breaks="run() and step() differ"),
 }
 """Every broken renderer that is written from the protocol: what stops it, and why."""
@@ -154,7 +203,7 @@ IN_A_LOOP = ("late-3", "standoff")
 """The changes that alter the motion of a loop."""
 
 HONEST: Mapping[str, Outsider] = {
-    "spring": Outsider(Spring, cases=("slide", "press", "moved", "restated")),
+    "spring": Outsider(Spring, cases=("slide", "press", "rest", "laps", "moved", "restated")),
     "held": Outsider(resolve("constraint"), cases=("plate",)),
     **{
         name: Outsider(honest.factory(name, Spring), cases=("slide", "press") if name in IN_A_LOOP else ("slide",))

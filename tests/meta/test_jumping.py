@@ -9,10 +9,10 @@ import jumping
 import numpy as np
 import pytest
 from honest import Spring
-from jumping import BROKEN, HONEST, Bends, Handle, InStep, Late, Moved, OffStep, Switches, Uncopied, single
+from jumping import BROKEN, HONEST, Bends, Handle, InStep, Late, Moved, OffStep, Rises, Switches, Uncopied, single
 from msgspec.structs import replace
 
-from hapticeval.geometry.catalogue import circle, star
+from hapticeval.geometry.catalogue import circle, make_model, star
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Outcome
@@ -127,6 +127,31 @@ def test_below_it_is_steep_and_not_broken(exponent):
     assert finding.outcome is Outcome.INCONCLUSIVE
     assert finding.message.startswith("steep")
     assert finding.evidence["slope"] == pytest.approx(exponent, abs=0.02)
+
+
+@pytest.mark.parametrize("over", [0.1, 0.5])
+def test_a_jump_rounded_over_less_than_coordinates_resolve_stays(over):
+    """As a share of 5e-8 m, to which single precision holds the path's coordinates."""
+    finding = found(Moved(ROUND, partial(Rises, 5e-8 * over)), ROUND, ARC)
+    assert finding.outcome is Outcome.FAIL
+    assert finding.metric.value == pytest.approx(0.01, rel=0.1)
+
+
+@pytest.mark.parametrize("over", [3.0, 10.0, 30.0, 1000.0])
+def test_a_rise_over_more_than_coordinates_resolve_is_continuous(over):
+    finding = found(Moved(ROUND, partial(Rises, 5e-8 * over)), ROUND, ARC)
+    assert finding.outcome is Outcome.PASS, finding.message
+
+
+@pytest.mark.parametrize("kind", ["cassinian", "dumbbell"])
+def test_a_conformal_map_is_continuous_a_micrometre_beside_its_centre(kind):
+    """The contact point goes half round the model within a few micrometres of the hand's way."""
+    scene = Scene(model=make_model(kind, size=0.1))
+    along, across = np.array([[np.cos(0.3), np.sin(0.3)], [-np.sin(0.3), np.cos(0.3)]])
+    path = Path([0.0, 0.4], 1e-6 * across + np.outer([-0.08, 0.08], along))
+    finding = found(conformal(scene), scene, path)
+    assert finding.outcome is Outcome.PASS, finding.message
+    assert "steep" in finding.message
 
 
 def test_a_jump_in_the_middle_of_a_steep_place_is_found():

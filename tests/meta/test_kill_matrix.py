@@ -23,6 +23,8 @@ from hapticeval.runner.judging import judge
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
 
+pytestmark = pytest.mark.system
+
 PUBLISHED = Path(__file__).with_name("kill_matrix.md")
 
 FAULTLESS = "faultless"
@@ -148,7 +150,7 @@ def matrix() -> str:
 
 
 def test_the_published_matrix_is_the_measured_one():
-    """To publish a new one: HAPTICEVAL_PUBLISH=1 pytest tests/meta/test_kill_matrix.py."""
+    """To publish a new one: HAPTICEVAL_PUBLISH=1 pytest -m system tests/meta/test_kill_matrix.py."""
     measured = matrix()
     if os.environ.get("HAPTICEVAL_PUBLISH"):
         PUBLISHED.write_text(measured)

@@ -49,6 +49,26 @@ def test_a_jump_stays_whatever_its_size_and_place(size, where):
     assert finding.margin < 0.0
 
 
+def test_a_pass_says_that_it_is_of_the_contact_and_since_when_there_was_none():
+    """Continuous as long as it lasts: who reads nothing else is told that the tool was let go inside the model."""
+
+    kept = judged(lambda x: x)
+    assert kept.outcome is PASS
+    assert kept.message.startswith("continuous while in contact")
+    assert "contact-kept" not in kept.message
+
+    def record(factor):
+        whole = led(lambda x: x)(factor)
+        gone = whole.hip[:, 0] >= 0.03
+        return changed(whole, ihip=np.where(gone[:, None], whole.hip, whole.ihip), force=whole.force * ~gone[:, None])
+
+    finding = found(CHECK, runs(record), SCENE)
+    assert finding.outcome is PASS
+    assert finding.message.endswith("; inside the model without contact at t = 1.5 s, which contact-kept judges")
+    assert finding.evidence["let_go_tick"] == 1500
+    assert outcome("contact-kept", record(1), SCENE) is FAIL
+
+
 @given(slope=st.floats(0.0, 100.0), where=st.floats(0.002, 0.038))
 @settings(max_examples=20)
 def test_a_steep_but_continuous_map_passes(slope, where):

@@ -59,7 +59,9 @@ def test_a_force_that_fades_before_the_corner_is_not_kept():
     fading = changed(base, force=base.force * np.clip(-TO_TIP / 0.02, 1e-4, 1.0)[:, None])
     finding = found("broken-contact", fading, SCENE)
     assert finding.outcome is FAIL
-    assert "lost" in finding.message
+    assert "falls below half" in finding.message
+    gone = found("broken-contact", changed(base, force=base.force * (TO_TIP < -3e-3)[:, None]), SCENE)
+    assert "the force is lost 2.9" in gone.message
 
 
 def test_a_force_that_comes_back_from_the_face_that_was_left_fails():
@@ -70,6 +72,49 @@ def test_a_force_that_comes_back_from_the_face_that_was_left_fails():
     finding = found("broken-contact", changed(base, force=force, ihip=ihip), SCENE)
     assert finding.outcome is FAIL
     assert finding.metric.value == pytest.approx(6e-3, abs=1e-4)
+
+
+COMB = Scene(
+    model=from_vertices(np.array([[-5, -5], [-2, -5], [-2, 0], [2, 0], [2, -5], [5, -5], [5, 5], [-5, 5]]) / 1e2)
+)
+"""A comb of two teeth with a gap of 40 mm between them, in which both have faces of normals (1, 0) and (-1, 0)."""
+
+
+def behind_the_tooth(faces):
+    """Leftwards through the right tooth and the gap, 5 mm into the left one, and down past that one's end.
+
+    The tool is on the face at x = `faces` (m) of the normal (1, 0), as a function of the way down (n,), m; nan is none.
+    """
+    across = np.arange(0.06, -0.025, -STEP)
+    down = np.arange(0.0, 0.04, STEP) + STEP / 3
+    x, way = np.append(across, np.full(down.size, -0.025)), np.append(np.zeros(across.size), down)
+    hip = np.column_stack([x, -0.03 - way])
+    face = np.where(x > 0.05, np.nan, faces(way))
+    ihip = np.column_stack([np.where(np.isnan(face) | (face < x), x, face), hip[:, 1]])
+    return recorded(hip, ihip)
+
+
+def test_a_tool_that_another_part_of_the_solid_holds_is_not_asked_of_the_face_that_the_hand_is_under():
+    """The outer face of the right tooth bars the way all the time, and beyond the end of both the tool is free."""
+    right = behind_the_tooth(lambda way: np.where(way <= 0.02, 0.05, np.nan))
+    finding = found("broken-contact", right, COMB)
+    assert finding.outcome is NO
+    assert "another face" in finding.message
+    assert outcome("broken-contact", changed(right, force=0.0 * right.force, ihip=right.hip), COMB) is UNDECIDED
+
+
+@pytest.mark.parametrize("back", [0.05, np.nan])
+def test_a_tool_that_comes_to_the_face_and_leaves_it_again_breaks_the_law(back):
+    """It pops through to the near tooth, where it is asked for from then on, and back, or lets go, 8 mm early."""
+    near = behind_the_tooth(lambda way: np.select([way <= 5e-3, way <= 0.02], [0.05, -0.02], np.nan))
+    assert outcome("broken-contact", near, COMB) is PASS
+    pops = behind_the_tooth(
+        lambda way: np.select([way <= 5e-3, way <= 0.012, way <= 0.02], [0.05, -0.02, back], np.nan)
+    )
+    finding = found("broken-contact", pops, COMB)
+    assert finding.outcome is FAIL
+    assert finding.metric.value == pytest.approx(8e-3, abs=2 * STEP)
+    assert ("lost" if np.isnan(back) else "another face pushes") in finding.message
 
 
 def round_the_notch(*, depth=5e-3, spread=0.0, backwards=False):

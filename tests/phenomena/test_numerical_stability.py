@@ -7,6 +7,7 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from hapticeval.discovery import resolve
 from hapticeval.documents import convert
@@ -82,6 +83,35 @@ def test_what_is_lost_is_counted(step, digits):
     assert finding.evidence["motion"] in ("turned and shifted", "seven times as large")
 
 
+def test_a_hand_that_was_far_away_excuses_no_digit():
+    """Centres of curvature of the Cassinian's inflections lie at 1e17 m, where a coordinate is known to 16 m."""
+    outcome, finding = digits_of(resolve("minimum-distance"), {"kind": "cassinian"}, of=("focal", "medial"))
+    assert outcome is Outcome.PASS
+    assert finding.evidence["digits"] > 13.0
+    assert finding.evidence["rounding_m"] < 1e-15
+
+
+@pytest.mark.parametrize(
+    ("renderer", "case", "why"),
+    [
+        ("minimum-distance@polygon", "neck-1e-6", "which the declared resolution and standoff of 15.1 mm may cause"),
+        ("constraint", "neck-1e-6", "within the declared resolution and standoff of 15.1 mm"),
+        ("minimum-distance", "offset-1e9-m", "within the rounding of "),
+    ],
+)
+def test_a_pass_that_keeps_few_digits_names_its_excuse(renderer, case, why):
+    (case,) = (each for each in load_suite("hard-cases-places").cases if each.name == case)
+    (verdict,) = judge(resolve(renderer), renderer, "s", replace(case, checks=[CHECK])).verdicts
+    assert verdict.outcome is Outcome.PASS
+    assert verdict.finding.evidence["digits"] < 9.0
+    assert why in verdict.finding.message
+
+
+def test_a_pass_that_keeps_its_digits_needs_no_excuse():
+    _, finding = digits_of(resolve("minimum-distance"), {"kind": "star"})
+    assert finding.message.endswith("seven times as large")
+
+
 def test_a_recording_is_not_asked():
     from hapticeval.phenomena.check import Runs
     from hapticeval.phenomena.registry import CHECKS
@@ -109,7 +139,7 @@ def exact_distance(vertices, point):
 
 POLYGONS = [
     case.name
-    for case in load_suite("hard-cases").cases
+    for case in load_suite("hard-cases-places").cases
     if case.model["kind"] in ("polygon", "star") and case.model.get("points", 5) == 5
 ]
 
@@ -121,7 +151,7 @@ def test_no_foot_is_farther_than_the_nearest_by_more_than_rounding(name):
     They are two of the outline's length P for u and u0, three of the edge's L for the direction and the product, and
     one of the largest coordinate M for the sum.
     """
-    (case,) = (each for each in load_suite("hard-cases").cases if each.name == name)
+    (case,) = (each for each in load_suite("hard-cases-places").cases if each.name == name)
     scene = case.build_scene()
     renderer = resolve("minimum-distance")(scene)
     hips = case.build_stimulus(scene, renderer).sampled(scene.sampling_time)[1]

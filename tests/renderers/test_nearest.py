@@ -133,12 +133,13 @@ def test_a_part_that_a_level_set_cannot_hold_is_refused(model, why):
     minimum_distance(Scene(model=model))
 
 
-@pytest.mark.parametrize("part", range(4))
-def test_a_level_set_holds_a_triangle_however_it_is_turned(part):
-    """Its tip of 48 degrees is narrower than the diagonal of a cell for 1.61 cells, which may leave islands."""
+def test_a_level_set_holds_a_triangle_however_it_is_turned():
+    """Its tip of 48 degrees is narrower than the diagonal of a cell for 1.61 cells, which may leave islands.
+
+    A quarter of a turn lays it on the grid's cells as it was.
+    """
     corners = np.array([[-0.06, -0.02], [0.09, -0.03], [0.01, 0.07]])
-    for sixth in range(6):
-        angle = math.radians(15.0 * (6 * part + sixth))
+    for angle in np.radians(np.arange(0.0, 90.0, 15.0)):
         c, s = math.cos(angle), math.sin(angle)
         model = from_vertices(corners @ np.array([[c, s], [-s, c]]))
         renderer = minimum_distance.variant(representation="level-set")(Scene(model=model))

@@ -17,10 +17,10 @@ VECTOR = st.tuples(NUMBER, NUMBER)
 GAIN = st.floats(0.0, 1e4)
 
 
-def force_of(name, k, d, e, n, v, r):
+def force_of(name, k, d, e, n, v, r, *, bilateral=True):
     """The force of a scheme by its kernel, where the error was e - r one second before."""
     size, dt = len(e), 1.0
-    scene = SimpleNamespace(stiffness=k, damping=d, mass=1.0, bilateral=False)
+    scene = SimpleNamespace(stiffness=k, damping=d, mass=1.0, bilateral=bilateral)
     state, force = np.zeros(1 + 2 * size), np.empty(size)
     state[HELD], state[ERROR : ERROR + size], state[ERROR + size :] = 1.0, np.subtract(e, r), n
     e, v = np.array(e, dtype=float), np.array(v, dtype=float)
@@ -74,6 +74,13 @@ def test_transversal_on_a_shaded_normal():
 def test_transversal_pushes_out_and_resists():
     force = transversal(1000.0, 10.0, (0.0, -1e-3), (0.0, 1.0), (0.0, -0.1), (0.0, 0.0))
     np.testing.assert_allclose(force, (0.0, 2.0))
+
+
+def test_transversal_never_pulls_to_a_surface_that_only_pushes():
+    """A slanted projection may have its foot across a neck, and the hand above the tangent there."""
+    above = (1000.0, 0.0, (0.02, 1e-3), (0.0, 1.0), (0.0, 0.0), (0.0, 0.0))
+    np.testing.assert_allclose(transversal(*above, bilateral=False), (0.0, 0.0))
+    np.testing.assert_allclose(transversal(*above), (0.0, -1.0))
 
 
 @given(st.floats(1.0, 1e4), st.floats(0.0, 100.0), st.floats(0.0, 6.3))

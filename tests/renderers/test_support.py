@@ -250,7 +250,7 @@ def test_what_does_not_apply_stops_no_gate(tmp_path, capsys, monkeypatch):
         "        ihip = at.foot[0] if at.distance[0] < 0 else hip\n"
         "        return Response(ihip, self.stiffness * (ihip - hip))\n"
     )
-    assert main(["run", "both.toml", "-r", "plainly:Nearest", "-o", "out"]) == 0
+    assert main(["run", "both.toml", "-r", "plainly:Nearest", "--no-report", "-o", "out"]) == 0
     results = read_results(tmp_path / "out")
     assert results.complete
     assert (results.ran, results.planned) == (4, 4)

@@ -13,6 +13,7 @@ from reports_synthetic import jump_tick, lobe_recording, synthetic_run, verdicts
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.case_page import write_assets, write_case_page
+from hapticeval.reports.places import case_file
 
 pytestmark = pytest.mark.browser
 AXE = Path(__file__).parents[2] / ".venv" / "browser" / "node_modules" / "axe-core" / "axe.min.js"
@@ -41,16 +42,15 @@ def browser(tmp_path_factory):
 def pages(tmp_path_factory):
     """A case in the plane, of two renderers, and one in space."""
     folder = tmp_path_factory.mktemp("report")
-    write_assets(folder)
     plane = lobe_recording()
     other = Recording(plane.time, {**plane.channels, "ihip": 1.02 * plane.ihip}, plane.meta)
     given = {name: verdicts("lobe", name, plane) for name in ("plain", "other")}
     runs = [synthetic_run("lobe", name, "cassinian") for name in ("plain", "other")]
     space = [synthetic_run("ball", "plain", "sphere")]
-    return {
-        "plane": write_case_page(folder, ("synthetic", "lobe"), runs, {"plain": plane, "other": other}, verdicts=given),
-        "space": write_case_page(folder, ("synthetic", "ball"), space, {"plain": round_a_sphere()}, verdicts={}),
-    }
+    lobe, ball = ("synthetic", "lobe"), ("synthetic", "ball")
+    styles = write_case_page(folder, lobe, runs, {"plain": plane, "other": other}, verdicts=given)
+    write_assets(folder, {**styles, **write_case_page(folder, ball, space, {"plain": round_a_sphere()}, verdicts={})})
+    return {"plane": folder / case_file(*lobe), "space": folder / case_file(*ball)}
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def test_a_link_jumps_to_the_place_of_its_verdict(opened):
     page = opened("plane")
     recording = lobe_recording()
     assert page.run(TIME) == 0.0
-    page.click("a.jump[data-run='0']")
+    page.click("[data-run='0'] a.jump")
     time = float(recording.time[jump_tick(recording)])
     assert page.run(TIME) == pytest.approx(time, abs=1e-9)
     shown = page.run("[...document.querySelectorAll('.now tbody tr')].map(row => row.innerText.split('\\t'))")
@@ -86,7 +86,7 @@ def test_a_link_jumps_to_the_place_of_its_verdict(opened):
 def test_an_address_opens_the_page_at_its_verdict(opened):
     page = opened("plane", fragment="synthetic/lobe/other/broken-contact")
     assert page.run(TIME) > 0.5
-    assert page.run("document.querySelector('.verdict.current').id") == "synthetic/lobe/other/broken-contact"
+    assert page.run("document.querySelector('.check li.current').id") == "synthetic/lobe/other/broken-contact"
 
 
 def test_the_slider_is_worked_by_keys_from_sample_to_sample(opened):
@@ -163,7 +163,7 @@ def test_without_script_figures_and_verdicts_are_there(browser, pages, tmp_path)
     browser.open(pages["plane"], script=False)
     browser.call("Emulation.setScriptExecutionDisabled", value=False)
     box = "(e => e.getBoundingClientRect().height)(document.querySelector('%s'))"
-    for part in (".plane svg.figure", ".plots svg.figure", ".verdict"):
+    for part in (".plane svg.figure", ".plots svg.figure", ".check li"):
         assert browser.run(box % part) > 30
     assert browser.run("document.querySelector('canvas')") is None
 

@@ -29,6 +29,7 @@ from hapticeval.reports.grid import (
     used,
     worst,
 )
+from hapticeval.runner.results import Problem
 
 
 def found(
@@ -218,3 +219,24 @@ def test_a_failure_is_far_in_lightness_from_what_needs_no_attention(theme, eyes)
 def test_no_two_states_share_a_sign_or_a_word():
     assert all(len({each(one) for one in State}) == len(State) for each in (SYMBOLS.get, MEANING.get))
     assert all(one.words != two.words and one.many != two.many for one, two in itertools.combinations(State, 2))
+
+
+def test_what_broke_is_shown_once_with_the_checks_that_it_took_away():
+    nothing = Finding(Outcome.ERROR, "it raised")
+    runs = [
+        synthetic_run(
+            case, name, "circle", recording=False, error=Problem(what=f"it raised at tick {k}", why=why, todo="")
+        )
+        for k, (case, name, why) in enumerate(
+            [("one", "bad", "line 7"), ("two", "bad", "line 7"), ("one", "worse", "line 9"), ("two", "worse", "line 8")]
+        )
+    ]
+    lost = [
+        verdict(case, "bad", check, nothing)
+        for case, check in (("one", "passivity"), ("two", "passivity"), ("two", "broken-contact"))
+    ]
+    results = synthetic_results(runs=runs, verdicts=lost)
+    found = results.breakdowns
+    assert [[run.case for run in each.runs] for each in found] == [["one", "two"], ["one"], ["two"]]
+    assert found[0].checks == ["passivity", "broken-contact"]
+    assert worst(results, 10) == [], "none of them is a failure that was measured"

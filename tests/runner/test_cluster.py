@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import os
 import random
 import signal
@@ -21,8 +22,11 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.events import WorkerRefused
 from hapticeval.runner.outcomes import FILE
 from hapticeval.runner.results import read_results
+from hapticeval.workers import Answer
 
 pytest.importorskip("distributed")
+pytestmark = pytest.mark.system
+
 RENDERERS = ["noisy:Noisy", "noisy:Other"]
 
 
@@ -58,6 +62,31 @@ def test_verdicts_and_recordings_are_those_of_one_process(here, cluster):
     assert many_jobs.found(here / "there") == many_jobs.found(run("here", workers=0).folder)
     without = run(None, scheduler=cluster.address, select=["slide-1"])
     assert len(without.recording("slide-1", "noisy:Noisy")) == 21
+
+
+def test_a_search_with_several_seeds_finds_there_what_it_finds_here(here, cluster):
+    asked = ["search", "-r", "noisy:Noisy", "--check", "contact-normal-force", "--model", "circle", "--examples", "3"]
+    for name, options in {"there": ["--scheduler", cluster.address], "here": []}.items():
+        assert main([*asked, "--seeds", "2", "-o", f"found-{name}", *options]) == 1
+    found = [file for file in sorted(here.glob("found-here/*/*.*")) if file.suffix not in (".png", ".svg")]
+    assert [file.suffix for file in found] == [".csv", ".json", ".toml"]
+    for file in found:
+        assert (here / "found-there" / file.relative_to(here / "found-here")).read_bytes() == file.read_bytes()
+
+
+def test_an_answer_that_is_lost_with_its_worker_is_made_again(cluster):
+    from hapticeval.runner.cluster import Cluster as Crew
+
+    with Crew(operator.neg, cluster.address) as crew:
+        for number in range(3):
+            crew.begin(number, number)
+            crew._send()
+            (future,) = crew._under_way
+            while future.status == "pending":
+                time.sleep(0.01)
+            for pid in cluster.pids():
+                os.kill(pid, signal.SIGKILL)
+            assert crew.answers() == [Answer(number, -number, None)]
 
 
 def test_a_renderer_that_ends_its_process_ends_no_worker(here, cluster):
@@ -187,6 +216,7 @@ def test_a_job_that_kills_its_worker_again_and_again_is_one_error(here, cluster)
     (here / "killed").unlink(missing_ok=True)
     options = {"suites": "many.toml", "select": ["slide-0", "slide-3"], "scheduler": cluster.address}
     results = api.run(["noisy:Noisy", "noisy:KillsWorker"], output="out", **options)
+    assert results.complete, results.document.reason
     broken = [verdict for verdict in results.verdicts if verdict.outcome is Outcome.ERROR]
     assert {verdict.renderer for verdict in broken} == {"noisy:KillsWorker"}
     assert len(broken) == results.document.planned / 2

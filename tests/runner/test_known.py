@@ -2,6 +2,7 @@
 
 import tomllib
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -79,6 +80,32 @@ def test_a_known_failure_passes_in_junit_with_its_reason(outcome, strict, kinds,
     found = [child for case in root.iter("testcase") for child in case]
     assert [child.tag for child in found] == kinds
     assert all(words in (child.get("message") or child.text) for child in found)
+
+
+def test_a_reason_is_short():
+    long = "pop-through: the IHIP jumps 33.3 mm at t = 4 s, and the jump stays; besides, it lies 30.6 mm off"
+    known = Known(source="known.toml").renewed(results_of(verdict(message=long), verdict(case="d", message="ha" * 99)))
+    (first,) = {each.reason for each in known.entries.values()}
+    assert first == f"{UNEXPLAINED}: pop-through: the IHIP jumps 33.3 mm at t = 4 s (s/c)"
+
+
+def test_a_renderer_that_does_not_run_is_named_with_what_may_be_meant():
+    places = {("mine:Nearst", f"s/{case}/memoryless"): LISTED for case in "cd"}
+    known = Known({**places, ("constraint", PLACE): LISTED, ("r", PLACE): LISTED}, "known.toml")
+    assert known.unplanned(["r", "mine:Nearest"], ["s"]) == (
+        "known.toml lists 'mine:Nearst' (2 verdicts), which does not run here: did you mean mine:Nearest?",
+    )
+
+
+def test_a_suite_that_does_not_run_is_named_with_what_may_be_meant():
+    """A sibling of a suite of the user's own is no misspelt one: the list serves runs of either."""
+    sibling, misspelt, installed = (f"{name}/c/memoryless" for name in ("walls-3d", "thesys", "generated"))
+    known = Known({("r", place): LISTED for place in (sibling, misspelt, installed)}, "known.toml")
+    known.check([replace(load_suite("thesis"), name="walls-2d"), load_suite("thesis")])
+    assert known.unplanned(["r"], ["walls-2d", "thesis"]) == (
+        "known.toml lists suite 'walls-3d' (1 verdict), which does not run here: did you mean walls-2d?",
+        "known.toml lists suite 'thesys' (1 verdict), which does not run here: did you mean thesis?",
+    )
 
 
 TEXT = st.text(st.characters(codec="utf-8"), min_size=1).filter(str.strip)

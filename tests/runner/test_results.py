@@ -19,6 +19,7 @@ from hapticeval.errors import InputError
 from hapticeval.files import file_stem, replacing
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
 from hapticeval.recordings.compare.difference import Apart, Difference
+from hapticeval.recordings.recording import Recording
 from hapticeval.runner.results import (
     Ended,
     Problem,
@@ -28,6 +29,7 @@ from hapticeval.runner.results import (
     SceneEntry,
     SuiteEntry,
     VerdictEntry,
+    digest_of,
     environment,
     read_results,
     schema,
@@ -211,3 +213,18 @@ def test_file_stems_of_renderer_names():
     hard = ["a/b", "a:b", "a+b", "a@b", "a-b", "A-b", "..", ".", "", "a.", "a~b", "mine:make", "x" * 61]
     assert len({file_stem(name) for name in hard}) == len(hard)
     assert "/" not in "".join(file_stem(name) for name in hard)
+
+
+def test_a_model_of_a_file_is_made_from_where_the_recording_has_it_and_only_while_it_is_the_same(tmp_path):
+    file = tmp_path / "cube.off"
+    file.write_text("OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n", encoding="utf-8")
+    model = {"kind": "mesh", "file": str(file), "unit": "m"}
+    entry = run_entry(model={**model, "file": file.name, "sha256": digest_of(file)})
+    points = np.zeros((3, 3))
+    recording = Recording(np.arange(3) * 1e-3, {"hip": points}, {"scene": {"model": model}})
+    assert entry.made_model(recording).dimension == 3
+    with pytest.raises(InputError, match="gone"):
+        entry.made_model(None)
+    file.write_text(file.read_text(encoding="utf-8") + "# other\n", encoding="utf-8")
+    with pytest.raises(InputError, match="another by now"):
+        entry.made_model(recording)

@@ -70,6 +70,7 @@ def test_a_line_that_was_cut_or_damaged_is_no_outcome(here, tail):
     with (folder / FILE).open("ab") as file:
         file.write(tail)
     assert len(read_outcomes(folder)) == 5
+    assert (folder / FILE).read_bytes().endswith(b"\n"), "what is added next is a line of its own"
     run("out", resume=True)
     assert many_jobs.found(folder) == whole
 
@@ -189,6 +190,7 @@ def read_lines(here):
     return file.read_bytes().splitlines() if file.exists() else []
 
 
+@pytest.mark.system
 def test_a_run_that_was_killed_finds_what_it_would_have_found(here):
     killed_and_resumed(here, kills=1, cases=20)
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import linecache
 import os
 import pickle
+import select
 import signal
 import subprocess
 import sys
@@ -12,14 +15,15 @@ from pathlib import Path
 
 import pytest
 
+from hapticeval import workers
 from hapticeval.workers import Answer, Ended, Overdue, Workers
 
 
 class Untold(Exception):
-    """Cannot be pickled back: its arguments are not those of its making."""
+    """Cannot be pickled back, also where dask has taught pickle exceptions whose arguments are not those of making."""
 
-    def __init__(self, one, two):
-        super().__init__(one)
+    def __reduce__(self):
+        return int, ("no number",)
 
 
 def act(what, *more):
@@ -30,10 +34,13 @@ def act(what, *more):
         return os.getpid()
     if what == "wait":
         time.sleep(3600.0)
+    if what == "spin":
+        while True:
+            pass
     if what == "die":
         os.kill(os.getpid(), signal.SIGKILL)
     if what == "untold":
-        raise Untold("one", "two")
+        raise Untold("one")
     if what == "function":
         return lambda: None
     raise ValueError(what)
@@ -128,9 +135,34 @@ def test_a_call_that_takes_too_long_is_given_up_and_its_place_is_free():
             assert crew.answers(0.05) == []
         (late,) = given_up
         assert (late.call, late.value, type(late.error)) == (0, None, Overdue)
+        file, line, function = late.error.stack[-1]
+        assert (file, function) == (__file__, "act")
+        assert linecache.getline(file, line).strip() == "time.sleep(3600.0)"
         assert crew.busy == 0
         crew.begin(1, "double", 4)
         assert answered(crew, 1)[1].value == 8
+
+
+def test_several_late_calls_show_their_stacks_in_the_time_of_one(monkeypatch):
+    monkeypatch.setattr(workers, "SPELLED", 1.0)
+    with Workers(act, 4) as crew:
+        for call in range(4):
+            crew.begin(call, "wait")
+        assert crew.answers(0.5) == []
+        begun = time.monotonic()
+        given_up = crew.give_up(0.0)
+        assert time.monotonic() - begun < 3.0
+    assert [each.error.stack[-1][2] for each in given_up] == ["act"] * 4
+
+
+def test_an_interpreter_of_its_own_shows_its_stack_too():
+    with Workers(act, 1, fresh=True) as crew:
+        crew.begin(0, "double", 1)
+        assert answered(crew, 1)[0].value == 2
+        crew.begin(1, "wait")
+        while not (given_up := crew.give_up(0.05)):
+            assert crew.answers(0.05) == []
+        assert [function for _, _, function in given_up[0].error.stack][-1] == "act"
 
 
 def test_an_ended_process_has_a_cause():
@@ -232,3 +264,28 @@ def test_processes_of_their_own_end_when_their_parent_is_killed():
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as parent:
         assert len(parent.stdout.readline().split()) == 2
         assert parent.stdout.read() == ""
+
+
+def hang(pipe):
+    """Have a process of this process's own hang in a call, and hang as well; `pipe` is held by both."""
+    with Workers(act, 1) as crew:
+        crew.begin(0, "pid")
+        os.write(pipe, b"%d\n" % answered(crew, 1)[0].value)
+        crew.begin(1, "spin")
+        crew.answers()
+
+
+def test_a_call_that_hangs_ends_with_the_process_that_asked_for_it():
+    """The worker is killed, as it is in a call, and so cannot end the worker that it has itself."""
+    ours, theirs = os.pipe()
+    with Workers(hang, 1) as crew:
+        crew.begin(0, theirs)
+        grandchild = int(os.read(ours, 100))
+        os.close(theirs)
+    try:
+        assert select.select([ours], [], [], 20.0)[0], "it spins on"
+        assert os.read(ours, 1) == b""
+    finally:
+        os.close(ours)
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(grandchild, signal.SIGKILL)

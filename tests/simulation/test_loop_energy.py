@@ -160,17 +160,22 @@ def balance(recording, trial, scene):
     return np.array(rows)
 
 
-@pytest.mark.parametrize("hand", [False, True], ids=["pushed", "drawn"])
-@pytest.mark.parametrize("effects", EFFECTS)
-@pytest.mark.parametrize("loop", list(InnerLoop))
-@pytest.mark.parametrize(
-    "device",
-    [PointMass(0.3), PointMass(0.3, 3), Parallelogram2(), Parallelogram3()],
-    ids=lambda d: f"{d.name}{d.dimension}",
-)
-def test_energy_is_accounted_for(device, loop, effects, hand):
+MADE = (PointMass(0.3), PointMass(0.3, 3), Parallelogram2(), Parallelogram3())
+DEVICES = {f"{each.name}{each.dimension}": each for each in MADE}
+LOOPS = [
+    (name, loop, effects, "drawn" if (i + j + k) % 2 else "pushed")
+    for i, name in enumerate(DEVICES)
+    for j, loop in enumerate(InnerLoop)
+    for k, effects in enumerate(EFFECTS)
+]
+"""Every device, inner loop and set of effects, and every pair of these with a hand that draws and one that pushes."""
+
+
+@pytest.mark.parametrize(("name", "loop", "effects", "hand"), LOOPS)
+def test_energy_is_accounted_for(name, loop, effects, hand):
+    device = DEVICES[name]
     scene = Scene(model=line(), mass=1.0, device=device, inner_loop=loop, effects=EFFECTS[effects])
-    trial = experiment(device.dimension, hand)
+    trial = experiment(device.dimension, hand == "drawn")
     recording = simulate_closed_loop(Spring(300.0, 3.0), trial, scene, DT)
     assert "ended" not in recording.meta
     changed, work, kinetic = balance(recording, trial, scene).T
@@ -268,9 +273,7 @@ def test_energy_is_accounted_for_with_every_renderer(name, model, device, loop, 
 def test_the_list_has_every_device_inner_loop_and_effect_with_and_without_a_law():
     seen = [case.values for case in loops()]
     assert {(case[2].name, case[2].dimension, case[3]) for case in seen} == {
-        (device.name, device.dimension, loop)
-        for device in (PointMass(0.3), PointMass(0.3, 3), Parallelogram2(), Parallelogram3())
-        for loop in InnerLoop
+        (device.name, device.dimension, loop) for device in DEVICES.values() for loop in InnerLoop
     }
     assert {(case[4], case[5], case[6]) for case in seen} == {
         (effects, hand, bilateral) for effects in EFFECTS for hand in (False, True) for bilateral in (False, True)

@@ -17,11 +17,13 @@ from hapticeval.renderers import minimum_distance
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.study.bench import sweep as sweeping
 from hapticeval.study.bench.accuracy import (
+    DEEPEST,
     Answers,
     answers,
     errors,
     fresh_scene,
     interior_points,
+    meshed,
     nearest_of_ours,
     reference_of,
     refinements,
@@ -30,10 +32,17 @@ from hapticeval.study.bench.accuracy import (
 from hapticeval.study.bench.document import FILE, SAMPLES, beside, read_bench, read_samples, write_bench
 from hapticeval.study.bench.judge import judged, unproven
 from hapticeval.study.bench.measure import array_bytes, batch_times, step_times, timed_build, track
-from hapticeval.study.bench.sweep import Effort, Setting, Sweep, settings_of
+from hapticeval.study.bench.sweep import (
+    Effort,
+    Setting,
+    Sweep,
+    own_on_meshes,
+    settings_by_model,
+    settings_of,
+)
 from hapticeval.study.bench.text import describe
 
-TINY = Effort(models=("cassinian", "star"), rounds=3, steps=20, batches=3, builds=2)
+TINY = Effort(models=("cassinian", "star"), finer=(1, 2, 4), rounds=3, steps=20, batches=3, builds=2)
 
 
 class Blurred:
@@ -82,7 +91,8 @@ def run(monkeypatch):
     monkeypatch.setattr(sweeping, "workload", lambda kind, seed: small(kind))
 
     def run(settings, progress=lambda *_: None):
-        bench = Sweep(settings, quick=True, seed=0, command={})
+        on_each = settings if isinstance(settings, dict) else dict.fromkeys(TINY.models, settings)
+        bench = Sweep(on_each, quick=True, seed=0, command={})
         bench.run(progress)
         return bench
 
@@ -333,3 +343,52 @@ def test_missing_or_cut_samples_are_refused(tmp_path):
     (tmp_path / SAMPLES).write_bytes((tmp_path / SAMPLES).read_bytes()[:700])
     with pytest.raises(InputError, match="damaged"):
         read_samples(tmp_path)
+
+
+def test_on_meshes_a_renderer_is_off_by_what_their_triangles_are(run):
+    costs = judged(run(settings_by_model(["sphere"], ["minimum-distance", "constraint"], quick=True)).results())
+    of = {
+        name: [each for each in costs.settings if each.renderer == name] for name in ("minimum-distance", "constraint")
+    }
+    for name, found in of.items():
+        assert [each.settings["triangles"] for each in found] == [80, 320, 1280], name
+        for each, finer in zip(found, TINY.finer, strict=True):
+            mesh = meshed(fresh_scene("sphere", 0), finer).model.boundary
+            a, b, c = mesh.vertices[mesh.triangles.T]
+            sides = [np.linalg.norm(one - other, axis=1) for one, other in ((a, b), (b, c), (c, a))]
+            area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+            widest = float(np.max(np.prod(sides, axis=0) / (4.0 * area)))  # of the circles round the triangles
+            turned = np.arcsin(widest / (0.1 - DEEPEST))  # a face against the sphere's normal, at most, as deep as that
+            sagitta = 0.1 - np.sqrt(0.1**2 - widest**2)
+            assert 0.5 * sagitta < each.errors["ihip"]["max"] < sagitta + DEEPEST * np.tan(turned)
+            assert each.errors["normal"]["max"] < np.degrees(turned)
+            assert each.proven
+    assert all(0.5 < line.orders["ihip"] < 1.0 for line in costs.orders), "of the area: between length and its square"
+    exact, nearest = (each.what for each in costs.references)
+    assert exact == "the exact curve"
+    assert nearest.endswith("on the exact curve, of ours the nearest to it"), "constraint takes no sphere"
+
+
+def test_a_table_in_space_is_of_the_finest_mesh_alone(monkeypatch):
+    monkeypatch.setattr(sweeping, "QUICK", TINY)
+    (table,) = settings_by_model(["torus"], ["minimum-distance@lut"], quick=True)["torus"]
+    assert table.values == {"triangles": 2.0 * 32 * 59, "cell": 4e-3}, "round the tube, and about the axis"
+    chosen = settings_by_model(["torus"], ["minimum-distance@lut"], quick=True, chosen={"cell": (8e-3, 4e-3)})["torus"]
+    assert [each.values["cell"] for each in chosen] == [8e-3, 4e-3]
+
+
+def test_ours_that_take_meshes_are_found_by_asking_them():
+    found = own_on_meshes()
+    assert {"minimum-distance", "constraint", "minimum-distance@lut"} <= set(found)
+    assert not {"mapping", "conformal", "ideal", "set-stabilisation"} & set(found)
+
+
+def test_a_model_that_no_bench_has_is_refused():
+    with pytest.raises(UnknownNameError):
+        settings_by_model(["cube"], ["minimum-distance"], quick=True)
+
+
+def test_a_refusal_is_no_fault_while_something_is_measured(run):
+    bench = run(settings_by_model(["sphere"], ["mapping", "minimum-distance"], quick=True))
+    assert bench.failures == []
+    assert {each.exit_code for each in run(settings_by_model(["sphere"], ["mapping"], quick=True)).failures} == {2}

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from hapticeval.cli import main
+from hapticeval.commands.authors import PATIENCE
 from hapticeval.study import doctor
 from hapticeval.study.doctor import State, examine
 
@@ -62,6 +63,19 @@ class Other(Good):
     def run(self, hips, dt):
         return hips, 0.0 * hips
 
+class Three(Good):
+    def run(self, hips, dt):
+        return hips, 0.0 * hips, hips
+
+class Short(Good):
+    def run(self, hips, dt):
+        return hips[1:], 0.0 * hips
+
+class Property(Good):
+    @property
+    def contact(self):
+        raise KeyError("no such flag")
+
 class Dies(Good):
     def step(self, hip, velocity, dt):
         if self.boundary.closest_point([hip]).distance[0] < 0.0:
@@ -102,25 +116,49 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("Blind", {"non-finite": "missing"}),
         ("Other", {"batch": "missing"}),
         ("Dies", dict.fromkeys(("contact", "leaving", "reset", "reset inside", "non-finite", "speed"), "broke")),
+        ("Three", {"batch": "broke"}),
+        ("Short", {"batch": "broke"}),
+        ("Property", {"free space": "broke", "contact": "broke"}),
         ("Raises", {"made": "broke"}),
         ("Nothing", {"dimension": "missing"}),
     ],
 )
 def test_what_ails_a_renderer_is_found(here: Path, name: str, ails: dict[str, str]) -> None:
-    found = list(examine(f"patients:{name}"))
+    found = list(examine(f"patients:{name}", patience=PATIENCE))
     assert {each.what: str(each.state) for each in found if each.state in (State.MISSING, State.BROKE)} == ails
     assert doctor.exit_code(found) == (3 if "broke" in ails.values() else int(bool(ails)))
 
 
-def test_one_that_hangs_is_given_up(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "PATIENCE", 1.0)
-    found = [each for each in examine("patients:Waits") if each.state is State.BROKE]
-    assert [(each.what, each.kind) for each in found] == [("free space", "plane"), ("free space", "space")]
+def test_one_that_hangs_is_given_up_where_it_hangs(here: Path) -> None:
+    waits: list[tuple[str, float, float]] = []
+    found = list(examine("patients:Waits", patience=0.5, waiting=lambda *wait: waits.append(wait)))
+    assert [(each.what, str(each.state)) for each in found] == [("made", "ok"), ("free space", "broke")]
+    line = MODULE.splitlines().index("        time.sleep(3600)") + 1
+    assert f"in patients.py, line {line}, in step: time.sleep(3600)" in found[-1].text
+    assert "waiting for 'free space' in the plane" in {what for what, *_ in waits}
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("Three", "run() answered shapes [("),
+        ("Short", "run() answered shapes [("),
+        ("Property", "it raised KeyError: 'no such flag'; in patients.py, line"),
+    ],
+)
+def test_what_broke_is_named(here: Path, name: str, words: str) -> None:
+    first = next(each for each in examine(f"patients:{name}", patience=PATIENCE) if each.state is State.BROKE)
+    assert words in first.text
+
+
+def test_one_cause_is_reported_once(here: Path) -> None:
+    texts = [each.text for each in examine("patients:Dies", patience=PATIENCE) if each.state is State.BROKE]
+    assert texts == ["it ends the process that it runs in: exit code 7"] + ["as at 'contact' in the plane"] * 11
 
 
 @pytest.mark.parametrize("name", ["constraint", "minimum-distance"])
 def test_our_own_keep_the_contract(name: str) -> None:
-    assert [each for each in examine(name) if each.state not in (State.OK, State.NOTE)] == []
+    assert [each for each in examine(name, patience=PATIENCE) if each.state not in (State.OK, State.NOTE)] == []
 
 
 def test_the_command_shows_it(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -191,6 +191,15 @@ def test_on_a_bent_constraint_the_limit_is_that_of_the_line(kind, renderer):
     assert simulated_limit(resolve(renderer), held, place) == pytest.approx(8940.0, rel=2e-3)
 
 
+def test_a_tool_that_slides_to_another_place_shows_nothing_of_this_one():
+    """On top of the Cassinian a robot swings up beyond 4,614 N/m, and slides to where 7,700 N/m are stable."""
+    held = replace(robot_scene(damping=2.0, bilateral=True), model=make_model("cassinian"))
+    place = Place(np.array([0.0, 0.1]), np.array([0.0, 1.0]))
+    family = family_of(resolve("combescure"), held, place)
+    found = eigenvalue_limit(SampledLoop(held, robot_at(held.robot, place.point)), family)
+    assert simulated_limit(resolve("combescure"), held, place) == pytest.approx(found, rel=2e-3)
+
+
 def test_what_is_not_linear_does_not_decide():
     """Rounding of counts makes a limit cycle at any stiffness, and friction holds a loop that would go on to swing."""
     effects = (Encoder(1e-4), JointFriction(0.02), Saturation(0.1))

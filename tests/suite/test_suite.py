@@ -13,7 +13,9 @@ from hapticeval.errors import InputError
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
 from hapticeval.stimulus.hard_places import HardPlaces
+from hapticeval.suite import installed
 from hapticeval.suite.installed import find_suites, suite_groups, suites_named
+from hapticeval.suite.outline import outline
 from hapticeval.suite.reading import case_named, load_suite
 
 POINTS = 'trajectory = { kind = "points", points = [[0.12, 0.0], [0.08, 0.02]], duration = 1 }'
@@ -99,6 +101,19 @@ def test_every_unilateral_case_that_is_installed_asks_for_the_contact_to_be_kept
         for case in load_suite(name).cases:
             leaps = isinstance(case.trajectory, HardPlaces)  # a hand that leaps goes no way that could be barred
             assert ("contact-kept" in case.checks) is not (case.build_scene().bilateral or leaps), case.name
+
+
+@pytest.mark.parametrize(
+    ("names", "groups"),
+    [
+        (("hard-cases-loops", "hard-cases-places"), {"hard-cases": ("hard-cases-loops", "hard-cases-places")}),
+        (("wall", "wall-low"), {}),
+        (("walls-high", "wall-low"), {}),
+    ],
+)
+def test_a_group_is_what_whole_words_have_in_common_unless_a_suite_has_that_name(monkeypatch, names, groups):
+    monkeypatch.setattr(installed, "find_suites", lambda: dict.fromkeys(names))
+    assert installed.suite_groups() == groups
 
 
 def test_suites_and_cases_are_found_by_name_and_by_group(tmp_path):
@@ -317,3 +332,12 @@ def test_forces_and_hand_paths_are_read_from_files(load, tmp_path):
     pulses.write_text("t,fx,fy\n0,0,0\n0.05,much,-2\n")
     with pytest.raises(InputError, match=r"pulses.csv, row 1, column fx: 'much' is not a number"):
         stimulus(case)
+
+
+@pytest.mark.parametrize("name", find_suites())
+def test_an_outline_is_what_the_suite_has(name):
+    suite, read = load_suite(name), outline(find_suites()[name])
+    assert (read.title, read.citation) == (suite.title, suite.citation)
+    assert [(*heading, judged) for heading, judged in read.cases] == [
+        (case.name, case.title, case.judged) for case in suite.cases
+    ]

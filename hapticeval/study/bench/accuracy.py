@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Any, cast
 
@@ -16,7 +16,10 @@ import numpy as np
 
 from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import HapticevalError, InputError
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.catalogue import make_model
+from hapticeval.geometry.facets import triangulated
+from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.model import Model
 from hapticeval.knob import Knob, Settings
 from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured
@@ -38,16 +41,25 @@ MARGIN = 10.0  # refinements of the reference must agree to the tenth of an erro
 ROUNDING = 1e-12  # errors below this share of a model's size are rounding
 STATISTICS = ("rms", "p99", "max")
 
-MODELS: Mapping[str, Mapping[str, Any]] = {
+PLANE: Mapping[str, Mapping[str, Any]] = {
     "cassinian": {"kind": "scaled", "depth": 0.004, "from_angle": -45, "to_angle": 45},
     "star": {"kind": "corner", "corner": 1, "depth": 0.004, "before": 0.030, "after": 0.030},
 }
-"""The models of a bench, and the path that the hand slides along: a lobe of the Cassinian, a notch of the star."""
+"""The plane models, and the path that the hand slides along: a lobe of the Cassinian, a notch of the star."""
+
+SPACE = ("sphere", "torus")
+"""The models in space: renderers are given meshes of them, and errors count from the smooth surface."""
+
+DEEPEST = 0.010
+"""Depth (m) of a hand in space: 10 N at 1 kN/m. No common desktop device pushes back with more."""
+
+SLIDE_DEPTH = 0.004
+"""Depth (m) at which the hand slides under a surface."""
 
 
 @dataclass(frozen=True, eq=False)
 class Workload:
-    """Hand positions on one model: `points` (n, 2), m, each a run of its own, and the path `slide`."""
+    """Hand positions on one model: `points` (n, N), m, each a run of its own, and the path `slide`."""
 
     name: str
     scene: Scene
@@ -61,10 +73,16 @@ class Workload:
 
 
 def workload(kind: str, *, seed: int) -> Workload:
-    """Make the workload of one of `MODELS`, see `interior_points`."""
-    scene = Scene(model=make_model(kind, size=SIZE))
-    path = build_path({**MODELS[kind], "duration": SLIDE_SECONDS}, scene.model.boundary, FilePath())
-    return Workload(kind, scene, interior_points(scene.model, POINTS, seed=seed), path)
+    """Make the workload of a model: see `interior_points`, and in space `points_under`."""
+    scene = fresh_scene(kind, 0)
+    boundary = scene.model.boundary
+    if kind in PLANE:
+        points = interior_points(scene.model, POINTS, seed=seed)
+        table = {**PLANE[kind], "duration": SLIDE_SECONDS}
+    else:
+        points = points_under(boundary, POINTS, seed=seed)
+        table = {"kind": "points", "points": way_under(boundary).tolist(), "duration": SLIDE_SECONDS}
+    return Workload(kind, scene, points, build_path(table, boundary, FilePath()))
 
 
 def fresh_scene(kind: str, number: int) -> Scene:
@@ -72,7 +90,36 @@ def fresh_scene(kind: str, number: int) -> Scene:
 
     Model number n is n parts in 1e12 larger than the others.
     """
-    return Scene(model=make_model(kind, size=SIZE * (1.0 + 1e-12 * number)))
+    grown = 1.0 + 1e-12 * number
+    sizes = {"major": 0.07 * grown, "minor": 0.03 * grown} if kind == "torus" else {"size": SIZE * grown}
+    return Scene(model=make_model(kind, **sizes))
+
+
+def meshed(scene: Scene, finer: float) -> Scene:
+    """Return the scene with a mesh of its model, `finer` than the coarsest: see `triangulated`."""
+    model = scene.model
+    mesh = Mesh(model.name, *triangulated(model.surface, finer))
+    return replace(scene, model=Model(model.name, model.parameters, mesh))
+
+
+def points_under(boundary: Boundary, count: int, *, seed: int) -> Array:
+    """Draw `count` points evenly in the layer of 10 mm under a surface in space, (count, 3), m."""
+    low, high = np.reshape(boundary.bounds, (2, 3))
+    random = np.random.default_rng(seed)
+    found = np.empty((0, 3))
+    while found.shape[0] < count:
+        drawn = random.uniform(low, high, (4 * count, 3))
+        depth = -boundary.signed_distance(drawn)
+        found = np.vstack([found, drawn[(depth > 0.0) & (depth < DEEPEST)]])
+    return np.ascontiguousarray(found[:count])
+
+
+def way_under(boundary: Boundary) -> Array:
+    """Return points (n, 3), m, 4 mm under a surface: under a straight line that passes beside it, askew to all axes."""
+    reach = np.array(boundary.bounds[3:])
+    along = np.linspace(-0.5, 0.5, 41)[:, np.newaxis]
+    at = boundary.closest_point(reach * (np.array([0.3, 0.5, 1.2]) + along * np.array([1.0, 0.5, 0.0])))
+    return np.asarray(at.foot - SLIDE_DEPTH * at.normal)
 
 
 def interior_points(model: Model, count: int, *, seed: int) -> Array:
@@ -100,7 +147,7 @@ def interior_points(model: Model, count: int, *, seed: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """A renderer's IHIPs (n, 2), m, and forces (n, 2), N: for each point of a workload, then along its slide."""
+    """A renderer's IHIPs (n, N), m, and forces (n, N), N: for each point of a workload, then along its slide."""
 
     ihip: Array
     force: Array
@@ -112,7 +159,7 @@ def answers(renderer: Renderer, work: Workload) -> Answers:
     Raises `RendererError` as `playback.play` does.
     """
     ihips, forces = np.empty_like(work.points), np.empty_like(work.points)
-    still = np.zeros(2)
+    still = np.zeros(work.points.shape[1])
     for row, hip in enumerate(work.points):
         reset_checked(renderer, hip)
         ihips[row], forces[row] = step_checked(renderer, row, hip, still, work.dt)
@@ -128,8 +175,8 @@ def errors(found: Answers, reference: Answers, *, stiffness: float) -> Errors:
     """
     size, wanted = (np.linalg.norm(each.force, axis=1) for each in (found, reference))
     pressed = np.minimum(size, wanted) > stiffness * FORCE_DEPTH
-    a, b = found.force[pressed], reference.force[pressed]
-    angle = np.degrees(np.abs(np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], np.sum(a * b, axis=1))))
+    a, b = (np.pad(each.force[pressed], ((0, 0), (0, 3 - each.force.shape[1]))) for each in (found, reference))
+    angle = np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1)))
     return {
         "ihip": _summary(np.linalg.norm(found.ihip - reference.ihip, axis=1)),
         "normal": _summary(angle),

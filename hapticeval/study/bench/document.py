@@ -149,7 +149,7 @@ class BenchResults(_Part, frozen=True):
 def beside(
     results: BenchResults, samples: Samples, before: BenchResults, earlier: Samples
 ) -> tuple[BenchResults, Samples]:
-    """Add the settings of an earlier bench of other renderers, so that new ones stand among them.
+    """Add the settings of an earlier bench of other renderers or models, so that new ones stand among them.
 
     Nothing is added where versions, processor, cores, seed or effort differ: their times could not be compared.
     """
@@ -163,13 +163,13 @@ def beside(
         )
     ):
         return results, samples
-    measured = {each.renderer for each in results.settings}
+    measured = {(each.renderer, each.model) for each in results.settings}
     keys = {
         each.key: f"k{number:03d}"
-        for number, each in enumerate(each for each in before.settings if each.renderer not in measured)
+        for number, each in enumerate(each for each in before.settings if (each.renderer, each.model) not in measured)
     }
     settings = [replace(each, key=keys[each.key], kept=True) for each in before.settings if each.key in keys]
-    references = [each for each in before.references if each.renderer not in measured]
+    references = [each for each in before.references if (each.renderer, each.model) not in measured]
     old = {
         f"{keys[key]}/{kind}": rows
         for (key, _, kind), rows in ((name.partition("/"), rows) for name, rows in earlier.items())

@@ -4,27 +4,32 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from itertools import count, islice, product
 from typing import Any
 
 import numpy as np
 
 from hapticeval.discovery import own_renderers, resolve
-from hapticeval.errors import HapticevalError, InputError, RendererError, UnknownNameError, described
+from hapticeval.errors import HapticevalError, InputError, RefusalError, RendererError, UnknownNameError, described
+from hapticeval.geometry.facets import triangulated
 from hapticeval.knob import Settings
 from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured
 from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.results import environment
+from hapticeval.scene import Scene
 from hapticeval.study.bench.accuracy import (
-    MODELS,
+    PLANE,
     ROUNDING,
+    SPACE,
     Answers,
     Reference,
     Workload,
     answers,
     errors,
     fresh_scene,
+    meshed,
     nearest_of_ours,
     on_the_exact_curve,
     reference_of,
@@ -43,28 +48,37 @@ Progress = Callable[[int, int, str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """How much is measured: models, rounds of timing, steps and batches per round, and builds."""
+    """How much is measured: models and meshes, rounds of timing, steps and batches per round, and builds."""
 
     models: tuple[str, ...]
+    finer: tuple[int, ...]
     rounds: int
     steps: int
     batches: int
     builds: int
 
 
-QUICK = Effort(models=("cassinian",), rounds=8, steps=250, batches=3, builds=1)
-FULL = Effort(models=tuple(MODELS), rounds=20, steps=1000, batches=10, builds=5)
+QUICK = Effort(models=("cassinian",), finer=(1, 4, 16, 32), rounds=8, steps=250, batches=3, builds=1)
+FULL = Effort(models=tuple(PLANE), finer=(1, 2, 4, 8, 16, 32, 128), rounds=20, steps=1000, batches=10, builds=5)
 
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """A renderer with its knobs at given values: `factory` builds it, `base` with the knobs as it has them."""
+    """A renderer with its knobs at given values: `factory` builds it, `base` with the knobs as it has them.
+
+    In space it is given a mesh `finer` than the coarsest; 0 in the plane.
+    """
 
     renderer: str
     values: Settings
     base: RendererFactory
     factory: RendererFactory
     units: Mapping[str, str] = field(default_factory=dict)
+    finer: int = 0
+
+    def given(self, scene: Scene) -> Scene:
+        """Return what the renderer is given of a scene."""
+        return meshed(scene, self.finer) if self.finer else scene
 
     @property
     def label(self) -> str:
@@ -85,8 +99,23 @@ def own_variants() -> list[str]:
     return names
 
 
+def own_on_meshes() -> list[str]:
+    """Name the renderers that come with hapticeval and take meshes: each as it is, and as a table where it has one."""
+    coarsest = meshed(fresh_scene(SPACE[0], 0), 1)
+    names = []
+    for name in own_renderers():
+        with suppress(RefusalError):
+            if isinstance(make_renderer(resolve(name), coarsest), Renderer):
+                tabled = "lut" in (choices_of(resolve(name)).representations or ())
+                names += [name, f"{name}@lut"] if tabled else [name]
+    return names
+
+
 def settings_of(
-    renderers: Sequence[str], *, quick: bool, chosen: Mapping[str, Sequence[float]] | None = None
+    renderers: Sequence[str],
+    *,
+    quick: bool,
+    chosen: Mapping[str, Sequence[float]] | None = None,
 ) -> list[Setting]:
     """List every setting of the renderers, in the order given, coarse before fine.
 
@@ -115,6 +144,55 @@ def settings_of(
         units = {knob: each.unit for knob, each in knobs[name].items()}
         for setting in every or [{}]:
             found.append(Setting(name, setting, factory, configured(factory, setting, name=name), units))
+    return found
+
+
+def settings_on_meshes(
+    model: str, renderers: Sequence[str], *, quick: bool, chosen: Mapping[str, Sequence[float]] | None = None
+) -> list[Setting]:
+    """List the renderers, each on meshes of a model in space from coarse to fine.
+
+    Tables are of the finest mesh alone, for whatever the mesh they take the same time, with their cells as `chosen`, or
+    at their coarsest: space costs by the cube. Raises as `settings_of` does.
+    """
+    surface = fresh_scene(model, 0).model.surface
+    meshes = [(finer, len(triangulated(surface, finer)[1])) for finer in (QUICK if quick else FULL).finer]
+    found = []
+    for name in dict.fromkeys(renderers):
+        cells = {knob: each.values[:1] for knob, each in choices_of(resolve(name)).knobs.items() if each.unit == "m"}
+        wanted = {**cells, **(chosen or {})}
+        for each in settings_of([name], quick=quick, chosen=wanted) if wanted else [_bare(name)]:
+            units = {"triangles": "", **each.units}
+            for finer, triangles in meshes[-1:] if cells else meshes:
+                values = {"triangles": float(triangles), **each.values}
+                found.append(replace(each, values=values, units=units, finer=finer))
+    return found
+
+
+def _bare(name: str) -> Setting:
+    factory = resolve(name)
+    return Setting(name, {}, factory, factory)
+
+
+def settings_by_model(
+    models: Sequence[str] | None,
+    renderers: Sequence[str] | None,
+    *,
+    quick: bool,
+    chosen: Mapping[str, Sequence[float]] | None = None,
+) -> dict[str, list[Setting]]:
+    """List what is measured on each model: the settings of the renderers, or of ours; without names the usual models.
+
+    Raises `UnknownNameError` for a model that is none of `PLANE` and `SPACE`, and as `settings_of` does.
+    """
+    found = {}
+    for model in dict.fromkeys(models or (QUICK if quick else FULL).models):
+        if model in PLANE:
+            found[model] = settings_of(renderers or own_variants(), quick=quick, chosen=chosen)
+        elif model in SPACE:
+            found[model] = settings_on_meshes(model, renderers or own_on_meshes(), quick=quick, chosen=chosen)
+        else:
+            raise UnknownNameError("model of a bench", model, (*PLANE, *SPACE))
     return found
 
 
@@ -163,16 +241,18 @@ class _Entry:
 
 
 class Sweep:
-    """A bench of some settings. `run` may be stopped by Ctrl-C: what was measured is kept."""
+    """A bench of some settings on each model. `run` may be stopped by Ctrl-C: what was measured is kept."""
 
-    def __init__(self, settings: Sequence[Setting], *, quick: bool, seed: int, command: Mapping[str, Any]) -> None:
+    def __init__(
+        self, settings: Mapping[str, Sequence[Setting]], *, quick: bool, seed: int, command: Mapping[str, Any]
+    ) -> None:
         self.quick = quick
         self.seed = seed
         self.command = command
         self.effort = QUICK if quick else FULL
-        self.works = [workload(kind, seed=seed) for kind in self.effort.models]
-        pairs = [(work, setting) for work in self.works for setting in settings]
-        self.factories = {each.renderer: each.base for each in settings}
+        self.works = [workload(kind, seed=seed) for kind in settings]
+        pairs = [(work, setting) for work in self.works for setting in settings[work.name]]
+        self.factories = {each.renderer: each.base for _, each in pairs}
         self.entries = [_Entry(setting, work, f"s{k:03d}") for k, (work, setting) in enumerate(pairs)]
         self.references: dict[tuple[str, str], Reference | None] = {}
         self.rounds = 0
@@ -201,8 +281,10 @@ class Sweep:
 
     @property
     def failures(self) -> list[HapticevalError]:
-        """The errors that stopped single settings."""
-        return [entry.failure for entry in self.entries if entry.failure is not None]
+        """The errors that stopped single settings; a refusal is none, unless nothing else came out."""
+        found = [entry.failure for entry in self.entries if entry.failure is not None]
+        broken = [each for each in found if not isinstance(each, RefusalError)]
+        return found if len(found) == len(self.entries) else broken
 
     def _prepare(self, entry: _Entry) -> None:
         try:
@@ -217,18 +299,21 @@ class Sweep:
 
     def _measure(self, entry: _Entry) -> None:
         setting, work = entry.setting, entry.work
-        warm = make_renderer(setting.factory, work.scene)  # what is compiled on first use is compiled now
+        first = meshed(work.scene, 1) if setting.finer else work.scene
+        warm = make_renderer(setting.factory, first)  # what is compiled on first use is compiled now
         if not isinstance(warm, Renderer):
             raise _NotBenched(
                 f"'{setting.renderer}' has no reset and step to be timed",
                 why="it answers a whole stimulus at once",
             )
-        found = answers(warm, work)
+        scenes = (fresh_scene(work.name, next(self._fresh)) for _ in range(self.effort.builds))
+        entry.renderer, entry.builds = timed_build(
+            lambda scene: setting.factory(setting.given(scene)), scenes, self.effort.builds
+        )
+        found = answers(entry.renderer if setting.finer else warm, work)
         entry.reference = self._reference(setting, work, found)
         if entry.reference is not None:
             entry.errors = errors(found, entry.reference.answers, stiffness=work.scene.stiffness)
-        scenes = (fresh_scene(work.name, next(self._fresh)) for _ in range(self.effort.builds))
-        entry.renderer, entry.builds = timed_build(setting.factory, scenes, self.effort.builds)
         entry.memory = array_bytes(entry.renderer)
 
     def _reference(self, setting: Setting, work: Workload, found: Answers) -> Reference | None:
@@ -244,7 +329,9 @@ class Sweep:
             if shared:
                 self.references[key] = shared[0]
             else:
-                made = reference_of(setting.renderer, setting.factory, work, quick=self.quick)
+                made = None
+                with suppress(RefusalError):  # of what takes meshes alone
+                    made = reference_of(setting.renderer, setting.factory, work, quick=self.quick)
                 self.references[key] = made or nearest_of_ours(found, work)
         return self.references[key]
 

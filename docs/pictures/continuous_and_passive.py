@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/continuous-and-passive.md and print their numbers: python docs/pictures/draw_passive.py."""
+"""Draw the pictures of docs/continuous-and-passive.md into `pictures`, and print their numbers."""
 
 from pathlib import Path
 
@@ -11,7 +11,8 @@ from hapticeval.reports.canvas import figure
 from hapticeval.scene import Scene
 from hapticeval.study.energy_field import energy_field, worst_loop
 
-HERE = Path(__file__).parent
+PICTURES = Path("pictures")
+PICTURES.mkdir(exist_ok=True)
 NAMES = ("conformal", "mapping", "homothetic", "combescure")
 COLOURS = dict(zip(NAMES, ("#d55e00", "#cc79a7", "#0072b2", "#009e73"), strict=True))
 RADIUS, CELL, NOTHING = 4e-3, 1e-3, 1e-9
@@ -59,7 +60,7 @@ with figure(11.0, 3.4, layout="constrained") as made:
         xlabel="depth of the loop's centre (mm)", ylabel="work round the worst loop (mJ, from 1e-9)", ylim=(1e-10, 1e3)
     )
     panels[3].legend(fontsize=8)
-    made.savefig(HERE / "energy-field.svg", format="svg", metadata={"Date": None})
+    made.savefig(PICTURES / "energy-field.svg", format="svg", metadata={"Date": None})
 
 with figure(10.0, 3.6, layout="constrained") as made:
     panels = made.subplots(1, 3)
@@ -88,4 +89,4 @@ with figure(10.0, 3.6, layout="constrained") as made:
             )  # fmt: skip
     panels[2].set(xlabel="depth (mm)", ylabel="force over depth (N/mm)", ylim=(0.0, 2.2))
     panels[2].legend(fontsize=7)
-    made.savefig(HERE / "level-curves.svg", format="svg", metadata={"Date": None})
+    made.savefig(PICTURES / "level-curves.svg", format="svg", metadata={"Date": None})

@@ -1,0 +1,19 @@
+"""Draw the pictures of docs/effects.md into `pictures`, as the report draws them."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import hapticeval
+from hapticeval.reports.canvas import figure
+from hapticeval.reports.effects_figure import HEIGHT, PLACE, WIDTH, draw_effect, recorded, shown_alone
+
+PICTURES = Path("pictures")
+PICTURES.mkdir(exist_ok=True)
+
+with TemporaryDirectory() as folder:
+    results = hapticeval.run("minimum-distance", suites="effects", output=folder)
+    for effect, run in shown_alone(results.document):
+        with figure(WIDTH, HEIGHT) as made:
+            draw_effect(made.add_axes(PLACE), effect, *recorded(Path(folder), run))
+            made.savefig(PICTURES / f"{effect.kind}.svg", format="svg", metadata={"Date": None})
+        print(f"{effect.kind}.svg: {run.renderer} in {run.suite}/{run.case}")

@@ -1,0 +1,87 @@
+"""Stability of the sampled loop: a tool on which the hand's pull stays the same comes to rest, and stays there."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hapticeval.phenomena.check import Check, Runs, Situation
+from hapticeval.phenomena.constraint_stability import SHRINKS
+from hapticeval.phenomena.numerical_stability import DIGITS
+from hapticeval.phenomena.sampling import evidence_at, mm
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.scene import Scene
+
+SETTLING = 8
+"""Samples that a verdict takes at least."""
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Compare the largest speed in the last half of the quiet time with that in the quarter before it."""
+    base, size = runs.base, scene.model.size
+    quiet = base.meta.get("quiet_from")
+    if quiet is None:
+        return undecided("it is not known from when on the operator keeps still")
+    rows = np.flatnonzero(base.time >= quiet)
+    if rows.size < SETTLING:
+        return undecided(f"the operator keeps still for {rows.size} samples only")
+    since = base.time[rows] - base.time[rows[0]]
+    span = float(since[-1])
+    speed = np.linalg.norm(base.velocity[rows], axis=1)
+    late, early = since > 0.5 * span, (since >= 0.25 * span) & (since <= 0.5 * span)
+    if not (late.any() and early.any()):
+        return undecided("rows are missing where the tool should come to rest")
+    distance = np.abs(scene.model.boundary.signed_distance(base.hip))
+    farthest = int(np.argmax(distance))
+    reach = size + float(distance[0])
+    worst = int(rows[late][np.argmax(speed[late])])
+    before, after = float(speed[early].max()), float(speed[late].max())
+    evidence: dict[str, object] = {
+        **evidence_at(base, worst),
+        "quiet_from_s": float(quiet),
+        "speed_before_m_s": before,
+        "farthest_m": float(distance[farthest]),
+    }
+    metric = Metric(CHECK.metric, after, CHECK.unit)
+    bound = max(SHRINKS * before, DIGITS * size)
+    if distance[farthest] > reach:
+        message = f"the tool gets {mm(distance[farthest])} off the surface, farther than the model is large"
+        gone = Metric("largest distance from the surface", float(distance[farthest]), "m")
+        return Finding(Outcome.FAIL, message, gone, reach, {**evidence, **evidence_at(base, farthest)})
+    ratio = after / before if before > 0.0 else math.nan
+    return compared(
+        metric,
+        bound,
+        evidence,
+        passes=f"the tool comes to rest: from {_speed(float(speed.max()))} to {_speed(after)} in the last half",
+        fails=f"the tool does not come to rest: {_speed(before)}, then {_speed(after)}, {ratio:.3g} times as fast",
+    )
+
+
+def _speed(value: float) -> str:
+    return f"{1e3 * value:.3g} mm/s"
+
+
+CHECK = Check(
+    id="comes-to-rest",
+    phenomenon="none of the six: stability of the sampled loop",
+    asks="Does the tool come to rest where the operator keeps still?",
+    formula="y'(t) -> 0 for a push and a hand's place that stay the same",
+    citation="thesis 2.6, (2.40), 8.2.4",
+    channels=("hip", "velocity"),
+    not_for={Situation.LED: "a hand led along a given path moves as it is led"},
+    holds=True,
+    needs_loop=True,
+    metric="largest speed in the last half",
+    unit="m/s",
+    bound=(
+        "Of the time since the operator keeps still, the last half is compared with the quarter before it, as in "
+        "`constraint-stability`: sqrt(1/2) of the largest speed there lies between what falls as 1 / t and what stays. "
+        "Nothing is asked for below 1e-9 of the model's size a second. A tool that was ever farther off the surface "
+        "than at the start and the model's size together fails. A contact comes to rest if a damper in hand, device or "
+        "law takes what holding the force for a tick gives: by (2.40) b > K T / 2 + |B| is enough for a spring K of a "
+        "single stiffness, against any passive hand; a law whose force is no gradient may give more."
+    ),
+    judge=judge,
+)

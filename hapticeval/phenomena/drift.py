@@ -1,0 +1,65 @@
+"""Drift: lap after lap over the same points, a renderer's answers stay what they are."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.nudges import STEEP
+from hapticeval.phenomena.numerical_stability import DIGITS, EPS
+from hapticeval.phenomena.passivity import laps
+from hapticeval.phenomena.sampling import evidence_at, mm, touching
+from hapticeval.phenomena.verdict import Finding, Level, Metric, compared, undecided
+from hapticeval.scene import Scene
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Compare the answers of each later lap with those of the second, tick by tick."""
+    base, size = runs.base, scene.model.size
+    contact = touching(base, scene)
+    ways = [way for way in laps(base.hip, size) if way[2] > 2 and contact[way[0] : way[0] + way[1] * way[2]].any()]
+    if not ways:
+        return undecided("the hand never goes round a closed loop three times in contact")
+    lost, off, worst, number = -1.0, -1.0, 0, 0
+    for first, period, count in ways:
+        rows = slice(first + period, first + count * period)
+        hip, ihip, force = (
+            each[rows].reshape(count - 1, period, -1) for each in (base.hip, base.ihip, base.force / scene.stiffness)
+        )
+        apart, *answers = (np.linalg.norm(each - each[0], axis=2) for each in (hip, ihip, force))
+        changed = np.maximum(*answers)
+        beyond = np.maximum(changed - STEEP * apart, 0.0)
+        row = int(np.argmax(np.where(beyond.max() > 0.0, beyond, changed)))
+        most = float(beyond.flat[row]), float(changed.flat[row])
+        if most > (lost, off):
+            (lost, off), worst, number = most, first + period + row, count
+    digits = -math.log10(max(off / size, EPS))
+    ticks = sum(period * count for _, period, count in ways)
+    evidence = {**evidence_at(base, worst), "digits": digits, "off_m": off, "laps": number, "ticks": ticks}
+    return compared(
+        Metric(CHECK.metric, lost / size, CHECK.unit),
+        DIGITS,
+        evidence,
+        passes=f"after {number} laps the answers are those of the second, to {math.floor(digits)} digits",
+        fails=f"the answers drift: in {number} laps over the same points by up to {mm(off)}",
+    )
+
+
+CHECK = Check(
+    id="drift",
+    phenomenon="none of the six: what rounding adds up to in all of them",
+    asks="Lap after lap over the same points, do the answers stay the same?",
+    formula="(ihip, force)(lap k) = (ihip, force)(lap 2) for every k > 2",
+    citation="a rigid contact does not age; 3.1",
+    channels=("hip", "ihip", "force"),
+    metric="change of the answers in later laps, as a share of the model's size",
+    unit="1",
+    bound=(
+        "1e-9 of the model's size, and ten times what the HIP of a tick differs by from that of the second lap, for "
+        "times are rounded. Forces count as lengths, by the stiffness. The first lap may load what a renderer keeps."
+    ),
+    judge=judge,
+    level=Level.SHOULD,
+)

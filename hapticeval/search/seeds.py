@@ -1,0 +1,153 @@
+"""Searches with several seeds, each in a process of its own or on a worker of a cluster, and what they found as one.
+
+The search with one seed depends on no other: what is found does not depend on how many processes there are.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import islice
+from typing import Any, NamedTuple
+
+from hapticeval.errors import HapticevalError
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.runner.execution import PATIENCE, crew_of
+from hapticeval.search.counterexample import Kept, kept
+from hapticeval.search.hunt import Search, deadline
+from hapticeval.search.shrink import size_of
+from hapticeval.search.trial import Bench
+from hapticeval.workers import Ended, LostError
+
+
+class Hunt(NamedTuple):
+    """What to search: `renderer`, by its name, for failures of `checks`, on `models`, as `make_model` takes them, or
+    on those that come with the package.
+
+    It ends after so many `seconds` or, if given, `examples`. What is `known` of earlier searches is tried first.
+    """
+
+    renderer: str
+    checks: Sequence[str]
+    models: Sequence[Mapping[str, Any]]
+    known: Sequence[Kept]
+    seconds: float
+    examples: int | None
+
+
+class Hunted(NamedTuple):
+    """What came of a hunt, with one seed or several: see `hunt.Search`; `tried` are cases drawn, `trials` all runs."""
+
+    found: list[Kept]
+    judged: Counter[str]
+    tried: int
+    trials: int
+    refused: str | None
+    finished: bool
+
+
+def hunted(
+    hunt: Hunt,
+    seed: int,
+    *,
+    interrupted: Callable[[], bool] = lambda: False,
+    progress: Callable[[float, str], None] | None = None,
+    report: Callable[[str], None] | None = None,
+) -> Hunted:
+    """Search with one seed, until the hunt's end or an interrupt.
+
+    `progress` gets the seconds so far, and what there is, a few times a second; `report` a line at each step.
+    """
+    begun = time.monotonic()
+    stop = deadline(hunt.seconds, interrupted)
+
+    def over() -> bool:
+        if progress is not None:
+            progress(time.monotonic() - begun, f"{made.tried} examples, {len(made.found)} found")
+        return stop()
+
+    with Bench(hunt.renderer, seed, over) as bench:
+        known = [(each.case, each.examples) for each in hunt.known]
+        models = [make_model(**each) for each in hunt.models]
+        made = Search(bench, hunt.checks, seed, models, known=known, most=hunt.examples, report=report)
+        made.run()
+    found = [kept(each, hunt.renderer, seed) for each in made.found.values()]
+    return Hunted(found, made.judged, made.tried, bench.tried, made.refused, made.finished)
+
+
+def merged(parts: Sequence[Hunted]) -> Hunted:
+    """Return what several seeds found as one, in the order of seeds: of each check the smallest counterexample."""
+    found: dict[str, Kept] = {}
+    for each in (each for part in parts for each in part.found):
+        best = found.get(each.fault.check)
+        if best is None or size_of(each.case) < size_of(best.case):
+            found[each.fault.check] = each
+    judged = sum((part.judged for part in parts), Counter[str]())
+    return Hunted(
+        list(found.values()),
+        judged,
+        sum(part.tried for part in parts),
+        sum(part.trials for part in parts),
+        None if judged or found else next((part.refused for part in parts if part.refused), None),
+        bool(parts) and all(part.finished for part in parts),
+    )
+
+
+def hunts(
+    asked: Sequence[Hunt],
+    seeds: Sequence[int],
+    *,
+    workers: int,
+    scheduler: str | None,
+    interrupted: Callable[[], bool],
+    report: Callable[[str], None],
+) -> Iterator[tuple[Hunt, Hunted, int]]:
+    """Search with each of the seeds, in so many processes or on a cluster.
+
+    Yields each hunt as soon as its seeds are over, what came of it, and how many of them have ended: fewer after an
+    interrupt, where the scheduler is lost, and where a seed's process is killed again and again or raises an error,
+    which `report` gets. What those have found that have not ended is lost.
+    """
+    calls = [(hunt, seed) for hunt in asked for seed in seeds]
+    left = dict(enumerate(asked))
+    parts: dict[int, Hunted | None] = {}
+    waiting = iter(enumerate(calls))
+
+    def taken(at: int) -> tuple[Hunt, Hunted, int]:
+        ended = [part for seed in range(len(seeds)) if (part := parts.get(at * len(seeds) + seed)) is not None]
+        return left.pop(at), merged(ended), len(ended)
+
+    with crew_of(hunted, workers, scheduler) as crew:
+        while not interrupted():
+            for number, call in islice(waiting, crew.free):
+                crew.begin(number, *call)
+            for at in list(left):
+                if all(at * len(seeds) + seed in parts for seed in range(len(seeds))):
+                    yield taken(at)
+            if not crew.busy:
+                break
+            try:
+                answers = crew.answers(PATIENCE)
+            except LostError as lost:
+                report(f"{lost.what}: what was found before is kept")
+                break
+            for worker, why in crew.refused():
+                report(f"refused: the worker {worker} searches nothing: {why}")
+            for number, part, error in answers:
+                parts[number] = part
+                hunt, seed = calls[number]
+                report(f"[{len(parts)}/{len(calls)}] {hunt.renderer}, seed {seed}: {_said(part, error)}")
+    for at in list(left):
+        yield taken(at)
+
+
+def _said(part: Hunted | None, error: Exception | None) -> str:
+    """Return what came of a seed, in words."""
+    if part is not None:
+        return f"{part.tried} drawn, {len(part.found)} found"
+    if isinstance(error, Ended):
+        return f"its process ended: {error.how}" if not error.killed else "its process was killed, again and again"
+    if isinstance(error, HapticevalError):
+        return str(error)
+    return "\n".join([f"{type(error).__name__}: {error}", *getattr(error, "__notes__", ())])

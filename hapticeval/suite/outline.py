@@ -1,0 +1,50 @@
+"""What the files of installed suites hold: titles and cases, read without building a scene, for whoever lists them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from hapticeval.documents import read_toml
+
+
+class Heading(NamedTuple):
+    """Name and title of a case."""
+
+    name: str
+    title: str
+
+    def swept(self, label: str, depth: float) -> Heading:
+        """Return those of the case at another depth (m), of that label."""
+        return Heading(f"{self.name}-{label}", f"{self.title}: {1e3 * depth:.3g} mm")
+
+    def varied(self, label: str, title: str) -> Heading:
+        """Return those of the case in another scene, a variant of that label and title."""
+        return Heading(f"{self.name}-{label}", f"{self.title}, {title}")
+
+
+class Outline(NamedTuple):
+    """A suite: its title, its citation, and its cases, each with whether it is judged."""
+
+    title: str
+    citation: str
+    cases: tuple[tuple[Heading, bool], ...]
+
+
+def outline(file: Path) -> Outline:
+    """Return what a sound suite file holds; one of a user's is read by `load_suite`, which says what is wrong."""
+    given = read_toml(file)
+    variants = given.get("variant", {})
+    cases = tuple(each for table in given["case"] for each in _cases(table, variants))
+    return Outline(given["title"], given.get("citation", ""), cases)
+
+
+def _cases(table: dict[str, Any], variants: dict[str, Any]) -> Iterator[tuple[Heading, bool]]:
+    heading, judged = Heading(table["name"], table["title"]), table.get("judged", True)
+    if "sweep" in table:
+        yield from ((heading.swept(each["label"], each["depth"]), judged) for each in table["sweep"])
+        return
+    yield heading, judged
+    for label in table.get("variants", ()):
+        yield heading.varied(label, variants[label]["title"]), variants[label].get("judged", judged)

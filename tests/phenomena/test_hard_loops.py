@@ -1,0 +1,201 @@
+"""Hard cases in time: closed loops on either side of their bounds, and long runs that add up no rounding."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made import FAIL, NO, PASS, UNDECIDED, found, recorded
+from msgspec import structs
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from hapticeval.compiled import law_value
+from hapticeval.discovery import resolve
+from hapticeval.effects.delay import Delay
+from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.verdict import Outcome
+from hapticeval.renderer import abilities_of
+from hapticeval.runner.judging import judge
+from hapticeval.scene import Scene
+from hapticeval.simulation import kernels
+from hapticeval.simulation.closed_loop import loop_of
+from hapticeval.simulation.playback_kernels import lead
+from hapticeval.stimulus.stimulus import Experiment
+from hapticeval.suite.reading import load_suite
+
+SUITE = load_suite("hard-cases-loops")
+CIRCLE = SUITE.case("loop-1-gram").build_scene()
+
+
+def growth(stiffness, mass, damping, pull, late, dt=1e-3):
+    """Per tick, of a mass between a hand and a spring that is held and whole ticks late: by the matrix exponential."""
+    flow = np.zeros((3, 3))
+    flow[0, 1], flow[1] = 1.0, np.array([-pull, -damping, 1.0]) / mass
+    moved = expm(dt * flow)[:2]
+    state = np.zeros((2 + late, 2 + late))
+    state[:2, :2] = moved[:, :2]
+    spring = np.zeros(2 + late)
+    spring[0] = -stiffness
+    if late:
+        state[:2, 2], state[2] = moved[:, 2], spring
+    else:
+        state[:2] += np.outer(moved[:, 2], spring)
+    return float(np.abs(np.linalg.eigvals(state)).max())
+
+
+def stated(case):
+    """Stiffness, mass, the hand's damping and stiffness, and ticks of delay of a case."""
+    scene, hand = case.build_scene(), case.experiment.hand
+    delay = scene.effect(Delay)
+    late = 0 if delay is None else round(delay.time / scene.sampling_time)
+    return scene.stiffness, scene.mass, hand.damping, hand.stiffness, late
+
+
+@pytest.mark.parametrize("name", ["loop-stiff-star", "loop-stiff-dumbbell", "loop-1-gram", "loop-late"])
+def test_stiffness_is_within_a_hundredth_of_what_is_passive(name):
+    stiffness, _, damping, _, late = stated(SUITE.case(name))
+    assert stiffness / (2.0 * damping / (1e-3 * (1 + 2 * late))) == pytest.approx(0.99, abs=1e-9)
+
+
+def test_stiffness_over_mass_is_within_a_hundredth_of_what_is_stable():
+    stiffness, *rest = stated(SUITE.case("loop-k-over-m"))
+    assert growth(stiffness / 0.99, *rest) == pytest.approx(1.0, abs=1e-3)
+    assert growth(1.01 * stiffness / 0.99, *rest) > 1.0 > growth(stiffness, *rest)
+
+
+@pytest.mark.parametrize("name", ["loop-stiff-dumbbell", "loop-k-over-m", "loop-late"])
+@pytest.mark.parametrize("share", [0.97, 1.03])
+def test_a_loop_comes_to_rest_up_to_its_bound_and_not_beyond(name, share):
+    """Of one that is pressed on the surface, where eigenvalues say so, by a renderer with the scene's stiffness."""
+    case = SUITE.case(name)
+    _, *rest = stated(case)
+    limit = brentq(lambda each: growth(each, *rest) - 1.0, 1e3, 1.2e4)
+    other = {**case.scene, "stiffness": share * limit}
+    changed = structs.replace(case, scene=other, checks=("comes-to-rest",))
+    (verdict,) = judge(resolve("minimum-distance"), "r", "s", changed).verdicts
+    assert verdict.outcome is (Outcome.PASS if share < 1.0 else Outcome.FAIL), verdict.finding.message
+
+
+@pytest.mark.parametrize("name", ["minimum-distance", "constraint@curve", "set-stabilisation"])
+@pytest.mark.parametrize("case", ["loop-1-gram", "loop-k-over-m", "loop-lugre-1-m-s"])
+def test_digits_are_kept_in_closed_loop(name, case):
+    verdicts = judge(resolve(name), name, "s", SUITE.case(case)).verdicts
+    outcomes = {verdict.check: verdict for verdict in verdicts}
+    assert {verdict.outcome for verdict in verdicts} == {Outcome.PASS}
+    assert outcomes["numerical-stability"].finding.evidence["motions"] == ["turned and shifted"]
+    assert outcomes["numerical-stability"].finding.evidence["digits"] > 9.0
+
+
+def swung(rate, *, quiet=0.0, source="experiment"):
+    """A tool that swings about a place 10 mm inside a circle with an amplitude that goes as exp(rate t)."""
+    time = 1e-3 * np.arange(4000)
+    swing = 1e-3 * np.exp(rate * time + 20j * time)
+    hip = np.column_stack([0.09 + swing.real, swing.imag])
+    velocity = np.column_stack([((rate + 20j) * swing).real, ((rate + 20j) * swing).imag])
+    meta = {"source": source} | ({} if quiet is None else {"quiet_from": quiet})
+    return Runs(recorded(hip, meta=meta, velocity=velocity))
+
+
+@pytest.mark.parametrize(
+    ("runs", "outcome", "words"),
+    [
+        (swung(-1.0), PASS, "comes to rest"),
+        (swung(0.0), FAIL, "1 times as fast"),
+        (swung(-0.2), FAIL, "0.819 times as fast"),
+        (swung(1.5), FAIL, "farther than the model is large"),
+        (swung(-1.0, quiet=3.995), UNDECIDED, "5 samples only"),
+        (swung(-1.0, quiet=None), UNDECIDED, "not known from when on"),
+        (swung(-1.0, source="playback"), NO, "moves as it is led"),
+    ],
+    ids=["damped", "undamped", "slow", "runaway", "short", "unknown", "led"],
+)
+def test_what_comes_to_rest_is_told_from_what_does_not(runs, outcome, words):
+    finding = found("comes-to-rest", runs, CIRCLE)
+    assert (finding.outcome, words in finding.message) == (outcome, True), finding.message
+
+
+def test_when_an_operator_keeps_still_is_known():
+    still = Experiment(1.0, np.zeros(2), np.zeros(2), np.array([0.1, 0.3, 0.5]), np.array([[1.0, 0], [2, 0], [2, 0]]))
+    assert still.quiet_from == 0.3
+    assert replace(still, force=np.ones((3, 2))).quiet_from == 0.0
+
+
+def lapped(change):
+    """Five laps of 400 ticks on a circle in a circle, whose IHIPs are off by `change(lap)` times 1 mm."""
+    turn = np.tile(np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False), 5)
+    out = np.column_stack([np.cos(turn), np.sin(turn)])
+    off = 1e-3 * np.repeat([change(lap) for lap in range(5)], 400)
+    force = 3960.0 * 0.02 * out
+    return Runs(recorded(0.08 * out, ihip=(0.1 + off[:, np.newaxis]) * out, force=force, meta={"source": "playback"}))
+
+
+@pytest.mark.parametrize(
+    ("change", "outcome"),
+    [
+        (lambda _: 0.0, PASS),
+        (lambda lap: float(lap == 0), PASS),
+        (lambda lap: 1e-6 * lap, FAIL),
+        (lambda lap: float(lap == 3), FAIL),
+    ],
+    ids=["alike", "loads", "creeps", "once"],
+)
+def test_what_changes_from_lap_to_lap_is_drift(change, outcome):
+    finding = found("drift", lapped(change), CIRCLE)
+    assert finding.outcome is outcome, finding.message
+    if outcome is FAIL:
+        assert finding.evidence["digits"] < 9.0
+
+
+def test_two_laps_show_no_drift():
+    runs = lapped(lambda _: 0.0)
+    short = recorded(
+        runs.base.hip[:800], ihip=runs.base.ihip[:800], force=runs.base.force[:800], meta={"source": "playback"}
+    )
+    assert found("drift", Runs(short), CIRCLE).outcome is UNDECIDED
+
+
+TICKS, PART = 10_000_000, 100_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["minimum-distance", "constraint@curve", "combescure", "set-stabilisation"])
+def test_ten_million_ticks_of_rest_do_not_drift(name):
+    """The compiled loop, pressed on a Cassinian, in parts of which each goes on from the last to the bit."""
+    case = SUITE.case("rest-1e5-ticks")
+    scene = case.build_scene()
+    renderer = resolve(name)(scene)
+    experiment = replace(case.build_stimulus(scene, renderer), duration=(PART - 1) * 1e-3)
+    loop, law = loop_of(experiment, scene, 1e-3), abilities_of(renderer).law
+    renderer.reset(loop.out[kernels.MEASURED_HIP, 0])
+    ends = []
+    for _ in range(TICKS // PART):
+        assert kernels.run(law_value(law.function, law.data), law.data, loop) == (PART, kernels.DONE)
+        ends.append(np.concatenate([loop.out[each, -1] for each in (kernels.HIP, kernels.IHIP, kernels.SPEED)]))
+    drift = np.abs(np.array(ends) - ends[0]).max(axis=0)
+    print(f"\n{name}: {TICKS:.0e} ticks, HIP {drift[:2].max():.2g} m, IHIP {drift[2:4].max():.2g} m")
+    assert drift.max() < 1e-14
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["minimum-distance", "constraint@curve", "combescure", "set-stabilisation"])
+def test_ten_million_ticks_of_laps_do_not_drift(name):
+    """The compiled law round a circle inside a Cassinian, 20,000 laps of 500 ticks over the same HIPs."""
+    scene = Scene(model=SUITE.case("laps-1e5-ticks").build_scene().model)
+    renderer = resolve(name)(scene)
+    turn = np.linspace(0.0, 2.0 * np.pi, 500, endpoint=False)
+    lap = np.array([0.06, 0.0]) + 0.035 * np.column_stack([np.cos(turn), np.sin(turn)])
+    hips = np.tile(lap, (PART // 500, 1))
+    renderer.reset(np.array([0.2, 0.0]))
+    law = abilities_of(renderer).law
+    function = law_value(law.function, law.data)
+    speeds, times, out = np.zeros_like(hips), np.full(PART, 1e-3), (np.empty_like(hips), np.empty_like(hips))
+    first, drift = None, 0.0
+    for _ in range(TICKS // PART):
+        assert lead(function, law.data, np.zeros(2), hips, speeds, times, out) == PART
+        answers = np.hstack(out).reshape(-1, 500, 4)
+        first = answers[1] if first is None else first
+        drift = max(drift, float(np.abs(answers[1:] - first).max()))
+    print(f"\n{name}: {TICKS:.0e} ticks, answers {drift:.2g}")
+    assert drift == 0.0
