@@ -84,6 +84,11 @@ def file_stem(name: str) -> str:
     return f"{kept}~{hashlib.sha256(name.encode('utf-8', 'surrogatepass')).hexdigest()[:12]}"
 
 
+def digest_of(file: Path) -> str:
+    """Return the SHA-256 of a file's content, in hexadecimal digits. Raises `OSError`."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
 def plain(value: Any, place: str = "value") -> Any:
     """The same value in JSON's own types: dict, list, str, int, float, bool, None; numpy's are converted.
 

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from hapticeval.errors import RefusalError, RendererError, caught_in
-from hapticeval.files import plain
+from hapticeval.files import digest_of, plain
 from hapticeval.recordings.hdf5 import recording_bytes
 from hapticeval.runner.events import JobFinished
 from hapticeval.runner.judging import Judged, error_verdicts
 from hapticeval.runner.planning import Job
-from hapticeval.runner.results import Ended, Problem, Refusal, Robot, RunEntry, SceneEntry, VerdictEntry, digest_of
+from hapticeval.runner.results import Ended, Problem, Refusal, Robot, RunEntry, SceneEntry, VerdictEntry
 from hapticeval.runner.work import Work, recording_file, scene_document
 from hapticeval.suite.case import Case
 from hapticeval.workers import TRIES, Overdue

@@ -12,7 +12,6 @@ import platform
 from collections.abc import Iterator
 from dataclasses import asdict
 from functools import cached_property
-from hashlib import sha256
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple, Self
@@ -22,7 +21,7 @@ from msgspec import Meta
 
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.errors import HapticevalError, InputError, RefusalError, RendererError, kind_of
-from hapticeval.files import plain, read_json, without_non_finite, write_json
+from hapticeval.files import digest_of, plain, read_json, without_non_finite, write_json
 from hapticeval.phenomena.verdict import UNSATISFIED, Level, Outcome, Verdict
 from hapticeval.quantity import quantity
 from hapticeval.recordings.compare.difference import Difference
@@ -88,11 +87,6 @@ class Environment(Entry, frozen=True, kw_only=True):
     platform: str
     cpu_count: int | None
     versions: dict[str, str | None]
-
-
-def digest_of(file: Path) -> str:
-    """Return the SHA-256 of a file's content. Raises `OSError`."""
-    return sha256(file.read_bytes()).hexdigest()
 
 
 class Problem(Entry, frozen=True, kw_only=True):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -10,13 +9,14 @@ from typing import Any
 
 import msgspec
 
+from hapticeval.files import digest_of
 from hapticeval.suite.case import Case
 
 
 def files_of(case: Case) -> dict[str, str]:
     """Return the digest of each file that a case names, by its path."""
     named = {str((case.folder / text).resolve()) for text in _texts(msgspec.to_builtins(case, enc_hook=str)) if text}
-    return {path: found for path in sorted(named) if (found := digest_of(path)) is not None}
+    return {path: found for path in sorted(named) if (found := _digest_of(path)) is not None}
 
 
 def _texts(value: Any) -> Iterator[str]:
@@ -32,9 +32,9 @@ def _texts(value: Any) -> Iterator[str]:
 
 
 @lru_cache(maxsize=4096)
-def digest_of(path: str) -> str | None:
+def _digest_of(path: str) -> str | None:
     """Return the digest of what a file holds; None for what is no file. It is read once a process."""
     try:
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest() if Path(path).is_file() else None
+        return digest_of(Path(path)) if Path(path).is_file() else None
     except OSError:
         return None

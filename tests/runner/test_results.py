@@ -16,7 +16,7 @@ from result_entries import changed, results_of, run_entry
 
 from hapticeval.devices.inner_loop import InnerLoop
 from hapticeval.errors import InputError
-from hapticeval.files import file_stem, replacing
+from hapticeval.files import digest_of, file_stem, replacing
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
 from hapticeval.recordings.compare.difference import Apart, Difference
 from hapticeval.recordings.recording import Recording
@@ -29,7 +29,6 @@ from hapticeval.runner.results import (
     SceneEntry,
     SuiteEntry,
     VerdictEntry,
-    digest_of,
     environment,
     read_results,
     schema,
