@@ -9,7 +9,9 @@ export DASK_CONFIG="${DASK_CONFIG:-$(cd "$(dirname "$0")" && pwd)/dask.yaml}"
 started=
 finish() {
   for pid in $started; do kill "$pid" 2>/dev/null || true; done
-  wait
+  { sleep 10; for pid in $started; do kill -9 "$pid" 2>/dev/null || true; done; } >/dev/null 2>&1 & # one that does not end
+  for pid in $started; do wait "$pid" 2>/dev/null || true; done
+  kill "$!" 2>/dev/null || true
   rm -rf "$here"
 }
 trap finish EXIT

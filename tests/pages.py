@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import subprocess
 import sys
 import tomllib
@@ -30,6 +31,8 @@ ROOT = Path(__file__).parents[1]
 PAGES = {page.stem: page for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]}
 FENCE = re.compile(r"^```(\w+)(?: title=\"([^\"]+)\")?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 NOT_RUN = "not run: "
+PATIENCE = 300.0
+"""Seconds that a typed line may take."""
 EXIT = re.compile(r"# exit code (\d)(?: or (\d))?$")
 
 
@@ -117,13 +120,21 @@ class Reader:
     def _sh(self, block: Block) -> None:
         for number, line in lines(block):
             wanted = [int(each) for each in found.groups() if each] if (found := EXIT.search(line)) else [0]
-            done = subprocess.run(
-                ["bash", "-o", "pipefail", "-c", line],
-                cwd=self.folder, env=self.environment, stdin=subprocess.DEVNULL, capture_output=True, text=True,
-            )  # fmt: skip
-            assert done.returncode in wanted, (
-                f"{block.page}:{number}: {line}\n{done.stdout[-3000:]}{done.stderr[-3000:]}"
-            )
+            code, printed = self._type(line)
+            assert code in wanted, f"{block.page}:{number}: {line}\nexit code {code}\n{printed[-6000:]}"
+
+    def _type(self, line: str) -> tuple[int | None, str]:
+        """Return exit code and output of a line, None as the code of one that hangs; nothing of it is left running."""
+        with subprocess.Popen(
+            ["bash", "-o", "pipefail", "-c", line], cwd=self.folder, env=self.environment, start_new_session=True,
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        ) as process:  # fmt: skip
+            try:
+                printed, _ = process.communicate(timeout=PATIENCE)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                return None, process.communicate()[0]
+            return process.returncode, printed
 
     def _python(self, block: Block) -> None:
         printed = StringIO()
