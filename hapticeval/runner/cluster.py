@@ -208,10 +208,10 @@ class Cluster(Generic[T]):
                 found, self._rescued = self._rescued, []
                 self._send()
                 left = LOOK if end is None else max(end - time.monotonic(), 0.0)
-                future = self._done.get(timeout=min(left, LOOK))
-                while True:
+                over = [self._done.get(timeout=min(left, LOOK))]
+                over += [self._done.get_nowait() for _ in range(self._done.qsize())]
+                for future in over:
                     found += self._answered(future)
-                    future = self._done.get_nowait()
             except queue.Empty:
                 pass
             except GONE as error:
@@ -269,10 +269,13 @@ class Cluster(Generic[T]):
             return self._killed(chunk)
         try:
             answers, took = future.result(timeout=FETCH)
-        except TimeoutError:  # the worker that had them is gone, and another one makes the calls again
-            self._under_way[future] = chunk
-            future.add_done_callback(self._done.put)
-            return []
+        except TimeoutError:  # they are slow to arrive, or gone with the worker that had them
+            if any(self._client.who_has([future]).values()):
+                self._under_way[future] = chunk
+                self._done.put(future)
+                return []
+            future.cancel(force=True)
+            return self._left(chunk)
         except KilledWorker:
             return self._killed(chunk)
         except CancelledError:  # the scheduler is gone, or has forgotten them with the worker that had them

@@ -74,10 +74,13 @@ def test_a_search_with_several_seeds_finds_there_what_it_finds_here(here, cluste
         assert (here / "found-there" / file.relative_to(here / "found-here")).read_bytes() == file.read_bytes()
 
 
-def test_an_answer_that_is_lost_with_its_worker_is_made_again(cluster):
-    from hapticeval.runner.cluster import Cluster as Crew
+@pytest.mark.parametrize("seen", [False, True])
+def test_an_answer_that_is_lost_with_its_worker_is_made_again(cluster, seen, monkeypatch):
+    """Also where the scheduler has seen that the worker is gone, and told the client, before the answer is fetched."""
+    from hapticeval.runner import cluster as clusters
 
-    with Crew(operator.neg, cluster.address) as crew:
+    monkeypatch.setattr(clusters, "FETCH", 1.0)
+    with clusters.Cluster(operator.neg, cluster.address) as crew:
         for number in range(3):
             crew.begin(number, number)
             crew._send()
@@ -86,6 +89,8 @@ def test_an_answer_that_is_lost_with_its_worker_is_made_again(cluster):
                 time.sleep(0.01)
             for pid in cluster.pids():
                 os.kill(pid, signal.SIGKILL)
+            while seen and any(crew._client.who_has([future]).values()):
+                time.sleep(0.01)
             assert crew.answers() == [Answer(number, -number, None)]
 
 
