@@ -27,11 +27,11 @@ providers.is_local_module_file = lambda path: False
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def pytest_runtest_setup():
-    """Leave what is loaded out of every collection of garbage, which would go through all of it.
+# A live loop freezes what there is, and lets go of it at its end.
+gc.unfreeze = lambda: None
 
-    Again after a live loop, which ends that.
-    """
-    if gc.get_freeze_count() == 0:
-        gc.collect()
-        gc.freeze()
+
+def pytest_collection_finish():
+    """Leave what is loaded out of every collection of garbage, which would go through all of it."""
+    gc.collect()
+    gc.freeze()
