@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Annotated
 
 import typer
@@ -77,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")
     interrupted = signal.getsignal(signal.SIGINT)
     try:
-        app(args=None if arguments is None else list(arguments), prog_name="hapticeval")
+        _commands()(args=None if arguments is None else list(arguments), prog_name="hapticeval")
     except HapticevalError as error:
         print(f"error: {error}", file=sys.stderr)
         return error.exit_code
@@ -91,6 +92,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if arguments is not None and signal.getsignal(signal.SIGINT) is not interrupted:
             signal.signal(signal.SIGINT, interrupted)  # the command has kept Ctrl-C from disturbing its end
     return 0
+
+
+@cache
+def _commands() -> Callable[..., object]:
+    """What typer makes of `app`, which costs as much as a small command: made once a process."""
+    return typer.main.get_command(app)
 
 
 def _interrupted() -> int:

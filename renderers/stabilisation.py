@@ -174,13 +174,7 @@ class SurfaceStabilisation(Stabilisation):
         """What the inner loop makes of forces (n, 3)."""
         scene = self._scene
         joints, rates = recording.channels["joint_position"], recording.channels["joint_velocity"]
-        pushes = [None] * len(forces) if push is None else push
-        return np.array(
-            [
-                scene.inner_loop.torque(scene.robot, *state, mass=scene.mass, push=each)
-                for *state, each in zip(joints, rates, forces, pushes, strict=True)
-            ]
-        )
+        return scene.inner_loop.torques(scene.robot, joints, rates, forces, mass=scene.mass, push=push)
 
     def led_out(self, hip: Array, what: str) -> DomainError:
         """Where I + nW is not positive."""

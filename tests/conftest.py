@@ -10,6 +10,7 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 # Threads of linear algebra wait by spinning: two processes that share two cores would take up to three times as long.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
 
@@ -27,11 +28,18 @@ providers.is_local_module_file = lambda path: False
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def pytest_runtest_setup():
-    """Leave what is loaded out of every collection of garbage, which would go through all of it.
+# A live loop freezes what there is, and lets go of it at its end.
+gc.unfreeze = lambda: None
 
-    Again after a live loop, which ends that.
-    """
-    if gc.get_freeze_count() == 0:
-        gc.collect()
-        gc.freeze()
+
+def pytest_collection_finish():
+    """Leave what is loaded out of every collection of garbage, which would go through all of it."""
+    gc.collect()
+    gc.freeze()
+
+
+@pytest.fixture
+def in_process(monkeypatch):
+    """Commands judge and report in this process, where the kernels are loaded; for tests that are not of processes."""
+    for module in ("api", "workers"):
+        monkeypatch.setattr(f"hapticeval.{module}.cores", lambda: 0)

@@ -127,6 +127,8 @@ def checked_joints(device: Device, joints: ArrayLike) -> Array:
     (Definition 2.4): it names the limit, and by how much it is passed, in rad and degrees.
     """
     vector = checked_vector(device, joints)
+    if device.margin(vector) > 0.0:
+        return vector
     worst = min(device.limits(vector), key=lambda limit: limit.distance, default=None)
     if worst is not None and worst.distance <= 0.0:
         raise DomainError(

@@ -162,9 +162,9 @@ def _check(given: Filter, first: Filter) -> None:
 
 def power_spectrum(given: Filter, rate: float, frequencies: Array) -> Array:
     """Return the one-sided power spectral density (k,), (m/s^2)^2/Hz, of a filter at frequencies (k,), Hz."""
-    turn = np.exp(-2j * np.pi * np.outer(frequencies / rate, np.arange(LONGEST + 1)))
+    turn = np.exp(-2j * np.pi * frequencies / rate)
     above, below = (
-        np.abs(turn[:, : len(each) + 1] @ np.concatenate([[1.0], coefficients_of(each)])) ** 2
+        np.abs(np.polynomial.polynomial.polyval(turn, np.concatenate([[1.0], coefficients_of(each)]))) ** 2
         for each in (given.ma, given.ar)
     )
     return np.asarray(2.0 / rate * given.gain**2 * given.variance * above / below)

@@ -16,6 +16,8 @@ from hapticeval.phenomena.registry import CHECKS
 from hapticeval.runner.folder import prepare
 from hapticeval.runner.results import FILE, read_results
 
+pytestmark = pytest.mark.usefixtures("in_process")
+
 
 def run(*arguments):
     return main(["run", "slides.toml", "--no-report", *arguments])

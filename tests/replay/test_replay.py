@@ -29,6 +29,8 @@ from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Path
 
+pytestmark = pytest.mark.usefixtures("in_process")
+
 SUITE = """
 title = "two cases"
 [[case]]
@@ -82,7 +84,7 @@ def ran(tmp_path_factory):
     """The folder of a run of both cases by every built-in renderer, and some variants."""
     folder = tmp_path_factory.mktemp("ran")
     (folder / "two.toml").write_text(SUITE)
-    events = list(execute(plan([str(folder / "two.toml")], [*own_renderers(), *VARIANTS]), folder / "out"))
+    events = list(execute(plan([str(folder / "two.toml")], [*own_renderers(), *VARIANTS]), folder / "out", workers=0))
     assert isinstance(events[-1], RunFinished)
     return folder / "out"
 
@@ -565,7 +567,7 @@ trajectory = { kind = "points", points = [[0.0, 0.005], [0.0, -0.002], [0.05, -0
 
 def test_a_check_of_an_effect_gets_the_force_without_it_on_a_replay_and_not_of_the_run_as_recorded(tmp_path):
     (tmp_path / "tapped.toml").write_text(TAPPED)
-    list(execute(plan([str(tmp_path / "tapped.toml")], ["minimum-distance"]), tmp_path / "out"))
+    list(execute(plan([str(tmp_path / "tapped.toml")], ["minimum-distance"]), tmp_path / "out", workers=0))
     found = replayed(read_recording(file_of(tmp_path / "out", "tap", "minimum-distance")), tmp_path, ["constraint"])
     for name, *expected in (
         ("constraint", Outcome.PASS, Level.MUST),

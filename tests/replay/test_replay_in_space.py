@@ -14,6 +14,8 @@ from hapticeval.replay import RECORDED
 from hapticeval.runner.results import read_results
 from hapticeval.scene import Scene
 
+pytestmark = pytest.mark.usefixtures("in_process")
+
 SOLIDS = {
     "sphere": {"kind": "sphere", "size": 0.1},
     "ellipsoid": {"kind": "ellipsoid"},

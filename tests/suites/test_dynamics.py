@@ -196,7 +196,7 @@ experiment = { duration = 1.0, position = [0.1, 0.0], velocity = [4.0, 0.0] }
 
 def test_a_run_that_leaves_the_workspace_ends_there_and_says_so_in_every_verdict(tmp_path):
     (tmp_path / "far.toml").write_text(FAR)
-    events = list(execute(plan([str(tmp_path / "far.toml")], [SCHEMES[0]]), tmp_path / "out", workers=1))
+    events = list(execute(plan([str(tmp_path / "far.toml")], [SCHEMES[0]]), tmp_path / "out", workers=0))
     results = read_results(tmp_path / "out")
     ended = results.runs[0].ended
     assert 0.0 < ended.time < 1.0
@@ -214,7 +214,7 @@ def test_a_run_that_leaves_the_workspace_ends_there_and_says_so_in_every_verdict
 
 
 def test_results_say_what_robot_was_driven(tmp_path):
-    list(execute(plan(["dynamics-line"], [SCHEMES[0]], select=["line-robot-enc*"]), tmp_path / "out", workers=1))
+    list(execute(plan(["dynamics-line"], [SCHEMES[0]], select=["line-robot-enc*"]), tmp_path / "out", workers=0))
     run = read_results(tmp_path / "out").runs[0]
     assert run.scene.device == Robot(kind="parallelogram-2dof", dynamics="lagrangian", base_inertia="sin")
     assert run.scene.inner_loop == "linearised"

@@ -43,7 +43,7 @@ def test_a_pen_stroke_runs_through_every_reference_renderer(tmp_path):
     table = np.column_stack([time, points])
     np.savetxt(tmp_path / "stroke.csv", table, delimiter=",", header="t,x,y", comments="")
     (tmp_path / "stroke.toml").write_text(SUITE)
-    *events, last = execute(plan([str(tmp_path / "stroke.toml")], own_renderers()), tmp_path / "out", workers=1)
+    *events, last = execute(plan([str(tmp_path / "stroke.toml")], own_renderers()), tmp_path / "out", workers=0)
     assert last.results.complete
     jobs = [event for event in events if isinstance(event, JobFinished)]
     assert {job.run.renderer for job in jobs} == set(own_renderers())
