@@ -413,7 +413,7 @@ def test_a_bench_is_shown_with_its_front_its_answers_and_what_is_not_proven(resu
         "worse: a on the circle, step, 1.5 times what it was",
         "a on the circle, by vertices: ihip 2.00",
         "the exact curve: a on the circle, b on the circle",
-        "left out c vertices 40 on the circle: no <room>",
+        "Not measured c vertices 40 on the circle: no <room>",
         "2 cores, Python 3.11, numpy 2, reading the clock takes 40 ns, which is in every step, 8 rounds, seed 1.",
         "Pareto front",
         "least time to build (s)",
