@@ -127,8 +127,9 @@ def render_index(
     def to(entry: VerdictEntry | RunEntry) -> str:
         if isinstance(entry, RunEntry):
             return page(entry.suite, entry.case)
-        inside = f"#{anchor(*entry.key, entry.check)}"
-        return inside if single else case_file(entry.suite, entry.case) + inside
+        if single:
+            return f"#{anchor(*entry.key, entry.check)}"
+        return f"{case_file(entry.suite, entry.case)}#{anchor(entry.renderer, entry.check)}"
 
     return environment().get_template("index.html.j2").render(
         single=single,
