@@ -5,8 +5,10 @@ One shows the model with the hand's path and where each renderer put the tool; t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate, cycle, pairwise
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +25,18 @@ if TYPE_CHECKING:
 
 DASHES = ((), (6, 2), (2, 2), (6, 2, 2, 2))
 """Lengths of lines and gaps, in points."""
-MARKERS = "osD^vPX"
+MARKERS: Mapping[str, str] = MappingProxyType(
+    {
+        "o": "circle(4px at 17px 6px)",
+        "s": "M13 2h8v8h-8z",
+        "D": "M17 1l5 5-5 5-5-5z",
+        "^": "M17 1l5 9h-10z",
+        "v": "M17 11l5-9h-10z",
+        "P": "M15.5 1h3v3.5h3.5v3h-3.5v3.5h-3v-3.5h-3.5v-3h3.5z",
+        "X": "M13 1l4 3.5 4-3.5 1.5 2-3 3 3 3-1.5 2-4-3.5-4 3.5-1.5-2 3-3-3-3z",
+    }
+)
+"""matplotlib's markers, and what each looks like in the middle of a swatch, 34 by 12 px: a path, or a shape of CSS."""
 
 OUT_OF_SIGHT = 3.0
 """A run that goes this many times as far as the median run leaves the picture, which would show nothing else."""
@@ -49,10 +62,29 @@ class Look:
     dash: tuple[int, ...]
     marker: str
 
+    @property
+    def classes(self) -> tuple[str, str]:
+        """The classes of its swatch: of colour and marker, and of the dashes."""
+        return f"k{CURVES.index(self.role)}", f"l{DASHES.index(self.dash)}"
+
 
 def look(index: int) -> Look:
     """Return the look of the renderer at a place in the order of the columns."""
-    return Look(CURVES[index % len(CURVES)], DASHES[index % len(DASHES)], MARKERS[index % len(MARKERS)])
+    marker = tuple(MARKERS)[index % len(MARKERS)]
+    return Look(CURVES[index % len(CURVES)], DASHES[index % len(DASHES)], marker)
+
+
+def swatches(looks: Iterable[Look]) -> dict[str, str]:
+    """Return the styles by class of the swatches of looks: a line, and in its middle the marker."""
+    styles = {}
+    for each in looks:
+        mark, line = each.classes
+        shape = MARKERS[each.marker]
+        styles[mark] = f"color:var(--fig-{each.role});--mark:" + (shape if "(" in shape else f'path("{shape}")')
+        ends = [0, *accumulate(each.dash or (34,))]
+        parts = (f"{colour} {a}px {b}px" for (a, b), colour in zip(pairwise(ends), cycle(("currentColor", "#0000"))))
+        styles[line] = f"--line:repeating-linear-gradient(90deg,{','.join(parts)})"
+    return styles
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import resources
 from itertools import groupby
 from pathlib import Path
@@ -20,10 +21,10 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.reports.atlas_figure import atlas_svg, charts_words, has_charts
 from hapticeval.reports.case_data import Packer, Track, fineness, packed_runs, placed, tracks
-from hapticeval.reports.case_figure import Look, Panel, Place, look, panels, panels_svg, plane_svg
+from hapticeval.reports.case_figure import Look, Panel, Place, look, panels, panels_svg, plane_svg, swatches
 from hapticeval.reports.case_model import packed_model
 from hapticeval.reports.places import ASSETS as ASSET_FOLDER
-from hapticeval.reports.places import INDEX, ROOT, case_file
+from hapticeval.reports.places import INDEX, ROOT, anchor, case_file
 from hapticeval.reports.plane import refusal_svg
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
 from hapticeval.reports.svg import classed, sheet
@@ -179,9 +180,10 @@ def case_section(
     verdicts: Mapping[str, Sequence[VerdictEntry]],
     order: Sequence[str] = (),
     prefix: str = "c",
+    within: Sequence[str] = (),
     note: str = "",
 ) -> Section:
-    """Return what a page shows of a case; `prefix` keeps the ids of several apart.
+    """Return what a page shows of a case; on a page of several, `prefix` and the names `within` tell ids apart.
 
     A `note` stands beside the scene. Everything that comes from results is escaped.
     """
@@ -234,12 +236,12 @@ def case_section(
     text = environment().get_template("case_section.html.j2").render(
         suite=case[0], name=case[1], entries=entries, looks=looks, verdicts=verdicts, problems=problems, model=model,
         checks=_by_check(given), known=CHECKS, figures=figures, data=data, charts=charts,
-        time_of=time_of, prefix=prefix, numbers={name: k for k, name in enumerate(names)}, note=note,
+        time_of=time_of, place=partial(anchor, *within), numbers={name: k for k, name in enumerate(names)}, note=note,
         scene_words=scene_words, robot_words=robot_words, ended_words=ended_words, figures_cited=figures_cited,
         places={(each.renderer, each.time): each.number for each in places},
         tracks={each.name for each in found},
     )  # fmt: skip
-    return Section(text, styles)
+    return Section(text, {**styles, **swatches(looks.values())})
 
 
 def _shown(recording: Recording) -> bool:

@@ -31,6 +31,7 @@ from hapticeval.reports.table import by_commit, provenance, ran, summaries
 from hapticeval.reports.templates import environment
 from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, SuiteEntry, VerdictEntry
 from hapticeval.study.bench.document import BenchResults
+from hapticeval.study.bench.judge import left_out
 from hapticeval.study.effects.document import EffectsDocument
 
 MOST = 6
@@ -126,8 +127,9 @@ def render_index(
     def to(entry: VerdictEntry | RunEntry) -> str:
         if isinstance(entry, RunEntry):
             return page(entry.suite, entry.case)
-        inside = f"#{anchor(*entry.key, entry.check)}"
-        return inside if single else case_file(entry.suite, entry.case) + inside
+        if single:
+            return f"#{anchor(*entry.key, entry.check)}"
+        return f"{case_file(entry.suite, entry.case)}#{anchor(entry.renderer, entry.check)}"
 
     return environment().get_template("index.html.j2").render(
         single=single,
@@ -170,6 +172,7 @@ def render_index(
         bench=bench,
         bench_plots=[(title, next(taken)) for title, _ in plots],
         bench_titles=TITLES,
+        bench_left_out=[] if bench is None else list(left_out(bench)),
         effects=[replace(each, svg=next(taken)) for each in effects],
         counterexamples=[(each, next(taken)) for each in counterexamples],
         costs=costs,

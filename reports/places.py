@@ -18,7 +18,7 @@ ROOT = "../../"
 
 
 def anchor(*names: str) -> str:
-    """Return the id of `suite/case/renderer/check`, or of a beginning of it, as it stands in an id and in links."""
+    """Return the id of `renderer/check` on the page of a case, of `suite/case/renderer/check` on that of all."""
     return "/".join(quote(name, safe="@+:,~", errors="surrogatepass") for name in names)
 
 

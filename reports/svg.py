@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 
@@ -48,10 +48,10 @@ def inlined(svg: str, *, prefix: str, title: str, colours: Mapping[str, str]) ->
     """
     root = ET.fromstring(svg)
     body = _Body({name: each for each in root.iter() if (name := each.get("id"))}, prefix, colours)
-    elements = _shared(_joined(body.seen(root)), prefix)
+    elements = _grouped(_shared(_joined(body.seen(root)), prefix))
     box = _scaled(root.get("viewBox", ""))
     # matplotlib leaves out the width of a line of 1 pt.
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}" stroke-width="{UNIT:g}" class="figure" role="img"'
+    head = f'<svg viewBox="{box}" stroke-width="{UNIT:g}" class="figure" role="img"'
     text = "".join(each.text() for each in (*body.defs(), *elements))
     return f'{head} aria-label="{escape(title, quote=True)}">{text}</svg>'
 
@@ -59,7 +59,8 @@ def inlined(svg: str, *, prefix: str, title: str, colours: Mapping[str, str]) ->
 def classed(elements: Sequence[str]) -> tuple[list[str], dict[str, str]]:
     """Return the same elements with their `style` attributes as classes, and the styles by class.
 
-    A class is named after its style, so that elements of several pages can share a sheet.
+    A class is named after its style, so that elements of several pages can share a sheet. What refers to a marker of
+    its own page stays as it is.
     """
     styles: dict[str, str] = {}
 
@@ -67,10 +68,10 @@ def classed(elements: Sequence[str]) -> tuple[list[str], dict[str, str]]:
         name = f"z{np.base_repr(zlib.crc32(found[1].encode()), 36).lower()}"
         if styles.setdefault(name, found[1]) != found[1]:
             return found[0]
-        return f' class="{name}"'
+        return f" class={name}{' ' if found[2] else ''}{found[2]}"
 
     return [
-        re.sub(r"<[a-z][^<>]*>", lambda tag: re.sub(r' style="([^"]*)"', named, tag[0]), element)
+        re.sub(r"<[a-z][^<>]*>", lambda tag: re.sub(r' style="(?!marker)([^"]*)"(/?)', named, tag[0]), element)
         for element in elements
     ], styles
 
@@ -82,18 +83,17 @@ def sheet(styles: Mapping[str, str]) -> str:
 
 @dataclass
 class _Element:
-    """An element to be: `strokes` are the corners (n, 2) of the strokes of a path and whether each is closed."""
+    """An element to be: `strokes` are the corners (n, 2) of the strokes of a path and whether each is closed.
+
+    Where it is places that are marked, and not a line, `marker` is what marks them.
+    """
 
     tag: str
     attributes: dict[str, str]
     strokes: list[tuple[Array, bool]] = field(default_factory=list)
     words: str = ""
     inside: Sequence[_Element] = ()
-
-    @property
-    def marks(self) -> bool:
-        """Whether it is places that are marked, and not a line."""
-        return "marker-start" in self.attributes
+    marker: str = ""
 
     @property
     def straight(self) -> bool:
@@ -104,7 +104,7 @@ class _Element:
     @cached_property
     def drawn(self) -> str:
         """The strokes as the text of a path: all corners of marks, and of lines those that are seen."""
-        if self.marks:
+        if self.marker:
             return _drawn(self.strokes, 0.0)
         whole = _drawn(self.strokes, WITHIN)
         if len(whole) < LONG or "fill:none" not in self.attributes.get("style", ""):
@@ -145,8 +145,7 @@ class _Body:
                     made.attributes["transform"] = moved
                 yield made
             elif tag == "use" and child.get(LINK, "")[1:] in self.named:
-                place = UNIT * np.array([[float(child.get("x", "0")), float(child.get("y", "0"))]])
-                made = _Element("path", {"marker-start": self._refer(child.get(LINK, ""), style)}, [(place, False)])
+                made = self._mark(child, style)
                 self._clip(made, inner)
                 yield made
             elif tag not in ("defs", "use", *LEFT_OUT):
@@ -156,6 +155,17 @@ class _Body:
         """How the shape that is used is moved where it is defined, as letters are; None for marks, which are not."""
         shape = self.named.get(use.get(LINK, "")[1:])
         return None if shape is None else shape.get("transform")
+
+    def _mark(self, use: ET.Element, style: str) -> _Element:
+        """A place that is marked; a tick, which is a single line, becomes that line."""
+        link = use.get(LINK, "")
+        place = UNIT * np.array([[float(use.get("x", "0")), float(use.get("y", "0"))]])
+        d = self.named[link[1:]].get("d", "")
+        strokes = [] if re.search("[A-KN-Yac-y]", d) else _strokes(d)
+        if len(strokes) == 1 and len(strokes[0][0]) == 2:
+            shape = _merged(style, self._style(self.named[link[1:]].get("style", "")), "fill:none")
+            return _Element("path", {"style": shape}, [(place + strokes[0][0], False)])
+        return _Element("path", {}, [(place, False)], marker=self._refer(link, style))
 
     def _other(self, child: ET.Element, tag: str, style: str, clip: str) -> _Element:
         """A text, a picture, or a group that moves what it holds."""
@@ -182,7 +192,7 @@ class _Body:
         if re.search("[A-KN-Yac-y]", d):
             made.attributes["d"] = _curve(d)
         else:
-            made.strokes = _strokes(d)
+            made.strokes = [each for each in _strokes(d) if len(each[0]) > 1]
         self._clip(made, clip)
 
     def _clip(self, made: _Element, clip: str) -> None:
@@ -209,7 +219,7 @@ class _Body:
                 self._draw(letter, given.get("d", ""), "")
                 made.append(letter)
             elif given.tag == f"{NAMESPACE}path":
-                own = ";".join(filter(None, (style, self._style(given.get("style", "")))))
+                own = _merged(style, self._style(given.get("style", "")))
                 shape = _Element("path", {"style": own} if own else {})
                 self._draw(shape, given.get("d", ""), "")
                 how = {"id": name, "markerUnits": "userSpaceOnUse"}
@@ -238,10 +248,10 @@ def _joined(elements: Iterable[_Element]) -> list[_Element]:
     found: list[_Element] = []
     first: dict[tuple[str, ...], _Element] = {}
     for each in elements:
-        if not each.marks and not each.straight:
+        if not each.marker and not each.straight:
             found.append(each)
             continue
-        key = tuple(each.attributes.get(name, "") for name in ("style", "marker-start"))
+        key = each.attributes.get("style", ""), each.marker
         if key not in first:
             first[key] = each
             found.append(each)
@@ -249,13 +259,11 @@ def _joined(elements: Iterable[_Element]) -> list[_Element]:
         first[key].strokes += each.strokes
         first[key].attributes |= each.attributes
     for each in found:
-        if each.marks:
-            marker = each.attributes["marker-start"]
+        if each.marker:
             places = np.concatenate([points for points, _ in each.strokes])
-            each.attributes["fill"] = "none"
-            if len(places) > 1:
-                each.attributes |= {"marker-mid": marker, "marker-end": marker}
-            else:
+            all_of_them = "marker" if len(places) > 1 else "marker-start"
+            each.attributes["style"] = f"{all_of_them}:{each.marker};fill:none"
+            if len(places) == 1:
                 places = np.repeat(places, 2, axis=0)  # a path without a line shows no mark
             each.strokes = [(places, False)]
     return found
@@ -264,7 +272,7 @@ def _joined(elements: Iterable[_Element]) -> list[_Element]:
 def _shared(elements: Sequence[_Element], prefix: str) -> Iterator[_Element]:
     """Long lines that lie on one another are written once, and used."""
     names: dict[str, str] = {}
-    texts = [each.drawn if each.strokes and not each.marks else "" for each in elements]
+    texts = [each.drawn if each.strokes and not each.marker else "" for each in elements]
     for name, count in Counter(texts).items():
         if count > 1 and len(name) > LONG:
             names[name] = f"{prefix}-s{len(names)}"
@@ -272,6 +280,24 @@ def _shared(elements: Sequence[_Element], prefix: str) -> Iterator[_Element]:
         yield _Element("defs", {}, inside=[_Element("path", {"id": name, "d": d}) for d, name in names.items()])
     for each, d in zip(elements, texts, strict=True):
         yield _Element("use", {"href": f"#{names[d]}", **each.attributes}) if d in names else each
+
+
+def _grouped(elements: Iterable[_Element]) -> Iterator[_Element]:
+    """Texts of one look that follow one another have it from a group."""
+    for style, run in groupby(elements, lambda each: each.attributes.get("style", "") if each.tag == "text" else ""):
+        members = list(run)
+        if not style or len(members) == 1:
+            yield from members
+            continue
+        for each in members:
+            del each.attributes["style"]
+        yield _Element("g", {"style": style}, inside=members)
+
+
+def _merged(*styles: str) -> str:
+    """Several styles as one, of which the later count."""
+    parts = (part.partition(":") for style in styles for part in style.split(";") if part)
+    return ";".join(f"{name}:{value}" for name, value in {name: value for name, _, value in parts}.items())
 
 
 def _strokes(d: str) -> list[tuple[Array, bool]]:

@@ -83,7 +83,7 @@ class Page:
 
         given = (self.case, self.runs, recordings)
         if self.pages is None:
-            return case_section(*given, verdicts=self.verdicts, order=self.order, prefix=self.prefix)
+            return case_section(*given, verdicts=self.verdicts, order=self.order, prefix=self.prefix, within=self.case)
         styles = write_case_page(self.pages, *given, verdicts=self.verdicts, order=self.order, around=self.around)
         return Section("", styles)
 

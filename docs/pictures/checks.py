@@ -12,14 +12,18 @@ sys.path.append(str(Path(__file__).parents[2] / "tests" / "meta"))
 
 import lawbreakers
 import mutants
+import numpy as np
 import outsiders
 import rubbing
 import struck_and_shaded
 import textured
+from matplotlib.figure import Figure
 from msgspec.structs import replace
 
 import hapticeval
+from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.phenomena.registry import OWN
+from hapticeval.reports.run_figure import run_figure
 from hapticeval.rigid_contact import ideal
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
@@ -50,24 +54,45 @@ def contests(check: str) -> Iterator[Contest]:
                 yield right.make, name, broken.make, tuple(group.CASES[each] for each in broken.cases)
 
 
+LAW = "set-stabilisation"
+"""The renderer whose law those of `lawbreakers` are: its closed form is theirs."""
+
+
 def judged(name: str, factory: Any, case: Case, check: str) -> hapticeval.Results:
     """Judge a renderer in a case by one check."""
+    forms = {name: case.closed_form[LAW]} if LAW in case.closed_form else {}
     alone = Suite(
         name="shown",
         title="",
         citation="",
-        cases=(replace(case, checks=(check,), published={}),),
+        cases=(replace(case, checks=(check,), published={}, closed_form=forms),),
         rows=(),
         renderers=(),
     )
     return hapticeval.run({name: factory}, suites=alone)
 
 
+def drawn(results: hapticeval.Results, case: Case) -> Figure:
+    """Draw a run; one that is held against a closed form beside that, for as long as it comes home."""
+    law = results.verdicts[0].evidence.get("law")
+    if law is None:
+        return results.plot()
+    scene, recording, closed_form = case.build_scene(), results.recording(), CLOSED_FORMS[law]
+    motion = closed_form.motion(scene, recording.hip[0], recording.velocity[0], recording.time)
+    far = np.abs(scene.model.boundary.signed_distance(motion.hip))
+    made = run_figure(recording, scene.model, title=f"{results.verdicts[0].renderer} on shown/{case.name}")
+    depth = made.axes[2]
+    depth.plot(recording.time, 1e3 * far, "k--", linewidth=0.9, label=f"closed form ({law})")
+    depth.set_xlim(0.0, 1.5 * recording.time[np.argmax(far < 0.01 * far[0])])
+    depth.legend(loc="upper right", fontsize="x-small", frameon=False)
+    return made
+
+
 for check in OWN:
     for right, name, broken, cases in contests(check):
         shown = next(
             (
-                (passes, fails)
+                (case, passes, fails)
                 for case in cases
                 if check in case.checks
                 and (fails := judged(name, broken, case, check)).verdicts[0].outcome == "fail"
@@ -76,8 +101,8 @@ for check in OWN:
             None,
         )
         if shown:
-            for word, results in zip(("passes", "fails"), shown, strict=True):
-                results.plot().savefig(PICTURES / f"check-{check}-{word}.svg", metadata={"Date": None})
+            for word, results in zip(("passes", "fails"), shown[1:], strict=True):
+                drawn(results, shown[0]).savefig(PICTURES / f"check-{check}-{word}.svg", metadata={"Date": None})
             break
     else:
         print(f"{check}: no picture")

@@ -612,7 +612,7 @@
       this.plots = new Plots(this, views.querySelector(".plots"), document_.panels);
       for (const box of section.querySelectorAll(".runs-shown input")) box.addEventListener("change", () => this.choose(box));
       for (const verdict of this.verdicts) {
-        const time = verdict.querySelector("i"), link = element("a", { class: "jump", href: `#${verdict.id}` }, time.textContent);
+        const time = verdict.querySelector("i:not([class])"), link = element("a", { class: "jump", href: `#${verdict.id}` }, time.textContent);
         link.addEventListener("click", (event) => { event.preventDefault(); history.replaceState(null, "", link.hash); this.jump(verdict); });
         time.replaceWith(link);
       }
@@ -674,7 +674,7 @@
       const head = element("tr", {}, ...["renderer", "|IHIP − HIP| (mm)", "force (N)", "HIP (mm)", "IHIP (mm)"].map((text) => element("th", { scope: "col" }, text)));
       this.rows = this.visible().map((run) => {
         const cells = Array.from({ length: 4 }, () => element("td"));
-        const swatch = this.section.querySelector(`.runs-shown input[data-run="${run.number}"]`)?.parentElement.querySelector("svg")?.cloneNode(true);
+        const swatch = this.section.querySelector(`.runs-shown input[data-run="${run.number}"]`)?.parentElement.querySelector("i")?.cloneNode(true);
         return [run, cells, element("tr", {}, element("th", { scope: "row" }, swatch ?? "", ` ${run.name}`), ...cells)];
       });
       this.values.replaceChildren(element("thead", {}, head), element("tbody", {}, ...this.rows.map((each) => each[2])));

@@ -84,9 +84,9 @@ def test_a_link_jumps_to_the_place_of_its_verdict(opened):
 
 
 def test_an_address_opens_the_page_at_its_verdict(opened):
-    page = opened("plane", fragment="synthetic/lobe/other/broken-contact")
+    page = opened("plane", fragment="other/broken-contact")
     assert page.run(TIME) > 0.5
-    assert page.run("document.querySelector('.check li.current').id") == "synthetic/lobe/other/broken-contact"
+    assert page.run("document.querySelector('.check li.current').id") == "other/broken-contact"
 
 
 def test_the_slider_is_worked_by_keys_from_sample_to_sample(opened):

@@ -20,7 +20,7 @@ from hapticeval.reports.svg import inlined
 
 
 def words(svg):
-    return [text.text for text in ET.fromstring(svg).iter("{http://www.w3.org/2000/svg}text")]
+    return [text.text for text in ET.fromstring(svg).iter("text")]
 
 
 def test_the_same_recording_gives_the_same_small_themed_figure():

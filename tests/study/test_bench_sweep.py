@@ -295,9 +295,9 @@ def test_timing_asks_for_as_many_steps_as_it_says(work):
 def test_a_build_is_timed_on_a_fresh_model_each_time():
     seen = []
     scenes = (fresh_scene("star", k) for k in range(3))
-    made, taken = timed_build(lambda scene: seen.append(scene.model) or len(seen), scenes, 3)
-    assert made == 1
-    assert len(taken) == len({model.parameters["size"] for model in seen}) == 3
+    made, taken, before = timed_build(len, lambda scene: seen.append(scene.model) or seen, scenes, 3)
+    assert made == 1, "the first, of what was given for it"
+    assert len(before) == len(taken) == len({model.parameters["size"] for model in seen}) == 3
 
 
 def test_memory_counts_every_buffer_once():
@@ -388,7 +388,16 @@ def test_a_model_that_no_bench_has_is_refused():
         settings_by_model(["cube"], ["minimum-distance"], quick=True)
 
 
-def test_a_refusal_is_no_fault_while_something_is_measured(run):
+def test_a_refusal_is_no_fault_while_something_is_measured_and_is_noted(run):
     bench = run(settings_by_model(["sphere"], ["mapping", "minimum-distance"], quick=True))
     assert bench.failures == []
+    noted = describe(judged(bench.results())).partition("Not measured:\n")[2].splitlines()
+    assert noted[0].startswith("   mapping (3 settings) on the sphere: ")
+    assert noted[1] == ""
+
+
+def test_the_time_to_make_a_mesh_is_no_time_to_build_a_renderer(run):
+    finest = run(settings_by_model(["sphere"], ["minimum-distance"], quick=True)).results().settings[-1]
+    assert 0.0 < min(finest.build_seconds) < min(finest.mesh_seconds), "which triangulates, checks, and makes a tree"
+    assert run(settings_of(["minimum-distance"], quick=True)).results().settings[0].mesh_seconds == []
     assert {each.exit_code for each in run(settings_by_model(["sphere"], ["mapping"], quick=True)).failures} == {2}

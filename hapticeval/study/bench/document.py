@@ -51,7 +51,8 @@ class SettingEntry(_Part, frozen=True):
 
     `errors` count from the reference, and `claims` are those that it can prove, None without one; `step` and `batch`
     are None where not measured; `front` has the kinds of time on whose Pareto front the setting lies; `problem` is why
-    an entry has nothing else; `kept` entries are of an earlier bench, see `beside`.
+    an entry has nothing else; `kept` entries are of an earlier bench, see `beside`. `build_seconds` are of each build
+    of the renderer, and `mesh_seconds` of the mesh that it was given for it: triangulated, checked, and its tree.
     """
 
     renderer: str
@@ -69,6 +70,7 @@ class SettingEntry(_Part, frozen=True):
     front: list[Kind]
     problem: str | None
     kept: bool = False
+    mesh_seconds: list[float] = []
 
     def times(self, kind: Kind) -> Times | None:
         """Return the times of a kind."""

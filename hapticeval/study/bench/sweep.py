@@ -208,6 +208,7 @@ class _Entry:
     errors: Errors | None = None
     memory: int | None = None
     builds: list[float] = field(default_factory=list)
+    meshes: list[float] = field(default_factory=list)
     problem: str | None = "not reached"
     failure: HapticevalError | None = None
     steps: list[IntArray] = field(default_factory=list)
@@ -234,6 +235,7 @@ class _Entry:
             batch=_times(self.batches, 1e-12),
             memory_bytes=self.memory,
             build_seconds=self.builds,
+            mesh_seconds=self.meshes,
             key=self.key,
             front=[],
             problem=self.problem,
@@ -307,9 +309,8 @@ class Sweep:
                 why="it answers a whole stimulus at once",
             )
         scenes = (fresh_scene(work.name, next(self._fresh)) for _ in range(self.effort.builds))
-        entry.renderer, entry.builds = timed_build(
-            lambda scene: setting.factory(setting.given(scene)), scenes, self.effort.builds
-        )
+        entry.renderer, entry.builds, took = timed_build(setting.factory, setting.given, scenes, self.effort.builds)
+        entry.meshes = took if setting.finer else []
         found = answers(entry.renderer if setting.finer else warm, work)
         entry.reference = self._reference(setting, work, found)
         if entry.reference is not None:

@@ -7,7 +7,7 @@ from functools import partial
 
 from hapticeval import quantity
 from hapticeval.study.bench.document import BenchResults, Change, SettingEntry
-from hapticeval.study.bench.judge import unproven
+from hapticeval.study.bench.judge import left_out, unproven
 
 length, duration = partial(quantity.length, micro="u"), partial(quantity.duration, micro="u")
 """On a terminal, units are spelt as options take them."""
@@ -23,9 +23,10 @@ COLUMNS: Mapping[str, Callable[[SettingEntry], str | None]] = {
     "of tick": lambda each: f"{100 * each.step.tick_share:.2g} %" if each.step else None,
     "batch": lambda each: duration(each.batch.median) if each.batch else None,
     "memory": lambda each: None if each.memory_bytes is None else quantity.size(each.memory_bytes),
+    "mesh": lambda each: duration(min(each.mesh_seconds)) if each.mesh_seconds else None,
     "build": lambda each: duration(min(each.build_seconds)) if each.build_seconds else None,
 }
-"""The columns of a table of settings; what is not known is None."""
+"""The columns of a table of settings; what is not known is None, and a column of that alone is left out."""
 
 ORDERS = {"ihip": "IHIP", "normal": "normal", "force": "force"}
 
@@ -36,6 +37,7 @@ def describe(results: BenchResults) -> str:
         *_tables(results),
         "\n".join(_orders(results)),
         "\n".join(unproven(results)),
+        "\n".join(_left_out(results)),
         "\n".join(_answers(results)),
         "\n".join(_comparison(results.comparison)),
         f"{len(results.settings)} settings in {results.timing['wall_seconds']:.3g} s, {results.rounds} rounds of timing"
@@ -47,15 +49,21 @@ def describe(results: BenchResults) -> str:
 
 def _tables(results: BenchResults) -> Iterator[str]:
     for model, settings in results.by_model().items():
-        rows = [[cell(each) for cell in COLUMNS.values()] for each in settings if not each.problem]
-        lines = [
-            f"{model} (* on the Pareto front, one step at a time; ~ not proven)",
-            *quantity.aligned(
-                [list(COLUMNS), *(["-" if each is None else each for each in row] for row in rows)], left=2
-            ),
-            *(f"   {each.label}: {each.problem}" for each in settings if each.problem),
-        ]
-        yield "\n".join(lines)
+        measured = [each for each in settings if not each.problem]
+        columns = {title: [cell(each) for each in measured] for title, cell in COLUMNS.items()}
+        filled = {title: cells for title, cells in columns.items() if any(each is not None for each in cells)}
+        if not filled:
+            continue
+        rows = [["-" if each is None else each for each in row] for row in zip(*filled.values(), strict=True)]
+        head = f"{model} (* on the Pareto front, one step at a time; ~ not proven)"
+        yield "\n".join([head, *quantity.aligned([list(filled), *rows], left=2)])
+
+
+def _left_out(results: BenchResults) -> Iterator[str]:
+    sentences = list(left_out(results))
+    if sentences:
+        yield "Not measured:"
+        yield from (f"   {each}" for each in sentences)
 
 
 def _kept(results: BenchResults) -> str:
