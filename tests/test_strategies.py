@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from hapticeval import Scene, make_model
+from hapticeval import Scene, make_model, strategies
 from hapticeval.effects.viscosity import Viscosity
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import MODELS
@@ -35,6 +35,15 @@ from hapticeval.strategies import (
 NAMES = {"Moves": Moves, "Move": Move, "Tremor": Tremor, "ExperimentTable": ExperimentTable, "make_model": make_model}
 MODEL = {kind: make_model(kind) for kind in ("star", "cassinian", "ellipse", "line", "sphere", "torus")}
 COUNT = 100
+
+
+def test_the_public_names_stay_and_each_is_documented():
+    documented = {
+        *("examples", "hand_paths", "laps", "meshes", "plane_models", "pushes", "scenes", "effects"),
+        *("MESHES", "PARTS", "PLANE_MODELS"),
+    }
+    assert set(strategies.__all__) == documented
+    assert all(callable(getattr(strategies, name)) for name in documented if name.islower())
 
 
 @pytest.mark.parametrize("tremor", [False, True])

@@ -127,20 +127,23 @@ def laps(hip: Array, size: float) -> list[tuple[int, int, int]]:
     row = 0
     while row < count:
         period = int(again[row]) - row
-        number = _number(hip, row, period, near) if period > 2 else 0
+        alike = _alike(hip, row, period, near) if period > 2 else 0
+        number = 1 + (alike - 1) // period if alike > 0 else 0
         if number >= 2:
             found.append((row, period, number))
             row += number * period
-        else:
+        else:  # of the rows that are alike none begins a second lap either, in that period
+            end = row + alike
             row += 1
+            while row < end and again[row] - row == period:
+                row += 1
     return found
 
 
-def _number(hip: Array, first: int, period: int, near: float) -> int:
-    """Return how many laps of `period` rows follow each other from row `first` on."""
+def _alike(hip: Array, first: int, period: int, near: float) -> int:
+    """Return how many rows from row `first` on have the HIP of the row that is `period` rows later."""
     fits = np.linalg.norm(hip[first + period :] - hip[first : hip.shape[0] - period], axis=1) <= near
-    stop = int(np.argmin(fits)) if not fits.all() else fits.size
-    return 1 + (stop - 1) // period if stop > 0 else 0
+    return int(np.argmin(fits)) if not fits.all() else fits.size
 
 
 def stretches(free: BoolArray) -> Iterator[Heading]:

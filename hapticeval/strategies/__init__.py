@@ -1,0 +1,41 @@
+"""Strategies of hypothesis for what a renderer may meet: hand paths, pushes, models, scenes, effects.
+
+For anyone's tests:
+
+    from hypothesis import given
+    from hapticeval import make_model, play
+    from hapticeval.strategies import hand_paths
+
+    STAR = make_model("star")
+
+    @given(hand_paths(STAR))
+    def test_the_force_stays_small(moves):
+        hips = moves.path().sampled(1e-3)[1]
+        ...
+
+What is drawn prints as something that can be pasted. Smaller examples are simpler ones: fewer parts, shallower, nearer
+to where the model's outline begins. All numbers come from small whole ones: of larger numbers hypothesis draws some
+from the source of whatever modules are loaded, and the same seed would give other examples in another program.
+"""
+
+from hapticeval.strategies.example import examples
+from hapticeval.strategies.hand import PARTS, hand_paths
+from hapticeval.strategies.mesh import MESHES, meshes
+from hapticeval.strategies.outline import laps
+from hapticeval.strategies.plane import PLANE_MODELS, plane_models
+from hapticeval.strategies.push import pushes
+from hapticeval.strategies.scene import effects, scenes
+
+__all__ = [
+    "MESHES",
+    "PARTS",
+    "PLANE_MODELS",
+    "effects",
+    "examples",
+    "hand_paths",
+    "laps",
+    "meshes",
+    "plane_models",
+    "pushes",
+    "scenes",
+]

@@ -1,0 +1,35 @@
+"""Examples of any strategy as a list, the same for the same seed."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import seed as seeded
+from hypothesis import strategies as st
+
+from hapticeval.errors import InputError
+
+T = TypeVar("T")
+
+
+def examples(strategy: st.SearchStrategy[T], count: int, *, seed: int = 0) -> list[T]:
+    """Return up to `count` different examples of `strategy`: the same for the same seed and version of hypothesis.
+
+    Fewer where it has no more. Nothing of it depends on a clock, on what is loaded, or on earlier examples.
+    """
+    if not isinstance(count, int) or count < 1:
+        raise InputError(f"count = {count!r}", why="it is a whole number of examples, and positive")
+    found: list[T] = []
+
+    @seeded(seed)
+    @settings(
+        max_examples=count, phases=[Phase.generate], database=None, deadline=None, derandomize=False,
+        suppress_health_check=list(HealthCheck),
+    )  # fmt: skip
+    @given(strategy)
+    def collect(example: T) -> None:
+        found.append(example)
+
+    collect()
+    return found[:count]

@@ -1,0 +1,240 @@
+"""Paths of a hand on a model: an approach, a contact, and what a hand does between that and its last release."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from hypothesis import assume
+from hypothesis import strategies as st
+
+from hapticeval.errors import InputError, UnknownNameError
+from hapticeval.geometry.model import Model
+from hapticeval.stimulus.moves import Move, Moves, Tremor, shortest
+from hapticeval.strategies.numbers import rounded, share, signed
+from hapticeval.strategies.place import PLACES, Place, check_model, places
+from hapticeval.types import Array
+
+PARTS = ("slide", "corner", "graze", "rest", "release", "medial-axis", "focal-point", "through")
+"""What a hand does between its first contact and its last release: see `hand_paths`."""
+
+
+MOST_PARTS = 12
+"""Parts of a path at the most: some half a minute."""
+
+PACES = (1.0, 1.0, 1.5, 3.0)
+"""How much slower than it could a hand moves."""
+
+
+def hand_paths(
+    model: Model, *, parts: Sequence[str] = PARTS, most: int = 3, tremor: bool = False
+) -> st.SearchStrategy[Moves]:
+    """Draw paths of a hand on `model`: an approach through free space, a contact, up to `most` parts, a last release.
+
+    A path is a list of moves from rest to rest as a hand makes them: 99.9 % of the power of the acceleration below
+    10 Hz, at most 1 m/s and 10 m/s^2 (`hapticeval.stimulus.moves`), or up to three times slower. With `tremor` it may
+    add one of 8 to 12 Hz and up to 0.2 mm. Each of the `parts` starts where the one before has ended:
+
+    - `slide`: along the surface, at the depth at which the hand is, or another;
+    - `corner`: along one face past a corner, of a model that has any, from free space;
+    - `graze`: from free space past the surface, at most 0.5 % of the model's size under it, and out again;
+    - `rest`: stays where it is;
+    - `release`: into free space and back;
+    - `medial-axis`: so deep that another point of the surface becomes the nearest;
+    - `focal-point`: to the centre of curvature of a convex place, near it or through it;
+    - `through`: straight to another place of the surface, through the model or past it.
+
+    `most` is from 1 to 12. Raises `InputError` for another number and for what is no model, and `UnknownNameError` for
+    an unknown part.
+    """
+    check_model(model)
+    if isinstance(parts, str) or not parts:
+        raise InputError(f"parts = {parts!r}", why="it is a list of one part or more", todo=f"use {', '.join(PARTS)}")
+    for part in parts:
+        if part not in PARTS:
+            raise UnknownNameError("part of a hand path", str(part), PARTS)
+    if isinstance(most, bool) or not isinstance(most, int) or not 1 <= most <= MOST_PARTS:
+        raise InputError(f"most = {most!r}", why=f"it is a whole number of parts, from 1 to {MOST_PARTS}")
+    possible = tuple(part for part in PARTS if part in parts and (part != "corner" or model.boundary.corners))
+    if not possible:
+        raise InputError(f"a path past a corner on model '{model.name}'", why="it has no corner", todo="add a part")
+    return _hand_paths(model, possible, most, bool(tremor))
+
+
+class Hand:
+    """A hand that is being led: where it is, under which place of the surface, how deep, and what it has done."""
+
+    def __init__(self, draw: st.DrawFn, model: Model, tremor: Tremor | None) -> None:
+        self.draw = draw
+        self.boundary, self.size, self.corners = model.boundary, model.size, model.boundary.corners
+        # Once round the model, or a way along it that its window shows.
+        self.girth = min(model.boundary.girth, 4.0 * model.size)
+        self.places = places(model)
+        self.tremor = tremor
+        self.moves: list[Move] = []
+        self.pace = draw(st.sampled_from(PACES))
+        self.place = self.any_place()
+        self.start = self.at = self.rounded(self.outside())
+        self.depth = self.any_depth()
+        self.press(self.depth)
+
+    def any_place(self) -> Place:
+        """Draw a place, most of the time between two of `PLACES`."""
+        place = self.places[self.draw(st.integers(0, PLACES - 1))]
+        return self.beside(place, self.draw(share()) * self.girth / PLACES)
+
+    def beside(self, place: Place, length: float) -> Place:
+        """Return the place `length` m along; how deep its axis and its focus lie is taken from the given one."""
+        frame = self.boundary.walk(place.foot, np.array([length]))
+        return place._replace(foot=frame.foot[0], normal=frame.normal[0])
+
+    def any_depth(self) -> float:
+        """Draw a depth, m: from 4e-5 of the size to 0.4 of it, and often little."""
+        return 0.4 * self.size * ((1 + self.draw(st.integers(0, 98))) / 99.0) ** 2 / 4.0 ** self.draw(st.integers(0, 2))
+
+    def rounded(self, point: Array) -> list[float]:
+        """Return a point to about 5e-6 of the model's size."""
+        return [rounded(x, self.size) for x in point]
+
+    def outside(self) -> Array:
+        """Draw a point of free space over the place."""
+        height = self.size * (0.05 + 0.25 * self.draw(share()))
+        heights = height * 0.5 ** np.arange(8)
+        points = self.place.foot + heights[:, np.newaxis] * self.place.normal
+        free = np.flatnonzero(self.boundary.signed_distance(points) > 0.0)
+        return np.asarray(points[free[0] if free.size else -1])
+
+    def move(self, point: Array) -> None:
+        """Go there."""
+        to = self.rounded(point)
+        length = math.dist(self.at, to)
+        if length > 0.0:
+            self.moves.append(Move(to=to, seconds=round(self.pace * shortest(length, self.tremor) + 5e-4, 3)))
+            self.at = to
+
+    def press(self, depth: float) -> None:
+        """Go to `depth` m under the place."""
+        self.depth = depth
+        self.move(self.place.foot - depth * self.place.normal)
+
+    def release(self) -> None:
+        """Go out."""
+        self.move(self.outside())
+
+    def slide(self) -> None:
+        """Go along the surface in a few moves."""
+        depth = self.any_depth() if self.draw(st.booleans()) else self.depth
+        length = 0.4 * self.draw(signed()) * self.girth
+        count = self.draw(st.integers(1, 5))
+        start = self.place
+        for k in range(1, count + 1):
+            self.place = self.beside(start, length * k / count)
+            self.press(depth)
+
+    def corner(self) -> None:
+        """Go along a face past a corner: over a convex one straight on, into a concave one and on along the next."""
+        chosen = self.draw(st.integers(0, min(len(self.corners), PLACES) - 1))
+        corner = self.corners[chosen * len(self.corners) // min(len(self.corners), PLACES)]
+        ahead, normal, leaves, after = corner.tangent_pre, corner.normal_pre, corner.tangent_post, corner.normal_post
+        if self.draw(st.booleans()):
+            ahead, normal, leaves, after = -leaves, after, -ahead, normal
+        reach = 0.4 * min(self.nearest_corner(corner.position), 0.5 * self.size)
+        depth = reach * (0.005 + 0.5 * self.draw(share()) ** 2)
+        before = corner.position - reach * (0.3 + 0.7 * self.draw(share())) * ahead
+        self.move(before + 0.3 * reach * normal)
+        self.move(before - depth * normal)
+        if corner.convex:
+            self.move(corner.position + reach * (0.3 + 0.7 * self.draw(share())) * ahead - depth * normal)
+        else:
+            self.move(corner.position - depth * normal)
+            self.move(corner.position - depth * after)
+            self.move(corner.position + reach * (0.3 + 0.7 * self.draw(share())) * leaves - depth * after)
+        self.place, self.depth = self.near(np.array(self.at)), depth
+
+    def nearest_corner(self, position: Array) -> float:
+        """Return how far from `position` the nearest other corner is, m; the model's size where there is none."""
+        gaps = [float(np.linalg.norm(other.position - position)) for other in self.corners]
+        return min((gap for gap in gaps if gap > 0.0), default=self.size)
+
+    def near(self, point: Array) -> Place:
+        """Return the place nearest to a point."""
+        frame = self.boundary.closest_point(point[np.newaxis])
+        far = [float(np.linalg.norm(place.foot - frame.foot[0])) for place in self.places]
+        return self.places[int(np.argmin(far))]._replace(foot=frame.foot[0], normal=frame.normal[0])
+
+    def graze(self) -> None:
+        """Go straight past the surface."""
+        self.release()
+        self.place = self.any_place()
+        tangents = np.linalg.svd(self.place.normal[np.newaxis])[2][1:]
+        along = tangents[self.draw(st.integers(0, len(tangents) - 1))] * (0.02 + 0.2 * self.draw(share())) * self.size
+        under = self.place.foot - 5e-3 * self.size * (0.02 + 0.98 * self.draw(share())) * self.place.normal
+        self.move(under - along)
+        self.move(under + along)
+        self.release()
+
+    def rest(self) -> None:
+        """Stay."""
+        self.moves.append(Move(to=self.at, seconds=self.draw(st.sampled_from([0.1, 0.3, 0.5]))))
+
+    def out_and_in(self) -> None:
+        """Release, and come back beside there."""
+        self.release()
+        self.place = self.beside(self.place, 0.1 * self.draw(signed()) * self.girth)
+        self.press(self.any_depth())
+
+    def cross(self, depths: Callable[[Place], float]) -> None:
+        """Go under a place to somewhat less and to somewhat more than a depth, and on to the side."""
+        self.place = self.any_place() if self.draw(st.booleans()) else self.place
+        deep = min(depths(self.place), 0.5 * self.size)
+        self.press(deep * (0.8 + 0.19 * self.draw(share())))
+        aside = self.beside(self.place, 0.05 * self.draw(signed()) * self.girth)
+        self.place = aside
+        self.press(deep * (1.01 + 0.2 * self.draw(share())))
+
+    def focal_point(self) -> None:
+        """Go to a centre of curvature, to near it, or through it; without one, to the medial axis."""
+        bent = [place for place in self.places if place.focal < 0.5 * self.size]
+        if not bent:
+            self.cross(lambda place: place.medial)
+            return
+        self.place = bent[self.draw(st.integers(0, len(bent) - 1))]
+        self.press(self.place.focal * (0.9 + self.draw(st.integers(0, 4)) / 20.0))
+        along = self.beside(self.place, 0.01 * self.size).foot - self.place.foot
+        self.move(np.array(self.at) + self.draw(signed()) * along)
+
+    def through(self) -> None:
+        """Go straight to another place."""
+        self.place = self.any_place()
+        self.press(self.any_depth())
+
+    def do(self, part: str) -> None:
+        """Do one of `PARTS`."""
+        {
+            "slide": self.slide,
+            "corner": self.corner,
+            "graze": self.graze,
+            "rest": self.rest,
+            "release": self.out_and_in,
+            "medial-axis": lambda: self.cross(lambda place: place.medial),
+            "focal-point": self.focal_point,
+            "through": self.through,
+        }[part]()
+
+
+@st.composite
+def _hand_paths(draw: st.DrawFn, model: Model, parts: tuple[str, ...], most: int, trembles: bool) -> Moves:
+    tremor = None
+    if trembles and draw(st.booleans()):
+        direction = 2.0 * math.pi * draw(share())
+        size = 2e-4 * (0.05 + 0.95 * draw(share()))
+        amplitude = [size * math.cos(direction), size * math.sin(direction), 0.0][: model.dimension]
+        tremor = Tremor(amplitude=[round(x, 7) for x in amplitude], hertz=8.0 + draw(st.integers(0, 8)) / 2.0)
+    hand = Hand(draw, model, tremor)
+    for _ in range(draw(st.integers(1, most))):
+        hand.do(draw(st.sampled_from(parts)))
+    if draw(st.integers(0, 3)):
+        hand.release()
+    assume(hand.moves)
+    return Moves(start=hand.start, moves=tuple(hand.moves), tremor=tremor)

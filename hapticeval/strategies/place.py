@@ -1,0 +1,70 @@
+"""Places of a model's surface, and how deep under each its medial axis and its focus lie."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hapticeval.errors import InputError
+from hapticeval.geometry.boundary import Boundary
+from hapticeval.geometry.model import Model
+from hapticeval.types import Array, BoolArray
+
+PLACES = 100
+"""Points of the surface from which parts start; any other lies between two of them."""
+
+
+class Place(NamedTuple):
+    """A point of the surface: `foot` (N,), m, its outward unit `normal` (N,), and two depths under it, m.
+
+    At `medial` another point of the surface is as near; at `focal` is the centre of the surface's curvature. Infinite
+    where there is none.
+    """
+
+    foot: Array
+    normal: Array
+    medial: float
+    focal: float
+
+
+def places(model: Model) -> list[Place]:
+    """Return `PLACES` places of the model's surface, in order along a plane one."""
+    boundary: Any = model.boundary
+    return _places_of(boundary, model.size)
+
+
+@lru_cache(maxsize=16)
+def _places_of(boundary: Boundary, size: float) -> list[Place]:
+    """Find them once for a boundary."""
+    frame = boundary.closest_point(boundary.points(PLACES))
+    foot, normal = frame.foot, frame.normal
+    bend = np.linalg.eigvalsh(frame.shape).max(axis=1)
+
+    def own(depth: Array) -> BoolArray:
+        """Whether the place is the nearest point of the surface from `depth` under it."""
+        off = boundary.signed_distance(foot - depth[:, np.newaxis] * normal)
+        nearest: BoolArray = off < -depth + 1e-6 * size
+        return nearest
+
+    low, high = np.zeros(PLACES), np.full(PLACES, np.inf)
+    for depth in size * np.geomspace(1e-4, 1.0, 32):
+        still = own(np.full(PLACES, depth))
+        low = np.where(still & np.isinf(high), depth, low)
+        high = np.where(~still & np.isinf(high), depth, high)
+    known = np.isfinite(high)
+    for _ in range(12):
+        middle = np.where(known, 0.5 * (low + np.where(known, high, 0.0)), low)
+        still = own(middle)
+        low, high = np.where(known & still, middle, low), np.where(known & ~still, middle, high)
+    focal = np.where(bend * size > 1e-6, 1.0 / np.maximum(bend, 1e-300), np.inf)
+    return [
+        Place(*row) for row in zip(foot, normal, np.where(known, low, np.inf).tolist(), focal.tolist(), strict=True)
+    ]
+
+
+def check_model(model: object) -> None:
+    """Raise `InputError` for what is no model."""
+    if not isinstance(model, Model):
+        raise InputError(f"{model!r} is no model", todo='make one: hapticeval.make_model("star")')
