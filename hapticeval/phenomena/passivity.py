@@ -111,36 +111,40 @@ def _summed(steps: Array) -> Array:
 def laps(hip: Array, size: float) -> list[tuple[int, int, int]]:
     """The first row, the period in rows and the number, two or more, of laps that follow each other on the same points.
 
-    `hip` (n, N), m. Points are the same within `CLOSED` of `size`, m; a hand at rest makes no lap.
+    `hip` (n, N), m. Points are the same within `CLOSED` of `size`, m; a hand that stays at one, or creeps by less than
+    that, makes no lap.
     """
     count, near = hip.shape[0], CLOSED * size
     if count < 3:
         return []
     cells = np.unique(np.rint(hip / near), axis=0, return_inverse=True)[1].reshape(-1)
-    again = np.full(count, -1)
-    seen: dict[int, int] = {}
-    for row in range(count - 1, -1, -1):
-        cell = int(cells[row])
-        again[row] = seen.get(cell, -1)
-        seen[cell] = row
-    found = []
-    row = 0
-    while row < count:
-        period = int(again[row]) - row
-        number = _number(hip, row, period, near) if period > 2 else 0
+    order = np.argsort(cells, kind="stable")
+    same = cells[order[1:]] == cells[order[:-1]]
+    rows, again = order[:-1][same], order[1:][same]
+    rows, again = rows[again < count - 1], again[again < count - 1]
+    onwards = np.linalg.norm(hip[again + 1] - hip[rows + 1], axis=1) <= near
+    periods = dict(zip(rows[onwards].tolist(), (again - rows)[onwards].tolist(), strict=True))
+    found, end = [], 0
+    for row in sorted(periods):
+        number = _number(hip, row, periods[row], near) if row >= end and periods[row] > 2 else 0
         if number >= 2:
-            found.append((row, period, number))
-            row += number * period
-        else:
-            row += 1
+            found.append((row, periods[row], number))
+            end = row + number * periods[row]
     return found
 
 
 def _number(hip: Array, first: int, period: int, near: float) -> int:
-    """Return how many laps of `period` rows follow each other from row `first` on."""
-    fits = np.linalg.norm(hip[first + period :] - hip[first : hip.shape[0] - period], axis=1) <= near
-    stop = int(np.argmin(fits)) if not fits.all() else fits.size
-    return 1 + (stop - 1) // period if stop > 0 else 0
+    """Return how many laps of `period` rows follow each other from row `first` on, each with the row that ends it."""
+    lap = hip[first : first + period + 1]
+    if np.linalg.norm(lap - lap[0], axis=1).max() <= near:
+        return 0
+    number = 1
+    while True:
+        begin = first + number * period
+        following = hip[begin : begin + period + 1]
+        if len(following) <= period or np.linalg.norm(following - lap, axis=1).max() > near:
+            return number
+        lap, number = following, number + 1
 
 
 def stretches(free: BoolArray) -> Iterator[Heading]:
