@@ -120,10 +120,14 @@ def laps(hip: Array, size: float) -> list[tuple[int, int, int]]:
     cells = np.unique(np.rint(hip / near), axis=0, return_inverse=True)[1].reshape(-1)
     order = np.argsort(cells, kind="stable")
     same = cells[order[1:]] == cells[order[:-1]]
-    rows, again = order[:-1][same], order[1:][same]
-    rows, again = rows[again < count - 1], again[again < count - 1]
-    onwards = np.linalg.norm(hip[again + 1] - hip[rows + 1], axis=1) <= near
-    periods = dict(zip(rows[onwards].tolist(), (again - rows)[onwards].tolist(), strict=True))
+    rows = order[:-1][same]
+    period = order[1:][same] - rows
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0):  # most are told from laps by a few of their points
+        at = rows + np.maximum(share * period, 1.0).astype(int)
+        fits = at + period < count
+        fits[fits] = np.linalg.norm(hip[(at + period)[fits]] - hip[at[fits]], axis=1) <= near
+        rows, period = rows[fits], period[fits]
+    periods = dict(zip(rows.tolist(), period.tolist(), strict=True))
     found, end = [], 0
     for row in sorted(periods):
         number = _number(hip, row, periods[row], near) if row >= end and periods[row] > 2 else 0
