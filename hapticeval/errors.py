@@ -50,7 +50,7 @@ class InputError(HapticevalError):
 class DomainError(HapticevalError):
     """A controller or a device was led out of where it is defined: a singular pose, a joint limit, a medial axis.
 
-    In a closed loop this ends the run at that tick; what was recorded up to there is kept and judged.
+    It ends a simulated run at that tick; what was recorded up to there is kept and judged.
     """
 
 

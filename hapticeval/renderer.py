@@ -69,7 +69,7 @@ class Renderer(Protocol):
     `scene.model.curve` refuses a surface. The force acts on the hand, and is zero in free space.
 
     What it may offer beside is in `Abilities`. A step that is led out of where the renderer is defined raises
-    `DomainError`, which ends an experiment there.
+    `DomainError`, which ends the run there.
     """
 
     def reset(self, hip: Array) -> None:

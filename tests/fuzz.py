@@ -3,6 +3,7 @@
     make fuzz MINUTES=30
     .venv/bin/python tests/fuzz.py 30 tests/geometry -k polygon     further arguments are pytest's
     .venv/bin/python tests/fuzz.py ideal 11 10000                   the ideal contact in what a search of seed 11 draws
+    .venv/bin/python tests/fuzz.py ideal 11 10000 4322              the same from example 4322 on
 
 A property that fails is shrunk, listed at the end with the command that repeats it, and left out of the rounds that
 follow; hypothesis keeps its smallest example in .hypothesis/examples, and damaged files stay in .hypothesis/kept.
@@ -82,15 +83,15 @@ class Rounds:
             terminalreporter.line(f"repeat: .venv/bin/pytest --hypothesis-profile=fuzz '{nodeid}'")
 
 
-def judge_ideal(seed: int, count: int) -> int:
-    """Judge the ideal rigid contact in the first `count` examples of a search, and return how many show a failure."""
+def judge_ideal(seed: int, count: int, first: int = 1) -> int:
+    """Judge the ideal rigid contact in examples `first` to `count` of a search; return how many show a failure."""
     from hapticeval.discovery import resolve
     from hapticeval.phenomena.verdict import Outcome
     from hapticeval.runner.judging import judge
     from hapticeval.search.drawing import drawn, judgeable
 
     ideal, failing = resolve("ideal"), 0
-    for number, case in enumerate(itertools.islice(drawn((), judgeable(), seed), count), 1):
+    for number, case in enumerate(itertools.islice(drawn((), judgeable(), seed), first - 1, count), first):
         judged = judge(ideal, "ideal", "fuzz", case)
         told = [] if judged.error is None else [f"error: {judged.error.what}"]
         for verdict in judged.verdicts:
@@ -111,5 +112,5 @@ def judge_ideal(seed: int, count: int) -> int:
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["ideal"]:
-        sys.exit(judge_ideal(*map(int, sys.argv[2:4])) > 0)
+        sys.exit(judge_ideal(*map(int, sys.argv[2:5])) > 0)
     sys.exit(pytest.main([*OPTIONS, *sys.argv[2:]], plugins=[Rounds(float(sys.argv[1]))]))

@@ -10,7 +10,7 @@ from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.nudges import STEEP
 from hapticeval.phenomena.numerical_stability import DIGITS, EPS
 from hapticeval.phenomena.passivity import laps
-from hapticeval.phenomena.sampling import evidence_at, mm, touching
+from hapticeval.phenomena.sampling import evidence_at, lacks_ihip, mm, touching
 from hapticeval.phenomena.verdict import Finding, Level, Metric, compared, undecided
 from hapticeval.scene import Scene
 
@@ -19,6 +19,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare the answers of each later lap with those of the second, tick by tick."""
     base, size = runs.base, scene.model.size
     contact = touching(base, scene)
+    if contact.any() and np.array_equal(base.ihip, base.hip) and not lacks_ihip(base, scene):
+        return undecided("the tool is rigid: its force is what the hand pushes then, and no answer to where it is")
     ways = [way for way in laps(base.hip, size) if way[2] > 2 and contact[way[0] : way[0] + way[1] * way[2]].any()]
     if not ways:
         return undecided("the hand never goes round a closed loop three times in contact")

@@ -111,39 +111,44 @@ def _summed(steps: Array) -> Array:
 def laps(hip: Array, size: float) -> list[tuple[int, int, int]]:
     """The first row, the period in rows and the number, two or more, of laps that follow each other on the same points.
 
-    `hip` (n, N), m. Points are the same within `CLOSED` of `size`, m; a hand at rest makes no lap.
+    `hip` (n, N), m. Points are the same within `CLOSED` of `size`, m; a hand that stays at one, or creeps by less than
+    that, makes no lap.
     """
     count, near = hip.shape[0], CLOSED * size
     if count < 3:
         return []
     cells = np.unique(np.rint(hip / near), axis=0, return_inverse=True)[1].reshape(-1)
-    again = np.full(count, -1)
-    seen: dict[int, int] = {}
-    for row in range(count - 1, -1, -1):
-        cell = int(cells[row])
-        again[row] = seen.get(cell, -1)
-        seen[cell] = row
-    found = []
-    row = 0
-    while row < count:
-        period = int(again[row]) - row
-        alike = _alike(hip, row, period, near) if period > 2 else 0
-        number = 1 + (alike - 1) // period if alike > 0 else 0
+    order = np.argsort(cells, kind="stable")
+    same = cells[order[1:]] == cells[order[:-1]]
+    rows = order[:-1][same]
+    period = order[1:][same] - rows
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0):  # most are told from laps by a few of their points
+        at = rows + np.maximum(share * period, 1.0).astype(int)
+        fits = at + period < count
+        fits[fits] = np.linalg.norm(hip[(at + period)[fits]] - hip[at[fits]], axis=1) <= near
+        rows, period = rows[fits], period[fits]
+    periods = dict(zip(rows.tolist(), period.tolist(), strict=True))
+    found, end = [], 0
+    for row in sorted(periods):
+        number = _number(hip, row, periods[row], near) if row >= end and periods[row] > 2 else 0
         if number >= 2:
-            found.append((row, period, number))
-            row += number * period
-        else:  # of the rows that are alike none begins a second lap either, in that period
-            end = row + alike
-            row += 1
-            while row < end and again[row] - row == period:
-                row += 1
+            found.append((row, periods[row], number))
+            end = row + number * periods[row]
     return found
 
 
-def _alike(hip: Array, first: int, period: int, near: float) -> int:
-    """Return how many rows from row `first` on have the HIP of the row that is `period` rows later."""
-    fits = np.linalg.norm(hip[first + period :] - hip[first : hip.shape[0] - period], axis=1) <= near
-    return int(np.argmin(fits)) if not fits.all() else fits.size
+def _number(hip: Array, first: int, period: int, near: float) -> int:
+    """Return how many laps of `period` rows follow each other from row `first` on, each with the row that ends it."""
+    lap = hip[first : first + period + 1]
+    if np.linalg.norm(lap - lap[0], axis=1).max() <= near:
+        return 0
+    number = 1
+    while True:
+        begin = first + number * period
+        following = hip[begin : begin + period + 1]
+        if len(following) <= period or np.linalg.norm(following - lap, axis=1).max() > near:
+            return number
+        lap, number = following, number + 1
 
 
 def stretches(free: BoolArray) -> Iterator[Heading]:

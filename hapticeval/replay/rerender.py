@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -16,7 +15,7 @@ from hapticeval.recordings.stretches import Stretch, steps, stretches
 from hapticeval.renderer import Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.replay.subject import ReplayCase
 from hapticeval.scene import Scene
-from hapticeval.simulation.playback import run_path, simulate_checked
+from hapticeval.simulation.playback import rows_defined, run_path, simulate_checked
 from hapticeval.stimulus.stimulus import Path
 from hapticeval.types import Array
 
@@ -156,14 +155,7 @@ def _forwards(renderer: Renderer | TrajectoryRenderer, path: HandPath, stretch: 
     except DomainError as error:
         each = np.broadcast_to(dt, time.size)
 
-        def leaves(count: int) -> bool:
-            try:
-                led(count, each[:count].copy())
-            except DomainError:
-                return True
-            return False
-
-        count = bisect_left(range(1, time.size), True, key=leaves)  # so many samples are answered before
+        count = rows_defined(lambda rows: led(rows, each[:rows].copy()), time.size)
         if count < 2:
             raise
         return Part(stretch, led(count, each[:count].copy()), f"{time[count]:.6g} to {time[-1]:.6g} s: {error.what}")

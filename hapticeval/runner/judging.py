@@ -11,19 +11,19 @@ import numpy as np
 
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Stage
-from hapticeval.errors import HapticevalError, RefusalError, described, renderer_errors
+from hapticeval.errors import DomainError, HapticevalError, RefusalError, described, renderer_errors
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.motion import Motion, scaling
 from hapticeval.phenomena.check import Runs, without_channel
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
+from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict, undecided
 from hapticeval.recordings.recording import MissingChannelError, Recording
 from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer, abilities_of, check_support, choices_of
 from hapticeval.runner.results import Replay
 from hapticeval.scene import Scene
 from hapticeval.simulation.answers import with_effects
 from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.simulation.playback import Closeup, compare_batch, play, play_in_turns
+from hapticeval.simulation.playback import Closeup, compare_batch, play, play_in_turns, play_while_defined
 from hapticeval.stimulus.stimulus import Experiment, Path, Stimulus
 from hapticeval.suite.case import Case
 from hapticeval.types import Array
@@ -57,18 +57,20 @@ class _RunFactory:
         self.stimulus = case.build_stimulus(scene, self.renderer)
         self.law = case.closed_form.get(name)
 
-    def record(self, stimulus: Stimulus, dt: float) -> Recording:
+    def record(self, stimulus: Stimulus, dt: float, *, lead: Callable[..., Recording] = play) -> Recording:
         if isinstance(stimulus, Path):
-            recording = play(self.renderer, stimulus, dt, scene=self.scene)
+            recording = lead(self.renderer, stimulus, dt, scene=self.scene)
         else:
             recording = simulate_closed_loop(self.renderer, stimulus, self.scene, dt)
         self.simulated += len(recording) * dt
         return recording
 
     def runs(self) -> Runs:
-        """Return the base recording, and siblings on demand."""
+        """Return the base recording, and siblings on demand: of a path that ended early, along what was answered."""
         dt, stimulus = self.scene.sampling_time, self.stimulus
-        base = self.record(stimulus, dt)
+        base = self.record(stimulus, dt, lead=play_while_defined)
+        if isinstance(stimulus, Path) and "ended" in base.meta:
+            self.stimulus = stimulus = Path(base.time, base.hip)
         siblings: dict[str, Any] = {
             "refine": lambda factor: self.record(stimulus, dt / factor),
             "again": lambda: self.record(stimulus, dt),
@@ -319,6 +321,8 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
         return Finding(Outcome.NOT_APPLICABLE, f"this check cannot be asked here: {refusal.what}, and {refusal.why}")
     except MissingChannelError as lacks:
         return without_channel(lacks.channel)
+    except DomainError as left:
+        finding = undecided(f"the run can be had, and what it is compared with cannot: {left.what}")
     except HapticevalError:
         raise
     except Exception as fault:  # the boundary behind which one faulty check must not take the run along

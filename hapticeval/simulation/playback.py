@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
+from collections.abc import Callable
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass
@@ -45,11 +47,53 @@ def play(renderer: Renderer | TrajectoryRenderer, path: Path, dt: float, *, scen
     """The renderer's answers along `path`, sampled every `dt` seconds; with a `scene` led in first: see `run_path`.
 
     Raises `RendererError`, naming tick and HIP, when the renderer raises, answers in a wrong shape or with a
-    number that is not finite.
+    number that is not finite, and `DomainError` where it is led out of where it is defined.
     """
     if not isinstance(renderer, Renderer):
         return simulate_checked(renderer, path, dt)
-    time, hips = path.sampled(dt)
+    return _play(renderer, *path.sampled(dt), dt, scene)
+
+
+def play_while_defined(
+    renderer: Renderer | TrajectoryRenderer, path: Path, dt: float, *, scene: Scene | None = None
+) -> Recording:
+    """Return the answers along `path` as `play` does, up to where the renderer is led out of where it is defined.
+
+    As in a closed loop `meta["ended"]` then says at which `tick` and `time`, `what` and `why`, and the recording holds
+    what was before that tick. Raises `DomainError` where that is less than two samples, and of a renderer that
+    answers a stimulus whole.
+    """
+    try:
+        return play(renderer, path, dt, scene=scene)
+    except DomainError as left:
+        if not isinstance(renderer, Renderer):
+            raise
+        time, hips = path.sampled(dt)
+        count = rows_defined(lambda rows: _play(renderer, time[:rows], hips[:rows], dt, scene), time.size)
+        if count < 2:
+            raise
+        found = _play(renderer, time[:count], hips[:count], dt, scene)
+        ended = {"tick": count, "time": float(time[count]), "what": left.what, "why": left.why}
+        return Recording(found.time, found.channels, {**found.meta, "ended": ended})
+
+
+def rows_defined(lead: Callable[[int], object], count: int) -> int:
+    """Return how many rows of `count` a renderer answers before it is led out of where it is defined.
+
+    `lead(rows)` answers so many from a reset on; it raises `DomainError` for `count`. Found by halves.
+    """
+
+    def leaves(rows: int) -> bool:
+        try:
+            lead(rows)
+        except DomainError:
+            return True
+        return False
+
+    return bisect_left(range(1, count), True, key=leaves)
+
+
+def _play(renderer: Renderer, time: Array, hips: Array, dt: float, scene: Scene | None) -> Recording:
     velocity = backward_difference(hips, time)
     ihips, forces = run_path(renderer, hips, velocity, dt, scene=scene)
     channels = {"hip": hips, "ihip": ihips, "force": forces, "velocity": velocity}

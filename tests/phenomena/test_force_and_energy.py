@@ -171,6 +171,9 @@ def test_laps_are_found_both_ways_and_only_where_there_are_two():
     there = np.linspace(0.0, 1.0, 101)[:, None] * [1.0, 0.0]
     assert laps(np.vstack([there, there[::-1]]), 0.2) == [], "there and back is no lap"
     assert laps(np.zeros((2, 2)), 0.2) == []
+    creeping = 1e-10 + 1e-11 * np.column_stack([np.abs(np.arange(200) % 10 - 5.0), np.zeros(200)])
+    assert laps(creeping, 0.2) == [], "a hand that stays at one point, as near as points are told apart"
+    assert laps(100.0 * creeping, 0.2) != []
 
 
 def test_without_a_closed_way_nothing_is_known():

@@ -156,6 +156,18 @@ def test_two_laps_show_no_drift():
     assert found("drift", Runs(short), CIRCLE).outcome is UNDECIDED
 
 
+def test_what_a_rigid_tool_passes_on_is_no_answer_that_could_drift():
+    """Its HIP is the tool's own place, which the hand may press at as it likes."""
+    turn = np.tile(np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False), 5)
+    out = np.column_stack([np.cos(turn), np.sin(turn)])
+    force = np.linspace(1.0, 2.0, 2000)[:, np.newaxis] * out
+    finding = found("drift", Runs(recorded(0.1 * out, force=force, meta={"source": "playback"})), CIRCLE)
+    assert (finding.outcome, "rigid" in finding.message) == (UNDECIDED, True)
+    # A force without an IHIP, felt inside, is an answer to the place.
+    felt = Runs(recorded(0.08 * out, force=force, meta={"source": "playback"}))
+    assert found("drift", felt, CIRCLE).outcome is FAIL
+
+
 TICKS, PART = 10_000_000, 100_000
 
 

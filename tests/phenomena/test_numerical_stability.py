@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from hapticeval.discovery import resolve
 from hapticeval.documents import convert
-from hapticeval.errors import InputError
+from hapticeval.errors import DomainError, InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderer import Response
@@ -110,6 +110,48 @@ def test_a_pass_that_keeps_few_digits_names_its_excuse(renderer, case, why):
 def test_a_pass_that_keeps_its_digits_needs_no_excuse():
     _, finding = digits_of(resolve("minimum-distance"), {"kind": "star"})
     assert finding.message.endswith("seven times as large")
+
+
+@pytest.mark.parametrize("kind", ["circle", "sphere"])
+def test_of_a_run_that_ends_at_a_singular_place_the_digits_before_it_are_given(kind):
+    case = {"name": "c", "title": "c", "model": {"kind": kind}, "checks": [CHECK, "reset-clears"]}
+    trajectory = {"kind": "hard-places", "of": ["surface", "centre", "teleports"]}
+    case = convert({**case, "trajectory": trajectory}, Case, "c")
+    judged = judge(resolve("set-stabilisation"), "r", "s", case)
+    assert judged.error is None
+    assert "centre of curvature" in judged.ended["what"]
+    assert 0 < len(judged.recording) == judged.ended["tick"]
+    for verdict in judged.verdicts:
+        assert verdict.outcome is Outcome.INCONCLUSIVE
+        assert "centre of curvature" in verdict.finding.message
+    evidence = judged.verdicts[0].finding.evidence
+    assert (evidence["digits"] > 15.0, evidence["rows_in_contact"] > 20) == (True, True)
+
+
+class Bounded:
+    """The nearest point, defined for steps of a millisecond only, and not in a scene that has been moved."""
+
+    def __init__(self, scene):
+        self.inner = resolve("minimum-distance")(scene)
+        self.moved = abs(scene.model.boundary.signed_distance(np.zeros((1, 2)))[0] + 0.1) > 1e-9
+
+    def reset(self, hip):
+        self.inner.reset(hip)
+
+    def step(self, hip, velocity, dt):
+        if dt < 1e-3 or self.moved:
+            raise DomainError("off the map")
+        return self.inner.step(hip, velocity, dt)
+
+
+@pytest.mark.parametrize("check", ["numerical-stability", "time-subdivision"])
+def test_a_check_is_undecided_whose_other_run_leaves_the_domain(check):
+    case = {"name": "c", "title": "c", "model": {"kind": "circle"}, "checks": [check, "contact-kept"]}
+    trajectory = {"kind": "points", "duration": 0.1, "points": [[0.2, 0.0], [0.09, 0.01]]}
+    judged = judge(Bounded, "r", "s", convert({**case, "trajectory": trajectory}, Case, "c"))
+    first, second = judged.verdicts
+    assert (first.outcome, "off the map" in first.finding.message) == (Outcome.INCONCLUSIVE, True)
+    assert (second.outcome, judged.ended) == (Outcome.PASS, None)
 
 
 def test_a_recording_is_not_asked():

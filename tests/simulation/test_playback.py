@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from hapticeval.discovery import resolve
-from hapticeval.errors import RefusalError, RendererError, described
+from hapticeval.errors import DomainError, RefusalError, RendererError, described
 from hapticeval.geometry.catalogue import cassinian, line
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import Declaration, Response, abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.simulation.playback import Closeup, compare_batch, play, run_path, step_checked
+from hapticeval.simulation.playback import Closeup, compare_batch, play, play_while_defined, run_path, step_checked
 from hapticeval.stimulus.stimulus import Experiment, Path
 
 PATH = Path(np.array([0.0, 1.0]), np.array([[0.0, 0.0], [0.1, 0.0]]))
@@ -355,6 +355,44 @@ class OwnBuffers:
     def step(self, hip, velocity, dt):
         self.ihip[:], self.force[:] = hip, 2.0 * hip
         return self.ihip, self.force
+
+
+class Bounded(Echo):
+    """Defined up to x = `edge`, m."""
+
+    def __init__(self, edge):
+        super().__init__()
+        self.edge = edge
+
+    def step(self, hip, velocity, dt):
+        if hip[0] > self.edge:
+            raise DomainError("off the map", why="it ends there")
+        return super().step(hip, velocity, dt)
+
+
+class BoundedBatch(Bounded):
+    def run(self, hips, dt):
+        if hips[:, 0].max() > self.edge:
+            raise DomainError("off the map", why="it ends there")
+        return hips, np.zeros_like(hips)
+
+
+@pytest.mark.parametrize("kind", [Bounded, BoundedBatch])
+def test_a_run_ends_where_the_renderer_is_no_longer_defined(kind):
+    found = play_while_defined(kind(0.0505), PATH, 0.01)
+    assert found.meta["ended"] == {
+        "tick": 51,
+        "time": pytest.approx(0.51),
+        "what": "off the map",
+        "why": "it ends there",
+    }
+    whole = play(kind(1.0), PATH, 0.01)
+    for name, values in whole.channels.items():
+        assert np.array_equal(found.channels[name], values[:51])
+    assert "ended" not in play_while_defined(kind(1.0), PATH, 0.01).meta
+    for edge in (-1.0, 0.0005):  # at the start, and after it
+        with pytest.raises(DomainError, match="off the map"):
+            play_while_defined(kind(edge), PATH, 0.01)
 
 
 def test_an_answer_stays_what_it_was():
