@@ -14,6 +14,7 @@ import typer
 from hapticeval.commands.terminal import counted, lines, paragraphs, plural, wrote
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.quantity import aligned
+from hapticeval.runner.known import outdated
 from hapticeval.runner.results import Breakdown, Problem, ResultsDocument, RunEntry, Timing, VerdictEntry
 
 SHOWN = 10
@@ -177,8 +178,8 @@ def _shown(verdict: VerdictEntry) -> str:
     outcome, published = verdict.outcome, verdict.published
     place = f"{verdict.renderer} on {verdict.place}"
     if verdict.outdated:
-        head = paint(f"known, and {outcome} now: {place}", "yellow")
-        return lines([head, f"  take it off the list: {verdict.known}"])
+        head, todo = outdated(verdict)
+        return lines([paint(head, "yellow"), f"  {todo}"])
     head, colour = {
         "differs": (f"differs: {place}: {outcome}, published {published}", "red"),
         "known": (f"known: {outcome}: {place}", "yellow"),
