@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hapticeval.commands.arguments import Renderers, Scheduler, Seed, model_named, option
+from hapticeval.commands.arguments import Scheduler, Seed, model_named, option, renderers_option
 from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, plural, say, wrote
 from hapticeval.errors import InputError, UnknownNameError
 
@@ -26,7 +26,7 @@ Exit codes:
 
 
 def search(
-    renderers: Renderers = None,
+    renderers: Annotated[list[str] | None, renderers_option("with --replay that of each case")] = None,
     checks: Annotated[
         list[str] | None,
         option("--check", metavar="ID", help="Only this check; may be repeated. Without it, all but those on goals."),
