@@ -414,7 +414,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         return
     from hapticeval.runner.known import read_known
 
-    lines = []
+    lines: list[str] = []
     for file in dict.fromkeys(note[0] for note in notes):
         ran = [note[1:3] for note in notes if note[0] == file]
         renderers, suites = ({each[at] for each in ran} for at in (0, 1))
