@@ -41,7 +41,7 @@ Examples:
   hapticeval list cases                   what there is to run
   hapticeval explain continuous-contact   what a check measures, and its bound
   hapticeval doctor -r mymodule:factory   what is missing of the contract
-  hapticeval new python mylaser           a renderer to start from
+  hapticeval new python mymodule          a renderer to start from
   hapticeval search -r mymodule:factory   the smallest path that breaks it
   hapticeval bench --quick                what accuracy costs in time
   hapticeval record -o run.h5             record a robot; here a simulated one

@@ -34,6 +34,9 @@ GROUP = "hapticeval.renderers"
 
 OUTSIDE = {"lib": "hapticeval.adapters.library:library", "cmd": "hapticeval.adapters.process:process"}
 """Names of renderers that are no Python: what stands before the colon, to what makes a factory of the rest."""
+LIBRARIES = (".so", ".dll", ".dylib")
+"""How the files of shared libraries end."""
+
 DISTRIBUTION = "hapticeval"
 
 
@@ -167,7 +170,9 @@ def load(base: str, *, kind: str = "renderer") -> Any:
 
 
 def _meant(base: str) -> list[str]:
-    """Return the names that `base` may mean in a file of the current directory: `mine`, `mine.py`, `mine.Nearest`."""
+    """Return the names that a file may be meant by: `mine`, `mine.py`, `mine.Nearest` in this folder, a library."""
+    if Path(base).suffix in LIBRARIES:
+        return [f"lib:{base if Path(base).parent.name or base.startswith(('.', '/')) else f'./{base}'}"]
     stem = base.removesuffix(".py")
     for module, attribute in ((stem, ""), stem.rpartition(".")[::2]):
         file = Path(f"{module.replace('.', '/')}.py")
@@ -203,7 +208,9 @@ def _factory(base: str, module: str, attribute: str, kind: str) -> Any:
                 why=str(error),
                 todo=f"did you mean {module}:{close[0]}?"
                 if close
-                else f"it has: {', '.join(public[:8] or here) or 'no public names'}",
+                else f"it has: {', '.join(public[:8] or here)}"
+                if here
+                else f"write it in {getattr(found, '__file__', module)}, where there is no class and no function yet",
             ) from error
     if not callable(found):
         takes = "a factory takes a scene and returns a renderer" if kind == "renderer" else "it must be a class"

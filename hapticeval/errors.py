@@ -145,7 +145,19 @@ def blamed(
 ) -> RendererError:
     """Return the `RendererError` for what a renderer's `call` raised: see `renderer_errors`."""
     what = f"the renderer's {call} raised {described(error)}"
+    frames = traceback.extract_tb(error.__traceback__)
+    if call in CALLS and isinstance(error, TypeError) and all(_is_ours(PurePath(each.filename)) for each in frames):
+        why, todo = f"it is called as {CALLS[call]}", "let it take these arguments; see docs/write-a-renderer.md"
     return RendererError(what, tick=tick, hip=hip, why=why or origin(error), todo=todo)
+
+
+CALLS = {
+    "factory": "factory(scene)",
+    "reset()": "reset(hip)",
+    "step()": "step(hip, velocity, dt)",
+    "run()": "run(hips, dt)",
+}
+"""How a renderer is called, by what its calls are named in messages."""
 
 
 def kind_of(what: str) -> str:
@@ -188,12 +200,15 @@ def caught_in(stack: Sequence[tuple[str, int, str]]) -> str:
     the library's that it waits in. Where there is none, as in a C library that ours calls, ours is named.
     """
     code = [frame for frame in stack if not _is_standard(PurePath(frame[0]))]
-    ours = PurePath(__file__).parent
-    foreign = next((at for at, (file, *_) in enumerate(code) if not PurePath(file).is_relative_to(ours)), 0)
+    foreign = next((at for at, (file, *_) in enumerate(code) if not _is_ours(PurePath(file))), 0)
     for file, line, name in reversed(code[foreign:]):
         if PurePath(file).is_relative_to(PurePath(code[foreign][0]).parent):
             return _place(traceback.FrameSummary(file, line, name))
     return ""
+
+
+def _is_ours(file: PurePath) -> bool:
+    return file.is_relative_to(PurePath(__file__).parent)
 
 
 def _is_standard(file: PurePath) -> bool:

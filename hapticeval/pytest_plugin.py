@@ -57,6 +57,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
+LISTED = "hapticeval-known"
+"""The property of a test with a list of known failures: its file, renderer and suite, and what is outdated on it."""
+
 WANTED = pytest.StashKey[list[str]]()
 """The ids that the command line names."""
 
@@ -168,7 +171,7 @@ class VerdictItem(pytest.Item):
         """Judge the case, unless the item before was of it, and take the verdict."""
         case = self.case
         results = _judged(self.config, self.renderer, case.suite, case.case)
-        conclude(self.config, results, self.check, case.asked)
+        conclude(self, results, self.check, case.asked)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """Return the verdict in words, without a traceback of ours."""
@@ -186,6 +189,8 @@ class Asked:
     cases: Sequence[tuple[Suite, Case]]
     known: Known
     strict: bool
+    listed: Path | None = None
+    """The file of what is known."""
 
     @classmethod
     def of(
@@ -206,7 +211,7 @@ class Asked:
         suites = load_suites(names)
         listed = NONE_KNOWN if known is None else read_known(folder / known)
         listed.check(suites)
-        return cls(selected(suites, _several(select)), listed, strict)
+        return cls(selected(suites, _several(select)), listed, strict, None if known is None else folder / known)
 
 
 def _several(given: str | Sequence[str]) -> Sequence[str]:
@@ -237,19 +242,20 @@ def _judged(config: pytest.Config, renderer: AnyRenderer, suite: Suite, case: Ca
     return last.results
 
 
-def conclude(config: pytest.Config, results: Results, check: str, asked: Asked) -> VerdictEntry:
+def conclude(node: pytest.Item, results: Results, check: str, asked: Asked) -> VerdictEntry:
     """Raise, skip or expect a failure as the verdict of a check has it; return one that is as required.
 
     Raises `KnownFailure` and `NotConforming`; what only warns, or fails as published, is expected to fail.
     """
     __tracebackhide__ = True
     verdict = asked.known.marked(next(each for each in results.verdicts if each.check == check))
+    _note(node, asked.listed, [verdict])
     if verdict.stops(strict=asked.strict) and not (verdict.outdated and verdict.outcome == "pass"):
-        raise NotConforming(described(config, results, verdict))
+        raise NotConforming(described(node.config, results, verdict))
     if verdict.outcome == "not-applicable":
         pytest.skip(verdict.message)
     if verdict.standing == "known":
-        raise KnownFailure(described(config, results, verdict))
+        raise KnownFailure(described(node.config, results, verdict))
     if verdict.outcome != "pass":
         standing = "as published" if verdict.published else f"level {verdict.level}"
         pytest.xfail(f"{verdict.outcome}, {standing}: {verdict.message}")
@@ -335,7 +341,7 @@ def hapticeval(request: pytest.FixtureRequest) -> Callable[..., Any]:
 
         def judge_all(renderer: AnyRenderer, **options: Any) -> Results:
             __tracebackhide__ = True
-            return _whole(config, request.path.parent, renderer, **options)
+            return _whole(request.node, request.path.parent, renderer, **options)
 
         return judge_all
     asked, suite, case, check = given
@@ -351,13 +357,13 @@ def hapticeval(request: pytest.FixtureRequest) -> Callable[..., Any]:
         entry = asked.known.entries.get((name, f"{suite.name}/{case.name}/{check}"))
         if entry is not None:
             request.applymarker(pytest.mark.xfail(reason=entry.reason, raises=KnownFailure, strict=asked.strict))
-        return conclude(config, results, check, asked)
+        return conclude(request.node, results, check, asked)
 
     return judge
 
 
 def _whole(
-    config: pytest.Config,
+    node: pytest.Item,
     folder: Path,
     renderer: AnyRenderer,
     *,
@@ -371,20 +377,53 @@ def _whole(
 
     __tracebackhide__ = True
     names = [str(folder / name) if name.endswith(".toml") else name for name in _several(suite)]
+    listed = None if known is None else folder / known
     results = api.run(
         [renderer],
         suites=names,
         select=_several(select),
-        known=None if known is None else folder / known,
+        known=listed,
         strict=strict,
         workers=0,
     )
     if results.stopped:
         raise KeyboardInterrupt
+    _note(node, listed, results.verdicts)
     wrong = _worst_first(each for each in results.verdicts if results.document.stops(each))
     if wrong:
-        raise NotConforming("\n".join(described(config, results, each) for each in wrong))
+        raise NotConforming("\n".join(described(node.config, results, each) for each in wrong))
     return results
+
+
+def _note(node: pytest.Item, listed: Path | None, verdicts: Iterable[VerdictEntry]) -> None:
+    """Leave with a test what the terminal summary says of its list of known failures, also where xdist is between."""
+    from hapticeval.runner.known import outdated
+
+    if listed is None:
+        return
+    notes = [(str(listed), each.renderer, each.suite, *(outdated(each) if each.outdated else ())) for each in verdicts]
+    node.user_properties += [(LISTED, note) for note in dict.fromkeys(notes)]
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print what lists of known failures have about renderers and suites that did not run, and what is outdated."""
+    reports = [report for reports in terminalreporter.stats.values() for report in reports]
+    properties = [each for report in reports for each in getattr(report, "user_properties", ())]
+    notes = dict.fromkeys(tuple(value) for name, value in properties if name == LISTED)
+    if not notes:
+        return
+    from hapticeval.runner.known import read_known
+
+    lines: list[str] = []
+    for file in dict.fromkeys(note[0] for note in notes):
+        ran = [note[1:3] for note in notes if note[0] == file]
+        renderers, suites = ({each[at] for each in ran} for at in (0, 1))
+        lines += read_known(Path(file)).unplanned(sorted(renderers), sorted(suites))
+    lines += [f"{head}\n  {todo}" for _, _, _, head, todo in (note for note in notes if len(note) > 3)]
+    if lines:
+        terminalreporter.write_sep("=", "known failures of hapticeval")
+        for line in lines:
+            terminalreporter.write_line(line)
 
 
 def _worst_first(verdicts: Iterable[VerdictEntry]) -> list[VerdictEntry]:

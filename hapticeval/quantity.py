@@ -58,7 +58,8 @@ def length(metres: float, *, micro: str = "µ") -> str:
     unit, scale = next(
         ((u, s) for u, s in (("mm", 1e3), (f"{micro}m", 1e6), ("nm", 1e9)) if metres * s >= 0.0995), ("pm", 1e12)
     )
-    return f"{metres * scale:.2g} {unit}"
+    value = metres * scale
+    return f"{value:.2g} {unit}" if value < 99.5 else f"{value:.0f} {unit}"
 
 
 def duration(seconds: float, *, micro: str = "µ") -> str:

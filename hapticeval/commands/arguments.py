@@ -65,20 +65,26 @@ MemoryLimit = Annotated[
 
 Folder = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where picture and numbers go.")]
 
-Renderers = Annotated[
-    list[str] | None,
-    option(
+
+def renderers_option(without: str) -> Any:
+    """Return the option `-r`, whose help says what is done `without` it."""
+    return option(
         "-r",
         "--renderer",
         metavar="NAME",
-        help="BASE[+SCHEME][@REPRESENTATION], BASE an entry point or package.module:factory; lib:PATH, a C library; "
-        "cmd:COMMAND, a process; may be repeated. Without it, those that the suite names, or that come along.",
-    ),
-]
+        help="A renderer: package.module:factory; a name of `hapticeval list renderers`, NAME[+SCHEME]"
+        f"[@REPRESENTATION]; lib:PATH, a C library; cmd:COMMAND, a process. May be repeated. Without it: {without}.",
+    )
+
 
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Seed of everything random.", min=0, max=2**32 - 1)]
 
-Verbose = Annotated[bool, option("-v", "--verbose", help="Show all that there is to say, and each run as it ends.")]
+Verbose = Annotated[
+    bool,
+    option(
+        "-v", "--verbose", help="Show warnings, known failures and what does not apply, too, and each run as it ends."
+    ),
+]
 
 Scheduler = Annotated[
     str | None,

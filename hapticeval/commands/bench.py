@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from hapticeval.commands.arguments import Folder, Renderers, Seed, option, parse_knobs
+from hapticeval.commands.arguments import Folder, Seed, option, parse_knobs, renderers_option
 from hapticeval.commands.terminal import Terminal, paragraphs, say, wrote
 from hapticeval.errors import InputError
 
@@ -28,7 +28,7 @@ Exit codes:
 
 
 def bench(
-    renderers: Renderers = None,
+    renderers: Annotated[list[str] | None, renderers_option("the built-in ones, on every representation")] = None,
     knobs: Annotated[
         list[str] | None,
         option(
@@ -117,7 +117,7 @@ def bench(
 
 
 def rates(
-    renderers: Renderers = None,
+    renderers: Annotated[list[str] | None, renderers_option("the built-in ones")] = None,
     directory: Folder = Path(),
 ) -> None:
     """Measure what a faster loop buys: each phenomenon's error by rate.

@@ -15,7 +15,6 @@ from hapticeval.commands.arguments import (
     FormatName,
     MappingFile,
     MemoryLimit,
-    Renderers,
     SceneEntries,
     Scheduler,
     Seed,
@@ -25,6 +24,7 @@ from hapticeval.commands.arguments import (
     argument,
     model_named,
     option,
+    renderers_option,
 )
 from hapticeval.commands.summary import summary, terminal_width
 from hapticeval.commands.terminal import Terminal, columns, paragraphs, say, wrote
@@ -96,7 +96,7 @@ def run(
         list[str] | None,
         argument(metavar="SUITE", help=f"Suites, groups of suites or TOML files; {DEFAULT_SUITE} if none."),
     ] = None,
-    renderers: Renderers = None,
+    renderers: Annotated[list[str] | None, renderers_option("those that the suite names, or the built-in ones")] = None,
     select: Annotated[
         list[str] | None,
         option(
@@ -142,15 +142,25 @@ def run(
 
     \b
     Examples:
-      hapticeval run
+      hapticeval run                                the built-in renderers
+      hapticeval run -r mymodule:factory            one of your own
       hapticeval run thesis -r constraint -r minimum-distance@level-set
-      hapticeval run dynamics
-      hapticeval run -r mymodule:factory -k 'cassinian-*/continuous-contact'
-      hapticeval run -r mymodule:factory -k 'star-* and not memoryless'
-      hapticeval run mysuite.toml -o out
+      hapticeval run dynamics                       another suite: in closed loop
+      hapticeval run mysuite.toml -o out            a suite of your own, and where to
+
+    \b
+    While you work on it:
       hapticeval run -r mymodule:factory --quick --watch
+      hapticeval run -r mymodule:factory -k 'star-* and not memoryless'
+      hapticeval run -r mymodule:factory -k 'cassinian-*/continuous-contact'
+
+    \b
+    As a gate, with a list of known failures that is written once:
       hapticeval run -r mymodule:factory --write-known known.toml
       hapticeval run -r mymodule:factory --known known.toml --strict
+
+    \b
+    On several machines:
       hapticeval run dynamics --shard 3/16 -o shard-3
       hapticeval run dynamics --scheduler tcp://10.0.0.1:8786 --resume
     """
@@ -295,7 +305,7 @@ def report(
 
 def replay(
     file: Annotated[Path, argument(metavar="FILE", help="A recording.")],
-    renderers: Renderers = None,
+    renderers: Annotated[list[str] | None, renderers_option("the built-in ones")] = None,
     as_recorded: Annotated[
         bool, typer.Option("--as-recorded", help="Compute the recorded renderer again, and compare with the log.")
     ] = False,

@@ -62,7 +62,7 @@ def record(
             metavar="TOML", help="What readings and commands of any other device mean: a file with a [device] table."
         ),
     ] = None,
-    seconds: Annotated[float, typer.Option(help="How long.", min=0.01)] = 10.0,
+    seconds: Annotated[float, typer.Option("--seconds", metavar="S", help="How long.", min=0.01)] = 10.0,
     stiffness: Annotated[float, typer.Option(metavar="N/M", help="K_p of the scene.")] = STIFFNESS,
     damping: Annotated[float, typer.Option(metavar="NS/M", help="K_d of the scene.")] = 0.0,
     model: Annotated[

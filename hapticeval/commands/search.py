@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hapticeval.commands.arguments import Renderers, Scheduler, Seed, model_named, option
+from hapticeval.commands.arguments import Scheduler, Seed, model_named, option, renderers_option
 from hapticeval.commands.terminal import Terminal, columns, lines, paragraphs, plural, say, wrote
 from hapticeval.errors import InputError, UnknownNameError
 
@@ -26,7 +26,7 @@ Exit codes:
 
 
 def search(
-    renderers: Renderers = None,
+    renderers: Annotated[list[str] | None, renderers_option("with --replay that of each case")] = None,
     checks: Annotated[
         list[str] | None,
         option("--check", metavar="ID", help="Only this check; may be repeated. Without it, all but those on goals."),
@@ -133,7 +133,8 @@ def _search(
         if len(seeds) > 1 or scheduler is not None:
             terminal.line(f"searching with {plural(len(seeds), 'seed')} for what breaks {', '.join(names)}")
             options: dict[str, Any] = {"workers": cores(), "scheduler": scheduler, "interrupted": interrupted}
-            for hunt, made, ended in hunts(all_asked, seeds, **options, report=terminal.line):
+            for hunt, made, ended in hunts(all_asked, seeds, **options, progress=terminal.still, report=terminal.line):
+                terminal.clear()
                 if ended < len(seeds):
                     terminal.line(f"{hunt.renderer}: {ended} of {plural(len(seeds), 'seed')} ended")
                     codes.append(1)
@@ -147,6 +148,7 @@ def _search(
             started = f"searching for what breaks {hunt.renderer}: up to {seconds:g} s"
             terminal.line(f"{started}, Ctrl-C ends it and keeps what is found")
             made = hunted(hunt, seeds[0], interrupted=interrupted, progress=progress, report=terminal.line)
+            terminal.clear()
             codes.append(max(_written(hunt, made, directory, time.monotonic() - begun), int(interrupted())))
     return max(codes)
 
@@ -224,8 +226,9 @@ def _replay(folder: Path, renderers: list[str] | None) -> int:
         resolve(name)
     rows: list[tuple[str, str]] = []
     codes = [0]
-    with Interrupts(to_the_end=True) as interrupts:
-        for made in all_kept:
+    with Interrupts(to_the_end=True) as interrupts, Terminal() as terminal:
+        for done, made in enumerate(all_kept):
+            terminal.still(done, len(all_kept), f"trying what breaks {made.renderer}: {made.fault.check}")
             if not renderers:
                 resolve_installed(made.renderer, source=str(folder))
             for name in dict.fromkeys(renderers or [made.renderer]):

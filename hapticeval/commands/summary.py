@@ -14,6 +14,7 @@ import typer
 from hapticeval.commands.terminal import counted, lines, paragraphs, plural, wrote
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.quantity import aligned
+from hapticeval.runner.known import outdated
 from hapticeval.runner.results import Breakdown, Problem, ResultsDocument, RunEntry, Timing, VerdictEntry
 
 SHOWN = 10
@@ -49,7 +50,8 @@ def summary(results: ResultsDocument, written: Iterable[Path], *, verbose: bool 
             if run.refusal
         ),
         lines(map(_shown, shown)),
-        f"and {plural(more, 'verdict')} more that {'is' if more == 1 else 'are'} not as expected: -v shows them"
+        f"and {plural(more, 'verdict')} more that {'is' if more == 1 else 'are'} not as expected: "
+        "-v shows them, and so does a report"
         if more
         else "",
         lines(_shown(verdict) for verdict in rest if verdict.outdated),
@@ -153,6 +155,8 @@ def _broke(broken: Breakdown, *, verbose: bool) -> str:
     shown = cases if verbose else cases[:CASES]
     more = f", and {plural(len(cases) - len(shown), 'other')}" * (len(shown) < len(cases))
     text = _stopped(f"broke: {broken.words}", broken.error)
+    if not broken.error.todo:
+        text += f"\n  what to do: see what `hapticeval doctor -r {broken.runs[0].renderer}` finds of the contract"
     return lines([text, f"  first on {', then '.join(shown)}{more}"] if cases else [text])
 
 
@@ -177,8 +181,8 @@ def _shown(verdict: VerdictEntry) -> str:
     outcome, published = verdict.outcome, verdict.published
     place = f"{verdict.renderer} on {verdict.place}"
     if verdict.outdated:
-        head = paint(f"known, and {outcome} now: {place}", "yellow")
-        return lines([head, f"  take it off the list: {verdict.known}"])
+        head, todo = outdated(verdict)
+        return lines([paint(head, "yellow"), f"  {todo}"])
     head, colour = {
         "differs": (f"differs: {place}: {outcome}, published {published}", "red"),
         "known": (f"known: {outcome}: {place}", "yellow"),

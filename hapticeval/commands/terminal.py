@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
+from hapticeval.runner.events import AtWork, Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -27,9 +27,11 @@ FEW = 10
 PATIENCE = 2.0
 """Seconds after which a person wants to see that something moves."""
 
-
 REMIND = 5.0
 """Seconds between two lines about what is waited for."""
+
+QUIET = 30.0
+"""Seconds without a line, where there is no bar, after which one says what is at work."""
 
 
 @dataclass
@@ -45,8 +47,9 @@ class _Suite:
 class Terminal:
     """Shows a run as it goes on: a bar on a terminal when the run is not quick, elsewhere a line a suite.
 
-    If it is `verbose`, elsewhere a line a job; else one for the first job in which a renderer breaks in some way. A
-    context manager, so that the bar leaves the terminal as it found it whatever happens.
+    If it is `verbose`, elsewhere a line a job; else one for the first job in which a renderer breaks in some way.
+    Elsewhere what is at work has a line after each silence of `QUIET` seconds, too. A context manager, so that the bar
+    leaves the terminal as it found it whatever happens.
     """
 
     def __init__(self, stream: TextIO | None = None, *, verbose: bool = False) -> None:
@@ -56,6 +59,7 @@ class Terminal:
         self._broken: set[tuple[str, tuple[str, str]]] = set()
         self._begun = time.monotonic()
         self._reminded = 0.0
+        self._spoke = self._begun
         self._planned_jobs = 0
         self._finished_jobs = 0
         self.interrupted = False
@@ -90,6 +94,8 @@ class Terminal:
                 self.line(f"{count} {event.run.renderer} on {event.run.suite}/{event.run.case}: {_told(event)}")
             if not self._stream.isatty() and not self._verbose:
                 self._add(event)
+        elif isinstance(event, AtWork):
+            self.still(event.finished_jobs, self._planned_jobs, _at_work(event))
         elif isinstance(event, WorkerRefused):
             self.line(f"refused: the worker {event.worker} is given no run: {event.why}")
         elif isinstance(event, Interrupted):
@@ -133,9 +139,15 @@ class Terminal:
             self.line(f"[{done + 1}/{total}] {what}")
 
     def searching(self, done: float, total: float, what: str) -> None:
-        """Take how many seconds of a search are over, and what it has found: a bar on a terminal, elsewhere nothing."""
+        """Take how many seconds of a search are over, and what it has found: a bar, else a line after each silence."""
+        self.still(min(int(done), int(total)), int(total), what, " s")
+
+    def still(self, done: int, total: int, what: str, unit: str = "") -> None:
+        """Move the bar on a terminal; elsewhere print what is at work where nothing was printed for `QUIET` seconds."""
         if self._stream.isatty():
-            self._advance(min(int(done), int(total)), int(total), what)
+            self._advance(done, total, what)
+        elif time.monotonic() - self._spoke >= QUIET:
+            self.line(f"[{done}/{total}{unit}] {what}")
 
     def waiting(self, what: str, seconds: float, most: float) -> None:
         """Take what is waited for since how many of `most` seconds: a bar on a terminal, else a line now and then."""
@@ -148,11 +160,10 @@ class Terminal:
             self.line(f"{what}: {seconds:.0f} of {most:.0f} s")
 
     def drawn(self, done: int, total: int) -> None:
-        """Take how many of the report's figures are drawn: a bar on a terminal, elsewhere one line before many."""
-        if self._stream.isatty():
-            self._advance(done, total, "drawing figures")
-        elif done == 0 and total > FEW:
+        """Take how many of the report's figures are drawn: a bar on a terminal, elsewhere a line before many."""
+        if done == 0 and total > FEW and not self._stream.isatty():
             self.line(f"drawing {plural(total, 'figure')}")
+        self.still(done, total, "drawing figures")
 
     def clear(self) -> None:
         """Leave the terminal to what comes on stdout."""
@@ -186,6 +197,7 @@ class Terminal:
     def line(self, text: str) -> None:
         """Print something on a line of its own."""
         self.clear()
+        self._spoke = time.monotonic()
         print(text, file=self._stream, flush=True)
 
 
@@ -204,6 +216,12 @@ def _judged(verdicts: Sequence[VerdictEntry]) -> str:
     notes = [f"{surprises} not as expected"] * bool(surprises) + [f"{known} known"] * bool(known)
     notes += [plural(warnings, "warning")] * bool(warnings)
     return counted(verdicts) + (f" ({', '.join(notes)})" if notes else "")
+
+
+def _at_work(event: AtWork) -> str:
+    (suite, case, renderer), *others = event.runs
+    more = f", and {plural(len(others), 'other run')}" * bool(others)
+    return f"at work for {event.seconds:.0f} s: {renderer} on {suite}/{case}{more}"
 
 
 def _interrupted(event: Interrupted) -> str:

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 from hapticeval.errors import HapticevalError
 from hapticeval.recordings.recording import Recording
-from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
+from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, VerdictEntry
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,15 @@ class JobFinished:
 
 
 @dataclass(frozen=True)
+class AtWork:
+    """Now and then while runs take long: how many have ended, and which have begun, the oldest `seconds` ago first."""
+
+    finished_jobs: int
+    runs: tuple[RunKey, ...]
+    seconds: float
+
+
+@dataclass(frozen=True)
 class Interrupted:
     """After the user's interrupt: no further job begins, and the `begun` ones are finished, or killed `at_once`."""
 
@@ -58,4 +67,4 @@ class WorkerRefused:
     why: str
 
 
-Event: TypeAlias = RunStarted | JobFinished | Interrupted | WorkerRefused | RunFinished
+Event: TypeAlias = RunStarted | JobFinished | AtWork | Interrupted | WorkerRefused | RunFinished

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
@@ -14,7 +15,7 @@ from typing import TypeAlias, TypeVar
 
 from hapticeval.errors import InputError
 from hapticeval.files import replacing
-from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
+from hapticeval.runner.events import AtWork, Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
 from hapticeval.runner.interrupts import Interrupts
 from hapticeval.runner.outcome import carry_out_afar, carry_out_here, ended, overdue
 from hapticeval.runner.outcomes import Outcomes
@@ -31,6 +32,9 @@ Carried: TypeAlias = tuple[JobFinished, bytes | None]
 
 PATIENCE = 0.1
 """Seconds after which an interrupt is seen at the latest."""
+
+BEAT = 10.0
+"""Seconds between two reports of what is at work."""
 
 FIRST = "it ends at the first verdict that stops the gate (-x)"
 """Why a run is incomplete whose plan has `exit_first`."""
@@ -65,6 +69,8 @@ def execute(
     old = set(finished)
     waiting = iter([(at, job) for at, job in enumerate(plan.jobs) if at not in old])
     added = 0
+    begun: dict[int, float] = {}
+    reported = time.monotonic()
     warned = stopped = False
     lost: LostError | None = None
     with Interrupts() as interrupts:
@@ -81,6 +87,7 @@ def execute(
                     try:
                         with nullcontext() if workers else interrupts.raised():
                             for number, job in islice(waiting, crew.free):
+                                begun[number] = time.monotonic()
                                 crew.begin(number, job, directory, derived_seed(plan.seed, *job.key))
                     except KeyboardInterrupt:
                         yield Interrupted(1, at_once=True)
@@ -102,10 +109,16 @@ def execute(
                     lost = error
                     break
                 for answer in answers:
+                    begun.pop(answer.call, None)
                     finished[answer.call] = done = _done(answer, plan.jobs[answer.call], directory, timeout)
                     outcomes.add(done)
                     stopped |= plan.exit_first and progress.stops(done)
                 yield from (WorkerRefused(*each) for each in crew.refused())
+                now = time.monotonic()
+                if begun and now - reported >= BEAT:
+                    reported = now
+                    runs = tuple(plan.jobs[number].key for number in begun)
+                    yield AtWork(added + len(finished), runs, now - min(begun.values()))
                 if interrupts.count > 1 and crew.busy:
                     yield Interrupted(crew.busy, at_once=True)
                     break

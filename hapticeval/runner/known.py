@@ -150,6 +150,14 @@ class Known:
 NONE_KNOWN = Known()
 
 
+def outdated(verdict: VerdictEntry) -> tuple[str, str]:
+    """Return in words that a verdict on the list fails no more, and what to do."""
+    return (
+        f"known, and {verdict.outcome} now: {verdict.renderer} on {verdict.place}",
+        f"take it off the list: {verdict.known}",
+    )
+
+
 def _short(message: str) -> str:
     """Return what a message says first."""
     return textwrap.shorten(re.split(r"; |\. |, and ", message)[0], REASON, placeholder=" ...")

@@ -95,7 +95,7 @@ def line(made: Kept) -> str:
     if made.trajectory is None:
         assert made.experiment is not None
         return f"{what}; in an experiment of {quantity(made.experiment.duration, 's')}, {many}"
-    return f"{what} on a path of {length(made.trajectory.length)}, {many}"
+    return f"{what}{';' * what.startswith(fault.check)} on a path of {length(made.trajectory.length)}, {many}"
 
 
 def notes(made: Kept) -> list[str]:

@@ -101,13 +101,15 @@ def hunts(
     workers: int,
     scheduler: str | None,
     interrupted: Callable[[], bool],
+    progress: Callable[[int, int, str], None],
     report: Callable[[str], None],
 ) -> Iterator[tuple[Hunt, Hunted, int]]:
     """Search with each of the seeds, in so many processes or on a cluster.
 
     Yields each hunt as soon as its seeds are over, what came of it, and how many of them have ended: fewer after an
     interrupt, where the scheduler is lost, and where a seed's process is killed again and again or raises an error,
-    which `report` gets. What those have found that have not ended is lost.
+    which `report` gets. `progress` gets how many have ended, of how many. What those have found that have not ended is
+    lost.
     """
     calls = [(hunt, seed) for hunt in asked for seed in seeds]
     left = dict(enumerate(asked))
@@ -132,6 +134,7 @@ def hunts(
             except LostError as lost:
                 report(f"{lost.what}: what was found before is kept")
                 break
+            progress(len(parts), len(calls), "seeds that have ended")
             for worker, why in crew.refused():
                 report(f"refused: the worker {worker} searches nothing: {why}")
             for number, part, error in answers:

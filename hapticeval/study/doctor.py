@@ -27,6 +27,7 @@ from hapticeval.errors import (
 )
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.sampling import LAG_TICKS
+from hapticeval.quantity import duration
 from hapticeval.recordings.recording import SINGLE, backward_difference
 from hapticeval.renderer import Batch, Renderer, abilities_of
 from hapticeval.runner.judging import make_renderer
@@ -237,6 +238,8 @@ def _free(case: Case) -> Answered:
     if force > 0.0:
         return State.MISSING, f"a force of {force:.3g} N in free space: return zero there"
     if off > _rounding(hips):
+        if _thousandfold(ihips, hips):
+            return State.MISSING, "the IHIP is a thousand times the HIP: points are in m, not in mm"
         return State.MISSING, f"the IHIP is {1e3 * off:.3g} mm from the HIP in free space: return the HIP there"
     if getattr(case.renderer, "contact", None):
         return State.MISSING, "it reports contact in free space"
@@ -256,7 +259,7 @@ def _contact(case: Case) -> Answered:
             f"no contact {1e3 * depth:.3g} mm under the surface: neither a force nor an IHIP of its own",
         )
     if not outwards > 0.0:
-        return State.MISSING, f"the force {forces[-1]} N does not push the hand out, along {way.normal}"
+        return State.MISSING, f"the force {forces[-1]} N does not push the hand out, along {way.normal}: turn its sign"
     if touches is False:
         return State.MISSING, f"it reports free space {1e3 * depth:.3g} mm under the surface"
     off = abs(float(scene.model.boundary.signed_distance(ihips[-1:])[0]))
@@ -264,12 +267,23 @@ def _contact(case: Case) -> Answered:
     force = f"{outwards:.3g} N at {1e3 * depth:.3g} mm, of {scene.stiffness * depth:.3g} N of a spring"
     if np.array_equal(ihips[-1], way.hips[way.deep]):
         return State.NOTE, f"{force}; it has no IHIP of its own: checks of the contact point are inconclusive"
+    if _thousandfold(ihips[-1], way.foot):
+        return State.MISSING, "the IHIP is a thousand times the surface point: points are in m, not in mm"
     if off > can.standoff + _rounding(way.hips) + 1e-3 * depth:
         return (
             State.MISSING,
             f"the IHIP is {1e3 * off:.3g} mm off the surface: declare a standoff of that, or put it there",
         )
+    if _thousandfold(scene.stiffness * depth * way.normal, forces[-1]) or _thousandfold(
+        forces[-1], scene.stiffness * depth * way.normal
+    ):
+        return State.NOTE, f"{force}: a factor of 1000, as where N/m are taken for N/mm; all units are SI"
     return State.OK, f"{force}; the IHIP is {1e3 * off:.2g} mm off the surface"
+
+
+def _thousandfold(given: Array, right: Array) -> bool:
+    """Whether numbers are a thousand times the right ones, as where a unit is taken for another."""
+    return bool(np.linalg.norm(given - 1e3 * right) <= 0.1 * np.linalg.norm(1e3 * right))
 
 
 def _leaving(case: Case) -> Answered:
@@ -302,7 +316,9 @@ def _inside(case: Case) -> Answered:
     """A reset with the hand inside, as closed loops do, begins in contact."""
     hip = case.way.hips[case.way.deep]
     _, forces = _led(case, np.repeat(hip[np.newaxis], LAG_TICKS + 1, axis=0), case.scene.sampling_time)
-    if not float(forces[-1] @ case.way.normal) > 0.0:
+    if forces[-1] @ case.way.normal < 0.0:
+        return State.MISSING, "after a reset with the hand inside the force pulls the hand in: turn its sign"
+    if not forces[-1] @ case.way.normal > 0.0:
         return State.MISSING, "no force after a reset with the hand inside: start the tool at the nearest surface point"
     return State.OK, "a reset with the hand inside begins in contact"
 
@@ -352,9 +368,9 @@ def _speed(case: Case) -> Answered:
             begun = time.perf_counter()
             case.renderer.step(hips[k % len(hips)], rest, dt)
             spent.append(time.perf_counter() - begun)
-    usual, most = (1e6 * float(np.percentile(spent, share)) for share in (50, 99))
-    words = f"{usual:.3g} us a step, 99 % in {most:.3g} us, through Python; a tick has {1e6 * dt:g} us"
-    return (State.OK if usual < 1e6 * dt else State.MISSING), words
+    usual, most = (float(np.percentile(spent, share)) for share in (50, 99))
+    words = f"{duration(usual)} a step, 99 % in {duration(most)}, through Python; a tick has {duration(dt)}"
+    return (State.OK, words) if usual < dt else (State.MISSING, f"{words}: too slow for a robot, not for verdicts")
 
 
 def _bilateral(case: Case) -> Answered:

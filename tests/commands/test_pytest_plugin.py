@@ -122,6 +122,26 @@ def test_known_failures_are_expected(folder, renderer, strict, outcomes):
     result.stdout.fnmatch_lines(["*a limit of the method*"])
 
 
+UNUSUAL = (
+    KNOWN + KNOWN.replace("{}", "local_mine:Godo") + KNOWN.replace("{}", "constraint").replace("slides/", "slide/")
+)
+NOTES = [
+    "*known failures of hapticeval*",
+    "known.toml lists 'local_mine:Godo' (1 verdict), which does not run here: did you mean local_mine:Good?",
+    "known.toml lists suite 'slide' (1 verdict), which does not run here: did you mean slides?",
+    "known, and pass now: local_mine:Good on slides/flat/continuous-contact",
+    "  take it off the list: a limit of the method",
+]
+
+
+def test_the_summary_shows_what_is_odd_on_the_list(folder):
+    (folder.path / "known.toml").write_text(UNUSUAL.format("local_mine:Good"))
+    chosen = ["--hapticeval-suite", "slides.toml", "--hapticeval-known", "known.toml", FLAT]
+    folder.runpytest("--hapticeval", "local_mine:Good", *chosen).stdout.fnmatch_lines(NOTES, consecutive=True)
+    (folder.path / "known.toml").write_text(KNOWN.format("local_mine:Jumps"))
+    folder.runpytest("--hapticeval", "local_mine:Jumps", *chosen).stdout.no_fnmatch_line(NOTES[0])
+
+
 def test_a_published_failure_that_passes_fails_and_a_broken_renderer_shows_its_cause(folder):
     differs = folder.runpytest("--hapticeval", "local_mine:Differs", *JUMPS[2:], f"{FLAT}::continuous-contact")
     differs.assert_outcomes(failed=1)
@@ -151,10 +171,11 @@ def test_what_the_user_gets_wrong_is_shown_in_a_word(folder, arguments, message)
 
 
 def test_fixture_and_marker(folder):
-    (folder.path / "known.toml").write_text(KNOWN.format("Jumps"))
+    (folder.path / "known.toml").write_text(KNOWN.format("Jumps") + KNOWN.format("Jump"))
     (folder.path / "test_mine.py").write_text(TESTS)
     result = folder.runpytest("-rA")
     result.assert_outcomes(passed=4, failed=2, xfailed=1)
+    result.stdout.fnmatch_lines(["known.toml lists 'Jump' (1 verdict), which does not run here: did you mean Jumps?"])
     result.stdout.fnmatch_lines(
         [
             "*continuous-contact on local_mine:Jumps, slides/flat-back: fail",
@@ -176,8 +197,13 @@ def test_a_marker_that_cannot_be_meant_is_refused(folder, marked):
 
 @pytest.mark.system
 def test_processes_share_the_items(folder):
-    result = folder.runpytest_subprocess(*JUMPS, "-n", "2", "--dist", "loadgroup")
-    result.assert_outcomes(passed=1, failed=3)
+    (folder.path / "known.toml").write_text(UNUSUAL.format("local_mine:Good"))
+    known = ["--hapticeval-known", "known.toml"]
+    result = folder.runpytest_subprocess(
+        "--hapticeval", "local_mine:Good", *JUMPS[2:], *known, "-n", "2", "--dist", "loadgroup"
+    )
+    result.assert_outcomes(passed=3, xpassed=1)
+    result.stdout.fnmatch_lines(NOTES, consecutive=True)
 
 
 UNUSED = """

@@ -108,6 +108,8 @@ def test_a_renderer_that_refuses_all_that_there_is_has_not_passed(here, capsys):
         (["run", "absent.toml", "-r", "local_mine:Good"], 2, "absent.toml"),
         (["run", "slides.toml", "-r", "constrait"], 2, "unknown renderer 'constrait'"),
         (["run", "slides.toml", "-r", "local_mine:Absent"], 2, "has no 'Absent'"),
+        (["run", "slides.toml", "-r", "local_empty:R"], 2, "local_empty.py, where there is no class and no function"),
+        (["run", "slides.toml", "-r", "libmine.so"], 2, "did you mean lib:./libmine.so?"),
         (["run", "slides.toml", "-r", "local_mine:Good", "-o", "."], 2, "'.' is not empty"),
         (["run", "slides.toml", "-r", "local_mine:Good", "-o", "slides.toml"], 2, "'slides.toml' is a file"),
         (["run", "slides.toml", "-r", "local_mine:Good", "-o", "slides.toml/b"], 2, "cannot write into the folder"),
@@ -120,6 +122,7 @@ def test_a_renderer_that_refuses_all_that_there_is_has_not_passed(here, capsys):
     ],
 )
 def test_wrong_usage_and_input(here, capsys, arguments, code, what):
+    (here / "local_empty.py").touch()
     assert main(arguments) == code
     shown = capsys.readouterr()
     assert what in shown.err

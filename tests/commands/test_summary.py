@@ -107,7 +107,7 @@ def test_the_worst_come_first_and_the_rest_with_v():
     last = len(many) - 1
     assert heads[:2] == ["error: r on s/broken/memoryless", f"fail: r on s/c{last}/memoryless"]
     assert len(heads) == SHOWN
-    assert "and 3 verdicts more that are not as expected: -v shows them" in shown
+    assert "and 3 verdicts more that are not as expected: -v shows them, and so does a report" in shown
     assert len([line for line in summary(results_of(*many), [], verbose=True).splitlines() if " on s/" in line]) == 12
 
 

@@ -1,6 +1,7 @@
 """The terminal as a sink of events, and the closing summary, without a run; and the exit code of results."""
 
 import io
+import itertools
 
 import pytest
 from result_entries import changed, run_entry
@@ -9,7 +10,7 @@ from hapticeval.api import Results
 from hapticeval.commands import terminal
 from hapticeval.errors import HapticevalError, RendererError
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict
-from hapticeval.runner.events import Interrupted, JobFinished, RunFinished, RunStarted
+from hapticeval.runner.events import AtWork, Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.runner.results import (
     Command,
     Environment,
@@ -172,6 +173,28 @@ def test_what_is_waited_for_is_told_now_and_then():
                 sink.waiting(what, 0.1 * tenth, 60.0)
     assert stream.getvalue().splitlines() == [
         f"{what}: {seconds} of 60 s" for what in ("one", "two") for seconds in (5, 10)
+    ]
+
+
+def test_what_is_at_work_has_a_line_after_each_silence(monkeypatch):
+    """A minute in which a second run begins: the lines that come by themselves count as no silence."""
+    clock = itertools.count(1000.0, 5.0)
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: now)
+    stream = io.StringIO()
+    now = next(clock)
+    with terminal.Terminal(stream) as sink:
+        sink(RunStarted(4, 4))
+        for now in itertools.islice(clock, 12):
+            others = [("s", "other", "r")] if now > 1030.0 else []
+            sink(AtWork(1, (("s", "c", "r"), *others), now - 1000.0))
+        sink.searching(20.4, 60.0, "3 examples, 1 found")
+        now = next(clock) + 30.0
+        sink.drawn(3, 7)
+    assert stream.getvalue().splitlines() == [
+        "4 runs, 4 verdicts planned",
+        "[1/4] at work for 30 s: r on s/c",
+        "[1/4] at work for 60 s: r on s/c, and 1 other run",
+        "[3/7] drawing figures",
     ]
 
 

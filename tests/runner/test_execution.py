@@ -14,7 +14,8 @@ import pytest
 from hapticeval.errors import InputError, NothingSelectedError, UnknownNameError
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.recordings.hdf5 import read_recording
-from hapticeval.runner.events import Interrupted, JobFinished, RunFinished, RunStarted
+from hapticeval.runner import execution
+from hapticeval.runner.events import AtWork, Interrupted, JobFinished, RunFinished, RunStarted
 from hapticeval.runner.execution import execute
 from hapticeval.runner.planning import plan
 from hapticeval.runner.results import read_results
@@ -208,6 +209,16 @@ def test_a_second_interrupt_kills_what_has_begun(short, tmp_path):
     assert not working & set(multiprocessing.active_children())
     results = read_results(tmp_path / "out")
     assert (results.reason, results.ran) == ("interrupted by the user", 1)
+
+
+def test_what_takes_long_is_reported_while_it_runs(short, tmp_path, monkeypatch):
+    monkeypatch.setattr(execution, "BEAT", 0.0)
+    stream = execute(plan([short], ["constraint", "thirdparty:Waits"], select=["slide"]), tmp_path / "out", workers=2)
+    beats = (event for event in stream if isinstance(event, AtWork))
+    last = next(event for event in beats if event.finished_jobs == 1)
+    assert last.runs == (("short", "slide", "thirdparty:Waits"),)
+    assert 0.0 < last.seconds < 600.0
+    stream.close()
 
 
 def test_who_leaves_the_stream_leaves_no_process(short, tmp_path):

@@ -219,7 +219,8 @@ def test_several_seeds_find_the_smallest_that_any_of_them_finds(mine, capsys):
 
 def came_of(renderers, numbers, report, interrupted=lambda: False):
     asked = [Hunt(f"mine:{name}", [JUMP], [{"kind": "circle"}], [], 60.0, 1) for name in renderers]
-    return hunts(asked, numbers, workers=1, scheduler=None, interrupted=interrupted, report=report)
+    options = {"workers": 1, "scheduler": None, "interrupted": interrupted}
+    return hunts(asked, numbers, **options, progress=lambda *_: None, report=report)
 
 
 def test_an_error_of_one_seed_costs_nothing_of_the_others(mine, monkeypatch):

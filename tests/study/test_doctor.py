@@ -86,6 +86,20 @@ class Waits(Good):
     def step(self, hip, velocity, dt):
         time.sleep(3600)
 
+class Millimetres(Good):
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        return 1e3 * ihip, force
+
+class Soft(Good):
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        return ihip, 1e-3 * force
+
+class Takes(Good):
+    def step(self, hip):
+        pass
+
 class Raises(Good):
     def __init__(self, scene):
         raise OSError("no licence")
@@ -144,11 +158,27 @@ def test_one_that_hangs_is_given_up_where_it_hangs(here: Path) -> None:
         ("Three", "run() answered shapes [("),
         ("Short", "run() answered shapes [("),
         ("Property", "it raised KeyError: 'no such flag'; in patients.py, line"),
+        ("Takes", "it is called as step(hip, velocity, dt)"),
     ],
 )
 def test_what_broke_is_named(here: Path, name: str, words: str) -> None:
     first = next(each for each in examine(f"patients:{name}", patience=PATIENCE) if each.state is State.BROKE)
     assert words in first.text
+
+
+@pytest.mark.parametrize(
+    ("name", "what", "state", "words"),
+    [
+        ("Millimetres", "free space", State.MISSING, "points are in m, not in mm"),
+        ("Millimetres", "contact", State.MISSING, "points are in m, not in mm"),
+        ("Soft", "contact", State.NOTE, "a factor of 1000"),
+        ("Pulls", "reset inside", State.MISSING, "turn its sign"),
+    ],
+)
+def test_a_unit_or_a_sign_is_named(here: Path, name: str, what: str, state: State, words: str) -> None:
+    found = [each for each in examine(f"patients:{name}", patience=PATIENCE) if each.what == what]
+    assert len(found) == 2, "in the plane and in space"
+    assert all(each.state is state and words in each.text for each in found)
 
 
 def test_one_cause_is_reported_once(here: Path) -> None:
