@@ -67,9 +67,7 @@ EVERYWHERE = ("minimum-distance+pp-pd", "set-stabilisation")
 @pytest.mark.parametrize(
     ("suite", "name", "renderer"),
     [
-        pytest.param(
-            *case, renderer, marks=[pytest.mark.system] * (case[0] != "circle" and renderer not in EVERYWHERE)
-        )
+        pytest.param(*case, renderer, marks=[pytest.mark.system] * (case[0] != "circle" and renderer not in EVERYWHERE))
         for case in [*CASES, *SURFACES]
         for renderer in [*SCHEMES, "set-stabilisation"]
     ],
