@@ -24,6 +24,7 @@ GENERATED = {"index.md", "api.md", "checks.md", "architecture.md", "contributing
 BLOCKS = [block for page in PAGES for block in blocks(page)]
 COMMANDS = [line for block in BLOCKS if block.language == "sh" for _, line in lines(block)]
 TOUR = re.findall(r"^    (hapticeval .+)$", PAGES["README"].read_text(encoding="utf-8"), re.MULTILINE)
+PROGRAM: Any = typer.main.get_command(app)
 DRAWN = ROOT / "build" / "pages"
 
 
@@ -33,11 +34,10 @@ def test_there_are_commands_to_check() -> None:
 
 @pytest.mark.parametrize("line", sorted({*COMMANDS, *TOUR}))
 def test_every_command_has_the_options_that_are_written(line: str) -> None:
-    program: Any = typer.main.get_command(app)
     words = list(takewhile(lambda word: word not in ("|", ">"), shlex.split(line, comments=True)))
     if words[0] != "hapticeval" or words[1].startswith("-"):
         return
-    command = program.commands[words[1]]
+    command = PROGRAM.commands[words[1]]
     command.make_context(words[1], words[2:])
 
 

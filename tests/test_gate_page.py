@@ -109,6 +109,7 @@ verdicts = ["thesis/star-convex-corner/broken-contact"]
 """
 
 
+@pytest.mark.system
 def test_the_action_fails_where_the_gate_does_and_shows_the_table(folder):
     failed, out, summary = job(folder, renderers="mine:Nearest\nconstraint", select=SELECT, install="./mine pkg")
     assert failed == [("Judge", 1)], out
@@ -118,6 +119,7 @@ def test_the_action_fails_where_the_gate_does_and_shows_the_table(folder):
     assert (folder / "results" / "badge.svg").exists()
 
 
+@pytest.mark.system
 def test_the_action_passes_what_is_known_and_compares(folder):
     (folder / "listed.toml").write_text(BROKEN)
     given = {"renderers": "mine:Nearest", "select": SELECT, "known": "listed.toml", "strict": "true"}

@@ -211,6 +211,7 @@ def test_scenes_have_the_effects_that_are_called_for(scene):
     assert scene.effect(Viscosity).coefficient in (0.1, 1.0)
 
 
+@pytest.mark.system
 def test_the_examples_of_a_seed_are_the_same_whatever_is_loaded(tmp_path):
     """In processes of their own: nothing that the tests have set takes part."""
     script = (

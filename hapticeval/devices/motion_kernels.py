@@ -74,12 +74,13 @@ class Grip(NamedTuple):
 class Load(NamedTuple):
     """What acts on a device beside its motors, over ticks of `dt` seconds; what is None does not.
 
-    `push` (ticks + 1, N), N, is the operator's prescribed force at the samples, straight in between; `friction` (N,)
-    the Coulomb friction that opposes each joint that moves, and holds one at rest as long as it can.
+    `push` (ticks + 1, N), N, is the operator's prescribed force at the samples, straight in between, zero where nobody
+    pushes: without a type of its own for that, no loop is compiled twice. `friction` (N,) is the Coulomb friction that
+    opposes each joint that moves, and holds one at rest as long as it can.
     """
 
     dt: float
-    push: Array | None
+    push: Array
     grip: Grip | None
     friction: Array | None
 
@@ -172,7 +173,7 @@ def accelerate(motion: Motion, tick: int, time: float, joints: Array, rates: Arr
 
 @inner
 def add_hand(
-    push: Array | None,
+    push: Array,
     grip: Grip | None,
     motion: Motion,
     tick: int,
@@ -182,17 +183,13 @@ def add_hand(
     out: Array,
 ) -> None:
     """Add Jᵀ F_o, N m, to `out` (N,): the operator's force at `time` seconds into the tick."""
-    if push is None and grip is None:
-        return
     plant, rows = motion.plant, motion.scratch.rows
     jacobian, position, velocity = motion.scratch.squares[JACOBIAN], rows[POSITION], rows[VELOCITY]
     plant.kinematics(plant.parameters, joints, rates, position, velocity, jacobian, rows[DRIFT])
     dt = motion.load.dt
     share = time / dt
     for k in range(joints.shape[0]):
-        force = 0.0
-        if push is not None:
-            force += push[tick, k] + share * (push[tick + 1, k] - push[tick, k])
+        force = push[tick, k] + share * (push[tick + 1, k] - push[tick, k])
         if grip is not None:
             path, gains = grip.path, grip.gains
             way = path[tick + 1, k] - path[tick, k]
@@ -383,19 +380,36 @@ def advance(motion: Motion, tick: int, begin: float, finish: float, joints: Arra
     return taken
 
 
-def advance_of(motion: Motion) -> FirstClass:
-    """Return `advance` for the types of a motion as a value: a loop that calls it is compiled without its code."""
-    times = types.int64, types.float64, types.float64
-    return first_class(advance, types.int64(typeof(motion), *times, VECTOR, VECTOR, VECTOR))  # type: ignore[no-untyped-call]
-
-
 @inner
-def fall_free(mass: float, joints: Array, rates: Array, force: Array, begin: Array, finish: Array, time: float) -> None:
-    """The point mass under a held force and a push that runs straight: `PointMass.advance`, to the last bit."""
-    gain = time / mass
+def pushed(push: Array, tick: int, i: int, time: float, dt: float) -> float:
+    """Return the operator's prescribed force along axis `i`, N, at `time` seconds into the tick of `dt`."""
+    if time <= 0.0:
+        return float(push[tick, i])
+    if time >= dt:
+        return float(push[tick + 1, i])
+    return float(push[tick, i] + time * ((push[tick + 1, i] - push[tick, i]) / dt))
+
+
+@borrowing
+def fall(motion: Motion, tick: int, begin: float, finish: float, joints: Array, rates: Array, torque: Array) -> int:
+    """`advance` for a point mass that no hand holds, by its exact integral: `PointMass.advance`, to the last bit."""
+    load, time = motion.load, finish - begin
+    gain = time / motion.plant.parameters[0]
     for i in range(joints.shape[0]):
-        joints[i] = joints[i] + time * rates[i] + (time * gain / 6.0) * (3.0 * force[i] + 2.0 * begin[i] + finish[i])
-        rates[i] = rates[i] + gain * (force[i] + 0.5 * (begin[i] + finish[i]))
+        first, last = pushed(load.push, tick, i, begin, load.dt), pushed(load.push, tick, i, finish, load.dt)
+        joints[i] = joints[i] + time * rates[i] + (time * gain / 6.0) * (3.0 * torque[i] + 2.0 * first + last)
+        rates[i] = rates[i] + gain * (torque[i] + 0.5 * (first + last))
+    return 1
+
+
+def advance_of(motion: Motion, *, exact: bool = False) -> FirstClass:
+    """Return `advance`, or `fall` if `exact`, for the types of a motion as a value.
+
+    A loop that calls it is compiled without its code, and once for both.
+    """
+    times = types.int64, types.float64, types.float64
+    signature = types.int64(typeof(motion), *times, VECTOR, VECTOR, VECTOR)  # type: ignore[no-untyped-call]
+    return first_class(fall if exact else advance, signature)
 
 
 @compiled

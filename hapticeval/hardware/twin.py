@@ -55,7 +55,7 @@ class Twin:
         self.joints = np.array(device.joints(position), dtype=np.float64)
         self.rates = np.zeros(size)
         self._grip = None if hand is None else Grip(np.empty((2, size)), np.array([hand.stiffness, hand.damping]))
-        load = Load(dt, None, self._grip, np.sum(friction, axis=0) if friction else None)
+        load = Load(dt, np.zeros((2, size)), self._grip, np.sum(friction, axis=0) if friction else None)
         self._motion, self._advance = motion_of(device, load, default_method()), advance
         self._motors, self._take_part = hook_of(part for stage, part in parts if stage is Stage.COMMAND), take_part
         self._command, self._held, self._before = np.zeros(size), np.zeros(size), np.zeros(size)

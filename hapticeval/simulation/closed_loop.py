@@ -248,7 +248,7 @@ def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
     push = experiment.operator_force(ends)
     load = Load(
         dt,
-        np.ascontiguousarray(push) if hand is not None or push.any() else None,
+        np.ascontiguousarray(push),
         None if hand is None else Grip(hand.desired(ends), np.array([hand.stiffness, hand.damping])),
         np.sum(frictions, axis=0) if frictions else None,
     )
@@ -265,8 +265,7 @@ def loop_of(experiment: Experiment, scene: Scene, dt: float) -> Loop:
         sensors,
         feeling,
         motors,
-        device.parameters[:1].copy() if exact else None,
-        None if exact else advance_of(motion),
+        advance_of(motion, exact=exact),
         RUNAWAY * (1.0 if device.turning else scene.model.size),
         state,
         np.zeros((kernels.PLANES, count, size)),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from hapticeval.compiled import EFFECT, FirstClass, borrowing, compiled_once, first_class, inner
 from hapticeval.devices.inner_loop_kernels import Inner, torque
-from hapticeval.devices.motion_kernels import DRIFT, JACOBIAN, Grip, Motion, fall_free
+from hapticeval.devices.motion_kernels import DRIFT, JACOBIAN, Grip, Motion, pushed
 from hapticeval.types import Array
 
 if TYPE_CHECKING:
@@ -48,9 +48,9 @@ Hook: TypeAlias = "tuple[Attached, ...]"
 class Loop(NamedTuple):
     """A closed loop, ready to run.
 
-    `exact` (1,) is the mass (kg) of a point mass that moves by its exact integral; any other device moves by `advance`,
-    see `motion_kernels.advance_of`. `reach` (rad, m) is how far a joint may go from where it started. `state` (ROWS, N)
-    is what a tick leaves to the next, and `out` (PLANES, ticks, N) all that a run keeps.
+    The device moves by `advance`, see `motion_kernels.advance_of`. `reach` (rad, m) is how far a joint may go from
+    where it started. `state` (ROWS, N) is what a tick leaves to the next, and `out` (PLANES, ticks, N) all that a run
+    keeps.
     """
 
     motion: Motion
@@ -58,8 +58,7 @@ class Loop(NamedTuple):
     sensors: Hook | None
     feeling: Hook | None
     motors: Hook | None
-    exact: Array | None
-    advance: FirstClass | None
+    advance: FirstClass
     reach: float
     state: Array
     out: Array
@@ -85,18 +84,6 @@ def take_part(hook: Hook | None, tick: int, dt: float, first: Array, second: Arr
         each = hook[k]
         last = max(last, each.function(each.params, each.samples, each.state, tick, dt, first, second))
     return last
-
-
-@inner
-def pushed(push: Array | None, tick: int, i: int, time: float, dt: float) -> float:
-    """Return the operator's prescribed force along axis `i`, N, at `time` seconds into the tick of `dt`."""
-    if push is None:
-        return 0.0
-    if time <= 0.0:
-        return float(push[tick, i])
-    if time >= dt:
-        return float(push[tick + 1, i])
-    return float(push[tick, i] + time * ((push[tick + 1, i] - push[tick, i]) / dt))
 
 
 @inner
@@ -169,30 +156,14 @@ def command(feeling: Hook | None, loop: Loop, tick: int) -> None:
 
 
 @inner
-def drive(
-    advance: FirstClass | None, loop: Loop, tick: int, begin: float, end: float, torque: Array
-) -> bool:  # fmt: skip
+def drive(loop: Loop, tick: int, begin: float, end: float, torque: Array) -> bool:
     """Move the device from `begin` to `end` seconds into the tick; return False where it has no finite state."""
-    if advance is None:
-        return True
     joints, rates = loop.state[JOINTS], loop.state[RATES]
     add_position(loop.motion.load.grip, loop, 0.5 * (end - begin), (end - begin) / 6.0)
-    if advance(loop.motion, tick, begin, end, joints, rates, torque) == 0:
+    if loop.advance(loop.motion, tick, begin, end, joints, rates, torque) == 0:
         return False
     add_position(loop.motion.load.grip, loop, 0.5 * (end - begin), -(end - begin) / 6.0)
     return True
-
-
-@inner
-def fall(exact: Array | None, loop: Loop, tick: int, begin: float, end: float, torque: Array) -> None:
-    """Move a point mass from `begin` to `end` seconds into the tick."""
-    if exact is None:
-        return
-    state, load = loop.state, loop.motion.load
-    joints, rates, first, last = state[JOINTS], state[RATES], state[PLACE], state[PACE]
-    for i in range(joints.shape[0]):
-        first[i], last[i] = pushed(load.push, tick, i, begin, load.dt), pushed(load.push, tick, i, end, load.dt)
-    fall_free(exact[0], joints, rates, torque, first, last, end - begin)
 
 
 @inner
@@ -210,9 +181,9 @@ def add_position(grip: Grip | None, loop: Loop, share: float, lever: float) -> N
 
 
 @inner
-def mean_push(push: Array | None, tick: int, i: int) -> float:
+def mean_push(push: Array, tick: int, i: int) -> float:
     """Return the mean of the prescribed force over the tick along axis `i`, N."""
-    return 0.0 if push is None else float(0.5 * (push[tick, i] + push[tick + 1, i]))
+    return float(0.5 * (push[tick, i] + push[tick + 1, i]))
 
 
 @inner
@@ -239,8 +210,7 @@ def act(loop: Loop, tick: int) -> int:
         begin, end = (switch, dt) if late else (0.0, switch)
         if end > begin:
             given = held if late else before
-            fall(loop.exact, loop, tick, begin, end, given)
-            if not drive(loop.advance, loop, tick, begin, end, given):
+            if not drive(loop, tick, begin, end, given):
                 return RAN_AWAY
     for i in range(held.shape[0]):
         if switch > 0.0:

@@ -82,7 +82,7 @@ class Runner:
 
         self.benchmark = benchmark
         self.advance = advance_many
-        load = Load(benchmark.dt, None, Grip(benchmark.path, benchmark.grip), None)
+        load = Load(benchmark.dt, np.zeros_like(benchmark.path), Grip(benchmark.path, benchmark.grip), None)
         self.motion = motion_of(benchmark.device, load, method, knobs)
 
     def __call__(self, *, afresh: bool) -> tuple[Array, int]:

@@ -72,6 +72,7 @@ class Tick:
 
     def __init__(self, device, friction, torque, push=None, dt=DT):
         self.dt, self.torque = dt, np.array(torque, dtype=float)
+        push = np.zeros((2, device.dimension)) if push is None else push
         self.motion = motion_of(device, Load(dt, push, None, np.array(friction, dtype=float)), default_method())
 
     def __call__(self, joints, rates):

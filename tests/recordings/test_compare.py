@@ -368,7 +368,7 @@ def test_what_the_numbers_resolve_is_a_difference(by, single, outcome):
         assert found.largest == pytest.approx(by * np.max(np.linalg.norm(one.recording.force, axis=1)), rel=0.01)
 
 
-@settings(max_examples=10)
+@settings(max_examples=5)
 @given(st.floats(-math.pi, math.pi), st.floats(-0.5, 0.5), st.integers(0, 100))
 def test_all_curves_of_a_panel_lie_on_one_branch(turned, apart, seed):
     """Forth and back, wherever the angles are cut: what differs by little is drawn beside each other.
@@ -472,7 +472,7 @@ def torn(each, first, length):
     return Run(each.label, each.renderer, Recording(time, each.recording.channels))
 
 
-@settings(max_examples=6)
+@settings(max_examples=4)
 @given(st.integers(0, 1000), st.floats(-9.0, -0.5), st.booleans())
 def test_repeats_that_agree_to_the_bit_still_separate_renderers(seed, power, gaps):
     """By any amount far above what the numbers resolve; and the clock's gaps, elsewhere in each, hide none of it."""

@@ -116,7 +116,7 @@ def bomb_5(path):
     head += struct.pack("<HH4s", 1, 1, b"x") + tag
     packer = zlib.compressobj(9)
     packed = packer.compress(struct.pack("<II", 14, len(head) + 3_200_000_000) + head)
-    packed += b"".join(packer.compress(bytes(1 << 22)) for _ in range(50)) + packer.flush()
+    packed += b"".join(packer.compress(bytes(1 << 22)) for _ in range(30)) + packer.flush()
     header = b"MATLAB 5.0 MAT-file".ljust(116) + bytes(8) + b"\x00\x01IM"
     path.write_bytes(header + struct.pack("<II", 15, len(packed)) + packed)
 

@@ -27,6 +27,12 @@ def saved(path, channels, **meta):
     write_recording(path, Recording(np.arange(rows) * 1e-3, channels, {"dt": 1e-3, **meta}))
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """No picture, which takes ten times as long as all that is found; other tests look at it."""
+    monkeypatch.setattr("hapticeval.reports.integrity_figure.write_integrity", lambda *_, **__: [])
+
+
 def inspected(capsys, *arguments):
     """The exit code of `hapticeval inspect`, and what it prints."""
     code = main(["inspect", *arguments])
@@ -51,6 +57,7 @@ def test_a_sound_recording_ends_with_0_and_a_picture_and_a_suspicious_one_with_1
     assert "left out: 1 row in 1 place: spike in hip.x" in shown
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("option", "words"),
     [
@@ -76,6 +83,7 @@ def pressed(rows=600, radius=0.05, stiffness=600.0):
     return {"hip": np.round((radius - depth)[:, None] * outward, 7), "force": np.round(force, 4)}
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
@@ -99,6 +107,7 @@ def test_without_an_ihip_hip_and_force_are_held_to_model_and_stiffness(here, cap
     )
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("factor", "words"),
     [

@@ -260,7 +260,7 @@ def test_in_space(name, case, scale):
     assert compare(name, model, made(scale), hips, motion) > 0.95
 
 
-@pytest.mark.parametrize("model", STRAIGHT.values(), ids=STRAIGHT)
+@pytest.mark.parametrize("model", [STRAIGHT["L"], STRAIGHT["triangle"]], ids=["L", "triangle"])
 def test_level_sets_to_their_cells(model):
     motion = motion_of(1)
     hips = path(model, 6)

@@ -139,7 +139,7 @@ def test_a_level_set_holds_a_triangle_however_it_is_turned():
     A quarter of a turn lays it on the grid's cells as it was.
     """
     corners = np.array([[-0.06, -0.02], [0.09, -0.03], [0.01, 0.07]])
-    for angle in np.radians(np.arange(0.0, 90.0, 15.0)):
+    for angle in np.radians([0.0, 15.0, 45.0, 70.0]):
         c, s = math.cos(angle), math.sin(angle)
         model = from_vertices(corners @ np.array([[c, s], [-s, c]]))
         renderer = minimum_distance.variant(representation="level-set")(Scene(model=model))

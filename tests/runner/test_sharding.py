@@ -93,6 +93,7 @@ def test_merged_they_are_one_run(folders, tmp_path, names):
     assert results.recording("slide-1", "noisy:Other").hip.shape[1] == 2
 
 
+@pytest.mark.usefixtures("in_process")
 def test_the_command_writes_reports_of_it(folders, tmp_path, capsys):
     code = main(["merge", *(str(folders[name]) for name in SHARDS), "-o", str(tmp_path / "out")])
     assert code == api.Results.read(folders["all"]).exit_code

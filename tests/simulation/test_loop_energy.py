@@ -9,6 +9,7 @@ order 10 or exact in the tick, and the motion is promised to 1e-9 of the rates, 
 
 from __future__ import annotations
 
+import re
 from functools import cache
 
 import numpy as np
@@ -209,9 +210,13 @@ def names():
 
 
 def loops():
-    """Each of them on a device, with an inner loop, effects and a hand that go round as the list goes on."""
+    """Each of them on a device, with an inner loop, effects and a hand that go round as the list goes on.
+
+    What brings no renderer, device, inner loop, effect or hand that was not there before is left to `make system`.
+    """
     devices = {2: (PointMass(0.3), Parallelogram2()), 3: (PointMass(0.3, 3), Parallelogram3())}
     seen = {2: 0, 3: 0}
+    known = set()
     for name, model in names():
         turn = seen[model.dimension]
         seen[model.dimension] += 1
@@ -219,7 +224,10 @@ def loops():
         loop, effects = list(InnerLoop)[turn % 3], list(EFFECTS)[turn // 2 % 2]
         hand, bilateral = turn // 4 % 2 == 1, turn % 5 > 2
         label = f"{name}-{model.name}-{device.name}-{loop.name.lower()}-{effects}"
-        yield pytest.param(name, model, device, loop, effects, hand, bilateral, id=label)
+        brings = {re.split("[+@]", name)[0], (device.name, device.dimension, loop), (effects, hand, bilateral)} - known
+        known |= brings
+        marks = () if brings else pytest.mark.system
+        yield pytest.param(name, model, device, loop, effects, hand, bilateral, id=label, marks=marks)
 
 
 class Asked:

@@ -60,8 +60,18 @@ CASES = [*((name.split("-")[0], name) for name in (*BARE, "cassinian-robot", "sp
 SURFACES = [("surfaces", case.name) for case in load_suite("dynamics-surfaces").cases]
 
 
-@pytest.mark.parametrize("renderer", [*SCHEMES, "set-stabilisation"])
-@pytest.mark.parametrize(("suite", "name"), [*CASES, *SURFACES])
+EVERYWHERE = ("minimum-distance+pp-pd", "set-stabilisation")
+"""Renderers that `make test` judges in every case; the others on the circle alone, and elsewhere in `make system`."""
+
+
+@pytest.mark.parametrize(
+    ("suite", "name", "renderer"),
+    [
+        pytest.param(*case, renderer, marks=[pytest.mark.system] * (case[0] != "circle" and renderer not in EVERYWHERE))
+        for case in [*CASES, *SURFACES]
+        for renderer in [*SCHEMES, "set-stabilisation"]
+    ],
+)
 def test_every_verdict_is_as_published_and_every_closed_form_is_met(suite, name, renderer):
     """On an ellipsoid and a torus, for which none is in print, the outcomes are those on the sphere."""
     found = judged(suite, name, renderer)
