@@ -42,13 +42,25 @@ def _parsed(text: str, units: Mapping[str, float], option: str, example: str) ->
     raise InputError(f"{option} {text}", why=why, todo=todo)
 
 
+def number(value: float, digits: int = 4) -> str:
+    """Format a number, as in `0.83`, `1450`, `120,000`; with a power of ten from 1e6 on and below 1e-4 only."""
+    text = f"{value:.{digits}g}"
+    mantissa, e, power = text.partition("e")
+    if not e:
+        return text
+    if 0 < int(power) < 6:
+        whole = int(float(text))
+        return f"{whole:,}" if abs(whole) >= 10_000 else f"{whole}"
+    return f"{mantissa}e{int(power)}"
+
+
 def quantity(value: float | None, unit: str) -> str:
     """Format a value in SI units, lengths in mm, shares without one, as in `0.83 mm`; "not finite" for null."""
     if value is None:
         return "not finite"
     if unit == "m":
         value, unit = 1e3 * value, "mm"
-    return f"{value:.4g} {'' if unit == '1' else unit}".rstrip()
+    return f"{number(value)} {'' if unit == '1' else unit}".rstrip()
 
 
 def length(metres: float, *, micro: str = "µ") -> str:
@@ -59,7 +71,7 @@ def length(metres: float, *, micro: str = "µ") -> str:
         ((u, s) for u, s in (("mm", 1e3), (f"{micro}m", 1e6), ("nm", 1e9)) if metres * s >= 0.0995), ("pm", 1e12)
     )
     value = metres * scale
-    return f"{value:.2g} {unit}" if value < 99.5 else f"{value:.0f} {unit}"
+    return f"{number(value, 2 if value < 99.5 else 4)} {unit}"
 
 
 def duration(seconds: float, *, micro: str = "µ") -> str:
@@ -67,13 +79,13 @@ def duration(seconds: float, *, micro: str = "µ") -> str:
     unit, scale = next(
         ((u, s) for u, s in (("s", 1.0), ("ms", 1e3), (f"{micro}s", 1e6)) if seconds * s >= 0.995), ("ns", 1e9)
     )
-    return f"{seconds * scale:.3g} {unit}"
+    return f"{number(seconds * scale, 3)} {unit}"
 
 
 def size(count: int) -> str:
     """Format a number of bytes, as in `1.2 MB`."""
     unit, scale = next(((u, s) for u, s in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)) if count >= s), ("B", 1.0))
-    return f"{count / scale:.3g} {unit}"
+    return f"{number(count / scale, 3)} {unit}"
 
 
 def aligned(rows: Sequence[Sequence[str]], *, left: int | None = None) -> list[str]:

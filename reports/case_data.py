@@ -15,7 +15,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from heapq import heapify, heappop, heappush
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,10 @@ SAMPLES = 1000
 
 WITHIN = 1.0 / 500.0
 """Share of each channel's range that straight lines between the samples may be off: less than can be seen."""
+
+ASTRAY = 0.02
+"""Share of a path's extent by which lines between the samples may leave it; else only its ends are drawn, see `shown`.
+"""
 
 INTERVALS = 12
 """The largest and smallest of force, depth and step in so many intervals are kept exactly."""
@@ -77,6 +81,8 @@ class Track:
     """The HIP's signed distance (n,), m, from the surface that it is held on; None where nothing holds it."""
     along: Array | None = None
     """The speed (n,), m/s, of the HIP's foot along that surface."""
+    left_out: tuple[float, float] | None = None
+    """The times, s, between which nothing but the places of verdicts is shown; None where all of it is."""
 
     @property
     def ihip(self) -> Array:
@@ -116,9 +122,10 @@ def tracks(
         time = recordings[names[0]].time
         asked = {int(np.argmin(np.abs(time - each))) for name in names for each in times.get(name, ())}
         more = [column for name in names if name in motions for column in _drawn_of(*motions[name])]
-        rows = kept([recordings[name] for name in names], asked, count, more)
+        chosen = shown([recordings[name] for name in names], asked, count, more)
+        rows = chosen.rows
         for name in names:
-            track = _track(name, recordings[name], rows)
+            track = _track(name, recordings[name], chosen)
             if name in motions:
                 off, along = motions[name]
                 track = replace(track, off=off[rows], along=along[rows])
@@ -130,6 +137,53 @@ def _drawn_of(off: Array, along: Array) -> tuple[Array, ...]:
     """What is drawn of the motion on a surface: distance and speed, and the distance's powers of ten."""
     floor = max(float(np.median(np.abs(off))), 1e-12) / 10.0
     return off, along, np.log10(np.maximum(np.abs(off), floor))
+
+
+class Shown(NamedTuple):
+    """The `rows` to show; those of them that no line leads to, `cuts`; and between which times, s, few are shown."""
+
+    rows: IntArray
+    cuts: IntArray
+    left_out: tuple[float, float] | None
+
+
+def shown(runs: Sequence[Recording], ticks: Collection[int], count: int = SAMPLES, more: Sequence[Array] = ()) -> Shown:
+    """Return the rows to show of runs along one hand path: what is `kept`, where lines between them tell the truth.
+
+    Of paths that so many samples cannot follow, as of a hundred laps, the beginning and the end are shown, as much as
+    can be followed ten times as closely as `ASTRAY`, and between them `ticks` with the rows beside them.
+    """
+    rows = kept(runs, ticks, count, more)
+    if _astray(runs, rows) <= ASTRAY:
+        return Shown(rows, np.zeros(0, dtype=np.int64), None)
+    n, length = len(runs[0]), count // 2
+
+    def end(first: int, last: int) -> IntArray | None:
+        part = slice(first, last)
+        inside = [tick - first for tick in ticks if first <= tick < last]
+        parts = [run.part(part) for run in runs]
+        found = kept(parts, inside, count // 2, [each[part] for each in more])
+        return found + first if _astray(parts, found) <= 0.1 * ASTRAY else None
+
+    ends = np.arange(length), np.arange(n - length, n)
+    while 4 * length < n:
+        begun, ended = end(0, 2 * length), end(n - 2 * length, n)
+        if begun is None or ended is None:
+            break
+        ends, length = (begun, ended), 2 * length
+    between = [k for tick in ticks for k in (tick - 1, tick, tick + 1) if length <= k < n - length]
+    alone = np.unique(np.array(between, dtype=np.int64))
+    cuts = np.append(alone[np.diff(alone, prepend=-1) > 1], n - length)
+    time = runs[0].time
+    return Shown(np.concatenate([ends[0], alone, ends[1]]), cuts, (float(time[length - 1]), float(time[n - length])))
+
+
+def _astray(runs: Sequence[Recording], rows: IntArray) -> float:
+    """How far lines between the rows leave the paths of HIP and IHIP, as a share of how far these go."""
+    time = runs[0].time
+    columns = [*runs[0].hip.T, *(column for run in runs if "ihip" in run.channels for column in run.ihip.T)]
+    off = max(float(np.max(np.abs(np.interp(time, time[rows], column[rows]) - column))) for column in columns)
+    return off / max(*(float(np.ptp(column)) for column in columns), 1e-300)
 
 
 def kept(
@@ -248,8 +302,10 @@ def _extremes(signal: Array, intervals: int) -> IntArray:
     return np.unique([begin + int(pick(part)) for begin, part in parts for pick in (np.argmax, np.argmin)])
 
 
-def _track(name: str, recording: Recording, rows: IntArray) -> Track:
+def _track(name: str, recording: Recording, chosen: Shown) -> Track:
+    rows = chosen.rows
     gaps: BoolArray = np.append(False, ~joined(recording)) if len(recording) > 1 else np.zeros(1, dtype=bool)
+    gaps[chosen.cuts] = True
     after = np.cumsum(gaps)[rows]
     has_ihip = "ihip" in recording.channels
     return Track(
@@ -264,6 +320,7 @@ def _track(name: str, recording: Recording, rows: IntArray) -> Track:
         starts=np.flatnonzero(np.diff(after)) + 1,
         dt=recording.dt,
         led=recording.meta.get("source") in LED,
+        left_out=chosen.left_out,
     )
 
 

@@ -240,6 +240,7 @@ def case_section(
         scene_words=scene_words, robot_words=robot_words, ended_words=ended_words, figures_cited=figures_cited,
         places={(each.renderer, each.time): each.number for each in places},
         tracks={each.name for each in found},
+        parts=_parts(found),
     )  # fmt: skip
     return Section(text, {**styles, **swatches(looks.values())})
 
@@ -271,6 +272,17 @@ def _places(verdicts: Iterable[VerdictEntry], shown: set[str]) -> list[Place]:
             key = (verdict.renderer, time)
             found.setdefault(key, Place(len(found) + 1, *key))
     return list(found.values())
+
+
+def _parts(found: Sequence[Track]) -> dict[tuple[float, float], list[str]]:
+    """The seconds at the beginning and at the end that are drawn of runs too long to be drawn whole: which runs."""
+    parts: dict[tuple[float, float], list[str]] = {}
+    for each in found:
+        if each.left_out is not None:
+            first, last = each.left_out
+            seconds = first - float(each.time[0]) + each.dt, float(each.time[-1]) - last + each.dt
+            parts.setdefault(seconds, []).append(each.name)
+    return parts
 
 
 def _by_check(verdicts: Sequence[VerdictEntry]) -> list[ShownCheck]:

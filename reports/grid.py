@@ -15,6 +15,7 @@ from functools import cached_property
 from types import MappingProxyType
 
 from hapticeval.phenomena.verdict import Level, Outcome
+from hapticeval.quantity import number
 from hapticeval.runner.results import ResultsDocument, RunEntry, VerdictEntry
 
 
@@ -190,12 +191,8 @@ class Tile:
 
 
 def times(share: float) -> str:
-    """Return a ratio in few signs: 1.3, 48, 840, 4,200, 9e5."""
-    if math.isinf(share):
-        return "∞"
-    if share < 1e4:
-        return f"{float(f'{share:.2g}'):,.10g}"
-    return f"{share:.0e}".replace("e+0", "e").replace("e+", "e")
+    """Return a ratio in few signs: 1.3, 48, 840, 4200, 9.1e6."""
+    return "∞" if math.isinf(share) else number(share, 2)
 
 
 def _load(entry: VerdictEntry | RunEntry) -> float:

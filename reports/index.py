@@ -31,7 +31,6 @@ from hapticeval.reports.table import by_commit, provenance, ran, summaries
 from hapticeval.reports.templates import environment
 from hapticeval.runner.results import ResultsDocument, RunEntry, RunKey, SuiteEntry, VerdictEntry
 from hapticeval.study.bench.document import BenchResults
-from hapticeval.study.bench.judge import left_out
 from hapticeval.study.effects.document import EffectsDocument
 
 MOST = 6
@@ -172,7 +171,6 @@ def render_index(
         bench=bench,
         bench_plots=[(title, next(taken)) for title, _ in plots],
         bench_titles=TITLES,
-        bench_left_out=[] if bench is None else list(left_out(bench)),
         effects=[replace(each, svg=next(taken)) for each in effects],
         counterexamples=[(each, next(taken)) for each in counterexamples],
         costs=costs,

@@ -28,7 +28,7 @@ def scene_words(run: RunEntry) -> str:
     words = [f"{name} {quantity(getattr(scene, name), unit)}" for name, unit in GAINS.items() if getattr(scene, name)]
     words += _effects(scene, of_surface=True)
     if scene.sampling_time:
-        words.append(f"{1.0 / scene.sampling_time:.4g} Hz")
+        words.append(quantity(1.0 / scene.sampling_time, "Hz"))
     return ", ".join([*words, "bilateral" if scene.bilateral else "unilateral"])
 
 

@@ -9,7 +9,7 @@ from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from hapticeval.quantity import duration, length, quantity, size
+from hapticeval.quantity import duration, length, number, quantity, size
 from hapticeval.reports.grid import MEANING, SYMBOLS, State, state
 from hapticeval.reports.places import ASSETS, INDEX, ROOT, anchor, case_file
 from hapticeval.runner.results import RunEntry
@@ -41,6 +41,7 @@ def environment() -> Environment:
         "duration": duration,
         "in_unit": length,
         "millimetres": _millimetres,
+        "number": number,
         "plural": lambda count, noun: f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s",
         "quantity": quantity,
         "seen": _seen,
@@ -111,7 +112,7 @@ def _seen(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value:.4g}".replace("-", "\u2212")
+        return number(value).replace("-", "\u2212")
     if isinstance(value, list):
         return ", ".join(map(_seen, value))
     if isinstance(value, dict):

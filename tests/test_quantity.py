@@ -1,9 +1,11 @@
 """Lengths and times as a user writes them, and as they are shown."""
 
+import math
+
 import pytest
 
 from hapticeval.errors import InputError
-from hapticeval.quantity import duration, length, parse_duration, parse_length, size
+from hapticeval.quantity import duration, length, number, parse_duration, parse_length, size
 
 
 @pytest.mark.parametrize(("text", "value"), [("0.1mm", 1e-4), ("50 um", 5e-5), ("1e-4m", 1e-4), ("3µm", 3e-6)])
@@ -36,3 +38,13 @@ def test_the_unit_suits_the_size():
     assert [duration(each) for each in (2.0, 0.0024, 2.4e-6, 9e-8)] == ["2 s", "2.4 ms", "2.4 µs", "90 ns"]
     assert length(3.1e-6, micro="u") == "3.1 um"
     assert [size(each) for each in (12, 1_200, 1_234_567, 2_000_000_000)] == ["12 B", "1.2 kB", "1.23 MB", "2 GB"]
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [(109.3, 2, "110"), (-1234.0, 2, "-1200"), (99_999.0, 2, "100,000"), (1e5, 4, "100,000"), (8336.6, 4, "8337"),
+     (1e6, 4, "1e6"), (1e-9, 4, "1e-9"), (0.000123, 2, "0.00012"), (0.0, 4, "0"), (math.inf, 3, "inf")],
+)  # fmt: skip
+def test_a_number_has_no_power_of_ten_where_people_write_it_out(value, digits, text):
+    assert number(value, digits) == text
+    assert float(number(value, digits).replace(",", "")) == float(f"{value:.{digits}g}")

@@ -11,6 +11,7 @@ from hapticeval.phenomena.constraint_stability import SHRINKS
 from hapticeval.phenomena.numerical_stability import DIGITS
 from hapticeval.phenomena.sampling import evidence_at, mm
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.quantity import number
 from hapticeval.scene import Scene
 
 SETTLING = 8
@@ -60,7 +61,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 
 
 def _speed(value: float) -> str:
-    return f"{1e3 * value:.3g} mm/s"
+    return f"{number(1e3 * value, 3)} mm/s"
 
 
 CHECK = Check(

@@ -6,6 +6,7 @@ import weakref
 
 import numpy as np
 
+from hapticeval.quantity import number
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -193,5 +194,5 @@ def listed(point: Array) -> list[float]:
 
 def mm(*lengths: float) -> str:
     """Return a length (m), or a point, in millimetres to three digits, for a message: "1.5 mm", "(80, 12) mm"."""
-    numbers = ", ".join(f"{1e3 * float(each):.3g}" for each in lengths)
+    numbers = ", ".join(number(1e3 * float(each), 3) for each in lengths)
     return f"{numbers} mm" if len(lengths) == 1 else f"({numbers}) mm"

@@ -52,13 +52,15 @@
     return low;
   }
 
-  /** A run at a time: hand, tool and force as columns of one, between two samples on the line unless they are one tick apart. */
+  /** A run at a time: hand, tool and force as columns of one, between two samples on the line unless they are one tick apart.
+      In a hole, where nothing is held of it, the hand is where it was last, and there is no tool and no force. */
   function at(run, time) {
     const k = sampleAt(run, time), after = run.time[k + 1] - run.time[k];
-    const share = after > 1.5 * run.dt && !run.starts.has(k + 1) ? Math.min(Math.max((time - run.time[k]) / after, 0), 1) : 0;
+    const far = after > 1.5 * run.dt, hole = far && run.starts.has(k + 1) && time > run.time[k] + 1.5 * run.dt;
+    const share = far && !run.starts.has(k + 1) ? Math.min(Math.max((time - run.time[k]) / after, 0), 1) : 0;
     const of = (columns) => columns && columns.map((column) => [share ? column[k] + share * (column[k + 1] - column[k]) : column[k]]);
     const hip = of(run.hip), apart = of(run.apart);
-    return { hip, apart, force: of(run.force), ihip: apart && hip.map((column, c) => [column[0] + apart[c][0]]), touches: run.touches[k] };
+    return { hip, apart: hole ? null : apart, force: hole ? null : of(run.force), ihip: apart && hip.map((column, c) => [column[0] + apart[c][0]]), touches: hole ? 0 : run.touches[k], hole };
   }
 
   /** A run at so many times, evenly. */
@@ -533,7 +535,7 @@
       });
       this.holder.append(element("div", { class: "keys", "aria-hidden": "true" }, ...(alone ? series.slice(1).map((each) => keyed(each)) : [])));
       if (!tables.length) tables.push([[this.view.start, this.view.end], [null, null]]), series.push({});
-      const data = window.uPlot.join(tables), last = index === this.panels.length - 1;
+      const data = window.uPlot.join(tables, tables.map(() => [0, 2])), last = index === this.panels.length - 1;
       const axis = { stroke: colour("ink"), grid: { stroke: colour("grid"), width: 1 }, ticks: { stroke: colour("grid"), width: 1 }, font: "11px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
       const sync = this.view.key;
       const made = new window.uPlot({
@@ -686,8 +688,8 @@
       for (const [{ now, fine, light }, cells] of this.rows ?? []) {
         cells[0].textContent = now.apart ? inSteps(MM * size(now.apart, 0), fine) : "–";
         cells[1].textContent = now.force ? inSteps(size(now.force, 0), light) : "–";
-        cells[2].textContent = point(now.hip);
-        cells[3].textContent = point(now.ihip);
+        cells[2].textContent = point(!now.hole && now.hip);
+        cells[3].textContent = point(!now.hole && now.ihip);
       }
     }
 

@@ -110,6 +110,24 @@ def test_lines_between_the_samples_are_as_good_as_the_rest():
         assert np.abs(lines - values).max() <= case_data.WITHIN * np.ptp(values, axis=0).max()
 
 
+def test_of_laps_that_samples_cannot_follow_both_ends_are_drawn_and_no_line_leads_across():
+    turn = 2.0 * np.pi * np.arange(40_000) / 500.0
+    hip = 0.1 * np.column_stack([np.cos(turn), np.sin(turn)])
+    run = Recording(np.arange(40_000) * 1e-3, {"hip": hip, "ihip": hip, "force": 0.0 * hip}, {"source": "playback"})
+    (track,) = tracks({"r": run}, {"r": [20.0]})
+    assert len(track.time) < 1100
+    first, last = track.left_out
+    assert first > 0.9
+    assert last < 39.1
+    between = (track.time > first) & (track.time < last)
+    assert track.time[between] == pytest.approx([19.999, 20.0, 20.001])
+    bounds = [0, *track.starts, len(track.time)]
+    assert [b - a for a, b in pairwise(bounds)][1] == 3, "the place of the verdict stands alone"
+    for a, b in pairwise(bounds):
+        middle = 0.5 * (track.hip[a : b - 1] + track.hip[a + 1 : b])
+        assert np.abs(np.linalg.norm(middle, axis=1) - 0.1).max() < 0.001, "lines lie on the circle"
+
+
 def test_between_jumps_the_steps_are_as_small_as_they_were():
     recording = lobe_recording()
     step = steps(recording, recording.ihip)

@@ -411,7 +411,7 @@ def test_a_bench_is_shown_with_its_front_its_answers_and_what_is_not_proven(resu
         "Incomplete: interrupted <by> the user.",
         "circle one step at a time, from Python 0.1 mm within 10 µs a vertices 40 20 µm in 2 µs",
         "circle a whole trajectory at once 1 nm no setting",
-        "b vertices 40 ≤ 20 µm ≤ 30 µm 2e-05° 2e-05 N 2 µs 4 µs 0.4 % – 1.2 MB 100 ms",  # noqa: RUF001
+        "b vertices 40 ≤ 20 µm ≤ 30 µm 2e-5° 2e-5 N 2 µs 4 µs 0.4 % – 1.2 MB 100 ms",  # noqa: RUF001
         "worse: a on the circle, step, 1.5 times what it was",
         "a on the circle, by vertices: ihip 2.00",
         "the exact curve: a on the circle, b on the circle",

@@ -99,7 +99,7 @@ def test_the_share_of_a_bound(value, bound, share):
 
 @pytest.mark.parametrize(
     ("value", "words"),
-    [(1.26, "1.3×"), (48.2, "48×"), (4321.0, "4,300×"), (9e5, "9e5×"), (np.inf, "∞×"), (0.999, "0 % left")],  # noqa: RUF001
+    [(1.26, "1.3×"), (48.2, "48×"), (4321.0, "4300×"), (9e6, "9e6×"), (np.inf, "∞×"), (0.999, "0 % left")],  # noqa: RUF001
 )
 def test_a_margin_reads_well(value, words):
     assert Tile([found(value=value)]).margin == words

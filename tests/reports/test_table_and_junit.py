@@ -196,7 +196,7 @@ def test_a_robot_says_which_dynamics_and_which_inertia_it_has_a_choice_of():
 @pytest.mark.parametrize(
     ("effect", "words"),
     [
-        (Encoder(2.0 * math.pi / 262144), "encoders of 2.397e-05 rad a count (262,144 counts a turn)"),
+        (Encoder(2.0 * math.pi / 262144), "encoders of 2.397e-5 rad a count (262,144 counts a turn)"),
         (VelocityFilter(50.0), "velocity from differences, low-passed at 50 Hz"),
         (Delay(0.0005), "torques 0.5 ms late"),
         (Saturation(0.368), "motors saturate at 0.368 N m"),

@@ -147,6 +147,17 @@ class BenchResults(_Part, frozen=True):
             found.setdefault(each.model, []).append(each)
         return found
 
+    def left_out(self) -> list[str]:
+        """Return a sentence for each renderer and model of which a setting was not measured, with the reason."""
+        found: dict[tuple[str, str, str], list[str]] = {}
+        for each in self.settings:
+            if each.problem is not None:
+                found.setdefault((each.renderer, each.model, each.problem), []).append(each.label)
+        return [
+            f"{labels[0] if len(labels) == 1 else f'{name} ({len(labels)} settings)'} on the {model}: {problem}"
+            for (name, model, problem), labels in found.items()
+        ]
+
 
 def beside(
     results: BenchResults, samples: Samples, before: BenchResults, earlier: Samples

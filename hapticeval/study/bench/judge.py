@@ -83,17 +83,6 @@ def unproven(results: BenchResults) -> Iterator[str]:
             )
 
 
-def left_out(results: BenchResults) -> Iterator[str]:
-    """Yield a sentence for each renderer and model of which a setting was not measured, with the reason."""
-    found: dict[tuple[str, str, str], list[str]] = {}
-    for each in results.settings:
-        if each.problem is not None:
-            found.setdefault((each.renderer, each.model, each.problem), []).append(each.label)
-    for (renderer, model, problem), labels in found.items():
-        name = labels[0] if len(labels) == 1 else f"{renderer} ({len(labels)} settings)"
-        yield f"{name} on the {model}: {problem}"
-
-
 def front(times: Sequence[float], errors: Sequence[float]) -> list[int]:
     """Return the indices of settings that none beats in both time and error, from the quickest to the most accurate.
 

@@ -7,7 +7,7 @@ from functools import partial
 
 from hapticeval import quantity
 from hapticeval.study.bench.document import BenchResults, Change, SettingEntry
-from hapticeval.study.bench.judge import left_out, unproven
+from hapticeval.study.bench.judge import unproven
 
 length, duration = partial(quantity.length, micro="u"), partial(quantity.duration, micro="u")
 """On a terminal, units are spelt as options take them."""
@@ -60,10 +60,10 @@ def _tables(results: BenchResults) -> Iterator[str]:
 
 
 def _left_out(results: BenchResults) -> Iterator[str]:
-    sentences = list(left_out(results))
-    if sentences:
-        yield "Not measured:"
-        yield from (f"   {each}" for each in sentences)
+    for number, sentence in enumerate(results.left_out()):
+        if number == 0:
+            yield "Not measured:"
+        yield f"   {sentence}"
 
 
 def _kept(results: BenchResults) -> str:
