@@ -130,7 +130,8 @@ def laps(hip: Array, size: float) -> list[tuple[int, int, int]]:
         alike = _alike(hip, row, period, near) if period > 2 else 0
         number = 1 + (alike - 1) // period if alike > 0 else 0
         if number >= 2:
-            found.append((row, period, number))
+            if np.ptp(hip[row : row + period], axis=0).max() > near:  # else it rests, astride two cells
+                found.append((row, period, number))
             row += number * period
         else:  # of the rows that are alike none begins a second lap either, in that period
             end = row + alike
