@@ -71,7 +71,7 @@ def length(metres: float, *, micro: str = "µ") -> str:
         ((u, s) for u, s in (("mm", 1e3), (f"{micro}m", 1e6), ("nm", 1e9)) if metres * s >= 0.0995), ("pm", 1e12)
     )
     value = metres * scale
-    return f"{number(value, 2 if value < 99.5 else 4)} {unit}"
+    return f"{number(value, 2) if value < 99.5 else number(round(value))} {unit}"
 
 
 def duration(seconds: float, *, micro: str = "µ") -> str:

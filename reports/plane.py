@@ -95,7 +95,7 @@ def name_axes(axes: Axes, shown: tuple[int, int], dimension: int) -> None:
     first, second = ("₁₂₃"[axis] for axis in shown)
     along = f", seen along y{'₁₂₃'[3 - sum(shown)]}" if dimension == 3 else ""
     axes.set(xlabel=f"y{first} (mm){along}", ylabel=f"y{second} (mm)")
-    axes.yaxis.set_label_coords(-0.1, 0.5)
+    axes.yaxis.set_label_coords(-0.13, 0.5)
 
 
 def labels(numbers: Sequence[int], places: Sequence[Array], near: float) -> list[tuple[Array, str]]:

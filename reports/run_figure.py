@@ -45,6 +45,9 @@ STACKED: tuple[Place, Place, Place] = (
 )
 """Where plane, force and what is below it lie: side by side on paper, one above the other on a page."""
 
+ASIDE = 0.44
+"""Inches from an axis to its label: numbers of five characters lie between."""
+
 HEIGHT, LINE = 3.7, 0.16
 """Inches of a figure under a title of one line, and of each further one."""
 
@@ -115,7 +118,8 @@ def _frame(made: Figure, places: Sequence[Place]) -> Frame:
     force.tick_params(labelbottom=False)
     below.set_xlabel("time (s)")
     for axes in (force, below):
-        axes.yaxis.set_label_coords(-0.12, 0.5)
+        axes.yaxis.set_label_coords(-ASIDE / (axes.get_position().width * made.get_figwidth()), 0.5)
+        axes.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
         axes.grid(True)
     return plane, force, below
 

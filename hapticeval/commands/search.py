@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +16,9 @@ from hapticeval.errors import InputError, UnknownNameError
 if TYPE_CHECKING:
     from hapticeval.search.counterexample import Kept
     from hapticeval.search.seeds import Hunt, Hunted
+
+PICTURES = 20.0
+"""Seconds in which the pictures of a renderer's counterexamples begin: what is slow, or hangs, ends there."""
 
 EXIT_CODES = """\b
 Exit codes:
@@ -39,8 +43,22 @@ def search(
             help="Only on this model, as in star:points=6, or a WKT or GeoJSON file; may be repeated.",
         ),
     ] = None,
+    dimension: Annotated[
+        int | None,
+        option(
+            "--dimension",
+            metavar="N",
+            help="On models in the plane (2), or on meshes and surfaces in space (3). "
+            "Without it 3 for a renderer that declares space alone, else 2.",
+            min=2,
+            max=3,
+        ),
+    ] = None,
     seconds: Annotated[
-        float, typer.Option("--seconds", metavar="S", help="Time for each renderer, without the pictures.", min=0.1)
+        float,
+        typer.Option(
+            "--seconds", metavar="S", help="Time for each renderer, without its pictures: up to 20 s.", min=0.1
+        ),
     ] = 60.0,
     examples: Annotated[
         int | None, option("--examples", metavar="N", help="End after so many examples, if the time lasts.", min=1)
@@ -76,6 +94,7 @@ def search(
       hapticeval search -r mine:Renderer
       hapticeval search -r mine:Renderer --check continuous-contact --model cassinian --seconds 10
       hapticeval search -r constraint -r minimum-distance --seed 7 -o found
+      hapticeval search -r mine:InSpace --dimension 3
       hapticeval search -r mine:Renderer --seeds 16 --scheduler tcp://10.0.0.1:8786
       hapticeval search --replay found -r mine:Renderer
       hapticeval run found/constraint/continuous-contact.toml -r constraint
@@ -83,7 +102,9 @@ def search(
     raise typer.Exit(
         _replay(replay, renderers)
         if replay is not None
-        else _search(renderers, checks, models, seconds, examples, directory, range(seed, seed + seeds), scheduler)
+        else _search(
+            renderers, checks, models, dimension, seconds, examples, directory, range(seed, seed + seeds), scheduler
+        )
     )
 
 
@@ -91,6 +112,7 @@ def _search(
     renderers: list[str] | None,
     checks: list[str] | None,
     models: list[str] | None,
+    dimension: int | None,
     seconds: float,
     examples: int | None,
     directory: Path,
@@ -116,6 +138,8 @@ def _search(
         if CHECKS[check].needs_closed_form:
             raise InputError(f"--check {check}", why="it compares with a closed form, which only a case can name")
     asked = tuple(checks or judgeable())
+    if models and dimension is not None:
+        raise InputError("--dimension and --model", why="a model has a dimension", todo="give one of the two")
     on = [plain(model_named(text).table, "model") for text in models or ()]
     known = read_all(directory) if directory.is_dir() else []
     names = dict.fromkeys(renderers)
@@ -128,7 +152,7 @@ def _search(
         def progress(done: float, what: str) -> None:
             terminal.searching(done, seconds, what)
 
-        all_asked = [Hunt(name, asked, on, known, seconds, examples) for name in names]
+        all_asked = [Hunt(name, asked, on, known, seconds, examples, dimension or _dimension(name)) for name in names]
         begun = time.monotonic()
         if len(seeds) > 1 or scheduler is not None:
             terminal.line(f"searching with {plural(len(seeds), 'seed')} for what breaks {', '.join(names)}")
@@ -153,19 +177,34 @@ def _search(
     return max(codes)
 
 
+def _dimension(renderer: str) -> int:
+    """Return 3 for a renderer whose factory declares that it is for models in space alone, else 2."""
+    from hapticeval.discovery import resolve
+    from hapticeval.renderer import choices_of
+    from hapticeval.scene import PLANE, SPACE
+
+    declared = choices_of(resolve(renderer)).supports or frozenset()
+    return 3 if SPACE in declared and PLANE not in declared else 2
+
+
 def _written(hunt: Hunt, made: Hunted, directory: Path, took: float) -> int:
     """Write what was found of one renderer, print it, and return the exit code."""
     from hapticeval.search.counterexample import line, notes, write
+    from hapticeval.search.hunt import deadline
     from hapticeval.search.trial import RENDERER
 
-    written = []
-    for each in made.found:
-        files = write(each, directory)
-        written += [files[0], *_picture(each, files[0])]
+    written, bare = [], []
+    suites = [write(each, directory)[0] for each in made.found]
+    over = deadline(PICTURES, lambda: False)
+    for each, suite in zip(made.found, suites, strict=True):
+        pictures = _picture(each, suite, over)
+        written += [suite, *(pictures or ())]
+        bare += [] if pictures is not None else [each.fault.check]
     say(
         paragraphs(
             lines("\n  ".join([f"{hunt.renderer}: {line(each)}", *notes(each)]) for each in made.found),
             _told(hunt, made, took),
+            f"no picture, for its time was over, of: {', '.join(bare)}" if bare else "",
             wrote(written),
         )
     )
@@ -192,17 +231,23 @@ def _told(hunt: Hunt, made: Hunted, took: float) -> str:
     return lines([tried, *(f"{words}: {', '.join(names)}" for words, names in said if names)])
 
 
-def _picture(made: Kept, suite: Path) -> list[Path]:
-    """Draw what the renderer does in a counterexample beside its suite; nothing where it breaks."""
+def _picture(made: Kept, suite: Path, over: Callable[[], bool]) -> list[Path] | None:
+    """Draw what the renderer does in a counterexample beside its suite; nothing where it breaks.
+
+    None where the time is `over` before the renderer has answered.
+    """
     from hapticeval.reports.canvas import save_figure
     from hapticeval.reports.run_figure import Mark, run_figure
     from hapticeval.search.counterexample import line
-    from hapticeval.search.trial import RENDERER, Bench, recorded
+    from hapticeval.search.trial import RENDERER, Bench, Stopped, recorded
 
     if made.fault.check == RENDERER:
         return []
-    with Bench(made.renderer, made.seed, lambda: False) as bench:
-        recording = bench.asked(made.case, recorded, made.case)
+    try:
+        with Bench(made.renderer, made.seed, over) as bench:
+            recording = bench.asked(made.case, recorded, made.case)
+    except Stopped:
+        return None
     if recording is None:
         return []
     marks = [] if made.fault.time is None else [Mark(1, made.fault.time, True)]

@@ -1,14 +1,15 @@
 """Counterexamples as files: a suite of one case with its path, which anyone can run, and what a later search needs.
 
 A case lies below the folder of a search as RENDERER/CHECK.toml, with CHECK.csv beside it where the hand is led along a
-path, and CHECK.json, which holds the same case as moves, what it breaks, and how it was found.
+path, CHECK.ply where the model is a mesh that was drawn, and CHECK.json, which holds the same case as moves, what it
+breaks, and how it was found.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
@@ -86,16 +87,16 @@ def kept(found: Found, renderer: str, seed: int) -> Kept:
 def line(made: Kept) -> str:
     """Return a counterexample in one line: what breaks, on how small a case, after how many examples."""
     fault = made.fault
-    what = f"{fault.check}: {fault.message}"
+    what = f"{fault.check}: {fault.message};"
     if fault.check == JUMPS and fault.value is not None and fault.kind in ("mini", "major"):
         what = f"{'mini ' * (fault.kind == 'mini')}pop-through of {length(fault.value)}"
     elif fault.check == RENDERER:
-        what = fault.message
+        what = f"{fault.message};"
     many = f"after {made.examples} example{'s' * (made.examples != 1)}"
     if made.trajectory is None:
         assert made.experiment is not None
-        return f"{what}; in an experiment of {quantity(made.experiment.duration, 's')}, {many}"
-    return f"{what}{';' * what.startswith(fault.check)} on a path of {length(made.trajectory.length)}, {many}"
+        return f"{what} in an experiment of {quantity(made.experiment.duration, 's')}, {many}"
+    return f"{what} on a path of {length(made.trajectory.length)}, {many}"
 
 
 def notes(made: Kept) -> list[str]:
@@ -122,6 +123,8 @@ def write(made: Kept, folder: FilePath) -> list[FilePath]:
             ",".join(map(repr, [t, *point])) for t, point in zip(path.time.tolist(), path.points.tolist(), strict=True)
         ]
         files[f"{name}.csv"] = "\n".join([f"t,{axes}", *rows, ""])
+    if _drawn_mesh(made.model):
+        files[f"{name}.ply"] = _ply(made.model["vertices"], made.model["triangles"])
     for file, text in files.items():
         with replacing(place / file) as temporary:
             temporary.write_text(text, encoding="utf-8")
@@ -207,7 +210,7 @@ def _suite(made: Kept, name: str) -> str:
         "name": name,
         "title": f"What breaks {made.renderer}",
         "shows": shows,
-        "model": made.model,
+        "model": {"kind": "mesh", "file": f"{name}.ply", "unit": "m"} if _drawn_mesh(made.model) else made.model,
         "scene": made.scene,
         "checks": list(made.checks),
     }
@@ -224,6 +227,25 @@ def _suite(made: Kept, name: str) -> str:
         "",
     ]
     return "\n".join(text)
+
+
+def _drawn_mesh(model: Mapping[str, Any]) -> bool:
+    """Whether a model is a mesh whose triangles stand in its table, in metres."""
+    return model["kind"] == "mesh" and "vertices" in model and model.get("unit", "m") == "m"
+
+
+def _ply(vertices: Sequence[Sequence[float]], triangles: Sequence[Sequence[int]]) -> str:
+    """Return a mesh as a PLY file, with all digits."""
+    return "\n".join(
+        [
+            *("ply", "format ascii 1.0", f"element vertex {len(vertices)}"),
+            *(f"property double {axis}" for axis in "xyz"),
+            *(f"element face {len(triangles)}", "property list uchar int vertex_indices", "end_header"),
+            *(" ".join(map(repr, vertex)) for vertex in vertices),
+            *(" ".join(map(str, (len(corners), *corners))) for corners in triangles),
+            "",
+        ]
+    )
 
 
 def _toml(value: Any) -> str:

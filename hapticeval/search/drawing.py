@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from typing import Any
 
 from hypothesis import strategies as st
@@ -14,21 +14,29 @@ from hapticeval.geometry.model import Model
 from hapticeval.phenomena.check import Check, Situation
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.runner.work import derived_seed
+from hapticeval.stimulus.experiments import ExperimentTable
+from hapticeval.stimulus.moves import Moves
 from hapticeval.suite.case import Case
 
-MODELS: tuple[dict[str, Any], ...] = (
-    {"kind": "star"},
-    {"kind": "ellipse", "ratio": 20.0, "size": 0.05},
-    {"kind": "circle"},
-    {"kind": "cassinian"},
-    {"kind": "ellipse"},
-    {"kind": "dumbbell"},
-)
-"""Models that are tried first: with corners, and smooth. The medial axis of the sharp ellipse comes to a sixteenth of a
-millimetre of its surface, so that a path that crosses it may be short."""
+MODELS: dict[int, tuple[dict[str, Any], ...]] = {
+    2: (
+        {"kind": "star"},
+        {"kind": "ellipse", "ratio": 20.0, "size": 0.05},
+        {"kind": "circle"},
+        {"kind": "cassinian"},
+        {"kind": "ellipse"},
+        {"kind": "dumbbell"},
+    ),
+    3: ({"kind": "cube"}, {"kind": "sphere"}, {"kind": "l-block"}, {"kind": "icosphere"}, {"kind": "torus"}),
+}
+"""Models that are tried first, by dimension: with corners, and smooth; in space meshes and surfaces.
+
+The medial axis of the sharp ellipse comes to a sixteenth of a millimetre of its surface, so that a path that crosses it
+may be short.
+"""
 
 PATHS, PUSHES = 8, 4
-"""Paths and experiments that are drawn at a time on one model, beside a way of more than a lap round it."""
+"""Paths and experiments that are drawn at a time on one model, beside two laps round it."""
 
 MORE = 4
 """Models that are drawn beside those in each round after the first."""
@@ -52,47 +60,73 @@ def judgeable() -> tuple[str, ...]:
     return tuple(name for name, check in CHECKS.items() if not check.needs_closed_form and not check.holds)
 
 
-def first_models(models: Sequence[Model]) -> tuple[Model, ...]:
-    """Return the models that are tried in each round: those that are given, or those of `MODELS`."""
-    return tuple(models) or tuple(make_model(**each) for each in MODELS)
+def first_models(models: Sequence[Model], dimension: int = 2) -> tuple[Model, ...]:
+    """Return the models that are tried in each round: those that are given, or those of `MODELS` in that dimension."""
+    return tuple(models) or tuple(make_model(**each) for each in MODELS[dimension])
 
 
-def drawn(models: Sequence[Model], checks: Sequence[str], seed: int, refused: Container[str] = ()) -> Iterator[Case]:
+def drawn(
+    models: Sequence[Model],
+    checks: Sequence[str],
+    seed: int,
+    refused: Container[str] = (),
+    *,
+    dimension: int = 2,
+    call: Callable[..., Any] = lambda function, *arguments: function(*arguments),
+) -> Iterator[Case]:
     """Yield cases without end, by turns on each model; without `models` on those of the catalogue, and on drawn ones.
 
     `checks` and `refused`, tables of models as text, are looked at each time, so that what has been found need not be
     looked for any more, and nothing is drawn on a model that the renderer does not take. Paths are for those of
-    them that a led hand shows, and experiments for those that need a closed loop.
+    them that a led hand shows, and experiments for those that need a closed loop. Drawing takes seconds, and is done by
+    `call`, with a function and its arguments.
     """
-    fixed = first_models(models)
+    fixed = [dict(model.table) for model in first_models(models, dimension)]
     number = 0
     while True:
-        more = [] if models or number == 0 else _examples(strategies.plane_models(), MORE, seed, "models", number)
+        more = [] if models or number == 0 else call(_more, dimension, seed, number)
         for at, model in enumerate((*fixed, *more)):
-            if repr(model.table) not in refused:
-                yield from _on(model, checks, seed, number, at)
+            if repr(model) in refused:
+                continue
+            for_paths = [name for name in checks if led(CHECKS[name])]
+            for moves in call(_paths, model, seed, number, at) if for_paths else ():
+                asked = tuple(name for name in for_paths if name in checks)
+                if asked:
+                    yield _case(model, asked, trajectory=moves)
+            if all(led(CHECKS[name]) for name in checks):
+                continue
+            for scene, push in call(_pushes, model, seed, number, at):
+                asked = tuple(name for name in checks if not led(CHECKS[name]))
+                if asked:
+                    yield _case(model, asked, experiment=push, scene=scene)
         number += 1
 
 
-def _on(model: Model, checks: Sequence[str], seed: int, number: int, at: int) -> Iterator[Case]:
-    for_paths = [name for name in checks if led(CHECKS[name])]
-    if for_paths:
-        found = _examples(strategies.hand_paths(model), PATHS, seed, "paths", number, at)
-        curve = as_curve(model.boundary)
-        if curve is not None and curve.closed:
-            found += _examples(strategies.laps(model), number + 1, seed, "laps", number, at)[-1:]
-        for moves in found:
-            asked = tuple(name for name in for_paths if name in checks)
-            if asked:
-                yield _case(model, asked, trajectory=moves)
-    if any(not led(CHECKS[name]) for name in checks):
-        pushed = st.fixed_dictionaries(GAINS).flatmap(
-            lambda scene: st.tuples(st.just(scene), strategies.pushes(model, bilateral=scene["bilateral"]))
-        )
-        for scene, push in _examples(pushed, PUSHES, seed, "pushes", number, at):
-            asked = tuple(name for name in checks if not led(CHECKS[name]))
-            if asked:
-                yield _case(model, asked, experiment=push, scene=scene)
+def _more(dimension: int, seed: int, number: int) -> list[dict[str, Any]]:
+    """Draw models of that dimension."""
+    kinds = strategies.plane_models() if dimension == 2 else strategies.meshes()
+    return [dict(model.table) for model in _examples(kinds, MORE, seed, "models", number)]
+
+
+def _paths(table: dict[str, Any], seed: int, number: int, at: int) -> list[Moves]:
+    """Draw paths on a model: of a plane one also laps, of which the simplest is drawn once."""
+    model = make_model(**table)
+    found = _examples(strategies.hand_paths(model), PATHS, seed, "paths", number, at)
+    curve = as_curve(model.boundary)
+    if curve is not None and curve.closed:
+        pointed = any(corner.convex for corner in curve.corners)
+        for past in (False, True) if pointed else (False,):
+            found += _examples(strategies.laps(model, past=past), min(number, 1) + 1, seed, "laps", number, at)[-1:]
+    return found
+
+
+def _pushes(table: dict[str, Any], seed: int, number: int, at: int) -> list[tuple[dict[str, Any], ExperimentTable]]:
+    """Draw experiments on a model, each with what it has of a scene."""
+    model = make_model(**table)
+    pushed = st.fixed_dictionaries(GAINS).flatmap(
+        lambda scene: st.tuples(st.just(scene), strategies.pushes(model, bilateral=scene["bilateral"]))
+    )
+    return _examples(pushed, PUSHES, seed, "pushes", number, at)
 
 
 def _examples(strategy: st.SearchStrategy[Any], count: int, seed: int, *where: object) -> list[Any]:
@@ -100,5 +134,7 @@ def _examples(strategy: st.SearchStrategy[Any], count: int, seed: int, *where: o
     return strategies.examples(strategy, count, seed=derived_seed(seed, *where))
 
 
-def _case(model: Model, checks: tuple[str, ...], **entries: Any) -> Case:
-    return Case(name="drawn", title=f"Drawn on model '{model.name}'", model=model.table, checks=checks, **entries)
+def _case(table: dict[str, Any], checks: tuple[str, ...], **entries: Any) -> Case:
+    return Case(
+        name="drawn", title=f"Drawn on a model of kind '{table['kind']}'", model=table, checks=checks, **entries
+    )

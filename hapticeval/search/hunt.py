@@ -64,7 +64,7 @@ class Found:
 
 @dataclass
 class Search:
-    """A search for what one renderer breaks: `checks` in turn, on `models` or on those that come with the package.
+    """A search for what one renderer breaks: `checks` in turn, on `models` or on those of that `dimension`.
 
     `known` are cases of earlier searches, tried first, with the number of examples after which each was met; `report`
     gets a line at each step. After `run`, `found` has what was found by check, `tried` how many cases were drawn,
@@ -79,6 +79,7 @@ class Search:
     known: Iterable[tuple[Case, int]] = ()
     most: int | None = None
     report: Callable[[str], None] | None = None
+    dimension: int = 2
     found: dict[str, Found] = field(default_factory=dict)
     tried: int = 0
     judged: Counter[str] = field(default_factory=Counter)
@@ -92,7 +93,7 @@ class Search:
         left = list(self.checks)
         taken = False
         refusing: set[str] = set()
-        models = len(first_models(self.models))
+        models = len(first_models(self.models, self.dimension))
         last: tuple[str, bool] | None = None
         try:
             for case, before in self._cases(left, refusing):
@@ -131,7 +132,8 @@ class Search:
             asked = tuple(name for name in case.checks if name in left)
             if asked:
                 yield replace(case, checks=asked), examples
-        yield from ((case, None) for case in drawn(self.models, left, self.seed, refusing))
+        draws = drawn(self.models, left, self.seed, refusing, dimension=self.dimension, call=self.bench.aside)
+        yield from ((case, None) for case in draws)
 
     def _enough(self, name: str) -> bool:
         """Whether a check need not be looked for any more."""

@@ -23,7 +23,7 @@ from hapticeval.workers import Ended, LostError
 
 class Hunt(NamedTuple):
     """What to search: `renderer`, by its name, for failures of `checks`, on `models`, as `make_model` takes them, or
-    on those that come with the package.
+    on those of a `dimension` that come with the package.
 
     It ends after so many `seconds` or, if given, `examples`. What is `known` of earlier searches is tried first.
     """
@@ -34,6 +34,7 @@ class Hunt(NamedTuple):
     known: Sequence[Kept]
     seconds: float
     examples: int | None
+    dimension: int = 2
 
 
 class Hunted(NamedTuple):
@@ -70,7 +71,7 @@ def hunted(
     with Bench(hunt.renderer, seed, over) as bench:
         known = [(each.case, each.examples) for each in hunt.known]
         models = [make_model(**each) for each in hunt.models]
-        made = Search(bench, hunt.checks, seed, models, known=known, most=hunt.examples, report=report)
+        made = Search(bench, hunt.checks, seed, models, known, hunt.examples, report=report, dimension=hunt.dimension)
         made.run()
     found = [kept(each, hunt.renderer, seed) for each in made.found.values()]
     return Hunted(found, made.judged, made.tried, bench.tried, made.refused, made.finished)

@@ -31,7 +31,7 @@ SPEEDS = (0.05, 0.1, 0.02, 0.01, 0.2, 0.5)
 """Round speeds (m/s) of even moves, the first that the fault survives: at 1 kHz 50 um a tick and so on."""
 
 LONG = 0.3
-"""Length (m) from which on a path is first made as fast as it may be: each case that is tried takes as long as it."""
+"""Length (m) from which on a path is made as fast as it may be, and before anything else."""
 
 WORTH = 0.98
 """A way counts as shorter below this share of the one before."""
@@ -73,6 +73,9 @@ class Shrink:
         """Shrink until nothing makes it smaller, and return True, or until `most` cases were tried in all."""
         self._most = most
         if isinstance(self.case.trajectory, Moves):
+            self._first(_cut(self))
+            if size_of(self.case) > LONG:  # each case that is tried takes as long as its path
+                self._first(_even)
             self._fixpoint(_steady, _cut(self), _fewer, _even, self._shorter)
             self._fixpoint(_fewer_vertices, _fewer, self._shorter)
             # Bounds go with the HIP's steps: what is left of a fault on a shorter path, a slower hand shows.
@@ -273,7 +276,7 @@ def _even(case: Case) -> Iterator[Case]:
         return
     points = _points(moves)
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    for speed in (*(SPEEDS if moves.length < LONG else sorted(SPEEDS, reverse=True)), None):
+    for speed in (*_speeds(moves), None):
         made = tuple(
             replace(
                 move,
@@ -311,13 +314,19 @@ def _points_on_grid(case: Case) -> Iterator[Case]:
 
 
 def _slow(case: Case) -> Iterator[Case]:
-    """Give all even moves the lowest of the round speeds."""
-    yield from _at_speeds(case, [min(SPEEDS)])
+    """Give all even moves of a path that is not long the lowest of the round speeds."""
+    if size_of(case) < LONG:
+        yield from _at_speeds(case, [min(SPEEDS)])
 
 
 def _paced(case: Case) -> Iterator[Case]:
     """Give all even moves one round speed."""
-    yield from _at_speeds(case, SPEEDS)
+    yield from _at_speeds(case, _speeds(_moves(case)))
+
+
+def _speeds(moves: Moves) -> Sequence[float]:
+    """Return the round speeds in the order in which they are tried."""
+    return SPEEDS if moves.length < LONG else sorted(SPEEDS, reverse=True)
 
 
 def _at_speeds(case: Case, speeds: Sequence[float]) -> Iterator[Case]:

@@ -9,16 +9,18 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 
 from hapticeval.discovery import resolve
-from hapticeval.errors import RendererError, kind_of
+from hapticeval.errors import RendererError, caught_in, kind_of
 from hapticeval.phenomena.verdict import Level, Outcome
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import RendererFactory
 from hapticeval.runner.judging import judge
 from hapticeval.runner.work import seed_all
+from hapticeval.stimulus.moves import Moves
 from hapticeval.suite.case import Case
-from hapticeval.workers import Ended, Workers
+from hapticeval.workers import Ended, Overdue, Workers
 
 T = TypeVar("T")
 
@@ -28,7 +30,7 @@ RENDERER = "renderer"
 SUITE = "search"
 
 FIRST, LATER = 30.0, 10.0
-"""Seconds that a renderer may take for the first case on a model, which it may prepare, and for any other.
+"""Seconds that a renderer may take at least for the first case on a model, which it may prepare, and for any other.
 
 Seconds in which its process waits for a processor do not count: others use the machine then.
 """
@@ -36,8 +38,8 @@ Seconds in which its process waits for a processor do not count: others use the 
 FEWEST = 2.0
 """Seconds that it gets at least once it is known how long it takes."""
 
-SLOWER = 20.0
-"""How much longer than for any case before a renderer takes that hangs."""
+SLOWER = 5.0
+"""How much longer than for any case before, for each second of its path or experiment, a renderer takes that hangs."""
 
 AGAIN = 3.0
 """The same, where its process is new, as after a hang, and it has to prepare the model again."""
@@ -92,6 +94,7 @@ class Bench:
         self._prepared: dict[str, float] = {}
         self._warm: set[str] = set()
         self._slowest = 0.0
+        self._drawing: Workers[Any] | None = None
         self.tried = 0
 
     def __enter__(self) -> Bench:
@@ -99,6 +102,8 @@ class Bench:
 
     def __exit__(self, *_: object) -> None:
         self._end()
+        if self._drawing is not None:
+            self._drawing.__exit__(None, None, None)
 
     def __call__(self, case: Case) -> Tried:
         """Return what comes of a case. Raises `Stopped`, and whatever stops the search itself."""
@@ -114,16 +119,30 @@ class Bench:
         found = self._asked(case, function, *arguments)
         return None if isinstance(found, Fault) else found
 
+    def aside(self, function: Callable[..., T], *arguments: Any) -> T:
+        """Return what a function gives that no renderer takes part in, in another process: the end ends it as well.
+
+        Raises `Stopped`, and what the function raises.
+        """
+        if self._over():
+            raise Stopped
+        if self._drawing is None:
+            self._drawing = Workers(_called, 1)
+        self._drawing.begin(0, function, *arguments)
+        while not (found := self._drawing.answers(POLL)):
+            if self._over():
+                raise Stopped
+        if found[0].error is not None:
+            raise found[0].error
+        return cast("T", found[0].value)
+
     def _asked(self, case: Case, function: Callable[..., T], *arguments: Any) -> T | Fault:
         """Return what a function gives, or the fault of a renderer that dies or hangs in it."""
         if self._over():  # answers may come faster than one is waited for
             raise Stopped
         model = repr(case.model)
-        patience = FIRST
-        if model in self._warm:
-            patience = min(LATER, max(FEWEST, SLOWER * self._slowest)) if self._slowest else LATER
-        elif model in self._prepared:
-            patience = min(FIRST, max(FEWEST, AGAIN * self._prepared[model]))
+        prepared = 0.0 if model in self._warm else self._prepared.get(model)
+        patience = patience_for(_seconds(case), self._slowest, prepared)
         if self._workers is None:
             self._workers = Workers(_called, 1)
         self._workers.begin(0, function, self._renderer, self._seed, *arguments)
@@ -138,15 +157,17 @@ class Bench:
                     raise answer.error
                 took = time.monotonic() - begun - waited
                 if model in self._warm:
-                    self._slowest = max(self._slowest, took)
+                    self._slowest = max(self._slowest, took / _seconds(case))
                 else:
                     self._prepared[model] = took
                     self._warm.add(model)
                 return cast("T", answer.value)
             waited = self._workers.starved(0) - starved
-            if time.monotonic() - begun - waited > patience:
+            for answer in self._workers.give_up(patience):
                 self._end()
-                return Fault(RENDERER, "hangs", f"the renderer gives no answer in {patience:.3g} s")
+                place = caught_in(answer.error.stack) if isinstance(answer.error, Overdue) else ""
+                said = f"the renderer gives no answer in {patience:.3g} s{place and f': it is {place}'}"
+                return Fault(RENDERER, "hangs", said)
             if self._over():
                 self._end()
                 raise Stopped
@@ -156,6 +177,19 @@ class Bench:
             self._workers.__exit__(None, None, None)
             self._workers = None
             self._warm.clear()
+
+
+def patience_for(seconds: float, slowest: float, prepared: float | None) -> float:
+    """Return how many seconds a renderer is given for a case of so many `seconds`.
+
+    `slowest` is the longest that it took before for a second of a case, 0.0 if it has answered none on a model that
+    it knew; `prepared` what the first case on that model took in another process, 0.0 in this one, None if there was
+    none.
+    """
+    expected = SLOWER * slowest * seconds
+    if prepared is None:
+        return max(FIRST, expected)
+    return max(FEWEST if slowest or prepared else LATER, expected, AGAIN * prepared)
 
 
 def _called(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -199,10 +233,17 @@ def _try(renderer: str, seed: int, case: Case) -> Tried:
     return Tried(tuple(faults), {verdict.check: str(verdict.outcome) for verdict in judged.verdicts})
 
 
+def _seconds(case: Case) -> float:
+    """Return how long the path of a case, or its experiment, takes, s; a tenth at least, as much besides costs time."""
+    if isinstance(case.trajectory, Moves):
+        return max(0.1, case.trajectory.seconds)
+    return 1.0 if case.experiment is None else max(0.1, case.experiment.duration)
+
+
 def recorded(renderer: str, seed: int, case: Case) -> Recording | None:
     """Return what the renderer does in a case; None where it breaks."""
     seed_all(seed)
-    return judge(factory_of(renderer), renderer, SUITE, case).recording
+    return judge(factory_of(renderer), renderer, SUITE, replace(case, checks=())).recording
 
 
 def _broken(error: RendererError, case: Case) -> Fault:

@@ -168,6 +168,8 @@ def test_laps_are_found_both_ways_and_only_where_there_are_two():
     assert laps(hip, 0.2) == [(100, 200, 3), (700, 200, 3)]
     assert laps(loop(lap=0.2004).sampled(1e-3)[1], 0.2) == [], "laps that miss each other's samples are none"
     assert laps(np.zeros((500, 2)), 0.2) == [], "a hand at rest"
+    still = 1e-11 * np.tile(np.arange(26.0), 20)[:, np.newaxis] * [1.0, 0.0]
+    assert laps(still, 0.2) == [], "a hand that rests to a tenth of a nanometre"
     there = np.linspace(0.0, 1.0, 101)[:, None] * [1.0, 0.0]
     assert laps(np.vstack([there, there[::-1]]), 0.2) == [], "there and back is no lap"
     assert laps(np.zeros((2, 2)), 0.2) == []

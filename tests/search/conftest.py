@@ -73,6 +73,25 @@ class Stale(Nearest):
         answer, self.last = (self.last if self.tick % 50 == 0 else answer), answer
         return answer
 
+class SecondLap(Nearest):
+    """Half as stiff at one corner, from the second lap on."""
+    def reset(self, hip):
+        self.angle, self.turned = None, 0.0
+    def step(self, hip, velocity, dt):
+        ihip, force = super().step(hip, velocity, dt)
+        angle = np.arctan2(ihip[1], ihip[0])
+        self.turned += 0.0 if self.angle is None else (angle - self.angle + np.pi) % (2.0 * np.pi) - np.pi
+        self.angle = angle
+        corner = self.scene.model.boundary.corners[2].position
+        wrong = abs(self.turned) > 2.0 * np.pi and np.linalg.norm(ihip - corner) < 4e-3
+        return Response(ihip, 0.5 * force if wrong else force)
+
+class InPlane(Nearest):
+    supports = frozenset({"plane"})
+
+class InSpace(Nearest):
+    supports = frozenset({"space"})
+
 class Refuses:
     def __init__(self, scene):
         from hapticeval import RefusalError

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import json
+import time
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
-from hapticeval import cli
+from hapticeval import cli, strategies
+from hapticeval.commands.search import _picture
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.runner.judging import judge
 from hapticeval.search import seeds, trial
 from hapticeval.search.counterexample import kept, line, listed, notes, read_all, write
-from hapticeval.search.drawing import drawn, judgeable, led
+from hapticeval.search.drawing import MODELS, drawn, judgeable, led
 from hapticeval.search.hunt import Search
 from hapticeval.search.seeds import Hunt, hunts
 from hapticeval.search.shrink import size_of
@@ -114,14 +117,16 @@ def test_a_search_that_is_stopped_keeps_the_smallest_so_far():
         return counts["left"] < 0
 
     with Bench("minimum-distance", 0, over) as bench:
-        inner = bench.__class__.__call__
 
-        def counted(case):
-            if over():
-                raise Stopped
-            return inner(bench, case)
+        class Counted:
+            aside, asked = bench.aside, bench.asked
 
-        made = Search(counted, [JUMP], 0, report=report)
+            def __call__(self, case):
+                if over():
+                    raise Stopped
+                return bench(case)
+
+        made = Search(Counted(), [JUMP], 0, report=report)
         made.run()
     assert not made.finished
     assert not made.found[JUMP].complete
@@ -165,6 +170,99 @@ def test_a_renderer_that_breaks_is_a_counterexample_and_shrinks(mine, monkeypatc
     found = searched(f"mine:{name}", ["contact-kept"]).found[RENDERER]
     assert kind in found.fault.kind
     assert len(found.case.trajectory.moves) <= 2
+    if name == "Hangs":
+        sleeps = (mine / "mine.py").read_text().splitlines().index("        time.sleep(3600)") + 1
+        said = f"it is in mine.py, line {sleeps}, in bad: time.sleep(3600); on a path of"
+        made = kept(found, "mine:Hangs", 0)
+        assert said in line(made)
+        assert said in write(made, mine)[0].read_text()
+
+
+def test_a_hang_is_told_from_a_slow_renderer_by_how_long_the_path_is():
+    assert trial.patience_for(4.0, 0.0, None) == trial.FIRST
+    assert trial.patience_for(4.0, 0.0, 0.0) == trial.LATER
+    assert trial.patience_for(4.0, 1e-3, 0.0) == trial.FEWEST
+    assert trial.patience_for(20.0, 1.0, 0.0) == 20.0 * trial.SLOWER
+    assert trial.patience_for(0.1, 0.1, 5.0) == 5.0 * trial.AGAIN
+
+
+def stopped_after(polls):
+    """What a search asks whether its time is over: true from so many times on."""
+    left = iter(range(polls))
+    return lambda: next(left, None) is None
+
+
+def never(*_):
+    """Draw for an hour."""
+    time.sleep(3600)
+
+
+def test_the_end_of_the_time_ends_the_drawing_of_cases(monkeypatch):
+    monkeypatch.setattr("hapticeval.search.drawing._paths", never)
+    made = searched("ideal", [JUMP], over=stopped_after(3))
+    assert (made.finished, made.tried) == (False, 0)
+
+
+def test_the_end_of_the_time_ends_a_case_that_is_slow(mine, monkeypatch):
+    made = searched("mine:Hangs", ["contact-kept"], over=stopped_after(12))
+    assert not made.finished
+
+
+def test_the_end_of_their_time_ends_the_drawing_of_pictures(jump, mine, tmp_path):
+    made = kept(jump, "minimum-distance", 0)
+    assert _picture(made, tmp_path / "a.toml", stopped_after(0)) is None
+    hangs = msgspec.structs.replace(made, renderer="mine:Hangs")
+    assert _picture(hangs, tmp_path / "a.toml", stopped_after(1)) is None
+
+
+def test_pictures_that_were_not_drawn_are_named(mine, monkeypatch, capsys):
+    monkeypatch.setattr("hapticeval.commands.search.PICTURES", -1.0)
+    asked = ("--check", "reset-clears", "--model", "circle", "--examples", 1, "-o", mine / "found")
+    assert run("-r", "mine:Keeps", *asked) == 1
+    assert "no picture, for its time was over, of: reset-clears" in capsys.readouterr().out
+
+
+def few_shrinks(monkeypatch):
+    for name in ("TURN", "MOST"):
+        monkeypatch.setattr(f"hapticeval.search.hunt.{name}", 4)
+
+
+def test_a_renderer_that_is_wrong_on_the_second_lap_alone_is_found_on_the_first_model(mine, monkeypatch):
+    few_shrinks(monkeypatch)
+    made = searched("mine:SecondLap", ["force-magnitude"], models=["star"], most=10)
+    assert made.found["force-magnitude"].examples <= 10
+
+
+def test_a_counterexample_on_a_drawn_mesh_has_it_in_a_file(mine, monkeypatch):
+    few_shrinks(monkeypatch)
+    (hull,) = strategies.examples(strategies.meshes(kinds=["hull"]), 1)
+    with Bench("mine:Keeps", 0, lambda: False) as bench:
+        made = Search(bench, ["reset-clears"], 0, [hull], most=2)
+        made.run()
+    files = write(kept(made.found["reset-clears"], "mine:Keeps", 0), mine / "found")
+    assert "vertices" not in files[0].read_text()
+    case = load_suite(str(files[0])).cases[0]
+    assert case.model["file"].endswith("reset-clears.ply")
+    assert np.array_equal(case.build_scene().model.boundary.triangles.shape, hull.boundary.triangles.shape)
+    judged = judge(resolve("mine:Keeps"), "mine:Keeps", "found", case)
+    assert judged.verdicts[0].finding.message == made.found["reset-clears"].fault.message
+
+
+def test_cases_in_space_are_on_surfaces_and_meshes():
+    cases = drawn([], [JUMP], 0, dimension=3)
+    kinds = list(dict.fromkeys(next(cases).model["kind"] for _ in range(8 * (len(MODELS[3]) + 1))))
+    assert kinds[: len(MODELS[3])] == [each["kind"] for each in MODELS[3]]
+    assert len(next(cases).trajectory.start) == 3
+
+
+def test_what_a_renderer_declares_says_where_it_is_searched(mine, capsys):
+    asked = ("--check", "reset-clears", "--examples", 1, "-o", mine / "none")
+    assert run("-r", "mine:InSpace", *asked) == 0
+    assert run("-r", "mine:InPlane", *asked) == 0
+    assert "no failure" in capsys.readouterr().out
+    assert run("-r", "mine:InPlane", *asked, "--dimension", 3) == 2
+    assert "refuses every model that was tried: the scene asks for 'space'" in capsys.readouterr().out
+    assert run("-r", "mine:InPlane", *asked, "--dimension", 3, "--model", "star") == 2
 
 
 def test_a_renderer_that_refuses_every_model_is_not_said_to_pass(mine):
@@ -286,8 +384,7 @@ MUTANTS = {
 
 @pytest.mark.parametrize("name", MUTANTS)
 def test_a_small_fault_is_found_within_a_few_examples(mine, monkeypatch, name):
-    for name_ in ("TURN", "MOST"):
-        monkeypatch.setattr(f"hapticeval.search.hunt.{name_}", 4)
+    few_shrinks(monkeypatch)
     made = searched(f"mine:{name}", [MUTANTS[name]], models=["circle"], most=2)
     assert set(made.found) == {MUTANTS[name]}
 
