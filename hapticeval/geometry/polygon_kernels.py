@@ -138,14 +138,21 @@ def _side(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> flo
 def side_kernel(vertices: Array, edge: int, along: float, x: float, y: float) -> float:
     """-1.0 inside, 1.0 outside or on the outline, of a point whose nearest point is known.
 
-    Where that is a vertex, the vertex alone decides: only points outside are nearest to a convex one.
+    Where that is a vertex, the vertex alone decides: only points outside are nearest to a convex one. At one that
+    turns by less than a right angle they lie on the side of its mean normal; so they do where rounding alone makes it
+    nearest, and its turn is rounding.
     """
     n = vertices.shape[0]
     following = edge + 1 if edge + 1 < n else 0
     ax, ay, bx, by = vertices[edge, 0], vertices[edge, 1], vertices[following, 0], vertices[following, 1]
     if along == 0.0:
         before = edge - 1 if edge > 0 else n - 1
-        turn = _side(vertices[before, 0], vertices[before, 1], ax, ay, bx, by)
+        px, py, qx, qy = ax - vertices[before, 0], ay - vertices[before, 1], bx - ax, by - ay
+        if px * qx + py * qy > 0.0:
+            first, last = math.hypot(px, py), math.hypot(qx, qy)
+            dx, dy = last * px + first * qx, last * py + first * qy
+            return -1.0 if dx * (y - ay) - dy * (x - ax) > 0.0 else 1.0
+        turn = px * qy - py * qx
         if turn != 0.0 and (x != ax or y != ay):
             return 1.0 if turn > 0.0 else -1.0
     return -1.0 if _side(ax, ay, bx, by, x, y) > 0.0 else 1.0

@@ -109,6 +109,39 @@ def test_points_on_the_outline_are_not_inside_and_straight_vertices_decide_nothi
     assert square.signed_distance([[0.5, 0.1], [0.5, -0.1]]) == pytest.approx([-0.1, 0.1])
 
 
+L_SHAPE = np.array([[-0.1, -0.05], [0.1, -0.05], [0.1, 0.0], [0.0, 0.0], [0.0, 0.05], [-0.1, 0.05]])
+
+
+@settings(max_examples=60)
+@given(
+    st.lists(st.tuples(st.integers(0, 5), share, st.integers(1, 3)), min_size=1, max_size=4, unique_by=lambda e: e[0]),
+    st.sampled_from([1e-3, 1e-6, 1e-9, 1e-12, 1e-15, 1e-16]),
+    st.floats(0.0, 6.3),
+    st.sampled_from([0.0, 1.0, 1e3]),
+)
+@example([(4, 0.5, 1)], 1e-3, 0.7, 0.2)
+def test_vertices_on_an_edge_decide_no_side(clusters, gap, turn, shift):
+    """One or some near each other: they turn by rounding alone, and points off them are as near to either edge."""
+    turned = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    vertices, places = [], []
+    for k, corner in enumerate(L_SHAPE):
+        vertices.append(corner)
+        edge = L_SHAPE[(k + 1) % 6] - corner
+        way = edge / np.hypot(*edge)
+        for _, at, count in [each for each in clusters if each[0] == k]:
+            on = [corner + (0.3 + 0.4 * at) * edge + gap * j * way for j in range(count)]
+            vertices += on
+            places += [(place, np.array([way[1], -way[0]])) for place in on]
+    moved = np.array(vertices) @ turned + shift
+    polygon = Polygon(moved[np.any(moved != np.roll(moved, 1, axis=0), axis=1)])
+    for place, out in places:
+        for depth in (1e-6, 1e-3, 0.01):
+            above, below = polygon.signed_distance(
+                np.array([place + depth * out, place - depth * out]) @ turned + shift
+            )
+            assert below < 0.0 < above
+
+
 def first_crossing(polygon, start, end):
     """Where the segment first goes inside: (edge, t along the edge, fraction of the segment), or None."""
     (x0, y0), (x1, y1) = np.array([start, end], dtype=np.float64)

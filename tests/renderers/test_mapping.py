@@ -4,12 +4,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from hapticeval.errors import InputError, UnknownNameError
-from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, line, star
+from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, ellipse, from_vertices, line, star
 from hapticeval.geometry.maps.flow import FlowError
 from hapticeval.phenomena.verdict import Outcome
-from hapticeval.renderers import mapping
+from hapticeval.renderers import conformal, mapping
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
 from hapticeval.suite.reading import load_suite
@@ -43,6 +45,39 @@ def test_the_force_lies_along_the_normal_however_deep(name):
             continue
         normal = curve.normal(u)[0]
         assert force == pytest.approx(-800.0 * ((hip - ihip) @ normal) * normal, abs=1e-9)
+
+
+PLATE = np.array([[-0.1, -0.05], [0.1, -0.05], [0.1, 0.05], [-0.1, 0.05]])
+
+
+@settings(max_examples=8)
+@given(
+    st.lists(st.tuples(st.floats(0.2, 0.8), st.integers(1, 3)), min_size=4, max_size=4),
+    st.sampled_from([1e-3, 1e-9, 1e-12, 1e-15]),
+    st.floats(0.0, 6.3),
+)
+@example([(0.5, 1)] * 4, 1e-3, 0.7)
+def test_a_map_has_no_hole_beside_vertices_on_a_straight_edge(clusters, gap, turn):
+    """Collinear and nearly coincident ones: on either side the answer is that on the plain plate."""
+    turned = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    vertices, places, outs = [], [], []
+    for corner, after, (at, count) in zip(PLATE, np.roll(PLATE, -1, axis=0), clusters, strict=True):
+        way = (after - corner) / np.hypot(*(after - corner))
+        on = [corner + at * (after - corner) + gap * j * way for j in range(count)]
+        vertices += [corner, *on]
+        places += on
+        outs += [[way[1], -way[0]]] * count
+    crowded, plain = from_vertices((np.array(vertices) @ turned).tolist()), from_vertices((PLATE @ turned).tolist())
+    offs = np.array([1e-6, 1e-3, 0.01])[:, np.newaxis, np.newaxis]
+    above, below = ((np.array(places) + side * offs * outs).reshape(-1, 2) @ turned for side in (1.0, -1.0))
+    for factory in (COARSE, conformal):
+        renderer, other = factory(Scene(model=crowded)), factory(Scene(model=plain))
+        ihips, forces = renderer.run(above, 1e-3)
+        assert np.array_equal(ihips, above)
+        assert not forces.any()
+        apart = np.linalg.norm(renderer.run(below, 1e-3)[0] - other.run(below, 1e-3)[0], axis=1)
+        # Vertices that are rounded off the edge begin lines of the flow: the map is blurred by as much.
+        assert apart.max() <= (renderer.resolution if factory is COARSE else 1e-8)
 
 
 def test_what_it_declares():
