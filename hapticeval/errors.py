@@ -60,7 +60,8 @@ class UnknownNameError(InputError):
     def __init__(self, kind: str, name: str, known: Iterable[str], *, todo: str = "") -> None:
         names = sorted(known)
         close = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
-        suggestion = f"did you mean {' or '.join(close)}?" if close else f"known: {', '.join(names) or 'none'}"
+        suggestion = f"known: {', '.join(names)}" if names else "there is none: leave it out"
+        suggestion = f"did you mean {' or '.join(close)}?" if close else suggestion
         super().__init__(f"unknown {kind} '{name}'", why=f"no {kind} has that name", todo=todo or suggestion)
 
 

@@ -41,6 +41,13 @@ def test_every_command_has_the_options_that_are_written(line: str) -> None:
     command.make_context(words[1], words[2:])
 
 
+@pytest.mark.parametrize("page", PAGES)
+def test_every_command_that_is_named_exists(page: str) -> None:
+    program: Any = typer.main.get_command(app)
+    named = set(re.findall(r"`hapticeval ([a-z]\w*)", PAGES[page].read_text(encoding="utf-8")))
+    assert named <= set(program.commands)
+
+
 @pytest.mark.parametrize("page", [page for page in PAGES if page != "README"])
 def test_commands_stand_in_blocks_that_are_run(page: str) -> None:
     text = PAGES[page].read_text(encoding="utf-8")

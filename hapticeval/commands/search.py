@@ -33,7 +33,11 @@ def search(
     renderers: Annotated[list[str] | None, renderers_option("with --replay that of each case")] = None,
     checks: Annotated[
         list[str] | None,
-        option("--check", metavar="ID", help="Only this check; may be repeated. Without it, all but those on goals."),
+        option(
+            "--check",
+            metavar="ID",
+            help="Only this check; may be repeated. Without it, all but those on goals and on effects.",
+        ),
     ] = None,
     models: Annotated[
         list[str] | None,
@@ -121,7 +125,7 @@ def _search(
 ) -> int:
     from hapticeval.discovery import resolve
     from hapticeval.files import plain
-    from hapticeval.phenomena.registry import CHECKS
+    from hapticeval.phenomena.registry import CHECKS, OF_EFFECTS
     from hapticeval.runner.interrupts import Interrupts
     from hapticeval.search.counterexample import read_all
     from hapticeval.search.drawing import judgeable
@@ -137,6 +141,12 @@ def _search(
             raise UnknownNameError("check", check, CHECKS)
         if CHECKS[check].needs_closed_form:
             raise InputError(f"--check {check}", why="it compares with a closed form, which only a case can name")
+        if check in OF_EFFECTS:
+            raise InputError(
+                f"--check {check}",
+                why="it asks for an effect, and no scene that is drawn calls for one",
+                todo="judge it in a suite: hapticeval run effects",
+            )
     asked = tuple(checks or judgeable())
     if models and dimension is not None:
         raise InputError("--dimension and --model", why="a model has a dimension", todo="give one of the two")

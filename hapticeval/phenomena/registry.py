@@ -44,6 +44,22 @@ from hapticeval.phenomena.effects import (
 
 GROUP = "hapticeval.checks"
 
+OF_EFFECTS: Mapping[str, Check] = {
+    check.id: check
+    for check in (
+        *shading.CHECKS,
+        *texture.CHECKS,
+        texture_work.CHECK,
+        friction_cone.CHECK,
+        friction_sticking.CHECK,
+        friction_sliding.CHECK,
+        friction_energy.CHECK,
+        friction_work.CHECK,
+        *transient.CHECKS,
+    )
+}
+"""Those that ask whether an effect is shown, which a scene has to call for."""
+
 OWN: Mapping[str, Check] = {
     check.id: check
     for check in (
@@ -65,15 +81,7 @@ OWN: Mapping[str, Check] = {
         numerical_stability.CHECK,
         drift.CHECK,
         *metamorphic.CHECKS,
-        *shading.CHECKS,
-        *texture.CHECKS,
-        texture_work.CHECK,
-        friction_cone.CHECK,
-        friction_sticking.CHECK,
-        friction_sliding.CHECK,
-        friction_energy.CHECK,
-        friction_work.CHECK,
-        *transient.CHECKS,
+        *OF_EFFECTS.values(),
     )
 }
 """The checks of this package."""

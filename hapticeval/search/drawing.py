@@ -12,7 +12,7 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.curve import as_curve
 from hapticeval.geometry.model import Model
 from hapticeval.phenomena.check import Check, Situation
-from hapticeval.phenomena.registry import CHECKS
+from hapticeval.phenomena.registry import CHECKS, OF_EFFECTS
 from hapticeval.runner.work import derived_seed
 from hapticeval.stimulus.experiments import ExperimentTable
 from hapticeval.stimulus.moves import Moves
@@ -56,8 +56,12 @@ def led(check: Check) -> bool:
 
 
 def judgeable() -> tuple[str, ...]:
-    """Return the ids of the checks that are asked where none is named: not those that only a case can ask for."""
-    return tuple(name for name, check in CHECKS.items() if not check.needs_closed_form and not check.holds)
+    """Return the ids of the checks that are asked where none is named: not those that only a case can ask for.
+
+    No scene that is drawn calls for an effect.
+    """
+    drawable = {name: check for name, check in CHECKS.items() if name not in OF_EFFECTS}
+    return tuple(name for name, check in drawable.items() if not check.needs_closed_form and not check.holds)
 
 
 def first_models(models: Sequence[Model], dimension: int = 2) -> tuple[Model, ...]:

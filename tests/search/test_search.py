@@ -362,6 +362,7 @@ def test_exit_codes(mine, capsys):
     assert run("--check", JUMP) == 2
     assert run("-r", "ideal", "--check", "continuos-contact") == 2
     assert run("-r", "ideal", "--check", "closed-form") == 2
+    assert run("-r", "ideal", "--check", "friction-cone") == 2
     assert run("--replay", mine / "nothing") == 2
     assert run("-r", "ideal", "--seconds", 0) == 2
 
