@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hapticeval.errors import HapticevalError, NothingSelectedError
 from hapticeval.files import file_stem, replacing
 from hapticeval.reports.grid import Tile, hard_cases, phenomena, state
 from hapticeval.reports.table import provenance, summaries
 from hapticeval.runner.results import ResultsDocument, RunEntry
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FOLDER = "tables"
 FIGURES = "figures"
@@ -103,9 +108,8 @@ def write_tables(directory: Path, results: ResultsDocument) -> Path:
             frame.columns = pd.Index(sheet.header)
             texts = {"csv": frame.to_csv(index=False)}
             if sheet.caption:
-                made = f"% {provenance(results)}\n"
-                texts["tex"] = made + frame.map(_latex).rename(columns=_latex).to_latex(
-                    index=False, caption=sheet.caption, label=f"tab:{sheet.name}", longtable=len(sheet.rows) > 40
+                texts["tex"] = (
+                    f"% {provenance(results)}\n% \\usepackage{{booktabs,array,longtable}}\n{_tex(sheet, frame)}"
                 )
             for kind, text in texts.items():
                 with replacing(folder / f"{sheet.name}.{kind}") as temporary:
@@ -118,12 +122,61 @@ def write_tables(directory: Path, results: ResultsDocument) -> Path:
 SPECIAL = {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
     "×": r"$\times$", "∞": r"$\infty$",  # noqa: RUF001
-    **{sign: f"\\{sign}" for sign in "&%$#_{}"},
+    **{sign: f"\\{sign}" for sign in "&%$#_{}"}, **{sign: rf"{sign}\allowbreak{{}}" for sign in "+@/"},
 }  # fmt: skip
 
 
+def _tex(sheet: Sheet, frame: pd.DataFrame) -> str:
+    """Return a table as LaTeX, small enough for a page. What is set before a float does not reach into it."""
+    columns, size = _columns(sheet)
+    environment = "longtable" if len(sheet.rows) > LONG else "tabular"
+    cells = frame.map(_latex).rename(columns=_latex)
+    made = cells.to_latex(
+        index=False,
+        caption=sheet.caption,
+        label=f"tab:{sheet.name}",
+        longtable=environment == "longtable",
+        column_format=columns,
+    )
+    begin, end = (f"\\{each}{{{environment}}}" for each in ("begin", "end"))
+    small = f"{{{size}\\setlength{{\\tabcolsep}}{{2pt}}\n{begin}"
+    return made.replace(begin, small).replace(end, f"{end}}}") if size else made
+
+
+NEEDS = r"% \usepackage{booktabs,array,longtable}"
+
+LONG = 40
+"""Rows from which on a table goes over several pages."""
+
+FITS = {"": 66, r"\scriptsize": 88, r"\tiny": 112}
+"""Characters that fit beside each other into the text of an article on A4, by the size of the letters."""
+
+GAP = 2
+"""Characters that the gap between two columns takes."""
+
+
+def _columns(sheet: Sheet) -> tuple[str, str]:
+    """Return the columns of a table for LaTeX, and the size of its letters.
+
+    Those of a wide one are as wide as their longest words, and share what is left by how much they hold.
+    """
+    columns = list(zip(sheet.header, *sheet.rows, strict=True))
+    longest = [max(map(len, column)) for column in columns]
+    if sum(longest) + GAP * len(columns) <= FITS[""]:
+        return "l" * len(columns), ""
+    parts = ([word for cell in column for word in re.split(r"\s|(?<=\w)[-+@/]", cell)] for column in columns)
+    words = [max(map(len, each)) + GAP for each in parts]
+    size = r"\scriptsize" if sum(words) <= FITS[r"\scriptsize"] else r"\tiny"
+    held = [max(most + GAP - word, 0) for most, word in zip(longest, words, strict=True)]
+    free = max(FITS[size] - sum(words), 0) / max(sum(held), 1)
+    widths = [word + min(free, 1.0) * more - GAP for word, more in zip(words, held, strict=True)]
+    scale = 1.0 / max(FITS[size], sum(words))
+    return "".join(rf">{{\raggedright\arraybackslash}}p{{{scale * each:.3f}\linewidth}}" for each in widths), size
+
+
 def _latex(text: str) -> str:
-    return "".join(SPECIAL.get(sign, sign) for sign in text)
+    sign, text = (r"$-$", text[1:]) if re.match(r"-\d", text) else ("", text)
+    return sign + "".join(SPECIAL.get(each, each) for each in text)
 
 
 def write_figures(directory: Path, results: ResultsDocument, globs: Sequence[str]) -> list[Path]:

@@ -151,7 +151,7 @@ def render_index(
         breakdowns=results.breakdowns,
         ended=sum(run.ended is not None for run in results.runs),
         grid=phenomena(results),
-        grave=any(state(each) is not State.KNOWN for each in given),
+        worst_words=_worst_words({state(each) for each in given}),
         failures=[(verdict, Drawing(next(taken), each.problem)) for verdict, each in shown],
         more=_more(results, given),
         hard_names=names,
@@ -176,6 +176,13 @@ def render_index(
         costs=costs,
         cost_svg=next(taken),
     )  # fmt: skip
+
+
+def _worst_words(states: set[State]) -> str:
+    """Return the title of what is shown of the verdicts: all of them known failures, or warnings at worst, or more."""
+    if any(each.grave for each in states):
+        return "Not as expected"
+    return "Warnings" if State.WARNING in states else "Known failures"
 
 
 def _more(results: ResultsDocument, shown: Sequence[VerdictEntry]) -> int:

@@ -18,7 +18,8 @@ from hapticeval.recordings.compare.difference import Apart, Difference
 from hapticeval.replay import OPEN_LOOP
 from hapticeval.reports import markdown, render_index, write_reports
 from hapticeval.reports.canvas import THEME
-from hapticeval.reports.grid import SYMBOLS
+from hapticeval.reports.grid import SYMBOLS, State
+from hapticeval.reports.index import _worst_words
 from hapticeval.reports.places import anchor, case_file
 from hapticeval.reports.svg import classed, sheet
 from hapticeval.runner.results import Replay, SuiteEntry, write_results
@@ -293,6 +294,18 @@ def test_published_answers_stand_beside_those_of_a_renderer_that_nobody_has_publ
     page = words(synthetic_results(**mine))
     assert "plain theirs in print Resists <Pop> No Yes" in page
     assert "theirs (in print)" in markdown(synthetic_results(**mine))
+
+
+@pytest.mark.parametrize(
+    ("states", "title"),
+    [
+        ({State.KNOWN}, "Known failures"),
+        ({State.KNOWN, State.WARNING}, "Warnings"),
+        ({State.WARNING, State.FAIL}, "Not as expected"),
+    ],
+)
+def test_a_warning_alone_is_not_called_unexpected_where_the_headline_calls_all_expected(states, title):
+    assert _worst_words(states) == title
 
 
 def test_styles_become_classes_of_the_page():

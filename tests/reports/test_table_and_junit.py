@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 import xml.etree.ElementTree as ET
 
+import pandas as pd
 import pytest
 from reports_synthetic import HOSTILE, synthetic_results, synthetic_run, verdict
 from result_entries import SCENE, changed
@@ -19,6 +21,7 @@ from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.effects.viscosity import Viscosity
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.reports import junit, markdown, render_index, summaries
+from hapticeval.reports.exports import Sheet, _tex
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
 from hapticeval.reports.table import LIMIT
 from hapticeval.runner.results import Ended, Robot
@@ -239,3 +242,15 @@ def test_a_run_that_ended_early_is_told_in_every_report(results):
     assert f"- plain on synthetic/lobe {sentence.replace('<', '&lt;')}" in markdown(told)
     given = parsed(told).find(".//testcase[@name='contact-normal-force [plain]']")
     assert sentence in given.find("failure").get("message")
+
+
+@pytest.mark.parametrize("count", [2, 9])
+def test_a_wide_table_is_set_small_in_columns_that_share_the_page(count):
+    sheet = Sheet("t", [f"one+{k}" for k in range(count)], [["-0.25", *["known, 10 of 83"] * (count - 1)]], "Title")
+    text = _tex(sheet, pd.DataFrame(sheet.rows, columns=sheet.header))
+    assert "$-$0.25" in text
+    assert "one+\\allowbreak{}1" in text
+    widths = [float(each) for each in re.findall(r"p{([\d.]+)\\linewidth}", text)]
+    assert len(widths) == (9 if count == 9 else 0)
+    assert sum(widths) < 0.95
+    assert (r"{\scriptsize" in text or r"{\tiny" in text) == (count == 9)

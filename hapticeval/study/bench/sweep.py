@@ -87,7 +87,7 @@ class Setting:
 
 
 def _text(knob: str, value: float, unit: str) -> str:
-    return f"{knob} {1e3 * value:g}mm" if unit == "m" else f"{knob} {value:g}{unit}"
+    return f"{knob} {1e3 * value:g}mm" if unit == "m" else f"{knob} {value:.12g}{unit}"
 
 
 def own_variants() -> list[str]:

@@ -20,7 +20,7 @@ COLUMNS: Mapping[str, Callable[[SettingEntry], str | None]] = {
     "force 99%": lambda each: f"{each.claims['force']['p99']:.2g} N" if each.claims else None,
     "step median": lambda each: duration(each.step.median) if each.step else None,
     "99.9%": lambda each: duration(each.step.p999) if each.step else None,
-    "of tick": lambda each: f"{100 * each.step.tick_share:.2g} %" if each.step else None,
+    "of tick": lambda each: f"{quantity.number(100 * each.step.tick_share, 2)} %" if each.step else None,
     "batch": lambda each: duration(each.batch.median) if each.batch else None,
     "memory": lambda each: None if each.memory_bytes is None else quantity.size(each.memory_bytes),
     "mesh": lambda each: duration(min(each.mesh_seconds)) if each.mesh_seconds else None,
