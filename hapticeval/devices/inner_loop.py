@@ -62,7 +62,7 @@ class InnerLoop(StrEnum):
         if not len(q):
             return out
         step = specialised(torque, inner, plant, q[0], rate[0], given[0], sensed[0], scratch, out[0])
-        for *state, asked, pushed, row in zip(q, rate, given, sensed, out, strict=True):
-            plant.kinematics(plant.parameters, *state, position, velocity, scratch.squares[JACOBIAN], drift)
-            step(inner, plant, *state, asked, pushed, scratch, row)
+        for at, pace, asked, pushed, row in zip(q, rate, given, sensed, out, strict=True):
+            plant.kinematics(plant.parameters, at, pace, position, velocity, scratch.squares[JACOBIAN], drift)
+            step(inner, plant, at, pace, asked, pushed, scratch, row)
         return out
