@@ -43,8 +43,10 @@ class InnerLoop(StrEnum):
 
         These are the numbers of a closed loop, from the same kernel.
         """
-        one = (np.asarray(each)[np.newaxis] for each in (joints, rates, force))
-        return self.torques(device, *one, mass=mass, push=None if push is None else np.asarray(push)[np.newaxis])[0]
+        q, rate, given = (np.asarray(each)[np.newaxis] for each in (joints, rates, force))
+        sensed = None if push is None else np.asarray(push)[np.newaxis]
+        only: Array = self.torques(device, q, rate, given, mass=mass, push=sensed)[0]
+        return only
 
     def torques(
         self, device: Device, joints: Array, rates: Array, force: Array, *, mass: float, push: Array | None = None
