@@ -66,6 +66,7 @@ print([(name, kinds) for name, kinds in signatures if any(map(odd, kinds))])
 """
 
 
+@pytest.mark.system
 def test_of_processes_that_want_a_kernel_at_once_one_compiles_it(tmp_path):
     pytest.importorskip("fcntl")
     (tmp_path / "kernel.py").write_text(KERNEL)

@@ -96,3 +96,14 @@ def test_a_point_mass_is_pushed_by_the_force_itself(loop):
     found = loop.torque(PointMass(0.3), np.zeros(2), np.array([2.0, 1.0]), force, mass=TOOL)
     expected = force * 0.3 / TOOL if loop is InnerLoop.LINEARISED else force
     np.testing.assert_allclose(found, expected, rtol=1e-15)
+
+
+@pytest.mark.parametrize("loop", list(InnerLoop))
+@pytest.mark.parametrize("pushed", [False, True])
+def test_the_torques_of_many_rows_are_those_of_each(loop, pushed):
+    rng = np.random.default_rng(1)
+    joints, rates, force, push = (scale * rng.normal(size=(5, 3)) for scale in (0.1, 1.0, 1.0, 1.0))
+    many = loop.torques(Parallelogram3(), joints, rates, force, mass=TOOL, push=push if pushed else None)
+    for row, *state, sensed in zip(many, joints, rates, force, push, strict=True):
+        alone = loop.torque(Parallelogram3(), *state, mass=TOOL, push=sensed if pushed else None)
+        assert np.array_equal(row, alone)

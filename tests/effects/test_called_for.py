@@ -55,7 +55,7 @@ def test_an_entry_leads_to_the_class_of_its_kind(kind):
     ("name", "suite", "case", "called"),
     [
         ("minimum-distance", "thesis", "circle-slide", set()),
-        ("set-stabilisation", "dynamics-surfaces", "ellipsoid-off-robot", set()),
+        pytest.param("set-stabilisation", "dynamics-surfaces", "ellipsoid-off-robot", set(), marks=pytest.mark.system),
         (
             "minimum-distance",
             "dynamics-line",

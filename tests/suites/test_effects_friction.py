@@ -16,8 +16,20 @@ SUITE = load_suite("effects-friction")
 IN_SPACE = "sphere-slide"
 
 
-@pytest.mark.parametrize("renderer", SUITE.renderers)
-@pytest.mark.parametrize("case", SUITE.cases, ids=lambda case: case.name)
+# Each case and each renderer, and IN_SPACE with all of them; every pair in `make system`.
+@pytest.mark.parametrize(
+    ("case", "renderer"),
+    [
+        pytest.param(
+            case,
+            renderer,
+            id=f"{case.name}-{renderer}",
+            marks=[pytest.mark.system] * (case.name != IN_SPACE and (row - column) % len(SUITE.renderers) != 0),
+        )
+        for row, case in enumerate(SUITE.cases)
+        for column, renderer in enumerate(SUITE.renderers)
+    ],
+)
 def test_friction_put_on_a_renderer_passes_its_checks(case, renderer):
     case.check_stimulus()
     asked = tuple(check for check in case.checks if OWN[check].effects)
