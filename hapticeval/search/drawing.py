@@ -7,7 +7,6 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from hapticeval import strategies
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.geometry.curve import as_curve
 from hapticeval.geometry.model import Model
@@ -16,6 +15,7 @@ from hapticeval.phenomena.registry import CHECKS, OF_EFFECTS
 from hapticeval.runner.work import derived_seed
 from hapticeval.stimulus.experiments import ExperimentTable
 from hapticeval.stimulus.moves import Moves
+from hapticeval.strategies import examples, hand_paths, laps, meshes, plane_models, pushes
 from hapticeval.suite.case import Case
 
 MODELS: dict[int, tuple[dict[str, Any], ...]] = {
@@ -108,19 +108,19 @@ def drawn(
 
 def _more(dimension: int, seed: int, number: int) -> list[dict[str, Any]]:
     """Draw models of that dimension."""
-    kinds = strategies.plane_models() if dimension == 2 else strategies.meshes()
+    kinds = plane_models() if dimension == 2 else meshes()
     return [dict(model.table) for model in _examples(kinds, MORE, seed, "models", number)]
 
 
 def _paths(table: dict[str, Any], seed: int, number: int, at: int) -> list[Moves]:
     """Draw paths on a model: of a plane one also laps, of which the simplest is drawn once."""
     model = make_model(**table)
-    found = _examples(strategies.hand_paths(model), PATHS, seed, "paths", number, at)
+    found = _examples(hand_paths(model), PATHS, seed, "paths", number, at)
     curve = as_curve(model.boundary)
     if curve is not None and curve.closed:
         pointed = any(corner.convex for corner in curve.corners)
         for past in (False, True) if pointed else (False,):
-            found += _examples(strategies.laps(model, past=past), min(number, 1) + 1, seed, "laps", number, at)[-1:]
+            found += _examples(laps(model, past=past), min(number, 1) + 1, seed, "laps", number, at)[-1:]
     return found
 
 
@@ -128,14 +128,14 @@ def _pushes(table: dict[str, Any], seed: int, number: int, at: int) -> list[tupl
     """Draw experiments on a model, each with what it has of a scene."""
     model = make_model(**table)
     pushed = st.fixed_dictionaries(GAINS).flatmap(
-        lambda scene: st.tuples(st.just(scene), strategies.pushes(model, bilateral=scene["bilateral"]))
+        lambda scene: st.tuples(st.just(scene), pushes(model, bilateral=scene["bilateral"]))
     )
     return _examples(pushed, PUSHES, seed, "pushes", number, at)
 
 
 def _examples(strategy: st.SearchStrategy[Any], count: int, seed: int, *where: object) -> list[Any]:
     """Return examples with a seed of their own, made of the search's and of what they are for."""
-    return strategies.examples(strategy, count, seed=derived_seed(seed, *where))
+    return examples(strategy, count, seed=derived_seed(seed, *where))
 
 
 def _case(table: dict[str, Any], checks: tuple[str, ...], **entries: Any) -> Case:
