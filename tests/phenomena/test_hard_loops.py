@@ -214,7 +214,7 @@ def test_of_several_closed_ways_the_one_that_drifts_most_counts(creeps):
 def test_two_laps_show_no_drift():
     runs = lapped(lambda _: 0.0)
     short = recorded(
-        runs.base.hip[:800], ihip=runs.base.ihip[:800], force=runs.base.force[:800], meta={"source": "playback"}
+        runs.base.hip[:801], ihip=runs.base.ihip[:801], force=runs.base.force[:801], meta={"source": "playback"}
     )
     assert found("drift", Runs(short), CIRCLE).outcome is UNDECIDED
 
