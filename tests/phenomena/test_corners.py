@@ -74,9 +74,8 @@ def test_a_force_that_comes_back_from_the_face_that_was_left_fails():
     assert finding.metric.value == pytest.approx(6e-3, abs=1e-4)
 
 
-COMB = Scene(
-    model=from_vertices(np.array([[-5, -5], [-2, -5], [-2, 0], [2, 0], [2, -5], [5, -5], [5, 5], [-5, 5]]) / 1e2)
-)
+TEETH = np.array([[-5, -5], [-2, -5], [-2, 0], [2, 0], [2, -5], [5, -5], [5, 5], [-5, 5]]) / 1e2
+COMB = Scene(model=from_vertices(TEETH))
 """A comb of two teeth with a gap of 40 mm between them, in which both have faces of normals (1, 0) and (-1, 0)."""
 
 
@@ -94,12 +93,36 @@ def behind_the_tooth(faces):
     return recorded(hip, ihip)
 
 
-def test_a_tool_that_another_part_of_the_solid_holds_is_not_asked_of_the_face_that_the_hand_is_under():
+@pytest.mark.parametrize("begins", [0, 1, 2])
+def test_a_tool_that_another_part_of_the_solid_holds_is_not_asked_of_the_face_that_the_hand_is_under(begins):
     """The outer face of the right tooth bars the way all the time, and beyond the end of both the tool is free."""
     right = behind_the_tooth(lambda way: np.where(way <= 0.02, 0.05, np.nan))
-    finding = found("broken-contact", right, COMB)
+    finding = found("broken-contact", right, Scene(model=from_vertices(np.roll(TEETH, -begins, axis=0))))
     assert finding.outcome is NO
     assert "another face" in finding.message
+
+
+def test_without_an_ihip_the_force_shows_which_face_the_tool_is_on():
+    base = over_the_tip()
+    touching = (TO_TIP <= 0.0)[:, None]
+    assert outcome("broken-contact", changed(base, ihip=base.hip), SCENE) is PASS
+    other = changed(base, ihip=base.hip, force=np.where(touching, 5.0 * TIP.normal_post, 0.0))
+    finding = found("broken-contact", other, SCENE)
+    assert (finding.outcome, "another face" in finding.message) == (NO, True)
+
+
+def test_a_tool_may_be_past_the_corner_by_the_declared_resolution():
+    """A chamfer of its representation: 0.5 mm before the corner it is 0.2 mm past it, with the force of this face."""
+    base = over_the_tip()
+    near = ((TO_TIP > -5e-4) & (TO_TIP <= 0.0))[:, None]
+    ihip = np.where(near, TIP.position + 2e-4 * TIP.tangent_post, base.ihip)
+    finding = found("broken-contact", changed(base, ihip=ihip), SCENE)
+    assert (finding.outcome, "another face pushes" in finding.message) == (FAIL, True)
+    assert outcome("broken-contact", changed(base, {"resolution": 1e-3}, ihip=ihip), SCENE) is PASS
+
+
+def test_where_nothing_is_felt_behind_the_tooth_nothing_is_decided():
+    right = behind_the_tooth(lambda way: np.where(way <= 0.02, 0.05, np.nan))
     assert outcome("broken-contact", changed(right, force=0.0 * right.force, ihip=right.hip), COMB) is UNDECIDED
 
 

@@ -16,6 +16,7 @@ from hapticeval.discovery import resolve
 from hapticeval.effects.delay import Delay
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.verdict import Outcome
+from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import abilities_of
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
@@ -116,6 +117,37 @@ def test_what_comes_to_rest_is_told_from_what_does_not(runs, outcome, words):
     assert (finding.outcome, words in finding.message) == (outcome, True), finding.message
 
 
+def moving(speed, *, away=0.0, keep=slice(None)):
+    """A tool on the circle along x with speeds (n,), m/s, its first row `away` (m) from the surface."""
+    hip = np.column_stack([0.1 + 1e-3 * np.cumsum(speed), np.zeros(len(speed))])
+    hip[0, 0] += away
+    run = recorded(hip, meta={"source": "experiment", "quiet_from": 0.0}, velocity=np.column_stack([speed, 0 * speed]))
+    return Recording(run.time[keep], {name: each[keep] for name, each in run.channels.items()}, dict(run.meta))
+
+
+def test_what_is_below_any_digit_of_the_model_is_rest():
+    assert found("comes-to-rest", moving(np.full(100, 1e-10)), CIRCLE).outcome is PASS
+    assert found("comes-to-rest", moving(np.full(100, 1e-9)), CIRCLE).outcome is FAIL
+
+
+def test_what_begins_to_move_late_does_not_come_to_rest():
+    finding = found("comes-to-rest", moving(np.where(np.arange(100) < 70, 0.0, 1e-3)), CIRCLE)
+    assert (finding.outcome, finding.evidence["speed_before_m_s"]) == (FAIL, 0.0)
+    assert finding.evidence["tick"] >= 70
+
+
+def test_a_tool_may_begin_farther_away_than_the_model_is_large():
+    speed = np.geomspace(1.0, 1e-6, 100)
+    assert found("comes-to-rest", moving(0.01 * speed, away=1.0), CIRCLE).outcome is PASS
+    assert "farther" in found("comes-to-rest", moving(100.0 * speed), CIRCLE).message
+
+
+def test_rows_that_are_missing_where_speeds_are_compared_leave_it_undecided():
+    gap = np.flatnonzero((np.arange(100) < 20) | (np.arange(100) > 60))
+    finding = found("comes-to-rest", moving(np.zeros(100), keep=gap), CIRCLE)
+    assert (finding.outcome, "rows are missing" in finding.message) == (UNDECIDED, True)
+
+
 def test_when_an_operator_keeps_still_is_known():
     still = Experiment(1.0, np.zeros(2), np.zeros(2), np.array([0.1, 0.3, 0.5]), np.array([[1.0, 0], [2, 0], [2, 0]]))
     assert still.quiet_from == 0.3
@@ -148,10 +180,41 @@ def test_what_changes_from_lap_to_lap_is_drift(change, outcome):
         assert finding.evidence["digits"] < 9.0
 
 
+def laps_of(hip, ihip):
+    return Runs(recorded(hip, ihip=ihip, meta={"source": "playback"}))
+
+
+@pytest.mark.parametrize(("off", "outcome"), [(0.9e-9, PASS), (3e-9, FAIL)])
+def test_ten_times_the_rounding_of_the_hand_is_no_drift(off, outcome):
+    base = lapped(lambda _: 0.0).base
+    out = base.ihip / 0.1
+    rounded = np.repeat([0.0, 0.0, 0.0, 1.0, 0.0], 400)[:, np.newaxis]
+    finding = found("drift", laps_of(base.hip + 1e-10 * rounded * out, base.ihip + off * rounded * out), CIRCLE)
+    assert finding.outcome is outcome, finding.message
+
+
+def test_laps_in_free_space_show_no_drift():
+    free = 1.5 * lapped(lambda _: 0.0).base.hip
+    assert found("drift", laps_of(free, free), CIRCLE).outcome is UNDECIDED
+
+
+@pytest.mark.parametrize("creeps", [0, 1])
+def test_of_several_closed_ways_the_one_that_drifts_most_counts(creeps):
+    still, drifting = lapped(lambda _: 0.0).base, lapped(lambda lap: 1e-6 * lap).base
+    parts = [drifting if creeps == at else still for at in (0, 1)]
+    scale = np.repeat([1.0, 0.9], 2000)[:, np.newaxis]
+    hip = scale * np.vstack([part.hip for part in parts])
+    finding = found("drift", laps_of(hip, np.vstack([part.ihip for part in parts])), CIRCLE)
+    assert finding.outcome is FAIL
+    assert finding.evidence["tick"] // 2000 == creeps
+    assert finding.evidence["off_m"] == pytest.approx(2e-9, rel=1e-3)
+    assert finding.evidence["ticks"] == 3200, "laps count with the row that closes them"
+
+
 def test_two_laps_show_no_drift():
     runs = lapped(lambda _: 0.0)
     short = recorded(
-        runs.base.hip[:800], ihip=runs.base.ihip[:800], force=runs.base.force[:800], meta={"source": "playback"}
+        runs.base.hip[:801], ihip=runs.base.ihip[:801], force=runs.base.force[:801], meta={"source": "playback"}
     )
     assert found("drift", Runs(short), CIRCLE).outcome is UNDECIDED
 
