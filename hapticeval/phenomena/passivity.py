@@ -140,7 +140,7 @@ def laps(hip: Array, size: float) -> list[tuple[int, int, int]]:
 def _number(hip: Array, first: int, period: int, near: float) -> int:
     """Return how many laps of `period` rows follow each other from row `first` on, each with the row that ends it."""
     lap = hip[first : first + period + 1]
-    if np.linalg.norm(lap - lap[0], axis=1).max() <= near:
+    if np.linalg.norm(lap - lap[0], axis=1).max() <= 2.0 * near:  # all may be within that of one point
         return 0
     number = 1
     while True:
