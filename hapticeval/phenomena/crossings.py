@@ -118,7 +118,10 @@ def _past_corner(recording: Recording, scene: Scene, corner: Corner) -> Iterator
                 continue
             if _comes_from_outside(recording, boundary, first, under, pre, slack):
                 turn, steps = abs(corner.turn), hip_steps(recording)
-                tool = _on_face(recording, scene, corner, way)
+                tool, other = (_on_face(recording, scene, corner, each) for each in (way, -way))
+                here = slice(first, crossed)
+                if corner.convex and tool[here].any() and not (tool & ~other)[here].any():
+                    continue  # all the time so near the corner that it may be on the other face
                 yield Crossing(corner.position, pre, post, turn, first, crossed, end, along, under, steps, tool)
 
 

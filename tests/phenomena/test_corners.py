@@ -237,6 +237,18 @@ def test_a_hand_that_comes_from_within_is_not_on_the_face():
     assert outcome("broken-contact", square([[20, 60], [20, 40], [60, 40]], force=up), BOX) is PASS
 
 
+def test_a_tool_as_near_to_the_corner_as_points_are_told_apart_may_be_on_the_other_face():
+    """Through the right face beside the corner, up over the upper one, down again and out, held by the right face."""
+
+    def aside(hip):
+        return np.column_stack([1e3 * np.clip(0.05 - hip[:, 0], 0.0, None), np.zeros(len(hip))])
+
+    beside = [[50.2, 49.96], [49.96, 49.96], [49.96, 50.02], [49.96, 49.97], [51, 49.97]]
+    assert outcome("broken-contact", square(beside, force=aside), BOX) is NO
+    below = [[51, 50.2], [49.7, 50.2], [49.7, 49.97], [51, 49.97]]
+    assert outcome("broken-contact", square(below, force=up), BOX) is PASS, "over the upper face, told apart before"
+
+
 def test_a_slope_under_the_face_is_no_loss_of_force():
     """Ever deeper, a spring's first force is far below the usual one; lost it is only where it is gone."""
     deeper = square([[0, 51], [30, 45], [60, 40]], force=up)
