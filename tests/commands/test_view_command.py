@@ -43,7 +43,7 @@ def test_a_recording_of_one_dimension_is_drawn_and_judged(here, capsys):
     assert main(["view", "wall.h5"]) == 0
     text = shown(capsys)
     assert "place (mm)" in text
-    assert 'id="replay/wall/recorded/contact-normal-force"' in text
+    assert 'id="recorded/contact-normal-force"' in text
     assert "Model: line" in text
 
 
@@ -52,7 +52,7 @@ def test_a_recording_in_the_plane_is_judged_before_the_model_that_is_given(here,
     assert main(["view", "run.h5", "--model", "line", "-o", "page"]) == 0
     text = shown(capsys)
     assert (here / "page" / "assets" / "case.js").is_file()
-    assert "replay/run/recorded/continuous-contact" in text
+    assert 'id="recorded/continuous-contact"' in text
 
 
 def test_without_model_or_stiffness_it_is_shown_and_the_reason_given(here, capsys):

@@ -211,7 +211,9 @@ def test_the_end_of_the_time_ends_a_case_that_is_slow(mine, monkeypatch):
 def test_the_end_of_their_time_ends_the_drawing_of_pictures(jump, mine, tmp_path):
     made = kept(jump, "minimum-distance", 0)
     assert _picture(made, tmp_path / "a.toml", stopped_after(0)) is None
-    hangs = msgspec.structs.replace(made, renderer="mine:Hangs")
+    replace = msgspec.structs.replace
+    deep = replace(made.trajectory, moves=(replace(made.trajectory.moves[0], to=[0.0, 0.0]),))
+    hangs = replace(made, renderer="mine:Hangs", trajectory=deep)
     assert _picture(hangs, tmp_path / "a.toml", stopped_after(1)) is None
 
 
