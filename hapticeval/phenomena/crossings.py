@@ -118,21 +118,22 @@ def _past_corner(recording: Recording, scene: Scene, corner: Corner) -> Iterator
                 continue
             if _comes_from_outside(recording, boundary, first, under, pre, slack):
                 turn, steps = abs(corner.turn), hip_steps(recording)
-                tool, other = (_on_face(recording, scene, corner, each) for each in (way, -way))
+                off, other = (_off_face(recording, scene, corner, each) for each in (way, -way))
+                tool = off <= position_tolerance(recording, scene) + resolution(recording, scene)
                 here = slice(first, crossed)
-                if corner.convex and tool[here].any() and not (tool & ~other)[here].any():
-                    continue  # all the time so near the corner that it may be on the other face
+                if corner.convex and tool[here].any() and not (tool & (off <= other))[here].any():
+                    continue  # beside the corner, and all the time on the other face
                 yield Crossing(corner.position, pre, post, turn, first, crossed, end, along, under, steps, tool)
 
 
-def _on_face(recording: Recording, scene: Scene, corner: Corner, way: float) -> BoolArray:
-    """Return where the IHIP is nearest to the face before a corner, to what a contact point can be placed; (n,).
+def _off_face(recording: Recording, scene: Scene, corner: Corner, way: float) -> Array:
+    """Return how far the IHIP's nearest point of the boundary is from the face before a corner, m; (n,).
 
-    Without an IHIP, where the force is along that face's normal.
+    Without an IHIP 0 where the force is along that face's normal, elsewhere infinite.
     """
     if "ihip" not in recording.channels or lacks_ihip(recording, scene):
         normal = corner.normal_pre if way > 0.0 else corner.normal_post
-        return np.asarray(angle_between(recording.force, normal) <= NEAR * abs(corner.turn))
+        return np.where(angle_between(recording.force, normal) <= NEAR * abs(corner.turn), 0.0, np.inf)
     boundary, within = scene.model.boundary, position_tolerance(recording, scene) + resolution(recording, scene)
     behind = [way * (corner.s - other.s) for other in boundary.corners if other is not corner]
     if boundary.closed:
@@ -141,7 +142,7 @@ def _on_face(recording: Recording, scene: Scene, corner: Corner, way: float) -> 
     face = boundary.walk(corner.position, -way * np.linspace(0.0, longest, SAMPLES)).foot
     line = shapely.simplify(shapely.LineString(face), 1e-3 * within)
     feet = boundary.closest_point(recording.ihip).foot
-    return np.asarray(shapely.distance(shapely.points(feet), line) <= within)
+    return np.asarray(shapely.distance(shapely.points(feet), line))
 
 
 def _run(flags: BoolArray) -> int:

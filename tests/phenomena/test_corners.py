@@ -237,7 +237,7 @@ def test_a_hand_that_comes_from_within_is_not_on_the_face():
     assert outcome("broken-contact", square([[20, 60], [20, 40], [60, 40]], force=up), BOX) is PASS
 
 
-def test_a_tool_as_near_to_the_corner_as_points_are_told_apart_may_be_on_the_other_face():
+def test_a_tool_beside_the_corner_that_stays_on_the_other_face_is_not_asked_for_this_one():
     """Through the right face beside the corner, up over the upper one, down again and out, held by the right face."""
 
     def aside(hip):
@@ -246,7 +246,7 @@ def test_a_tool_as_near_to_the_corner_as_points_are_told_apart_may_be_on_the_oth
     beside = [[50.2, 49.96], [49.96, 49.96], [49.96, 50.02], [49.96, 49.97], [51, 49.97]]
     assert outcome("broken-contact", square(beside, force=aside), BOX) is NO
     below = [[51, 50.2], [49.7, 50.2], [49.7, 49.97], [51, 49.97]]
-    assert outcome("broken-contact", square(below, force=up), BOX) is PASS, "over the upper face, told apart before"
+    assert outcome("broken-contact", square(below, force=up), BOX) is PASS, "on the upper face itself"
 
 
 def test_a_slope_under_the_face_is_no_loss_of_force():
