@@ -54,6 +54,15 @@ def test_three_ticks_of_lag_are_granted_and_five_are_not():
     assert outcome("broken-contact", over_the_tip(late=5 * STEP), SCENE) is FAIL
 
 
+def test_a_rigid_tool_on_which_the_hand_rests_before_the_corner_has_lost_nothing():
+    deep = over_the_tip()
+    on_face = deep.hip + 5e-3 * TIP.normal_pre
+    resting = ((TO_TIP > -0.012) & (TO_TIP < -0.008))[:, None]
+    rigid = recorded(on_face, on_face, np.where(resting, 0.0, deep.force))
+    assert outcome("broken-contact", rigid, SCENE) is PASS
+    assert outcome("broken-contact", changed(deep, force=np.where(resting, 0.0, deep.force)), SCENE) is FAIL
+
+
 def test_a_force_that_fades_before_the_corner_is_not_kept():
     base = over_the_tip()
     fading = changed(base, force=base.force * np.clip(-TO_TIP / 0.02, 1e-4, 1.0)[:, None])
