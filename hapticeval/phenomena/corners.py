@@ -191,13 +191,14 @@ BROKEN_CONTACT = Check(
     unit="m",
     bound=(
         "3 HIP steps + standoff: a sampled renderer learns of the corner at the next sample, may lag by three, and "
-        "cannot know the corner better than its own surface does. A force within 5 per cent of the corner's turn, and "
-        "where the hand keeps to a depth of at least half the usual size on the first face, counts as kept, and so does "
-        "none where the hand is no deeper than 1 um, as it may rest; past the corner every force counts until the first "
-        "zero, and every one along n_pre thereafter. The first three ticks after a touch are that of a strike. It counts from where the tool is on that face: its IHIP, or without one "
-        "its force, is that face's. Asked of each way under one face past a corner and out of the model; "
-        "without one it is not applicable. On a solid the distance is square to the edge over which a rigid tool that "
-        "follows the hand leaves the face; over a vertex, to the edge that the hand's foot passes."
+        "cannot know the corner better than its own surface does. A force within 5 per cent of the corner's turn, "
+        "and where the hand keeps to a depth of at least half the usual size on the first face, counts as kept, and"
+        " so does none where the hand is no deeper than 1 um, as it may rest; past the corner every force counts "
+        "until the first zero, and every one along n_pre thereafter. The first three ticks after a touch are that "
+        "of a strike. It counts from where the tool is on that face: its IHIP, or without one its force, is that "
+        "face's. Asked of each way under one face past a corner and out of the model; without one it is not "
+        "applicable. On a solid the distance is square to the edge over which a rigid tool that follows the hand "
+        "leaves the face; over a vertex, to the edge that the hand's foot passes."
     ),
     judge=judge_broken_contact,
 )
