@@ -118,11 +118,12 @@ def _past_corner(recording: Recording, scene: Scene, corner: Corner) -> Iterator
                 continue
             if _comes_from_outside(recording, boundary, first, under, pre, slack):
                 turn, steps = abs(corner.turn), hip_steps(recording)
-                off, other = (_off_face(recording, scene, corner, each) for each in (way, -way))
+                off = _off_face(recording, scene, corner, way)
                 tool = off <= position_tolerance(recording, scene) + resolution(recording, scene)
-                here = slice(first, crossed)
-                if corner.convex and tool[here].any() and not (tool & (off <= other))[here].any():
-                    continue  # beside the corner, and all the time on the other face
+                if corner.convex and tool[first:crossed].any():
+                    nearer = off <= _off_face(recording, scene, corner, -way)
+                    if not (tool & nearer)[first:crossed].any():
+                        continue  # beside the corner, and all the time on the other face
                 yield Crossing(corner.position, pre, post, turn, first, crossed, end, along, under, steps, tool)
 
 
