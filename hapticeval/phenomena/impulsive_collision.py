@@ -55,9 +55,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if "operator_force" in base.channels:
         push = np.linalg.norm(base.channels["operator_force"][struck:end], axis=1)
         turning += float(np.sum(push)) * base.dt * float(turn.max()) / scene.mass
-    # A tool that stays in contact has the operator's push answered as well; one that bounces off has not.
-    answered = wanted + max(0.0, -pushed)
-    missing = max(wanted - taken, taken - answered, 0.0) / wanted
+    # The tool is met after this sample, faster or slower by what the operator pushes until then; a tool that stays in
+    # contact has the push after it answered as well.
+    met = (1.0 + scene.restitution) * pushed
+    missing = max(wanted - max(0.0, met) - taken, taken - wanted - max(0.0, -met), 0.0) / wanted
     stopped = np.flatnonzero(along[struck:] >= 0.0)
     stopped_ms = 1e3 * float(base.time[struck + stopped[0]] - base.time[struck]) if stopped.size else None
     evidence: dict[str, object] = {
@@ -103,9 +104,10 @@ CHECK = Check(
         "facets, and the operator's impulse times that turn, / (m v_n) + 1e-6: while it slides on, the tool turns "
         "with the surface. The window is four ticks: a sampled renderer meets the contact at the first sample after "
         "it, its force acts until the next, and it may lag by three. The operator's push over the window is taken out "
-        "of the momentum's change, and a tool that stays in contact may have it answered. A spring needs a quarter "
-        "period, pi/2 sqrt(m / K_p). Not applicable where the tool starts in contact, and where it meets a surface "
-        "turned by more than 5.7 degrees within the window, as in a valley: it then collides twice."
+        "of the momentum's change; what it gives or takes until the tool is met counts in (3.5), and a tool that stays "
+        "in contact may have the rest answered. A spring needs a quarter period, pi/2 sqrt(m / K_p). Not applicable "
+        "where the tool starts in contact, and where it meets a surface turned by more than 5.7 degrees within the "
+        "window, as in a valley: it then collides twice."
     ),
     judge=judge,
 )

@@ -53,9 +53,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     on_surface = np.zeros(len(base))
     if not lacks_ihip(base, scene):
         on_surface[contact] = np.abs(scene.model.boundary.signed_distance(base.ihip[contact]))
-        # A rigid tool is struck between two samples: at the first it flies yet, and is there before the next.
+        # A rigid tool is struck between two samples: at the first it flies yet, and is there before the next, which
+        # behind the last is unknown.
         flies = np.all(base.ihip == base.hip, axis=1)
-        ahead = np.append(hip_steps(base), 0.0)
+        ahead = np.append(hip_steps(base), np.inf)
         on_surface[flies] = np.maximum(on_surface[flies] - ahead[flies], 0.0)
     off = np.maximum(off, on_surface)
     clear = contact & (steep <= AMPLIFIED * (rounding + declared) + DIGITS * size)

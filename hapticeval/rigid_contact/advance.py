@@ -1,7 +1,9 @@
 """The tool between samples: each mode is carried to its next event or to the end of the stretch, and what events do.
 
-The state is an array: MODE (FLIGHT, SLIDE or REST), PIECE and U on the boundary, W = ds/dt, position, velocity, and
-in REST the joint whose corner holds the tool. Impacts, corners and coming to rest change it at an instant, and every
+The state is an array: MODE (FLIGHT, SLIDE or REST), PIECE on the boundary, U on it where the tool touched down or
+came from a joint and DU how far it has slid since, W = ds/dt, position, velocity, and in REST the joint whose corner
+holds the tool. DU is kept apart since hops in a corner become as short as the rounding of U, and each is thrown back
+with the speed that the one before left. Impacts, corners and coming to rest change it at an instant, and every
 change of velocity adds its impulse to `sums`.
 
 Sequences of ever smaller hops (bounces with 0 < c_r < 1, slides up and down the faces of a notch) never end in
@@ -28,6 +30,7 @@ from hapticeval.rigid_contact.motion import (
     MASS,
     RESTITUTION,
     SPRING,
+    Slide,
     between,
     flown,
     hold,
@@ -38,8 +41,8 @@ from hapticeval.rigid_contact.motion import (
 )
 from hapticeval.types import Array, IntArray
 
-MODE, PIECE, U, W, X, Y, VX, VY, JOINT = range(9)
-STATES = 9
+MODE, PIECE, U, DU, W, X, Y, VX, VY, JOINT = range(10)
+STATES = 10
 FLIGHT, SLIDE, REST = 0.0, 1.0, 2.0
 IMPACT, LEAVE, CORNER, STOP = range(4)
 KINDS = ("impact", "leave", "corner", "rest")
@@ -60,7 +63,7 @@ FLIGHT_STEP = 2e-3
 class Run(NamedTuple):
     """What the steps of one run read and write.
 
-    `state` (9,) of the tool; `load` (10,) of the stretch, see `motion`; `sums` (4,), N s: the contact's and the
+    `state` (10,) of the tool; `load` (10,) of the stretch, see `motion`; `sums` (4,), N s: the contact's and the
     operator's impulse since the sample; `log` (k, 6): time, kind, place and impulse of the events, and `tally` (1,)
     how many there were, kept or not; `free` (4,), a box known to hold no boundary, see `first_entry`.
     """
@@ -112,7 +115,7 @@ def place(run: Run, piece: int, u: float, w: float) -> None:
     """Set the tool sliding at u on a piece; its velocity is left to `apply_impulse`."""
     state = run.state
     x, y, _, _, _, _ = surface(run.terrain.pieces[piece], u)
-    state[MODE], state[PIECE], state[U], state[W] = SLIDE, piece, u, w
+    state[MODE], state[PIECE], state[U], state[DU], state[W] = SLIDE, piece, u, 0.0, w
     state[X], state[Y] = x, y
 
 
@@ -260,22 +263,22 @@ def settle(run: Run, joint: int, tau: float, wait: float, exits: int) -> None:
 
 
 @compiled
-def _watched(what: int, piece: Array, u: float, w: float, tau: float, h: float, end: float, load: Array) -> float:
+def _watched(what: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Array) -> float:
     """The number whose change of sign is the event: the speed, the way to the piece's end, or the contact force."""
-    u1, w1, _, _ = slid(piece, u, w, tau, h, load)
+    du, w, _, _ = slid(piece, slide, tau, h, load)
     if what == TURN:
-        return w1
+        return w
     if what == END:
-        return u1 - end
-    return hold(piece, u1, w1, tau + h, load)[0]
+        return du - end
+    return hold(piece, slide[0] + du, w, tau + h, load)[0]
 
 
 @compiled
-def _locate(what: int, piece: Array, u: float, w: float, tau: float, h: float, end: float, load: Array) -> float:
+def _locate(what: int, piece: Array, slide: Slide, tau: float, h: float, end: float, load: Array) -> float:
     """Time within the step of h at which the watched number has just changed sign, to rounding; 0 if it had before."""
     low, high = 0.0, h
-    a = _watched(what, piece, u, w, tau, low, end, load)
-    b = _watched(what, piece, u, w, tau, high, end, load)
+    a = _watched(what, piece, slide, tau, low, end, load)
+    b = _watched(what, piece, slide, tau, high, end, load)
     if a * b >= 0.0:
         return 0.0
     positive, kept = a > 0.0, 0
@@ -283,7 +286,7 @@ def _locate(what: int, piece: Array, u: float, w: float, tau: float, h: float, e
         middle = between(low, high, a, b, i)
         if not low < middle < high:
             break
-        f = _watched(what, piece, u, w, tau, middle, end, load)
+        f = _watched(what, piece, slide, tau, middle, end, load)
         if f == 0.0:
             return middle
         if (f > 0.0) == positive:
@@ -303,48 +306,50 @@ def _leave(run: Run, tau: float) -> None:
 def _slide(run: Run, tau: float, rest: float) -> float:
     """One step of sliding, of at most `rest` seconds: how long it took."""
     state, load, sums, terrain = run.state, run.load, run.sums, run.terrain
-    index, u, w = int(state[PIECE]), state[U], state[W]
+    index, began, w = int(state[PIECE]), state[U], state[W]
+    slide = (began, state[DU], w)
     piece = terrain.pieces[index]
     held = load[BILATERAL] != 0.0
-    answer, along = hold(piece, u, w, tau, load)
+    answer, along = hold(piece, began + state[DU], w, tau, load)
     if not held and answer < 0.0:
         _leave(run, tau)
         return 0.0
     h = slide_step(terrain.paces[index], w, along, load, rest)
-    u1, w1, jx, jy = slid(piece, u, w, tau, h, load)
-    if w == 0.0 and abs(along) > 1e-9 * abs(hold(piece, u1, w1, tau + h, load)[1]):
+    du, w1, jx, jy = slid(piece, slide, tau, h, load)
+    if w == 0.0 and abs(along) > 1e-9 * abs(hold(piece, began + du, w1, tau + h, load)[1]):
         # Out and back within the step: shorten it until it only goes out.
         for _ in range(60):
             if w1 * along >= 0.0:
                 break
             h *= 0.5
-            u1, w1, jx, jy = slid(piece, u, w, tau, h, load)
+            du, w1, jx, jy = slid(piece, slide, tau, h, load)
     turned = w * w1 < 0.0
     if turned:
-        h = _locate(TURN, piece, u, w, tau, h, 0.0, load)
-        u1, w1, jx, jy = slid(piece, u, w, tau, h, load)
+        h = _locate(TURN, piece, slide, tau, h, 0.0, load)
+        du, w1, jx, jy = slid(piece, slide, tau, h, load)
         w1 = 0.0
     way = w + w1
     crossed = 0
-    if piece[KIND] != UNBOUNDED and ((u1 >= piece[U1] and way > 0.0) or (u1 <= piece[U0] and way < 0.0)):
+    first, last = piece[U0] - began, piece[U1] - began
+    if piece[KIND] != UNBOUNDED and ((du >= last and way > 0.0) or (du <= first and way < 0.0)):
         crossed = 1 if way > 0.0 else -1
-        end = piece[U1] if crossed == 1 else piece[U0]
-        if u1 != end:
-            h = _locate(END, piece, u, w, tau, h, end, load)
-            u1, w1, jx, jy = slid(piece, u, w, tau, h, load)
-        u1 = end
-    if not held and hold(piece, u1, w1, tau + h, load)[0] < 0.0:
-        h = _locate(LIFT, piece, u, w, tau, h, 0.0, load)
-        u1, w1, jx, jy = slid(piece, u, w, tau, h, load)
+        end = last if crossed == 1 else first
+        if du != end != state[DU]:
+            h = _locate(END, piece, slide, tau, h, end, load)
+            du, w1, jx, jy = slid(piece, slide, tau, h, load)
+        du = end
+    if not held and hold(piece, began + du, w1, tau + h, load)[0] < 0.0:
+        h = _locate(LIFT, piece, slide, tau, h, 0.0, load)
+        du, w1, jx, jy = slid(piece, slide, tau, h, load)
         crossed = 0
         state[MODE] = FLIGHT
-    x, y, tx, ty, _, _ = surface(piece, u1)
+    x, y, tx, ty, _, _ = surface(piece, began + du)
     mass = load[MASS]
     sums[0] += jx
     sums[1] += jy
     sums[2] += mass * (w1 * tx - state[VX]) - jx
     sums[3] += mass * (w1 * ty - state[VY]) - jy
-    state[U], state[W], state[X], state[Y], state[VX], state[VY] = u1, w1, x, y, w1 * tx, w1 * ty
+    state[DU], state[W], state[X], state[Y], state[VX], state[VY] = du, w1, x, y, w1 * tx, w1 * ty
     if state[MODE] == FLIGHT:
         _leave(run, tau + h)
     elif crossed != 0:
@@ -361,7 +366,7 @@ def _pass_joint(run: Run, way: int, tau: float) -> None:
     joint = (index + 1) % count if way > 0 else index
     if terrain.joints[joint] == 0.0:
         following = joint if way > 0 else (joint - 1) % count
-        state[PIECE] = following
+        state[PIECE], state[DU] = following, 0.0
         state[U] = terrain.pieces[following, U0] if way > 0 else terrain.pieces[following, U1]
     elif terrain.joints[joint] > 0.0 and run.load[BILATERAL] == 0.0:
         _leave(run, tau)
@@ -439,7 +444,7 @@ def _begin(run: Run) -> None:
 def follow(
     start: Array, terrain: BoundaryCells, stretches: Stretches, gains: Array, rows: int, limit: int
 ) -> tuple[Array, Array, int]:
-    """Carry the tool from `start` (9,), SLIDE where it begins on the boundary at U, through all stretches.
+    """Carry the tool from `start` (10,), SLIDE where it begins on the boundary at U, through all stretches.
 
     `gains` is a `load` with its constants filled in. Gives (rows, 8): position and velocity at each sample, contact and
     operator's impulse until the next; the events (k, 6), see `Run`; and the number of events, of which those above

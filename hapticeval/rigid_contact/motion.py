@@ -12,6 +12,7 @@ A stretch's numbers are an array `load` (see the column names below).
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from hapticeval.types import Array
 
 G0X, G0Y, G1X, G1Y, SPRING, DAMPER, MASS, RESTITUTION, BILATERAL, BEGAN = range(10)
 LOADS = 10
+
+Slide: TypeAlias = tuple[float, float, float]
+"""A slide under way: u where it began, how far beyond that it is, and w = ds/dt (m/s)."""
 
 STEP = 0.1
 """Longest step of the sliding motion, in units of its own pace: the spring's 1 / omega, or the time in which the
@@ -72,8 +76,9 @@ STAGES = np.array(
 
 
 @compiled
-def slid(piece: Array, u: float, w: float, tau: float, h: float, load: Array) -> tuple[float, float, float, float]:
-    """(u, w) after h seconds of sliding by thesis (3.1), and the contact impulse (N s) meanwhile: Butcher's step."""
+def slid(piece: Array, slide: Slide, tau: float, h: float, load: Array) -> tuple[float, float, float, float]:
+    """(du, w) after h seconds of sliding by thesis (3.1), and the contact impulse (N s) meanwhile: Butcher's step."""
+    u, gone, w = slide
     rates, out = np.empty((7, 4)), np.empty(4)  # du/dt, dw/dt and the contact force
     for k in range(7):
         du, dw = 0.0, 0.0
@@ -81,7 +86,7 @@ def slid(piece: Array, u: float, w: float, tau: float, h: float, load: Array) ->
             du += STAGES[k, i] * rates[i, 0]
             dw += STAGES[k, i] * rates[i, 1]
         pace = w + h * dw / STAGES[k, 6]
-        x, y, tx, ty, speed, bend = surface(piece, u + h * du / STAGES[k, 6])
+        x, y, tx, ty, speed, bend = surface(piece, u + (gone + h * du / STAGES[k, 6]))
         fx, fy = push(load, tau + STAGES[k, 7] * h / STAGES[k, 8], x, y, pace * tx, pace * ty)
         answer = -(fx * ty - fy * tx) - load[MASS] * bend * pace * pace
         rates[k, 0], rates[k, 1] = pace / speed, (fx * tx + fy * ty) / load[MASS]
@@ -89,7 +94,7 @@ def slid(piece: Array, u: float, w: float, tau: float, h: float, load: Array) ->
     for c in range(4):
         r = rates[:, c]
         out[c] = h * (11.0 * (r[0] + r[6]) + 81.0 * (r[2] + r[3]) - 32.0 * (r[4] + r[5])) / 120.0
-    return u + out[0], w + out[1], out[2], out[3]
+    return gone + out[0], w + out[1], out[2], out[3]
 
 
 @compiled

@@ -117,6 +117,21 @@ def test_the_wrong_restitution_fails_and_a_tool_that_never_flies_is_not_asked():
     assert outcome("impulsive-collision", pressed(), PLANE) is NO
 
 
+@given(
+    speed=st.floats(0.2, 0.9),
+    height=st.floats(2e-3, 5e-3),
+    push=st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 1.0)),
+    restitution=st.floats(0.0, 1.0),
+)
+@settings(max_examples=60)
+def test_a_rigid_collision_passes_whatever_the_operator_pushes_meanwhile(speed, height, push, restitution):
+    """It meets the surface between two samples, slower or faster than it was at the first of them."""
+    scene = Scene(model=line(), mass=0.1, restitution=restitution)
+    thrown = Experiment(0.1, [0.0, height], [0.1, -speed], [0.0], [push])
+    recording = resolve("ideal")(scene).simulate(thrown, 1e-3)
+    assert outcome("impulsive-collision", recording, scene) is PASS
+
+
 ROUND = Scene(model=circle(), stiffness=50.0, mass=0.1, bilateral=True)
 
 

@@ -83,6 +83,23 @@ def test_what_is_lost_is_counted(step, digits):
     assert finding.evidence["motion"] in ("turned and shifted", "seven times as large")
 
 
+def test_a_tool_that_is_struck_behind_its_last_sample_lies_off_the_model_there():
+    """The ideal contact flies at the last sample, and the force until the next holds the impact."""
+
+    def judged(seconds):
+        points = [[0.0, 0.01055], [0.0, 0.01055 - 0.1 * seconds]]
+        trajectory = {"kind": "points", "duration": seconds, "points": points}
+        case = {"name": "c", "title": "c", "model": {"kind": "line"}, "checks": [CHECK], "trajectory": trajectory}
+        return judge(resolve("ideal"), "ideal", "s", convert(case, Case, "c"))
+
+    hip = judged(0.2).recording.hip
+    last = 1e-3 * float(np.argmin(hip[:, 1] > 0.0) - 1)
+    ending = judged(last)
+    assert ending.recording.hip[-1, 1] > 1e-5
+    assert ending.recording.force[-1, 1] > 0.0
+    assert ending.verdicts[0].outcome is Outcome.PASS
+
+
 def test_a_hand_that_was_far_away_excuses_no_digit():
     """Centres of curvature of the Cassinian's inflections lie at 1e17 m, where a coordinate is known to 16 m."""
     outcome, finding = digits_of(resolve("minimum-distance"), {"kind": "cassinian"}, of=("focal", "medial"))
