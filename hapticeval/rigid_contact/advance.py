@@ -54,6 +54,9 @@ out, below m sqrt(8 a CLOSE), is 1e-6 of that of a metre's fall."""
 ALIGNED = 1e-12
 """Share of the speed below which a velocity across a face is rounding."""
 
+UNSEEN = 1e-15
+"""Share of its coordinates by which a tool that turns may move unseen: it is held where rounding decides its force."""
+
 TURN, END, LIFT = range(3)
 
 FLIGHT_STEP = 2e-3
@@ -316,14 +319,15 @@ def _slide(run: Run, tau: float, rest: float) -> float:
         return 0.0
     h = slide_step(terrain.paces[index], w, along, load, rest)
     du, w1, jx, jy = slid(piece, slide, tau, h, load)
-    if w == 0.0 and abs(along) > 1e-9 * abs(hold(piece, began + du, w1, tau + h, load)[1]):
+    moves = 0.5 * (abs(w) + abs(w1)) * h > UNSEEN * (abs(state[X]) + abs(state[Y]))
+    if moves and w == 0.0 and abs(along) > 1e-9 * abs(hold(piece, began + du, w1, tau + h, load)[1]):
         # Out and back within the step: shorten it until it only goes out.
         for _ in range(60):
             if w1 * along >= 0.0:
                 break
             h *= 0.5
             du, w1, jx, jy = slid(piece, slide, tau, h, load)
-    turned = w * w1 < 0.0
+    turned = moves and w * w1 < 0.0
     if turned:
         h = _locate(TURN, piece, slide, tau, h, 0.0, load)
         du, w1, jx, jy = slid(piece, slide, tau, h, load)

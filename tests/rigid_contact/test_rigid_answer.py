@@ -4,9 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from hapticeval.errors import InputError
-from hapticeval.geometry.catalogue import cassinian, circle, from_vertices, line, star
+from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, line, star
 from hapticeval.renderer import TrajectoryRenderer
 from hapticeval.rigid_contact import ideal
 from hapticeval.scene import Scene
@@ -70,6 +72,18 @@ def test_a_push_that_changes_between_samples_is_followed_exactly():
         rise = 0.05001 - 0.01234
         y = 1.0 + 10.0 * (rise**2 / 6.0 + rise / 2.0 * (t - 0.05001) + 0.5 * (t - 0.05001) ** 2)
         np.testing.assert_allclose(recording.hip[-1], [x, y], atol=1e-14)
+
+
+@given(x=st.floats(-0.017, 0.017), deep=st.floats(1e-3, 0.015))
+@example(x=0.016726, deep=0.014)  # the spring's force changes its sign with the last place of x
+def test_a_hand_led_straight_into_a_face_holds_the_tool_where_it_struck(x, deep):
+    """Where rounding alone decides which way the tool is drawn, it is not drawn to and fro without end."""
+    model = dumbbell()
+    face = model.boundary.closest_point(np.array([[x, -0.03]])).foot[0, 1]
+    recording = play(model, [0.0, 0.4, 1.2], [[x, -0.06], [x, face + deep], [x, face + deep]])
+    assert [event["kind"] for event in recording.meta["events"]] == ["impact"]
+    held = recording.time > 0.41
+    np.testing.assert_allclose(recording.hip[held], np.tile([x, face], (held.sum(), 1)), rtol=0.0, atol=1e-15)
 
 
 def test_a_hand_led_through_a_notch_rests_there_and_leaves_along_the_other_face():
