@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from hapticeval.geometry.kernels import U0
 from hapticeval.types import Array
@@ -16,6 +17,10 @@ if TYPE_CHECKING:
 SAMPLES = 16384
 SEAM = 1e-9
 """Before each joint, in parts of the curve, where the normal of the face that ends there is sampled."""
+
+
+FOLLOWED = 1e-10
+"""How closely (rad) the normals' spline has to keep to them half way between its knots, to be used for them."""
 
 
 class NormalCone:
@@ -42,6 +47,11 @@ class NormalCone:
         turn = 2.0 * np.pi
         self._s = np.concatenate([s - curve.length, s, s + curve.length])
         self._angle = np.concatenate([angle - turn, angle, angle + turn])
+        bends = np.tile(curve.curvature(u), 3)
+        spline = CubicHermiteSpline(self._s, self._angle, bends)
+        middle = 0.5 * (u[:-1] + u[1:])
+        off = wrapped(_angle(curve.normal(middle)) - spline(curve.arc_length(middle)))
+        self._spline = spline if float(np.abs(off).max()) <= FOLLOWED else None
 
     def interval(self, points: Array, reach: Array) -> tuple[Array, Array]:
         """Return the lowest and highest angle (n,), rad, unwrapped, within `reach` (n,), m, of points (n, 2).
@@ -55,10 +65,7 @@ class NormalCone:
         u = self.curve.nearest(points)
         s = self.curve.arc_length(u)
         ends = [s, s - reach, s + reach]
-        angles = []
-        for at, parameter in zip(ends, [u, *map(self.curve.parameter, ends[1:])], strict=True):
-            near = np.interp(at, self._s, self._angle)
-            angles.append(near + wrapped(_angle(self.curve.normal(parameter)) - near))
+        angles = [self._angle_at(s, u), *(self._angle_at(end) for end in ends[1:])]
         low, high = np.min(angles, axis=0), np.max(angles, axis=0)
         seam = 2.0 * SEAM * self.curve.length if self.curve.corners else 0.0
         first = np.searchsorted(self._s, np.minimum(ends[1], s - seam), side="left")
@@ -69,6 +76,14 @@ class NormalCone:
             low[held] = np.minimum(low[held], np.minimum.reduceat(self._angle, windows)[::2])
             high[held] = np.maximum(high[held], np.maximum.reduceat(self._angle, windows)[::2])
         return low, high
+
+    def _angle_at(self, s: Array, u: Array | None = None) -> Array:
+        """Return the normals' angle (n,), rad, unwrapped, at arc lengths (n,) and the parameters u there, if known."""
+        if u is None and self._spline is not None:
+            return np.asarray(self._spline(s))
+        near = np.interp(s, self._s, self._angle)
+        normals = self.curve.normal(self.curve.parameter(s) if u is None else u)
+        return np.asarray(near + wrapped(_angle(normals) - near))
 
     def around(self, points: Array, reach: Array) -> Callable[[Array], Array]:
         """Answer `Boundary.normal_cone` for points (n, 2) and `reach` (n,), m."""
