@@ -125,12 +125,16 @@ def _reach(recording: Recording, scene: Scene) -> Array:
     """How far (n,), m, along the surface the normal of each force may lie from the IHIP of its row.
 
     IHIP and force may each be up to three ticks late, so that the force belongs to where the tool was or will be within
-    three ticks: that is three of its own steps around the row, however the projection stretches those of the hand.
+    three ticks: that is three of its own steps around the row, however the projection stretches those of the hand. A
+    rigid tool may get to a corner and back between two samples: its steps are as long as its velocity makes them.
     Positions in single precision and the declared standoff come to it.
     """
     from scipy.ndimage import maximum_filter1d
 
     steps = np.linalg.norm(np.diff(recording.ihip, axis=0, prepend=recording.ihip[:1]), axis=1)
+    if "velocity" in recording.channels:
+        rigid = np.all(recording.ihip == recording.hip, axis=1)
+        steps[rigid] = np.maximum(steps, recording.dt * np.linalg.norm(recording.velocity, axis=1))[rigid]
     around = maximum_filter1d(steps, 2 * LAG_TICKS + 1, mode="nearest")
     return np.asarray(LAG_TICKS * around + standoff(recording, scene) + rounding(scene))
 
@@ -180,7 +184,8 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
     """(force + operator force along the normal, what the momentum allows, operator's push), N; None if not at rest.
 
     Over a window of W seconds the mean of all forces is m (v_end - v_start) / W, so a tool whose speed stays below
-    v_max may show up to 2 m v_max / W. At rest means that this is a small part of the operator's push.
+    v_max may show up to 2 m v_max / W. At rest means that this is a small part of the operator's push. The last force
+    acts behind the last velocity that is known, and is left out.
     """
     if "operator_force" not in recording.channels or scene.bilateral:
         return None
@@ -192,10 +197,11 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
     if travel > still or not recording.contact[window].all():
         return None
     normal = scene.model.boundary.closest_point(ihip[-1:]).normal[0]
-    force = float(np.mean(recording.force[window] @ normal))
-    push = -float(np.mean(recording.channels["operator_force"][window] @ normal))
+    acting = slice(window.start, window.stop - 1)
+    force = float(np.mean(recording.force[acting] @ normal))
+    push = -float(np.mean(recording.channels["operator_force"][acting] @ normal))
     speed = float(np.max(np.abs(velocity @ normal)))
-    allowed = 2.0 * scene.mass * speed / (count * recording.dt) + SINGLE * abs(push)
+    allowed = 2.0 * scene.mass * speed / ((count - 1) * recording.dt) + SINGLE * abs(push)
     if push <= 0.0 or allowed > 0.1 * push:
         return None
     return force - push, allowed, push
@@ -214,14 +220,14 @@ CHECK = Check(
     unit="deg",
     bound=(
         "The true normals are those of the model around the IHIP, within 3 IHIP steps (the largest within three ticks "
-        "of the row: IHIP and force may each be that late) + standoff + declared resolution (up to a sixteenth of the "
-        "outline: the true surface has a facet's direction somewhere along it). Across a corner every direction "
-        "between the faces' normals is one; in space they fill a cone, as wide as that distance times the largest "
-        "curvature. A spring from an IHIP up to three ticks late is judged from the HIP of that tick. Beyond, "
-        "rounding: 1e-6 rad + 4 * 2^-23 * model size / least depth of these ticks, and half a step of every component "
-        "of a log. At rest the mean force over a window W may differ by 2 m v_max / W, the momentum that the window "
-        "cannot account for; in a simulated closed loop Newton's law makes the two equal, so that this half tests "
-        "recordings of real devices. Forces below K_p * 1 um are not judged."
+        "of the row: IHIP and force may each be that late; of a rigid tool at least its speed times the tick) + "
+        "standoff + declared resolution (up to a sixteenth of the outline: the true surface has a facet's direction "
+        "somewhere along it). Across a corner every direction between the faces' normals is one; in space they fill a "
+        "cone, as wide as that distance times the largest curvature. A spring from an IHIP up to three ticks late is "
+        "judged from the HIP of that tick. Beyond, rounding: 1e-6 rad + 4 * 2^-23 * model size / least depth of these "
+        "ticks, and half a step of every component of a log. At rest the mean force over a window W may differ by 2 m "
+        "v_max / W, the momentum that the window cannot account for; in a simulated closed loop Newton's law makes "
+        "the two equal, so that this half tests recordings of real devices. Forces below K_p * 1 um are not judged."
     ),
     judge=judge,
 )

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from honest import Spring
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
 
 from hapticeval.discovery import resolve
-from hapticeval.geometry.catalogue import circle, line
+from hapticeval.geometry.catalogue import circle, from_vertices, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.stimulus.stimulus import Experiment
+from hapticeval.stimulus.stimulus import Experiment, Path
 
 PLANE = Scene(model=line(), stiffness=1000.0, mass=0.1)
 LOOP = {"source": "experiment"}
@@ -130,6 +130,25 @@ def test_a_rigid_collision_passes_whatever_the_operator_pushes_meanwhile(speed, 
     thrown = Experiment(0.1, [0.0, height], [0.1, -speed], [0.0], [push])
     recording = resolve("ideal")(scene).simulate(thrown, 1e-3)
     assert outcome("impulsive-collision", recording, scene) is PASS
+
+
+@given(
+    turn=st.floats(0.02, 0.2),
+    before=st.floats(0.003, 0.05),
+    lean=st.tuples(st.floats(-1.0, 1.0), st.floats(-1.2, 1.2)),
+    depth=st.floats(0.05, 0.25),
+)
+@example(turn=0.1475, before=0.0374, lean=(0.24, 0.872), depth=0.1408)
+@example(turn=0.0364, before=0.0426, lean=(0.541, 0.667), depth=0.1998)
+@settings(max_examples=60)
+def test_the_ideal_contact_is_normal_in_a_notch_that_it_slides_to_and_fro_in(turn, before, lean, depth):
+    """In ever shorter passes up its faces: the mean force of a tick holds the pushes of both, wherever a sample is."""
+    notch = [[-0.1, 0.0], [-0.1, -0.1], [0.1, -0.1], [0.1 * np.cos(turn), 0.1 * np.sin(turn)], [0.0, 0.0]]
+    scene = Scene(model=from_vertices(notch), stiffness=1000.0)
+    along = [0.5 * turn * (1.0 + each) - 0.5 * np.pi for each in lean]
+    ends = [[depth * np.cos(angle), depth * np.sin(angle)] for angle in along]
+    path = Path([0.0, 0.5, 0.6], [[-before, 0.02], *ends])
+    assert outcome("contact-normal-force", resolve("ideal")(scene).simulate(path, 1e-3), scene) is PASS
 
 
 ROUND = Scene(model=circle(), stiffness=50.0, mass=0.1, bilateral=True)
