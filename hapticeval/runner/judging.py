@@ -79,7 +79,8 @@ class _RunFactory:
             siblings |= {"at_speed": lambda factor: self.record(stimulus.at_speed(factor), dt), "law": self.law}
             siblings["moved"] = self.moved
         else:
-            back = Path(*stimulus.sampled(dt)).reversed()
+            times, hips = stimulus.sampled(dt)
+            back = Path(times, hips[::-1])  # the same HIPs to the last place, which differences of times would cost
             siblings |= {"reverse": lambda: self.record(back, dt), "look": self.closeup(base)}
             siblings |= {"without": self.without, "moved": self.moved, "reordered": self.reordered}
             siblings |= {"in_turns": self.in_turns}

@@ -24,6 +24,7 @@ from hapticeval.search.seeds import Hunt, hunts
 from hapticeval.search.shrink import size_of
 from hapticeval.search.trial import RENDERER, Bench, Fault, Stopped
 from hapticeval.stimulus.experiments import ExperimentTable
+from hapticeval.stimulus.moves import Move, Moves
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
 
@@ -435,3 +436,22 @@ STRUCK = (
 def test_the_ideal_contact_is_not_called_wrong_where_it_once_was(case):
     judged = judge(resolve("ideal"), "ideal", "search", case)
     assert [verdict.check for verdict in judged.verdicts if verdict.outcome in ("fail", "error")] == []
+
+
+def test_a_projection_is_memoryless_on_the_medial_axis_too():
+    """Where HIPs a last place apart have feet 29 mm apart, the way back has to hold the same HIPs to the last place."""
+    case = Case(
+        name="on-the-axis",
+        title="Onto the axis of a dumbbell's disc",
+        model={"kind": "dumbbell", "neck": 0.5, "size": 0.2},
+        checks=("memoryless",),
+        trajectory=Moves(
+            start=[0.051, 0.037],
+            moves=(
+                Move(to=[0.062, 0.0], seconds=0.772, even=True),
+                Move(to=[0.063, 0.001], seconds=0.028, even=True),
+            ),
+        ),
+    )
+    (verdict,) = judge(resolve("minimum-distance"), "minimum-distance", "search", case).verdicts
+    assert verdict.outcome == "pass"
