@@ -57,6 +57,9 @@ ALIGNED = 1e-12
 UNSEEN = 1e-15
 """Share of its coordinates by which a tool that turns may move unseen: it is held where rounding decides its force."""
 
+HITS = 100_000
+"""Most hits of one visit to a corner: of those of a sharp notch, which all come at once, each but takes a share."""
+
 TURN, END, LIFT = range(3)
 
 FLIGHT_STEP = 2e-3
@@ -193,9 +196,10 @@ def corner(run: Run, joint: int, tau: float, kind: int) -> None:
             w = 0.0
         vx, vy = w * tx, w * ty
     else:
-        for _ in range(200):
+        small = 1e6 * tiny * tiny
+        for _ in range(HITS):
             from_pre, from_post = vx * ay - vy * ax, vx * by - vy * bx
-            if min(from_pre, from_post) >= -tiny:
+            if min(from_pre, from_post) >= -tiny or vx * vx + vy * vy <= small:
                 break
             tx, ty, across = (ax, ay, from_pre) if from_pre < from_post else (bx, by, from_post)
             vx, vy = vx - (1.0 + rebound) * across * ty, vy + (1.0 + rebound) * across * tx
@@ -203,7 +207,10 @@ def corner(run: Run, joint: int, tau: float, kind: int) -> None:
             answer, bounce = -(fx * ty - fy * tx), -rebound * across
             if answer > 0.0 and mass * bounce * bounce < 2.0 * answer * CLOSE:
                 vx, vy = vx - bounce * ty, vy + bounce * tx
-        if vx * vx + vy * vy <= 1e6 * tiny * tiny:
+        else:
+            if rebound < 1.0:
+                vx, vy = 0.0, 0.0
+        if vx * vx + vy * vy <= small:
             vx, vy = 0.0, 0.0
     jx, jy = apply_impulse(run, vx, vy)
     if jx != 0.0 or jy != 0.0:

@@ -172,6 +172,19 @@ def test_an_elastic_notch_throws_the_tool_about(restitution, hits):
             np.testing.assert_allclose(event["position"], place, atol=1e-11)
 
 
+@pytest.mark.parametrize("opening", [23.0, 5.0, 0.5])
+def test_a_tool_thrown_into_a_sharp_notch_stays_at_its_end(opening):
+    """Its speed falls by cos(opening) at each of the hits, which all come at once: the limit is rest."""
+    far = [-0.2 * math.cos(math.radians(opening)), 0.2 * math.sin(math.radians(opening))]
+    model = from_vertices([[0, 0], [-0.2, 0], [-0.2, -0.1], [0.1, -0.1], [0.1, 0.2], far])
+    aside = math.radians(0.5 * opening)
+    recording = run(model, [-0.1 * math.cos(aside), 0.1 * math.sin(aside)], [0.3, 0.0], [2.0, -1.0], duration=1.0)
+    assert events(recording)[-1]["kind"] == "rest"
+    assert len(events(recording)) < 100
+    np.testing.assert_allclose(recording.hip[-1], [0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(recording.force[-1], [-2.0, 1.0], atol=1e-9)
+
+
 def test_the_cassinian_flank_is_left_and_hit_again():
     recording = run(cassinian(), [0.1, 0], [0, 0.05], [-1, 0], duration=0.22, dt=1e-4)
     leave, impact = events(recording)[:2]
