@@ -23,6 +23,9 @@ from hapticeval.types import Array
 STRAIGHT = 1e-9
 """A joint that turns less than this (rad) is smooth."""
 
+TIE = 1e-15
+"""Share of the coordinates by which rounding may change which of two feet is nearer."""
+
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 MAX_PANELS = 100_000
 
@@ -324,11 +327,13 @@ def foot(
         there = evaluate(pieces[0], u)
         ex, ey = x - there[0], y - there[1]
         return 0, u, math.hypot(ex, ey), -1.0 if ex * there[3] - ey * there[2] < 0.0 else 1.0, there
-    u, distance, k = 0.0, np.inf, 0
+    u, distance, k, inner = 0.0, np.inf, 0, False
     for i in range(count):
         at, far = _nearest_on_piece(pieces[i], x, y)
-        if far < distance:
-            u, distance, k = at, far, i
+        # Beside a joint the foot is nearer than the joint by less than rounding: it is the one within its piece.
+        within, tie = pieces[i, U0] < at < pieces[i, U1], TIE * (abs(x) + abs(y) + far)
+        if far < distance + (tie if within and not inner else -tie if inner and not within else 0.0):
+            u, distance, k, inner = at, far, i, within
     turn = 0.0
     if pieces[0, 0] != UNBOUNDED and (u == pieces[k, U0] or u == pieces[k, U1]):
         if u == pieces[k, U1]:

@@ -42,7 +42,7 @@ SLOWER = 5.0
 """How much longer than for any case before, for each second of its path or experiment, a renderer takes that hangs."""
 
 AGAIN = 3.0
-"""The same, where its process is new, as after a hang, and it has to prepare the model again."""
+"""The same for what its first case on a model took, which it may prepare again, or moved and scaled, for any other."""
 
 POLL = 0.1
 
@@ -141,8 +141,7 @@ class Bench:
         if self._over():  # answers may come faster than one is waited for
             raise Stopped
         model = repr(case.model)
-        prepared = 0.0 if model in self._warm else self._prepared.get(model)
-        patience = patience_for(_seconds(case), self._slowest, prepared)
+        patience = patience_for(_seconds(case), self._slowest, self._prepared.get(model))
         if self._workers is None:
             self._workers = Workers(_called, 1)
         self._workers.begin(0, function, self._renderer, self._seed, *arguments)
@@ -183,13 +182,12 @@ def patience_for(seconds: float, slowest: float, prepared: float | None) -> floa
     """Return how many seconds a renderer is given for a case of so many `seconds`.
 
     `slowest` is the longest that it took before for a second of a case, 0.0 if it has answered none on a model that
-    it knew; `prepared` what the first case on that model took in another process, 0.0 in this one, None if there was
-    none.
+    it knew; `prepared` what its first case on that model took, None if there was none.
     """
     expected = SLOWER * slowest * seconds
     if prepared is None:
         return max(FIRST, expected)
-    return max(FEWEST if slowest or prepared else LATER, expected, AGAIN * prepared)
+    return max(FEWEST if slowest else LATER, expected, AGAIN * prepared)
 
 
 def _called(function: Callable[..., Any], *arguments: Any) -> Any:

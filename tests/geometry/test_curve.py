@@ -230,6 +230,15 @@ class TestNearest:
         assert np.array_equal(curve.contains(points)[clear], shapely.contains_xy(fine, points)[clear])
         assert np.max(np.abs(curve.signed_distance(curve.position(parameters(curve))))) < 1e-16
 
+    @given(k=st.integers(0, 7), beyond=st.floats(-11.0, -5.0), way=st.sampled_from([-1, 1]), n=st.floats(-5e-3, 5e-3))
+    def test_beside_a_smooth_joint_the_foot_keeps_its_digits(self, k, beyond, way, n):
+        """The joint is farther than the foot by less than rounding, and is not taken for it."""
+        curve = CLOSED["dumbbell"]
+        u = curve.pieces[k, 1] + way * 10.0**beyond
+        u += curve.length * (u < curve.pieces[0, 1])
+        point = curve.position(u) + n * curve.normal(u)
+        assert curve.position(curve.nearest([point])[0]) == pytest.approx(curve.position(u), abs=1e-15)
+
     def test_near_the_osculating_centre_where_minima_merge(self):
         """Around the end of the medial axis one minimum turns into two, closer together than any sampling."""
         curve = cassinian().curve
