@@ -29,7 +29,7 @@ def first_failure(renderer: str, check: str) -> int:
         for number, case in enumerate(drawn((), [check], 0), 1):
             if check in [fault.check for fault in bench(case).faults]:
                 return number
-            assert number < MOST
+            assert number < MOST, f"{renderer} fails {check} in none of {MOST} examples"
     raise AssertionError
 
 

@@ -24,7 +24,7 @@ STRAIGHT = 1e-9
 """A joint that turns less than this (rad) is smooth."""
 
 TIE = 1e-15
-"""Share of the coordinates by which rounding may change which of two feet is nearer."""
+"""Share of the coordinates, and of an arc's radius, by which rounding may change which of two feet is nearer."""
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 MAX_PANELS = 100_000
@@ -331,7 +331,10 @@ def foot(
     for i in range(count):
         at, far = _nearest_on_piece(pieces[i], x, y)
         # Beside a joint the foot is nearer than the joint by less than rounding: it is the one within its piece.
-        within, tie = pieces[i, U0] < at < pieces[i, U1], TIE * (abs(x) + abs(y) + far)
+        within, size = pieces[i, U0] < at < pieces[i, U1], abs(x) + abs(y) + far
+        if pieces[i, 0] == ARC:
+            size += abs(pieces[i, A]) + abs(pieces[i, B]) + pieces[i, C]
+        tie = TIE * size
         if far < distance + (tie if within and not inner else -tie if inner and not within else 0.0):
             u, distance, k, inner = at, far, i, within
     turn = 0.0

@@ -20,17 +20,18 @@ SEAM = 1e-9
 
 
 FOLLOWED = 1e-10
-"""How closely (rad) the normals' spline has to keep to them half way between its knots, to be used for them."""
+"""How closely (rad) a spline of the normals has to keep to them half way between its knots, to be used for them."""
 
 
 class NormalCone:
     """The true outward normals within a reach, in metres of arc, on either side of a surface point.
 
-    On a smooth stretch that is a narrow interval around n_c (3.4); across a corner it holds every direction between
-    the normals of the two faces, which are the equivalent normals n_e of section 3.2.1. The normals at the point and at
-    both ends of the stretch are exact, and so are those of every joint of the curve on it, where the turning may change
-    its sense at once; in between the curve is sampled, and the highest normal at an inflection is found to
-    kappa' h^2 / 8, h = length / `SAMPLES`: 2e-6 rad where the curvature changes by 10,000 /m^2.
+    On a smooth stretch that is a narrow interval around n_c (3.4); across a corner it holds every direction between the
+    normals of the two faces, which are the equivalent normals n_e of section 3.2.1. The normals at the point and at
+    both ends of the stretch are exact, on a curve of one piece to `FOLLOWED` at the ends, and so are those of every
+    joint of the curve on it, where the turning may change its sense at once; in between the curve is sampled, and the
+    highest normal at an inflection is found to kappa' h^2 / 8, h = length / `SAMPLES`: 2e-6 rad where the curvature
+    changes by 10,000 /m^2.
     """
 
     def __init__(self, curve: Curve) -> None:
@@ -47,11 +48,12 @@ class NormalCone:
         turn = 2.0 * np.pi
         self._s = np.concatenate([s - curve.length, s, s + curve.length])
         self._angle = np.concatenate([angle - turn, angle, angle + turn])
-        bends = np.tile(curve.curvature(u), 3)
-        spline = CubicHermiteSpline(self._s, self._angle, bends)
-        middle = 0.5 * (u[:-1] + u[1:])
-        off = wrapped(_angle(curve.normal(middle)) - spline(curve.arc_length(middle)))
-        self._spline = spline if float(np.abs(off).max()) <= FOLLOWED else None
+        self._spline = None
+        if len(curve.pieces) == 1:
+            spline = CubicHermiteSpline(self._s, self._angle, np.tile(curve.curvature(u), 3))
+            middle = 0.5 * (u[:-1] + u[1:])
+            off = wrapped(_angle(curve.normal(middle)) - spline(curve.arc_length(middle)))
+            self._spline = spline if float(np.abs(off).max()) <= FOLLOWED else None
 
     def interval(self, points: Array, reach: Array) -> tuple[Array, Array]:
         """Return the lowest and highest angle (n,), rad, unwrapped, within `reach` (n,), m, of points (n, 2).

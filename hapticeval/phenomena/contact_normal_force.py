@@ -126,15 +126,17 @@ def _reach(recording: Recording, scene: Scene) -> Array:
 
     IHIP and force may each be up to three ticks late, so that the force belongs to where the tool was or will be within
     three ticks: that is three of its own steps around the row, however the projection stretches those of the hand. A
-    rigid tool may get to a corner and back between two samples: its steps are as long as its velocity makes them.
+    rigid tool may get to a corner and back between two samples: its steps are as long as its velocity makes them, as
+    far as its step and the contact's force explain that.
     Positions in single precision and the declared standoff come to it.
     """
     from scipy.ndimage import maximum_filter1d
 
     steps = np.linalg.norm(np.diff(recording.ihip, axis=0, prepend=recording.ihip[:1]), axis=1)
-    if "velocity" in recording.channels:
-        rigid = np.all(recording.ihip == recording.hip, axis=1)
-        steps[rigid] = np.maximum(steps, recording.dt * np.linalg.norm(recording.velocity, axis=1))[rigid]
+    if "velocity" in recording.channels and np.array_equal(recording.ihip, recording.hip):
+        pushed = recording.dt**2 * np.linalg.norm(recording.force, axis=1) / scene.mass
+        way = recording.dt * np.linalg.norm(recording.velocity, axis=1)
+        steps = np.maximum(steps, np.minimum(way, steps + pushed))
     around = maximum_filter1d(steps, 2 * LAG_TICKS + 1, mode="nearest")
     return np.asarray(LAG_TICKS * around + standoff(recording, scene) + rounding(scene))
 
@@ -190,6 +192,8 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
     if "operator_force" not in recording.channels or scene.bilateral:
         return None
     count = max(int(STATIC_SHARE * len(recording)), 2)
+    if count > len(recording):
+        return None
     window = slice(len(recording) - count, len(recording))
     ihip, velocity = recording.ihip[window], recording.velocity[window]
     travel = float(np.linalg.norm(np.ptp(ihip, axis=0)))

@@ -14,6 +14,9 @@ from hapticeval.types import Array
 WINDOW_TICKS = LAG_TICKS + 1
 """A sampled renderer meets the contact at the sample after it, its answer acts until the next, and may be late."""
 
+UNKNOWN = 0.5
+"""Share of the momentum that the operator may take before the tool is met, beyond which (3.5) says nothing."""
+
 SAME_FACE = 0.995
 """Cosine, of 5.7 degrees, by which the normal may turn in that time: beyond, (3.5) along one normal says nothing."""
 
@@ -45,7 +48,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             Outcome.NOT_APPLICABLE, f"the tool meets another part of the surface within {WINDOW_TICKS} ticks of contact"
         )
     wanted = (1.0 + scene.restitution) * scene.mass * approach
-    pushed = _operator_impulse(base, normal, struck, end)
+    pushed = float(np.sum(_operator_impulses(base, normal)[struck:end]))
     taken = scene.mass * float(along[end] - along[struck]) - pushed
     velocity = base.velocity[struck : end + 1]
     bend = np.einsum("ni,nij,nj->n", velocity, window.shape, velocity)
@@ -55,10 +58,13 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if "operator_force" in base.channels:
         push = np.linalg.norm(base.channels["operator_force"][struck:end], axis=1)
         turning += float(np.sum(push)) * base.dt * float(turn.max()) / scene.mass
-    # The tool is met after this sample, faster or slower by what the operator pushes until then; a tool that stays in
-    # contact has the push after it answered as well.
-    met = (1.0 + scene.restitution) * pushed
-    missing = max(wanted - max(0.0, met) - taken, taken - wanted - max(0.0, -met), 0.0) / wanted
+    before, inwards = _operator_until_met(base, normal, struck), np.maximum(-_operator_impulses(base, normal), 0.0)
+    slower, faster = (1.0 + scene.restitution) * np.maximum([before[1], -before[0]], 0.0)
+    if slower > UNKNOWN * wanted:
+        return undecided("the operator may take most of the tool's momentum before it is met, within a tick")
+    # A tool that stays in contact has the operator's push answered as well.
+    answered = wanted + faster + float(np.sum(inwards[struck:end]))
+    missing = max(wanted - slower - taken, taken - answered, 0.0) / wanted
     stopped = np.flatnonzero(along[struck:] >= 0.0)
     stopped_ms = 1e3 * float(base.time[struck + stopped[0]] - base.time[struck]) if stopped.size else None
     evidence: dict[str, object] = {
@@ -80,11 +86,26 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     return compared(Metric(CHECK.metric, missing, ""), turning / approach + 1e-6, evidence, passes=message, fails=fails)
 
 
-def _operator_impulse(recording: Recording, normal: Array, start: int, end: int) -> float:
-    """Impulse (N s) of the operator along the normal over the window, outwards."""
+def _operator_impulses(recording: Recording, normal: Array) -> Array:
+    """Return the operator's impulse along the normal in each tick, (n,), N s, outwards."""
     if "operator_force" not in recording.channels:
-        return 0.0
-    return float(np.sum(recording.channels["operator_force"][start:end] @ normal)) * recording.dt
+        return np.zeros(len(recording))
+    return np.asarray(recording.channels["operator_force"] @ normal) * recording.dt
+
+
+def _operator_until_met(recording: Recording, normal: Array, struck: int) -> tuple[float, float]:
+    """Return the least and the largest impulse (N s, outwards) of the operator between sample `struck` and the contact.
+
+    A rigid tool is met within the tick after it: before, the operator pushes as in the tick before, and as the change
+    to that one goes on. What penetrates is met already.
+    """
+    if not np.array_equal(recording.ihip[struck], recording.hip[struck]):
+        return 0.0, 0.0
+    impulses = _operator_impulses(recording, normal)
+    last = impulses[max(struck - 2, 0) : struck]
+    change = float(np.ptp(last))
+    around = (float(last[-1]) - change, float(last[-1]) + change, 0.0)
+    return min(around), max(around)
 
 
 CHECK = Check(
@@ -104,10 +125,11 @@ CHECK = Check(
         "facets, and the operator's impulse times that turn, / (m v_n) + 1e-6: while it slides on, the tool turns "
         "with the surface. The window is four ticks: a sampled renderer meets the contact at the first sample after "
         "it, its force acts until the next, and it may lag by three. The operator's push over the window is taken out "
-        "of the momentum's change; what it gives or takes until the tool is met counts in (3.5), and a tool that stays "
-        "in contact may have the rest answered. A spring needs a quarter period, pi/2 sqrt(m / K_p). Not applicable "
-        "where the tool starts in contact, and where it meets a surface turned by more than 5.7 degrees within the "
-        "window, as in a valley: it then collides twice."
+        "of the momentum's change. What it gives or takes before a rigid tool is met, up to a tick of the push before, "
+        "counts in (3.5), and decides nothing where that is half of the momentum; a tool that stays in contact may "
+        "have the push answered. A spring needs a quarter period, pi/2 sqrt(m / K_p). Not applicable where the tool "
+        "starts in contact, and where it meets a surface turned by more than 5.7 degrees within the window, as in a "
+        "valley: it then collides twice."
     ),
     judge=judge,
 )

@@ -11,6 +11,7 @@ from hapticeval.phenomena.check import Check, Runs, Sibling
 from hapticeval.phenomena.nudges import AMPLIFIED, ROUNDINGS, STEEP, answered, answers_apart, steepness
 from hapticeval.phenomena.sampling import believed_standoff, evidence_at, hip_steps, lacks_ihip, mm, resolution
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
+from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 
 DIGITS = 1e-9
@@ -53,10 +54,9 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     on_surface = np.zeros(len(base))
     if not lacks_ihip(base, scene):
         on_surface[contact] = np.abs(scene.model.boundary.signed_distance(base.ihip[contact]))
-        # A rigid tool is struck between two samples: at the first it flies yet, and is there before the next, which
-        # behind the last is unknown.
+        # A rigid tool is struck between two samples: at the first it flies yet, and is there before the next.
         flies = np.all(base.ihip == base.hip, axis=1)
-        ahead = np.append(hip_steps(base), np.inf)
+        ahead = np.append(hip_steps(base), _step_behind(base, scene))
         on_surface[flies] = np.maximum(on_surface[flies] - ahead[flies], 0.0)
     off = np.maximum(off, on_surface)
     clear = contact & (steep <= AMPLIFIED * (rounding + declared) + DIGITS * size)
@@ -93,6 +93,14 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     )
 
 
+def _step_behind(base: Recording, scene: Scene) -> float:
+    """Return how far the tool gets behind the last sample at the most, m: its last step, and what the push adds."""
+    step = float(hip_steps(base)[-1:].sum())
+    if "operator_force" in base.channels:
+        step += base.dt**2 * float(np.linalg.norm(base.channels["operator_force"][-1])) / scene.mass
+    return step
+
+
 def _excuse(off: float, rounding: float, declared: float, steep: float) -> str:
     """Return why an answer may be off by more than `DIGITS` allows; `steep` is what nudges change there; all in m."""
     what = f"the declared resolution and standoff of {mm(declared)}"
@@ -124,9 +132,10 @@ CHECK = Check(
         "1e-9 of the model's size, beside what is explained: four roundings of the largest coordinate, the declared "
         "resolution and standoff, and ten times the change of the answer where the hand is off by those along axes "
         "and diagonals, as beside a discontinuity, where either answer is right. As far the IHIP may lie off the "
-        "model; a tool that is struck between two samples lies off it by the step to the next at the first. Forces "
-        "are compared where the size stays, for a force need not be proportional to a length. `digits` in the "
-        "evidence are those kept away from discontinuities, where such a nudge changes answers at most tenfold."
+        "model; a tool that is struck between two samples lies off it by the step to the next at the first, and behind "
+        "the last by its last step and what the operator pushes. Forces are compared where the size stays, for a force "
+        "need not be proportional to a length. `digits` in the evidence are those kept away from discontinuities, "
+        "where such a nudge changes answers at most tenfold."
     ),
     judge=judge,
     level=Level.SHOULD,

@@ -1,9 +1,9 @@
 """The tool between samples: each mode is carried to its next event or to the end of the stretch, and what events do.
 
-The state is an array: MODE (FLIGHT, SLIDE or REST), PIECE on the boundary, U on it where the tool touched down or
-came from a joint and DU how far it has slid since, W = ds/dt, position, velocity, and in REST the joint whose corner
-holds the tool. DU is kept apart since hops in a corner become as short as the rounding of U, and each is thrown back
-with the speed that the one before left. Impacts, corners and coming to rest change it at an instant, and every
+The state is an array: MODE (FLIGHT, SLIDE or REST), PIECE on the boundary, U on it where the tool touched down or came
+from a joint and DU how much U has grown since, W = ds/dt, position, velocity, and in REST the joint whose corner holds
+the tool. Kept in one number, U + DU would lose the digits of hops in a corner, which become as short as its rounding,
+and of which each sets the speed of the next. Impacts, corners and coming to rest change it at an instant, and every
 change of velocity adds its impulse to `sums`.
 
 Sequences of ever smaller hops (bounces with 0 < c_r < 1, slides up and down the faces of a notch) never end in
@@ -55,10 +55,12 @@ ALIGNED = 1e-12
 """Share of the speed below which a velocity across a face is rounding."""
 
 UNSEEN = 1e-15
-"""Share of its coordinates by which a tool that turns may move unseen: it is held where rounding decides its force."""
+"""Share of its coordinates below which the way of a step is rounding: the force on a tool that the hand holds in place
+changes its sign by rounding too, and no turn is looked for there."""
 
 HITS = 100_000
-"""Most hits of one visit to a corner: of those of a sharp notch, which all come at once, each but takes a share."""
+"""Most hits of one visit to a corner: in a sharp notch they all come at once, and each takes a small share of the
+speed. A tool that loses some at each is then at rest."""
 
 TURN, END, LIFT = range(3)
 
@@ -345,7 +347,8 @@ def _slide(run: Run, tau: float, rest: float) -> float:
     if piece[KIND] != UNBOUNDED and ((du >= last and way > 0.0) or (du <= first and way < 0.0)):
         crossed = 1 if way > 0.0 else -1
         end = last if crossed == 1 else first
-        if du != end != state[DU]:
+        # What has begun at the end, and got beyond it by less than rounding, stays there for the step.
+        if du != end and (state[DU] != end or began + du != began + end):
             h = _locate(END, piece, slide, tau, h, end, load)
             du, w1, jx, jy = slid(piece, slide, tau, h, load)
         du = end

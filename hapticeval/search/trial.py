@@ -41,8 +41,9 @@ FEWEST = 2.0
 SLOWER = 5.0
 """How much longer than for any case before, for each second of its path or experiment, a renderer takes that hangs."""
 
-AGAIN = 3.0
-"""The same for what its first case on a model took, which it may prepare again, or moved and scaled, for any other."""
+AGAIN = 6.0
+"""How many times as long as for its first case on a model it is given for any later one: checks have the model turned,
+scaled, mirrored, renumbered and halved too, and it may prepare each of them."""
 
 POLL = 0.1
 

@@ -190,6 +190,14 @@ class TestConesOfCurves:
         off = STAR.normal_cone(point[None], np.array([1e-3]))(corner.normal_post[None])[0]
         assert off == pytest.approx(corner.turn)
 
+    @pytest.mark.parametrize("count", [3, 6, 9, 12, 24])
+    @pytest.mark.parametrize("radius", [0.07, 0.1, 1.0])
+    def test_a_joint_may_lie_a_last_place_beside_a_sample(self, count, radius):
+        angles = 2.0 * np.pi * np.arange(count) / count
+        curve = from_vertices(radius * np.column_stack([np.cos(angles), np.sin(angles)])).curve
+        point = curve.position([1e-3 * radius])
+        assert curve.normal_cone(point, np.array([1e-6]))(curve.normal([1e-3 * radius]))[0] <= 1e-9
+
     def test_the_plane_has_one_normal(self):
         off = line().curve.normal_cone(np.array([[5.0, 0.0], [0.0, 0.0]]), np.full(2, 1e-3))
         np.testing.assert_allclose(off(np.array([[0.0, 2.0], [1.0, 1.0]])), [0.0, np.pi / 4])

@@ -14,7 +14,7 @@ from hapticeval.geometry.catalogue import circle, from_vertices, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
-from hapticeval.stimulus.stimulus import Experiment, Path
+from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 
 PLANE = Scene(model=line(), stiffness=1000.0, mass=0.1)
 LOOP = {"source": "experiment"}
@@ -130,6 +130,53 @@ def test_a_rigid_collision_passes_whatever_the_operator_pushes_meanwhile(speed, 
     thrown = Experiment(0.1, [0.0, height], [0.1, -speed], [0.0], [push])
     recording = resolve("ideal")(scene).simulate(thrown, 1e-3)
     assert outcome("impulsive-collision", recording, scene) is PASS
+
+
+@given(
+    stiffness=st.floats(0.0, 100.0),
+    damping=st.floats(0.0, 5.0),
+    speed=st.floats(0.2, 0.8),
+    height=st.floats(2e-3, 5e-3),
+    restitution=st.floats(0.0, 1.0),
+)
+@settings(max_examples=60)
+def test_a_rigid_collision_passes_whatever_the_hand_that_draws_it(stiffness, damping, speed, height, restitution):
+    """The hand's damper pushes otherwise as soon as the tool has lost its speed."""
+    scene = Scene(model=line(), mass=0.1, restitution=restitution)
+    drawn = Hand(
+        path=Path([0.0, 0.1], [[0.0, height], [0.01, height - 0.1 * speed]]), stiffness=stiffness + 1.0, damping=damping
+    )
+    thrown = Experiment(0.1, [0.0, height], [0.1, -speed], [0.0], [[0.0, 0.0]], hand=drawn)
+    recording = resolve("ideal")(scene).simulate(thrown, 1e-3)
+    assert outcome("impulsive-collision", recording, scene) is PASS
+
+
+@pytest.mark.parametrize("push", [2.0, 2.4, 2.6])
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_a_push_outwards_excuses_no_spring(push, restitution):
+    scene = Scene(model=line(), stiffness=1000.0, mass=0.1, restitution=restitution)
+    thrown = Experiment(0.2, [0.0, 5e-4], [0.0, -0.2], [0.0], [[0.0, push]])
+    recording = simulate_closed_loop(resolve("minimum-distance")(scene), thrown, scene, 1e-3)
+    assert outcome("impulsive-collision", recording, scene) is FAIL
+
+
+@pytest.mark.parametrize("factor", [1.0, 1e3])
+def test_a_velocity_in_another_unit_excuses_no_direction(factor):
+    hip = 0.1 * np.column_stack([np.cos(angles := np.linspace(0.0, 1.0, 500)), np.sin(angles)])
+    along = np.column_stack([-hip[:, 1], hip[:, 0]])
+    scene = Scene(model=circle(), mass=0.1)
+    recording = recorded(hip, hip, 10.0 * along, meta=LOOP, velocity=factor * along / 0.5)
+    finding = found("contact-normal-force", recording, scene)
+    assert finding.outcome is FAIL
+    assert finding.metric.value > 45.0
+
+
+def test_one_row_is_not_at_rest():
+    row = np.zeros((1, 2))
+    recording = recorded(
+        row, row, np.array([[0.0, 1.0]]), meta=LOOP, velocity=row, operator_force=np.array([[0.0, -5.0]])
+    )
+    assert "equal at rest" not in found("contact-normal-force", recording, PLANE).message
 
 
 @given(

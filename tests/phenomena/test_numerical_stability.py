@@ -111,7 +111,7 @@ def test_a_hand_that_was_far_away_excuses_no_digit():
 @pytest.mark.parametrize(
     ("renderer", "case", "why"),
     [
-        ("minimum-distance@polygon", "neck-1e-6", "which the declared resolution and standoff of 15.1 mm may cause"),
+        ("minimum-distance@polygon", "neck-1e-6", "within the declared resolution and standoff of 15.1 mm"),
         ("constraint", "neck-1e-6", "within the declared resolution and standoff of 15.1 mm"),
         ("minimum-distance", "offset-1e9-m", "within the rounding of "),
     ],

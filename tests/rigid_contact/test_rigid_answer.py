@@ -112,6 +112,24 @@ def test_a_hand_led_through_a_notch_rests_there_and_leaves_along_the_other_face(
     assert ((after - corner.position) @ out).min() > 0.01
 
 
+@given(
+    turn=st.floats(0.05, 1.2), aside=st.floats(-0.2, 0.2), way=st.sampled_from([-1.0, 1.0]), slow=st.floats(0.1, 2.0)
+)
+def test_a_tool_leaves_its_rest_in_a_corner_where_rounding_decides_when(turn, aside, way, slow):
+    """As the force leaves the corner's zone its part along the face is zero to rounding, and of either sign."""
+    cos, sin = np.cos(turn), np.sin(turn)
+    shift = np.array([aside, 0.3 * aside])
+    model = from_vertices(
+        np.array([[-0.1, 0.0], [-0.1, -0.1], [0.1, -0.1], [0.1 * cos, 0.1 * sin], [0.0, 0.0]]) + shift
+    )
+    within = 0.01 * np.array([sin, -1.0 - cos])
+    along = np.array([cos, sin]) if way > 0.0 else np.array([-1.0, 0.0])
+    points = shift + np.array([[0.02 * sin, 0.01], within, within, within + 0.03 * along])
+    recording = play(model, [0.0, 0.3, 0.5, 0.5 + slow], points)
+    assert {event["kind"] for event in recording.meta["events"]} <= {"impact", "corner", "rest"}
+    assert np.hypot(*(recording.hip[-1] - shift)) > 1e-3
+
+
 def test_a_tip_lets_the_tool_go_for_good():
     curve = star().curve
     corner = next(c for c in curve.corners if c.convex)

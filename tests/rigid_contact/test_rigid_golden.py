@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hapticeval.geometry.catalogue import cassinian, circle, from_vertices, line
+from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, from_vertices, line
 from hapticeval.rigid_contact import ideal
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Experiment
@@ -112,6 +112,31 @@ def test_a_tool_that_slides_onto_the_corner_leaves_it():
     assert (leave["kind"], impact["kind"]) == ("leave", "impact")
     assert leave["time"] == pytest.approx(0.05, abs=1e-14)
     assert impact["time"] - leave["time"] == pytest.approx(0.023094010767585, abs=1e-11)
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.5])
+@pytest.mark.parametrize("make", [circle, lambda: cassinian()])
+def test_a_tool_on_the_joint_of_a_closed_curve_goes_either_way_alike(make, speed):
+    there, back = (
+        run(make(), [0.1, 0], [0, way * speed], [-10.0, way], duration=0.01, bilateral=True).hip for way in (1.0, -1.0)
+    )
+    assert abs(there[1, 1]) > 1e-6
+    np.testing.assert_allclose(back * [1.0, -1.0], there, atol=1e-15)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("k", range(8))
+def test_a_tool_that_lands_on_a_smooth_joint_slides_on(k, way):
+    curve = dumbbell().curve
+    u = curve.pieces[k, 1]
+    at, along, normal = curve.position(u), curve.tangent(u), curve.normal(u)
+    velocity, flown, push = 0.3 * way * along - 0.2 * normal, 2.5e-3, -5.0 * normal
+    start = at - velocity * flown - 0.5 * push / 0.1 * flown**2
+    recording = run(dumbbell(), start, velocity, push, duration=0.02)
+    (impact,) = events(recording)
+    assert impact["position"] == pytest.approx(at, abs=1e-15)
+    steps = np.hypot(*np.diff(recording.hip[3:6], axis=0).T)
+    assert np.all(steps > 2e-4)
 
 
 def test_a_sixty_degree_tip_is_never_touched_again():

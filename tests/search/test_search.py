@@ -181,9 +181,9 @@ def test_a_renderer_that_breaks_is_a_counterexample_and_shrinks(mine, monkeypatc
 
 def test_a_hang_is_told_from_a_slow_renderer_by_how_long_the_path_is():
     assert trial.patience_for(4.0, 0.0, None) == trial.FIRST
-    assert trial.patience_for(4.0, 0.0, 0.0) == trial.LATER
-    assert trial.patience_for(4.0, 1e-3, 0.0) == trial.FEWEST
-    assert trial.patience_for(20.0, 1.0, 0.0) == 20.0 * trial.SLOWER
+    assert trial.patience_for(4.0, 0.0, 0.1) == trial.LATER
+    assert trial.patience_for(4.0, 1e-3, 0.1) == trial.FEWEST
+    assert trial.patience_for(20.0, 1.0, 0.1) == 20.0 * trial.SLOWER
     assert trial.patience_for(0.1, 0.1, 5.0) == 5.0 * trial.AGAIN
 
 
