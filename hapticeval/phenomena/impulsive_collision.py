@@ -43,7 +43,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if approach <= 0.0:
         return undecided("the tool does not move into the surface when it meets it")
     window = scene.model.boundary.closest_point(base.ihip[struck : end + 1])
-    if float(np.min(window.normal @ normal)) < SAME_FACE:
+    if float(np.min(window.normal @ normal)) < SAME_FACE or _meets_another_face(base, scene, normal, struck, end):
         return Finding(
             Outcome.NOT_APPLICABLE, f"the tool meets another part of the surface within {WINDOW_TICKS} ticks of contact"
         )
@@ -84,6 +84,21 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         evidence["impulse_over_contact_Ns"] = scene.mass * float(along[struck + leaves[0]] - along[struck])
         fails += f" and leaves with restitution {leaving / approach:.2f}"
     return compared(Metric(CHECK.metric, missing, ""), turning / approach + 1e-6, evidence, passes=message, fails=fails)
+
+
+def _meets_another_face(base: Recording, scene: Scene, normal: Array, struck: int, end: int) -> bool:
+    """Whether a force in the window is normal to the surface within the tool's step, and not along `normal`.
+
+    So it is in a notch, of whose end either face has the normal.
+    """
+    rows = np.arange(struck, end)
+    size = np.linalg.norm(base.force[rows], axis=1)
+    rows = rows[(size > 0.0) & (base.force[rows] @ normal < SAME_FACE * size)]
+    if rows.size == 0:
+        return False
+    steps = np.linalg.norm(base.ihip[rows + 1] - base.ihip[rows], axis=1)
+    beyond = scene.model.boundary.normal_cone(base.ihip[rows], steps)(base.force[rows])
+    return bool(np.any(np.cos(beyond) >= SAME_FACE))
 
 
 def _operator_impulses(recording: Recording, normal: Array) -> Array:

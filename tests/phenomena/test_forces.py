@@ -151,6 +151,16 @@ def test_a_rigid_collision_passes_whatever_the_hand_that_draws_it(stiffness, dam
     assert outcome("impulsive-collision", recording, scene) is PASS
 
 
+@pytest.mark.parametrize("away", [0.2e-3, 0.6e-3, 3e-3])
+def test_a_collision_just_before_a_notch_is_one_only_where_its_end_is_not_reached(away):
+    """At the end of a notch the nearest point has the normal of one face, and the tool may rest on both."""
+    notch = [[-0.1, 0.0], [-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [0.0, 0.1], [0.0, 0.0]]
+    scene = Scene(model=from_vertices(notch), mass=0.3)
+    thrown = Experiment(0.1, [-away - 4e-3, 4e-3], [0.3, -0.3], [0.0], [[1.0, -1.0]])
+    found_ = outcome("impulsive-collision", resolve("ideal")(scene).simulate(thrown, 1e-3), scene)
+    assert found_ is (PASS if away > 1e-3 else NO)
+
+
 @pytest.mark.parametrize("push", [2.0, 2.4, 2.6])
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_a_push_outwards_excuses_no_spring(push, restitution):
