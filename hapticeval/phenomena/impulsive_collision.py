@@ -59,7 +59,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         push = np.linalg.norm(base.channels["operator_force"][struck:end], axis=1)
         turning += float(np.sum(push)) * base.dt * float(turn.max()) / scene.mass
     before, inwards = _operator_until_met(base, normal, struck), np.maximum(-_operator_impulses(base, normal), 0.0)
-    slower, faster = (1.0 + scene.restitution) * np.maximum([before[1], -before[0]], 0.0)
+    slower, faster = ((1.0 + scene.restitution) * each for each in (before[1], -before[0]))
     if slower > UNKNOWN * wanted:
         return undecided("the operator may take most of the tool's momentum before it is met, within a tick")
     # A tool that stays in contact has the operator's push answered as well.

@@ -129,7 +129,9 @@ def test_a_rigid_collision_passes_whatever_the_operator_pushes_meanwhile(speed, 
     scene = Scene(model=line(), mass=0.1, restitution=restitution)
     thrown = Experiment(0.1, [0.0, height], [0.1, -speed], [0.0], [push])
     recording = resolve("ideal")(scene).simulate(thrown, 1e-3)
-    assert outcome("impulsive-collision", recording, scene) is PASS
+    finding = found("impulsive-collision", recording, scene)
+    assert finding.outcome is PASS
+    assert type(finding.metric.value) is type(finding.bound) is float
 
 
 @given(
