@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from hapticeval.geometry.kernels import U0
 from hapticeval.types import Array
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 SAMPLES = 16384
 SEAM = 1e-9
 """Before each joint, in parts of the curve, where the normal of the face that ends there is sampled."""
-
 
 FOLLOWED = 1e-10
 """How closely (rad) a spline of the normals has to keep to them half way between its knots, to be used for them."""
@@ -50,6 +48,8 @@ class NormalCone:
         self._angle = np.concatenate([angle - turn, angle, angle + turn])
         self._spline = None
         if len(curve.pieces) == 1:
+            from scipy.interpolate import CubicHermiteSpline
+
             spline = CubicHermiteSpline(self._s, self._angle, np.tile(curve.curvature(u), 3))
             middle = 0.5 * (u[:-1] + u[1:])
             off = wrapped(_angle(curve.normal(middle)) - spline(curve.arc_length(middle)))

@@ -127,8 +127,8 @@ def _reach(recording: Recording, scene: Scene) -> Array:
     IHIP and force may each be up to three ticks late, so that the force belongs to where the tool was or will be within
     three ticks: that is three of its own steps around the row, however the projection stretches those of the hand. A
     rigid tool may get to a corner and back between two samples: its steps are as long as its velocity makes them, as
-    far as its step and the contact's force explain that.
-    Positions in single precision and the declared standoff come to it.
+    far as its step and the contact's force explain that. Positions in single precision and the declared standoff come
+    to it.
     """
     from scipy.ndimage import maximum_filter1d
 

@@ -48,7 +48,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             Outcome.NOT_APPLICABLE, f"the tool meets another part of the surface within {WINDOW_TICKS} ticks of contact"
         )
     wanted = (1.0 + scene.restitution) * scene.mass * approach
-    pushed = float(np.sum(_operator_impulses(base, normal)[struck:end]))
+    impulses = _operator_impulses(base, normal)
+    pushed = float(np.sum(impulses[struck:end]))
     taken = scene.mass * float(along[end] - along[struck]) - pushed
     velocity = base.velocity[struck : end + 1]
     bend = np.einsum("ni,nij,nj->n", velocity, window.shape, velocity)
@@ -58,7 +59,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if "operator_force" in base.channels:
         push = np.linalg.norm(base.channels["operator_force"][struck:end], axis=1)
         turning += float(np.sum(push)) * base.dt * float(turn.max()) / scene.mass
-    before, inwards = _operator_until_met(base, normal, struck), np.maximum(-_operator_impulses(base, normal), 0.0)
+    before, inwards = _operator_until_met(base, impulses, struck), np.maximum(-impulses, 0.0)
     slower, faster = ((1.0 + scene.restitution) * each for each in (before[1], -before[0]))
     if slower > UNKNOWN * wanted:
         return undecided("the operator may take most of the tool's momentum before it is met, within a tick")
@@ -108,7 +109,7 @@ def _operator_impulses(recording: Recording, normal: Array) -> Array:
     return np.asarray(recording.channels["operator_force"] @ normal) * recording.dt
 
 
-def _operator_until_met(recording: Recording, normal: Array, struck: int) -> tuple[float, float]:
+def _operator_until_met(recording: Recording, impulses: Array, struck: int) -> tuple[float, float]:
     """Return the least and the largest impulse (N s, outwards) of the operator between sample `struck` and the contact.
 
     A rigid tool is met within the tick after it: before, the operator pushes as in the tick before, and as the change
@@ -116,7 +117,6 @@ def _operator_until_met(recording: Recording, normal: Array, struck: int) -> tup
     """
     if not np.array_equal(recording.ihip[struck], recording.hip[struck]):
         return 0.0, 0.0
-    impulses = _operator_impulses(recording, normal)
     last = impulses[max(struck - 2, 0) : struck]
     change = float(np.ptp(last))
     around = (float(last[-1]) - change, float(last[-1]) + change, 0.0)

@@ -24,7 +24,7 @@ G0X, G0Y, G1X, G1Y, SPRING, DAMPER, MASS, RESTITUTION, BILATERAL, BEGAN = range(
 LOADS = 10
 
 Slide: TypeAlias = tuple[float, float, float]
-"""A slide under way: u where it began, how far beyond that it is, and w = ds/dt (m/s)."""
+"""A slide under way: u where it began, how much u has grown since, and w = ds/dt (m/s)."""
 
 STEP = 0.1
 """Longest step of the sliding motion, in units of its own pace: the spring's 1 / omega, or the time in which the
