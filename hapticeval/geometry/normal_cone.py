@@ -26,10 +26,9 @@ class NormalCone:
 
     On a smooth stretch that is a narrow interval around n_c (3.4); across a corner it holds every direction between the
     normals of the two faces, which are the equivalent normals n_e of section 3.2.1. The normals at the point and at
-    both ends of the stretch are exact, on a curve of one piece to `FOLLOWED` at the ends, and so are those of every
-    joint of the curve on it, where the turning may change its sense at once; in between the curve is sampled, and the
-    highest normal at an inflection is found to kappa' h^2 / 8, h = length / `SAMPLES`: 2e-6 rad where the curvature
-    changes by 10,000 /m^2.
+    both ends of the stretch are exact, on a curve of one piece to `FOLLOWED` at the ends, and so are those where the
+    turning changes its sense: at joints of the curve and at inflections. Only an inflection that comes in a pair
+    between two of `SAMPLES` points is missed.
     """
 
     def __init__(self, curve: Curve) -> None:
@@ -40,6 +39,7 @@ class NormalCone:
         tiny, joints = SEAM * (high - low), curve.pieces[:, U0]
         inner = np.concatenate([np.linspace(low, high, SAMPLES), joints, joints - tiny])
         u = np.unique(np.clip(inner, low, high - tiny))
+        u = np.union1d(u, _inflections(curve, u, tiny))
         s = curve.arc_length(u)
         raw = _angle(curve.normal(u))
         angle = np.concatenate([[raw[0]], raw[0] + np.cumsum(wrapped(np.diff(raw)))])
@@ -97,6 +97,16 @@ class NormalCone:
             return np.maximum(0.0, np.maximum(low - angle, angle - high))
 
         return beyond
+
+
+def _inflections(curve: Curve, u: Array, tiny: float) -> list[float]:
+    """The parameters where the curvature changes its sign between neighbours of u (n,), save within `tiny` of them."""
+    from scipy.optimize import brentq
+
+    sign = np.sign(curve.curvature(u))
+    changes = np.flatnonzero((sign[:-1] * sign[1:] < 0.0) & (np.diff(u) > 2.0 * tiny))
+    roots = [(brentq(lambda at: float(curve.curvature(at)), u[k], u[k + 1], xtol=tiny), k) for k in changes]
+    return [root for root, k in roots if u[k] + tiny < root < u[k + 1] - tiny]
 
 
 def wrapped(angle: Array) -> Array:

@@ -5,6 +5,7 @@ import pytest
 from honest import Spring
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 from hapticeval.errors import InputError
 from hapticeval.geometry import catalogue
@@ -19,6 +20,7 @@ from hapticeval.runner.judging import judge
 from hapticeval.suite.reading import load_suite
 
 CASSINIAN, STAR = cassinian().curve, star().curve
+WAVY = cassinian(lobes=7, a_n=1.1, size=0.05).curve
 DUMBBELLS = {neck: dumbbell(neck=neck).curve for neck in (0.1, 0.3, 0.5)}
 BODIES = {"sphere": sphere().surface, "ellipsoid": ellipsoid().surface, "torus": torus_model().surface}
 turns = st.tuples(*[st.floats(-1.0, 1.0)] * 6)
@@ -163,6 +165,13 @@ class TestConesOfCurves:
         exact = 0.0 if angles.min() < 0.0 < angles.max() else np.abs(angles).min()
         # Between two of the 401 samples the surface turns by kappa ds at the most.
         assert off == pytest.approx(exact, abs=1e-5 + 38.3 * reach / 200)
+
+    @given(lobe=st.integers(0, 6), side=st.sampled_from([-1, 1]), off=st.floats(-1e-4, 1e-4), reach=st.floats(0, 1e-3))
+    def test_the_extreme_normal_of_an_inflection_is_allowed(self, lobe, side, off, reach):
+        u = 2.0 * np.pi * lobe / 7 + side * brentq(WAVY.curvature, 0.01, np.pi / 7)
+        s = WAVY.arc_length(u) + np.clip(off, -reach, reach)
+        cone = WAVY.normal_cone(WAVY.position(WAVY.parameter([s])), np.array([reach + 1e-9]))
+        assert cone(WAVY.normal([u]))[0] <= 1e-10
 
     @given(
         neck=st.sampled_from(sorted(DUMBBELLS)),
