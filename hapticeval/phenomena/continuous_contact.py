@@ -67,14 +67,24 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("the tool is never in contact for two samples in a row")
     if lacks_ihip(base, scene):
         return undecided(NO_IHIP, evidence=evidence_at(base, tick))
+    distance, off = off_surface(base, scene)
+    allowed = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene) + rounding(scene)
+    message = f"the IHIP in contact lies {mm(distance)} off the surface at t = {base.time[off]:.4g} s"
+    astray = Finding(
+        Outcome.FAIL,
+        message,
+        Metric("distance of the IHIP in contact from the surface", distance, "m"),
+        allowed,
+        evidence_at(base, off),
+    )
+    if distance > max(allowed, scene.model.size):  # whether it jumps besides is no question, and costs many finer runs
+        return replace(astray, message=f"{message}, farther than the model is large: is its unit the metre?")
     if runs.refine is None:
         finding = _judge_fixed(base, scene, jump, tick)
     elif runs.look is not None:
         finding = _judge_closely(runs.look, runs.refine, scene)
     else:
         finding = _judge_refined(base, runs.refine, scene, tick)
-    distance, tick = off_surface(base, scene)
-    allowed = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene) + rounding(scene)
     if distance <= allowed:
         gone = lets_go(base, slice(0, None), allowed, scene)
         if finding.outcome is Outcome.FAIL or gone is None:
@@ -83,12 +93,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return replace(
             finding, message=f"{finding.message}; {lost}", evidence={**finding.evidence, "let_go_tick": gone}
         )
-    message = f"the IHIP in contact lies {mm(distance)} off the surface at t = {base.time[tick]:.4g} s"
     if finding.outcome is Outcome.FAIL:
         evidence = {**finding.evidence, "off_surface_m": distance}
         return replace(finding, message=f"{finding.message}; besides, {message}", evidence=evidence)
-    metric = Metric("distance of the IHIP in contact from the surface", distance, "m")
-    return Finding(Outcome.FAIL, message, metric, allowed, evidence_at(base, tick))
+    return astray
 
 
 def _evidence(base: Recording, scene: Scene, tick: int) -> dict[str, object]:

@@ -149,6 +149,17 @@ def test_a_jump_that_finer_runs_of_the_whole_lack_depends_on_the_rate():
         assert finding.metric.value == pytest.approx(0.01, abs=1e-4)
 
 
+def test_an_ihip_in_another_unit_is_asked_for_its_unit_and_no_finer_runs_are_made():
+    radius = 0.5 * ROUND.model.size
+    angle = np.linspace(0.0, 1.0, 500)
+    around = radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    base = recorded(0.9 * around, 1e3 * around)
+    finding = found(CHECK, Runs(base, refine=lambda factor: pytest.fail("asked for a finer run")), ROUND)
+    assert finding.outcome is FAIL
+    assert finding.metric.value == pytest.approx(999.0 * radius)
+    assert "is its unit the metre?" in finding.message
+
+
 class Restless:
     """The nearest point of a line, and from half a second on a place 10 mm aside, whatever the hand does."""
 
