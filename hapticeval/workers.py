@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, Protocol, Self, TypeAlias, TypeVar, cast
 
 from hapticeval.errors import HapticevalError
+from hapticeval.pulse import Pulse, count_in
 
 T = TypeVar("T")
 
@@ -169,6 +170,8 @@ class _Worker:
     pipe: Connection
     stack_pipe: Connection
     """Where its stack comes out."""
+    pulse: Pulse | None
+    """Where it counts the answers of renderers; None where it shares no memory."""
 
     def ask_for_stack(self) -> None:
         """Have it write the stack of its Python code."""
@@ -340,10 +343,19 @@ class Workers(Generic[T]):
         at = self._at.get(call)
         return 0.0 if at is None else _waited(at.worker)
 
+    def pulse(self, call: int) -> int:
+        """Return how many answers renderers have given in the process at a call: as long as they do, none hangs.
+
+        It stays 0 with `fresh`, and for a call that is answered.
+        """
+        at = self._at.get(call)
+        return 0 if at is None or at.worker.pulse is None else at.worker.pulse.value
+
     def _new(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()
         stack_pipe, stack_end = multiprocessing.Pipe(duplex=False)
         process: BaseProcess | subprocess.Popen[bytes]
+        pulse: Pulse | None = None
         if self._fresh:
             pipes = [theirs.fileno(), stack_end.fileno()]
             command = [sys.executable, "-c", SERVE, *map(str, pipes), str(os.getpid())]
@@ -351,12 +363,13 @@ class Workers(Generic[T]):
             with contextlib.suppress(OSError):  # it has ended: that is seen at the first call
                 ours.send((sys.path, pickle.dumps(self._function)))
         else:
-            arguments = (theirs, stack_end, (ours, stack_pipe), self._function)
+            pulse = multiprocessing.RawValue("Q", 0)
+            arguments = (theirs, stack_end, (ours, stack_pipe), self._function, pulse)
             process = multiprocessing.Process(target=_forked, args=arguments)
             process.start()
         theirs.close()
         stack_end.close()
-        return _Worker(process, ours, stack_pipe)
+        return _Worker(process, ours, stack_pipe, pulse)
 
 
 SERVE = "import sys; from hapticeval.workers import serve; serve(*map(int, sys.argv[1:]))"
@@ -375,10 +388,15 @@ def serve(pipe: int, stack_end: int, parent: int) -> None:
 
 
 def _forked(
-    pipe: Connection, stack_end: Connection, others: tuple[Connection, ...], function: Callable[..., Any]
+    pipe: Connection,
+    stack_end: Connection,
+    others: tuple[Connection, ...],
+    function: Callable[..., Any],
+    pulse: Pulse,
 ) -> None:
     """Answer calls in a copy of the parent, as long as that lives."""
     _end_with(os.getppid())
+    count_in(pulse)
     for other in others:
         other.close()  # else this process would keep its own pipe open
     _serve(pipe, stack_end, function)

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 
 LAYERS = (
     {"types"},
-    {"errors", "compiled"},
+    {"errors", "compiled", "pulse"},
     {"documents"},
     {"files", "geometry", "knob", "quantity", "workers"},
     {"devices", "recordings"},

@@ -30,7 +30,7 @@ RENDERER = "renderer"
 SUITE = "search"
 
 FIRST, LATER = 30.0, 10.0
-"""Seconds that a renderer may take at least for the first case on a model, which it may prepare, and for any other.
+"""Seconds that a renderer may be silent at least: in its first case on a model, which it may prepare, and in others.
 
 Seconds in which its process waits for a processor do not count: others use the machine then.
 """
@@ -39,11 +39,11 @@ FEWEST = 2.0
 """Seconds that it gets at least once it is known how long it takes."""
 
 SLOWER = 5.0
-"""How much longer than for any case before, for each second of its path or experiment, a renderer takes that hangs."""
+"""How much longer a renderer that hangs is silent than any case before took, for each second of path or experiment."""
 
 AGAIN = 6.0
-"""How many times as long as for its first case on a model it is given for any later one: checks have the model turned,
-scaled, mirrored, renumbered and halved too, and it may prepare each of them."""
+"""How many times as long as its first case on a model took it may be silent in any later one: checks have the model
+turned, scaled, mirrored, renumbered and halved too, and it may prepare each of them."""
 
 POLL = 0.1
 
@@ -146,8 +146,10 @@ class Bench:
         if self._workers is None:
             self._workers = Workers(_called, 1)
         self._workers.begin(0, function, self._renderer, self._seed, *arguments)
-        begun, starved = time.monotonic(), self._workers.starved(0)
-        waited = 0.0
+        begun = since = time.monotonic()
+        starved = self._workers.starved(0)
+        waited = waited_then = 0.0
+        pulse = self._workers.pulse(0)
         while True:
             for answer in self._workers.answers(POLL):
                 if isinstance(answer.error, Ended):
@@ -163,7 +165,10 @@ class Bench:
                     self._warm.add(model)
                 return cast("T", answer.value)
             waited = self._workers.starved(0) - starved
-            for answer in self._workers.give_up(patience):
+            if (now := self._workers.pulse(0)) != pulse:  # a renderer that goes on answering is slow, and does not hang
+                pulse, since, waited_then = now, time.monotonic(), waited
+            silent = time.monotonic() - since - (waited - waited_then)
+            for answer in self._workers.give_up(patience) if silent > patience else ():
                 self._end()
                 place = caught_in(answer.error.stack) if isinstance(answer.error, Overdue) else ""
                 said = f"the renderer gives no answer in {patience:.3g} s{place and f': it is {place}'}"
@@ -180,7 +185,7 @@ class Bench:
 
 
 def patience_for(seconds: float, slowest: float, prepared: float | None) -> float:
-    """Return how many seconds a renderer is given for a case of so many `seconds`.
+    """Return how many seconds a renderer may give no answer in a case of so many `seconds`.
 
     `slowest` is the longest that it took before for a second of a case, 0.0 if it has answered none on a model that
     it knew; `prepared` what its first case on that model took, None if there was none.

@@ -23,6 +23,7 @@ from hapticeval.errors import (
     renderer_errors,
 )
 from hapticeval.geometry.boundary import Boundary
+from hapticeval.pulse import beat
 from hapticeval.recordings.channels import REQUIRED
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.renderer import Batch, Renderer, TrajectoryRenderer, abilities_of
@@ -203,6 +204,7 @@ def _all_at_once(
         try:
             answer = cast("Batch", renderer).run(hips.copy(), dt)
             ihips, forces = (np.asarray(part, dtype=np.float64) for part in answer)
+            beat()
         except (Exception, SystemExit) as error:
             if isinstance(error, HapticevalError) and not isinstance(error, RefusalError):
                 raise
@@ -279,6 +281,7 @@ def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt:
     """
     try:
         answer = renderer.step(hip.copy(), velocity.copy(), dt)  # an (ihip, force) pair of any kind
+        beat()
     except RendererError as error:
         raise error.placed(tick, hip) from error
     except HapticevalError:
@@ -618,5 +621,6 @@ def _led_at_once(renderer: Renderer, rows: _Rows, ihips: Array, forces: Array) -
     if can.lead and count:
         with suppress(Exception):  # it does not say where it broke; single steps do
             ihips[:], forces[:] = renderer.lead(*(column.copy() for column in rows))  # type: ignore[attr-defined]
+            beat()
             return count
     return 0

@@ -41,6 +41,11 @@ class Hangs(Raises):
     def bad(self, hip):
         time.sleep(3600)
 
+class Slow(Nearest):
+    def step(self, hip, velocity, dt):
+        time.sleep(2e-3)
+        return super().step(hip, velocity, dt)
+
 class Ticks(Nearest):
     """Depends on the length of a tick by one per cent."""
     def step(self, hip, velocity, dt):

@@ -187,6 +187,17 @@ def test_a_hang_is_told_from_a_slow_renderer_by_how_long_the_path_is():
     assert trial.patience_for(0.1, 0.1, 5.0) == 5.0 * trial.AGAIN
 
 
+def test_a_renderer_that_goes_on_answering_is_slow_and_does_not_hang(mine, monkeypatch):
+    for name in ("FIRST", "LATER", "FEWEST"):
+        monkeypatch.setattr(trial, name, 1.0)
+    searched("mine:Nearest", ["reset-clears"], models=["circle"], most=1)  # so that nothing is to be compiled
+    begun = time.monotonic()
+    made = searched("mine:Slow", ["reset-clears"], models=["circle"], most=1)
+    assert time.monotonic() - begun > 1.0
+    assert made.tried == 1
+    assert not made.found
+
+
 def stopped_after(polls):
     """What a search asks whether its time is over: true from so many times on."""
     left = iter(range(polls))
