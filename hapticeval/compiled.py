@@ -22,6 +22,8 @@ from numba.experimental.function_type import _get_wrapper_address
 from numba.extending import intrinsic
 from numpy.typing import ArrayLike, NDArray
 
+from hapticeval.pulse import compiling
+
 try:
     import fcntl
 except ImportError:  # not on Windows
@@ -223,7 +225,7 @@ def _compiled(function: Callable[P, R], **options: Any) -> Callable[P, R]:
             return compile_(signature)
         # A process that compiles a kernel waits for nothing but what that calls: no two wait for each other. Nor do two
         # threads of one, which take numba's own lock first.
-        with global_compiler_lock, _alone(lock):
+        with global_compiler_lock, compiling(), _alone(lock):
             return compile_(signature)
 
     kernel.compile = compile_alone

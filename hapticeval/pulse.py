@@ -1,20 +1,18 @@
-"""The pulse of a process: how many answers its renderers have given, counted where another process can see it.
+"""The pulse of a process: how many answers its renderers have given, and whether it compiles, for another to see.
 
 Who waits for a long case learns from it whether the renderer is slow or hangs.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Iterator, MutableSequence
+from contextlib import contextmanager
+from typing import TypeAlias
 
+Pulse: TypeAlias = MutableSequence[int]
+"""Two numbers that processes share, as `multiprocessing.RawArray` makes them: answers, and compilations under way."""
 
-class Pulse(Protocol):
-    """A number that two processes share, as `multiprocessing.RawValue` makes it."""
-
-    value: int
-
-
-_pulse: Pulse | None = None
+_pulse: Pulse = [0, 0]
 
 
 def count_in(pulse: Pulse) -> None:
@@ -24,6 +22,15 @@ def count_in(pulse: Pulse) -> None:
 
 
 def beat() -> None:
-    """Count an answer of a renderer, where anybody wants to know."""
-    if _pulse is not None:
-        _pulse.value += 1
+    """Count an answer of a renderer."""
+    _pulse[0] += 1
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """While it lasts, this process compiles, and no renderer is to blame for its silence."""
+    _pulse[1] += 1
+    try:
+        yield
+    finally:
+        _pulse[1] -= 1

@@ -170,8 +170,8 @@ class _Worker:
     pipe: Connection
     stack_pipe: Connection
     """Where its stack comes out."""
-    pulse: Pulse | None
-    """Where it counts the answers of renderers; None where it shares no memory."""
+    pulse: Pulse
+    """Where it counts the answers of renderers, unless it has an interpreter of its own."""
 
     def ask_for_stack(self) -> None:
         """Have it write the stack of its Python code."""
@@ -343,19 +343,20 @@ class Workers(Generic[T]):
         at = self._at.get(call)
         return 0.0 if at is None else _waited(at.worker)
 
-    def pulse(self, call: int) -> int:
-        """Return how many answers renderers have given in the process at a call: as long as they do, none hangs.
+    def pulse(self, call: int) -> tuple[int, bool]:
+        """Return how many answers renderers have given in the process at a call, and whether it compiles now.
 
-        It stays 0 with `fresh`, and for a call that is answered.
+        Both stay nothing with `fresh`, and for a call that is answered.
         """
         at = self._at.get(call)
-        return 0 if at is None or at.worker.pulse is None else at.worker.pulse.value
+        answers, compilations = (0, 0) if at is None else at.worker.pulse
+        return answers, compilations > 0
 
     def _new(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()
         stack_pipe, stack_end = multiprocessing.Pipe(duplex=False)
         process: BaseProcess | subprocess.Popen[bytes]
-        pulse: Pulse | None = None
+        pulse = multiprocessing.RawArray("q", 2)
         if self._fresh:
             pipes = [theirs.fileno(), stack_end.fileno()]
             command = [sys.executable, "-c", SERVE, *map(str, pipes), str(os.getpid())]
@@ -363,7 +364,6 @@ class Workers(Generic[T]):
             with contextlib.suppress(OSError):  # it has ended: that is seen at the first call
                 ours.send((sys.path, pickle.dumps(self._function)))
         else:
-            pulse = multiprocessing.RawValue("Q", 0)
             arguments = (theirs, stack_end, (ours, stack_pipe), self._function, pulse)
             process = multiprocessing.Process(target=_forked, args=arguments)
             process.start()

@@ -22,6 +22,20 @@ def kernel(values):
     return total
 """
 
+WATCHED = """
+import numpy as np
+from hapticeval import pulse
+from kernel import kernel
+
+class Seen(list):
+    def __setitem__(self, place, value):
+        super().__setitem__(place, value)
+        print(*self)
+
+pulse.count_in(Seen([0, 0]))
+print(kernel(np.arange(4.0)), kernel(np.arange(4.0)))
+"""
+
 ASK = """
 import sys
 import numpy as np
@@ -84,6 +98,14 @@ def test_of_processes_that_want_a_kernel_at_once_one_compiles_it(tmp_path):
         process.stdin.flush()
     answers = sorted(process.communicate()[0].split() for process in processes)
     assert answers == [["6.0", "0", "1"], ["6.0", "0", "1"], ["6.0", "1", "0"]]
+
+
+def test_who_waits_is_told_while_a_kernel_is_compiled(tmp_path):
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    ended = subprocess.run([sys.executable, "-c", WATCHED], env=environment, capture_output=True, text=True, check=True)
+    assert ended.stdout.splitlines() == ["0 1", "0 0", "6.0 6.0"]
 
 
 @pytest.mark.parametrize("values", [np.arange(6.0).reshape(2, 3)[:, 1:], np.broadcast_to(1.0, 3)])

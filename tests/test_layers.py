@@ -15,8 +15,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 LAYERS = (
-    {"types"},
-    {"errors", "compiled", "pulse"},
+    {"types", "pulse"},
+    {"errors", "compiled"},
     {"documents"},
     {"files", "geometry", "knob", "quantity", "workers"},
     {"devices", "recordings"},

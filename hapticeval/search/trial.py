@@ -32,7 +32,7 @@ SUITE = "search"
 FIRST, LATER = 30.0, 10.0
 """Seconds that a renderer may be silent at least: in its first case on a model, which it may prepare, and in others.
 
-Seconds in which its process waits for a processor do not count: others use the machine then.
+Seconds in which its process compiles do not count, nor such in which it waits for a processor.
 """
 
 FEWEST = 2.0
@@ -74,6 +74,28 @@ class Tried(Struct, frozen=True):
     faults: tuple[Fault, ...] = ()
     outcomes: dict[str, str] = {}
     refused: str | None = None
+
+
+class _Watch:
+    """How long (s) the one process of a crew has `worked` on its call, and been `silent`: without a renderer's answer.
+
+    A renderer that goes on answering is slow, and does not hang. What the process waits for a processor, and what it
+    compiles, does not count.
+    """
+
+    def __init__(self, workers: Workers[Any]) -> None:
+        self.worked = self.silent = 0.0
+        self._workers = workers
+        self._last, self._waited, self._pulse = time.monotonic(), workers.starved(0), workers.pulse(0)
+
+    def look(self) -> None:
+        """Add the time since the last look; of a call that is answered nothing is known but that."""
+        now, waited, pulse = time.monotonic(), self._workers.starved(0), self._workers.pulse(0)
+        lately = now - self._last - max(waited - self._waited, 0.0)
+        compiles = pulse[1] or self._pulse[1]
+        self.worked += 0.0 if compiles else lately
+        self.silent = 0.0 if compiles or pulse != self._pulse else self.silent + lately
+        self._last, self._waited, self._pulse = now, waited, pulse
 
 
 class Stopped(Exception):
@@ -146,29 +168,23 @@ class Bench:
         if self._workers is None:
             self._workers = Workers(_called, 1)
         self._workers.begin(0, function, self._renderer, self._seed, *arguments)
-        begun = since = time.monotonic()
-        starved = self._workers.starved(0)
-        waited = waited_then = 0.0
-        pulse = self._workers.pulse(0)
+        watch = _Watch(self._workers)
         while True:
-            for answer in self._workers.answers(POLL):
+            found = self._workers.answers(POLL)
+            watch.look()
+            for answer in found:
                 if isinstance(answer.error, Ended):
                     self._end()
                     return Fault(RENDERER, "dies", f"the renderer ends the process that it runs in: {answer.error.how}")
                 if answer.error is not None:
                     raise answer.error
-                took = time.monotonic() - begun - waited
                 if model in self._warm:
-                    self._slowest = max(self._slowest, took / _seconds(case))
+                    self._slowest = max(self._slowest, watch.worked / _seconds(case))
                 else:
-                    self._prepared[model] = took
+                    self._prepared[model] = watch.worked
                     self._warm.add(model)
                 return cast("T", answer.value)
-            waited = self._workers.starved(0) - starved
-            if (now := self._workers.pulse(0)) != pulse:  # a renderer that goes on answering is slow, and does not hang
-                pulse, since, waited_then = now, time.monotonic(), waited
-            silent = time.monotonic() - since - (waited - waited_then)
-            for answer in self._workers.give_up(patience) if silent > patience else ():
+            for answer in self._workers.give_up(patience) if watch.silent > patience else ():
                 self._end()
                 place = caught_in(answer.error.stack) if isinstance(answer.error, Overdue) else ""
                 said = f"the renderer gives no answer in {patience:.3g} s{place and f': it is {place}'}"

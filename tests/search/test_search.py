@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 import msgspec
@@ -15,6 +16,7 @@ from hapticeval.commands.search import _picture
 from hapticeval.discovery import resolve
 from hapticeval.errors import InputError
 from hapticeval.geometry.catalogue import make_model
+from hapticeval.pulse import compiling
 from hapticeval.runner.judging import judge
 from hapticeval.search import seeds, trial
 from hapticeval.search.counterexample import kept, line, listed, notes, read_all, write
@@ -196,6 +198,22 @@ def test_a_renderer_that_goes_on_answering_is_slow_and_does_not_hang(mine, monke
     assert time.monotonic() - begun > 1.0
     assert made.tried == 1
     assert not made.found
+
+
+def silence(renderer, seed, how):
+    """Be silent for a second, while code is compiled or while it is not."""
+    with compiling() if how == "compiling" else nullcontext():
+        time.sleep(1.0)
+    return how
+
+
+def test_no_renderer_is_blamed_for_the_time_that_its_case_is_compiled(mine, monkeypatch):
+    for name in ("FIRST", "LATER", "FEWEST"):
+        monkeypatch.setattr(trial, name, 0.5)
+    case = next(drawn((), [JUMP], 0))
+    with Bench("mine:Nearest", 0, lambda: False) as bench:
+        assert bench.asked(case, silence, "compiling") == "compiling"
+        assert bench.asked(case, silence, "hanging") is None
 
 
 def stopped_after(polls):
