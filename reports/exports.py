@@ -200,12 +200,13 @@ def write_figures(directory: Path, results: ResultsDocument, globs: Sequence[str
 
 
 def _figure(directory: Path, results: ResultsDocument, run: RunEntry) -> list[Path]:
-    from hapticeval.reports.canvas import save_figure
+    from hapticeval.reports.canvas import in_style, save_figure
     from hapticeval.reports.effects_figure import recorded
     from hapticeval.reports.run_figure import marks_of, run_figure
 
     recording, model = recorded(directory, run)
     marks = tuple(marks_of(results.verdicts_of.get(run.key, [])).values())
-    made = run_figure(recording, model, marks=marks, title=f"{run.renderer} on {run.suite}/{run.case}")
     folder = directory / FIGURES / file_stem(run.suite) / file_stem(run.case)
-    return save_figure(made, folder, file_stem(run.renderer), kinds=("svg", "pdf"))
+    with in_style():
+        made = run_figure(recording, model, marks=marks, title=f"{run.renderer} on {run.suite}/{run.case}")
+        return save_figure(made, folder, file_stem(run.renderer), kinds=("svg", "pdf"))

@@ -246,7 +246,7 @@ def _picture(made: Kept, suite: Path, over: Callable[[], bool]) -> list[Path] | 
 
     None where the time is `over` before the renderer has answered.
     """
-    from hapticeval.reports.canvas import save_figure
+    from hapticeval.reports.canvas import in_style, save_figure
     from hapticeval.reports.run_figure import Mark, run_figure
     from hapticeval.search.counterexample import line
     from hapticeval.search.trial import RENDERER, Bench, Stopped, recorded
@@ -261,8 +261,9 @@ def _picture(made: Kept, suite: Path, over: Callable[[], bool]) -> list[Path] | 
     if recording is None:
         return []
     marks = [] if made.fault.time is None else [Mark(1, made.fault.time, True)]
-    figure = run_figure(recording, made.case.build_scene().model, marks=marks, title=f"{made.renderer}: {line(made)}")
-    return save_figure(figure, suite.parent, suite.stem)[:1]
+    model, title = made.case.build_scene().model, f"{made.renderer}: {line(made)}"
+    with in_style():
+        return save_figure(run_figure(recording, model, marks=marks, title=title), suite.parent, suite.stem)[:1]
 
 
 def _replay(folder: Path, renderers: list[str] | None) -> int:
