@@ -1,4 +1,4 @@
-"""The pulse of a process: how many answers its renderers have given, and whether it compiles, for another to see.
+"""The pulse of a process, seen from another one: how many answers its renderers have given, whether it compiles.
 
 Who waits for a long case learns from it whether the renderer is slow or hangs.
 """

@@ -80,12 +80,17 @@ print([(name, kinds) for name, kinds in signatures if any(map(odd, kinds))])
 """
 
 
+def with_kernel(folder):
+    """Write KERNEL into a folder, and return the environment in which it is imported and its code is kept there."""
+    (folder / "kernel.py").write_text(KERNEL)
+    path = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
+    return {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(folder / "cache")}
+
+
 @pytest.mark.system
 def test_of_processes_that_want_a_kernel_at_once_one_compiles_it(tmp_path):
     pytest.importorskip("fcntl")
-    (tmp_path / "kernel.py").write_text(KERNEL)
-    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    environment = with_kernel(tmp_path)
     processes = [
         subprocess.Popen(
             [sys.executable, "-c", ASK], env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -101,9 +106,7 @@ def test_of_processes_that_want_a_kernel_at_once_one_compiles_it(tmp_path):
 
 
 def test_who_waits_is_told_while_a_kernel_is_compiled(tmp_path):
-    (tmp_path / "kernel.py").write_text(KERNEL)
-    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    environment = with_kernel(tmp_path)
     ended = subprocess.run([sys.executable, "-c", WATCHED], env=environment, capture_output=True, text=True, check=True)
     assert ended.stdout.splitlines() == ["0 1", "0 0", "6.0 6.0"]
 

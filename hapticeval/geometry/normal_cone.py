@@ -27,8 +27,8 @@ class NormalCone:
     On a smooth stretch that is a narrow interval around n_c (3.4); across a corner it holds every direction between the
     normals of the two faces, which are the equivalent normals n_e of section 3.2.1. The normals at the point and at
     both ends of the stretch are exact, on a curve of one piece to `FOLLOWED` at the ends, and so are those where the
-    turning changes its sense: at joints of the curve and at inflections. Only an inflection that comes in a pair
-    between two of `SAMPLES` points is missed.
+    turning changes its sense: at joints of the curve and at inflections. Two inflections between the same two of
+    `SAMPLES` points are missed.
     """
 
     def __init__(self, curve: Curve) -> None:
@@ -100,11 +100,11 @@ class NormalCone:
 
 
 def _inflections(curve: Curve, u: Array, tiny: float) -> list[float]:
-    """The parameters where the curvature changes its sign between neighbours of u (n,), save within `tiny` of them."""
+    """The parameters where the curvature changes its sign between neighbours of u (n,), over `tiny` from both."""
     from scipy.optimize import brentq
 
     sign = np.sign(curve.curvature(u))
-    changes = np.flatnonzero((sign[:-1] * sign[1:] < 0.0) & (np.diff(u) > 2.0 * tiny))
+    changes = np.flatnonzero(sign[:-1] * sign[1:] < 0.0)
     roots = [(brentq(lambda at: float(curve.curvature(at)), u[k], u[k + 1], xtol=tiny), k) for k in changes]
     return [root for root, k in roots if u[k] + tiny < root < u[k + 1] - tiny]
 

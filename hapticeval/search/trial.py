@@ -32,11 +32,11 @@ SUITE = "search"
 FIRST, LATER = 30.0, 10.0
 """Seconds that a renderer may be silent at least: in its first case on a model, which it may prepare, and in others.
 
-Seconds in which its process compiles do not count, nor such in which it waits for a processor.
+Seconds in which its process compiles, or waits for a processor, do not count.
 """
 
 FEWEST = 2.0
-"""Seconds that it gets at least once it is known how long it takes."""
+"""Seconds that it may be silent at least once it is known how long it takes."""
 
 SLOWER = 5.0
 """How much longer a renderer that hangs is silent than any case before took, for each second of path or experiment."""
@@ -77,25 +77,27 @@ class Tried(Struct, frozen=True):
 
 
 class _Watch:
-    """How long (s) the one process of a crew has `worked` on its call, and been `silent`: without a renderer's answer.
+    """How long (s) the process of a crew has `worked` on its call, and been `silent` since a renderer's last answer.
 
-    A renderer that goes on answering is slow, and does not hang. What the process waits for a processor, and what it
-    compiles, does not count.
+    A renderer that goes on answering is slow, and does not hang. Time in which the process compiles, or waits for a
+    processor, does not count.
     """
 
     def __init__(self, workers: Workers[Any]) -> None:
         self.worked = self.silent = 0.0
         self._workers = workers
-        self._last, self._waited, self._pulse = time.monotonic(), workers.starved(0), workers.pulse(0)
+        self._last, self._waited = time.monotonic(), workers.starved(0)
+        self._answers, self._compiles = workers.pulse(0)
 
     def look(self) -> None:
-        """Add the time since the last look; of a call that is answered nothing is known but that."""
-        now, waited, pulse = time.monotonic(), self._workers.starved(0), self._workers.pulse(0)
+        """Add the time since the last look. Once the call is answered it is not known what of that was waiting."""
+        now, waited = time.monotonic(), self._workers.starved(0)
+        answers, compiles = self._workers.pulse(0)
         lately = now - self._last - max(waited - self._waited, 0.0)
-        compiles = pulse[1] or self._pulse[1]
-        self.worked += 0.0 if compiles else lately
-        self.silent = 0.0 if compiles or pulse != self._pulse else self.silent + lately
-        self._last, self._waited, self._pulse = now, waited, pulse
+        compiled = compiles or self._compiles
+        self.worked += 0.0 if compiled else lately
+        self.silent = 0.0 if compiled or answers != self._answers else self.silent + lately
+        self._last, self._waited, self._answers, self._compiles = now, waited, answers, compiles
 
 
 class Stopped(Exception):
