@@ -1,0 +1,187 @@
+"""The one lag that each channel of a run has: how many ticks late its IHIPs and its forces are, whole or between."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from hapticeval.phenomena.sampling import LAG_TICKS, TELLS, above_force_floor, rounding, touching
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array, IntArray
+
+COARSE_STEPS = 4 * LAG_TICKS
+"""Lags that are tried first, a quarter of a tick apart: *chosen*. Twice as many find the same, in twice the time; a
+misfit falls towards its lag over a whole tick, since the hand's way is straight from row to row."""
+
+HALVINGS = 40
+"""Times that the bracket of half a tick is narrowed by the golden section: to 2e-9 of a tick, where `float` ends."""
+
+
+class Lag(NamedTuple):
+    """How many ticks late the channels of a run are, one number each for all of it, 0 where none is seen.
+
+    The IHIP of a row answers the HIP of `ihip` ticks before. The force of a row pulls the HIP of `force_hip` ticks
+    before to the IHIP that was recorded `force_ihip` ticks before; negative where the IHIP was recorded later than the
+    force that is made of it. All lie within `LAG_TICKS`.
+    """
+
+    ihip: float
+    force_hip: float
+    force_ihip: float
+
+    @property
+    def force(self) -> float:
+        """Ticks since the oldest HIP that a force is made of."""
+        return max(self.force_hip, self.force_ihip + self.ihip, 0.0)
+
+
+def find_lag(recording: Recording, scene: Scene) -> Lag:
+    """Return the lags of a run, found once for a recording; 0 for a channel that was not recorded.
+
+    A lag is believed where it explains nine tenths of what is off without it (`TELLS`); what is explained without one
+    has none, and neither has what no single lag explains: a latency that changes from tick to tick.
+    """
+    known = _LAGS.get(recording)
+    if known is None or known[0]() is not scene:
+        known = _LAGS[recording] = weakref.ref(scene), _find_lag(recording, scene)
+    return known[1]
+
+
+_LAGS: weakref.WeakKeyDictionary[Recording, tuple[weakref.ref[Scene], Lag]] = weakref.WeakKeyDictionary()
+
+
+def _find_lag(recording: Recording, scene: Scene) -> Lag:
+    if "ihip" not in recording.channels:
+        return Lag(0.0, 0.0, 0.0)
+    force_hip, force_ihip = _force_lag(recording, scene) if "force" in recording.channels else (0.0, 0.0)
+    return Lag(_ihip_lag(recording, scene), force_hip, force_ihip)
+
+
+def at_rows(values: Array, rows: IntArray, back: float = 0.0) -> Array:
+    """Return `values` (n, N) `back` ticks before `rows` (k,): between two of them on the straight way.
+
+    Rows before the first are the first, and rows after the last the last.
+    """
+    place = np.clip(rows.astype(np.float64) - back, 0.0, len(values) - 1.0)
+    before = np.floor(place).astype(np.int64)
+    after = np.minimum(before + 1, len(values) - 1)
+    share = (place - before)[:, np.newaxis]
+    return np.asarray((1.0 - share) * values[before] + share * values[after])
+
+
+def rests(values: Array) -> IntArray:
+    """Return how many ticks each of `values` (n, N) has stood still, (n,), at most `LAG_TICKS`.
+
+    A proxy that moves in every second tick only is a tick later where it rests, and shows it.
+    """
+    moved = np.any(np.diff(values, axis=0, prepend=np.nan) != 0.0, axis=1)
+    rows = np.arange(len(values))
+    return np.asarray(np.minimum(rows - np.maximum.accumulate(np.where(moved, rows, 0)), LAG_TICKS))
+
+
+def least_misfit(misfit: Callable[[float], float]) -> float:
+    """Return the lag within [0, `LAG_TICKS`] ticks with the least `misfit`, to 2e-9 ticks.
+
+    Of several that fit alike, within the rounding of doubles, it is the least.
+    """
+    lags = np.linspace(0.0, LAG_TICKS, COARSE_STEPS + 1)
+    misfits = np.array([misfit(float(lag)) for lag in lags])
+    best = int(np.argmin(misfits))
+    low, high = float(lags[max(best - 1, 0)]), float(lags[min(best + 1, COARSE_STEPS)])
+    golden = 0.5 * (np.sqrt(5.0) - 1.0)
+    left, right = high - golden * (high - low), low + golden * (high - low)
+    at_left, at_right = misfit(left), misfit(right)
+    for _ in range(HALVINGS):
+        if at_left <= at_right:
+            high, right, at_right = right, left, at_left
+            left = high - golden * (high - low)
+            at_left = misfit(left)
+        else:
+            low, left, at_left = left, right, at_right
+            right = low + golden * (high - low)
+            at_right = misfit(right)
+    between = 0.5 * (low + high)
+    return float(lags[best]) if misfits[best] <= misfit(between) else between
+
+
+def believed(misfit: Callable[[float], float], exact: float) -> tuple[float, float]:
+    """Return the lag that explains nine tenths of the misfit without one, else 0; and the misfit with it.
+
+    A misfit without a lag of up to `exact` is none.
+    """
+    without = misfit(0.0)
+    if without <= exact:
+        return 0.0, without
+    lag = least_misfit(misfit)
+    left = misfit(lag)
+    return (lag, left) if left <= TELLS * without else (0.0, without)
+
+
+def _ihip_lag(recording: Recording, scene: Scene) -> float:
+    """Find how late the IHIP is: in free space it is the HIP, and in contact the way from it to the HIP is normal.
+
+    The misfit is the mean of what is left of the way: all of it in free space, and its part along the surface in
+    contact. A map that has its contact point elsewhere fits at no lag.
+    """
+    # A queue that starts with the run is not filled before.
+    rows = np.arange(LAG_TICKS, len(recording), dtype=np.int64)
+    if rows.size == 0:
+        return 0.0
+    ihip = recording.ihip[rows]
+    contact = touching(recording, scene)[rows]
+    inside = np.flatnonzero(contact)
+    off = scene.model.boundary.normal_cone(ihip[inside], np.full(inside.size, rounding(scene)))
+
+    def misfit(lag: float, since: IntArray) -> float:
+        errors = ihip - at_rows(recording.hip, since, lag)
+        left = np.linalg.norm(errors, axis=1)
+        angles = off(errors[inside])
+        if scene.bilateral:
+            angles = np.minimum(angles, off(-errors[inside]))
+        left[inside] *= np.sin(np.minimum(angles, 0.5 * np.pi))
+        return float(left.mean())
+
+    exact = rounding(scene)
+    if misfit(0.0, rows) <= exact:
+        return 0.0
+    return believed(lambda lag: misfit(lag, rows - rests(recording.ihip)[rows]), exact)[0]
+
+
+def _force_lag(recording: Recording, scene: Scene) -> tuple[float, float]:
+    """Find how late the force is behind the HIP and behind the IHIP: as a spring between them, linear or a root of it.
+
+    Three kinds are told apart, and of those that fit alike the first counts: the whole answer is late, the force alone
+    is, or it is made of an IHIP that is recorded late.
+    """
+    ends = np.arange(LAG_TICKS, len(recording) - LAG_TICKS, dtype=np.int64)
+    rows = ends[above_force_floor(recording, scene)[ends]]
+    if rows.size == 0:
+        return 0.0, 0.0
+    force = recording.force[rows]
+
+    def misfit(hip: float, ihip: float) -> float:
+        errors = at_rows(recording.ihip, rows, ihip) - at_rows(recording.hip, rows, hip)
+        depth = np.linalg.norm(errors, axis=1, keepdims=True)
+        roots = np.divide(errors, np.sqrt(depth), out=np.zeros_like(errors), where=depth > 0.0)
+        laws = np.column_stack([errors.ravel(), roots.ravel()])
+        laws /= np.maximum(np.linalg.norm(laws, axis=0), np.finfo(float).tiny)
+        gains = np.linalg.lstsq(laws.T @ laws, laws.T @ force.ravel(), rcond=1e-9)[0]
+        return float(np.linalg.norm(force - (laws @ gains).reshape(force.shape), axis=1).mean())
+
+    exact = scene.stiffness * rounding(scene)
+    if misfit(0.0, 0.0) <= exact:
+        return 0.0, 0.0
+    kinds = np.array([(1.0, 0.0), (1.0, 1.0), (0.0, -1.0)])
+
+    def fit(kind: Array) -> tuple[float, float]:
+        return believed(lambda lag: misfit(*(lag * kind)), exact)
+
+    fits = np.array([fit(kind) for kind in kinds])
+    alike = fits[:, 1] <= (1.0 + TELLS) * max(float(fits[:, 1].min()), exact)
+    first = int(np.argmax(alike))
+    hip, ihip = (fits[first, 0] * kinds[first]).tolist()
+    return hip, ihip

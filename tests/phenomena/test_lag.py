@@ -1,0 +1,127 @@
+"""The one lag of each channel is found, whole or between ticks, and who has none is said to have none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from honest import Spring
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from latecomers import LateTool, late
+from made import recorded
+
+from hapticeval.discovery import resolve
+from hapticeval.geometry.catalogue import circle, line, sphere
+from hapticeval.phenomena.lag import Lag, at_rows, find_lag, least_misfit, rests
+from hapticeval.scene import Scene
+from hapticeval.simulation.playback import play
+from hapticeval.stimulus.stimulus import Path
+
+DT = 1e-3
+ROUND, PLANE, BALL = (Scene(model=model, stiffness=1000.0) for model in (circle(), line(), sphere()))
+
+
+def slide(scene, depth=2e-3, duration=0.3):
+    """From free space in, along the surface at a speed that changes, and out again."""
+    t = np.linspace(0.0, 1.0, 60)
+    under = depth * (1.0 - 2.0 * np.cos(np.pi * t) ** 6)
+    along = 0.04 * (t + 0.3 * t**2)
+    if scene is PLANE:
+        points = np.column_stack([along, -under])
+    else:
+        angle = along / 0.1
+        points = (0.1 - under)[:, np.newaxis] * np.column_stack([np.cos(angle), np.sin(angle)])
+        if scene is BALL:
+            points = np.column_stack([points, 0.02 * t])
+    return Path(duration * t, points)
+
+
+ticks = st.one_of(st.sampled_from([1.0, 2.0, 3.0]), st.floats(0.1, 3.0))
+scenes = st.sampled_from([ROUND, PLANE, BALL])
+
+
+def lag_of(make, scene):
+    return find_lag(play(make(scene), slide(scene), DT, scene=scene), scene)
+
+
+@settings(max_examples=10)
+@given(scene=scenes, lag=ticks)
+def test_an_answer_that_is_late_is_found_so_late(scene, lag):
+    seen = lag_of(late(ihip=lag, force=lag), scene)
+    assert seen.ihip == pytest.approx(lag, abs=0.02)
+    assert seen.force == pytest.approx(lag, abs=0.02)
+
+
+@settings(max_examples=10)
+@given(scene=scenes, lag=ticks)
+def test_a_force_that_is_late_behind_the_tool_is_found_so_late(scene, lag):
+    seen = lag_of(late(force=lag), scene)
+    assert seen == pytest.approx(Lag(0.0, lag, lag), abs=0.02)
+    assert seen.ihip == 0.0
+
+
+@settings(max_examples=10)
+@given(scene=scenes, lag=ticks)
+def test_a_tool_that_is_late_under_a_force_that_is_not_is_found_so_late(scene, lag):
+    seen = lag_of(late(LateTool, ihip=lag), scene)
+    assert seen == pytest.approx(Lag(lag, 0.0, 0.0), abs=0.02)
+    assert (seen.force_hip, seen.force_ihip) == (0.0, 0.0)
+
+
+@settings(max_examples=10)
+@given(scene=scenes, lag=ticks)
+def test_an_ihip_that_is_told_later_than_the_force_is_found_so_late(scene, lag):
+    seen = lag_of(late(ihip=lag), scene)
+    assert seen == pytest.approx(Lag(lag, 0.0, -lag), abs=0.02)
+    assert seen.force == pytest.approx(0.0, abs=0.02)
+
+
+RIGHT = ["minimum-distance", "constraint", "mapping", "constraint+square-root", "constraint+pp-d", "ideal"]
+
+
+@pytest.mark.parametrize("name", RIGHT)
+@pytest.mark.parametrize("scene", [ROUND, PLANE])
+def test_who_is_not_late_has_exactly_no_lag(name, scene):
+    assert lag_of(resolve(name), scene) == Lag(0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("scene", [ROUND, PLANE, BALL])
+def test_a_spring_has_exactly_no_lag_not_even_in_single_precision(scene):
+    recording = play(Spring(scene), slide(scene), DT, scene=scene)
+    rounded = [recording.channels[name].astype(np.float32).astype(float) for name in ("hip", "ihip", "force")]
+    assert find_lag(recording, scene) == find_lag(recorded(*rounded, dt=DT), scene) == Lag(0.0, 0.0, 0.0)
+
+
+def test_a_latency_that_changes_from_tick_to_tick_is_no_lag():
+    recording = play(Spring(ROUND), slide(ROUND), DT, scene=ROUND)
+    rows = np.arange(len(recording))
+    changing = np.maximum(rows - np.random.default_rng(1).integers(0, 4, rows.size), 0)
+    ihip = recording.ihip[changing]
+    made = recorded(recording.hip, ihip, 1000.0 * (ihip - recording.hip), dt=DT)
+    assert find_lag(made, ROUND) == Lag(0.0, 0.0, 0.0)
+
+
+def test_a_channel_that_was_not_recorded_has_none():
+    recording = play(Spring(ROUND), slide(ROUND), DT, scene=ROUND)
+    for name in ("ihip", "force"):
+        channels = {key: values for key, values in recording.channels.items() if key != name}
+        assert find_lag(type(recording)(recording.time, channels, recording.meta), ROUND) == Lag(0.0, 0.0, 0.0)
+
+
+@settings(max_examples=30)
+@given(st.floats(0.0, 3.0))
+def test_the_least_misfit_is_found_between_ticks(lag):
+    assert least_misfit(lambda tried: abs(tried - lag)) == pytest.approx(lag, abs=1e-8)
+
+
+def test_values_between_rows_are_on_the_straight_way_and_ends_stay():
+    values = np.array([[0.0], [1.0], [3.0]])
+    assert at_rows(values, np.arange(3)).tolist() == values.tolist()
+    assert at_rows(values, np.arange(3), 0.75).ravel().tolist() == [0.0, 0.25, 1.5]
+    assert at_rows(values, np.arange(3), -0.5).ravel().tolist() == [0.5, 2.0, 3.0]
+
+
+def test_a_tool_that_moves_in_every_third_tick_rests_for_two():
+    values = np.repeat([[0.0], [1.0], [2.0]], 3, axis=0)
+    assert rests(values).tolist() == [0, 1, 2, 0, 1, 2, 0, 1, 2]
+    assert rests(np.zeros((6, 2))).tolist() == [0, 1, 2, 3, 3, 3]
