@@ -284,6 +284,8 @@ def extruded(
         flat = make_model(**model)
         if flat.dimension != 2:
             raise InputError(f"model '{flat.name}' is in space", why="plane models are extruded")
+        if not flat.curve.closed:
+            raise InputError(f"model '{flat.name}' is unbounded", why="closed plane models are extruded")
         outline = flat.polygon(vertices).vertices
     return _solid("extruded", solids.prism(outline, length), model=dict(model), length=length, vertices=vertices)
 

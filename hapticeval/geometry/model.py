@@ -121,8 +121,8 @@ class Model:
     def polygon(self, n: int = 40) -> Polygon:
         """Return the polygon with vertices at n equal steps of the curve's own parameter, and at every corner.
 
-        A model of straight edges is its own polygon, whatever n. Raises `InputError` for an unbounded model,
-        for n below 3, and if n vertices are so few that the polygon crosses itself.
+        A model of straight edges is its own polygon, whatever n. Raises `RefusalError` for an unbounded model, and
+        `InputError` for n below 3, and if n vertices are so few that the polygon crosses itself.
         """
         key = ("polygon", n)
         if key not in self._kept:
@@ -162,7 +162,11 @@ class Model:
 
         curve = self.curve
         if not curve.closed:
-            raise InputError(f"model '{self.name}' is unbounded", why="a polygon encloses a bounded area")
+            raise RefusalError(
+                f"model '{self.name}' is unbounded",
+                why="a polygon encloses a bounded area",
+                todo="use scene.model.curve, or scene.model.mesh for edges: those of a line are a square's",
+            )
         if n < 3:
             raise InputError(f"a polygon of {n} vertices", why="it needs at least three", todo="give n >= 3")
         if curve.straight:

@@ -220,7 +220,7 @@ def _parts(steps: Array, bound: float, longest: int) -> Iterator[tuple[int, int]
 def _scale(recording: Recording, scene: Scene, steps: Array, row: int, before: tuple[Scale, ...]) -> Scale:
     near = slice(max(row - AROUND, 0), row + AROUND)
     points = recording.ihip[near][touching(recording, scene)[near]]
-    spread = float(np.max(np.linalg.norm(points[:, np.newaxis] - points[np.newaxis], axis=2)))
+    spread = float(np.max(np.linalg.norm(points[:, np.newaxis] - points[np.newaxis], axis=2), initial=0.0))
     hip_step = float(np.max(np.linalg.norm(np.diff(recording.hip[near], axis=0), axis=1)))
     wide = slice(max(row - 8 * AROUND, 0), row + 8 * AROUND)
     led = np.any(np.diff(recording.hip[wide], axis=0) != 0.0, axis=1)
@@ -240,7 +240,8 @@ def _comes_along(
 ) -> bool:
     """Whether the finer steps lead, in contact, by where the coarse ones went: only then do they stand for them.
 
-    By both ends of each step above the bound, up to the lag that is granted and to their own length.
+    By both ends of each step above the bound, up to the lag that is granted and to their own length. A way without two
+    samples in contact in a row has no step at all, and stands for none.
     """
     first, last, begin = part
     factor = (len(fine) - 1 - LAG_TICKS) // (last - begin)
@@ -249,6 +250,8 @@ def _comes_along(
     if touching(coarse, scene)[begin : last + 1].all() and lets_go(fine, slice(None), allowed, scene) is not None:
         return False
     contact = touching(fine, scene)
+    if not (contact[1:] & contact[:-1]).any():
+        return False
     lengths = contact_steps(fine, scene)
     rows = first + np.flatnonzero(steps[first : last + 1] > bound)
     ihips = for_kernels(coarse.ihip), for_kernels(fine.ihip)

@@ -103,7 +103,7 @@ METADATA: Mapping[str, tuple[str, str]] = MappingProxyType(
         "who": ("text", "operator"),
         "when": ("date", "start of the run, ISO 8601 with its offset from UTC"),
         "software": ("table", "program to version"),
-        "ended": ("table", "what ended the run early: tick, time, what, why"),
+        "ended": ("table", "what ended the run early: tick, time, what, why, and whether the loop ran_away"),
         "wall": ("table", "of a run in one dimension: at, the wall's place, m, and outward, 1 or -1"),
         "file": ("text", "the file that it was read from"),
     }

@@ -11,7 +11,7 @@ import numpy as np
 
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Stage
-from hapticeval.errors import DomainError, HapticevalError, RefusalError, described, renderer_errors
+from hapticeval.errors import DomainError, HapticevalError, RefusalError, RunawayError, described, renderer_errors
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.motion import Motion, scaling
 from hapticeval.phenomena.check import Runs, without_channel
@@ -33,7 +33,8 @@ from hapticeval.types import Array
 class Judged:
     """What came of one renderer in one case; `recording` is None where the renderer broke at once.
 
-    `ended` says at which tick and time, what and why, of a run that ended early because device or law left its domain.
+    `ended` says at which tick and time, what and why, of a run that ended early: device or law left its domain, or the
+    loop ran away.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -259,15 +260,21 @@ def judge_recorded(
     recorded: Recorded | None = None
     error: HapticevalError | None = None
     refusal: RefusalError | None = None
+    ended: Mapping[str, Any] | None = None
     findings: list[Finding] = []
     try:
         scene = case.build_scene()
         recorded = record(scene)
         for check in case.checks:
             findings.append(merge([_finding(check, runs, scene) for runs in recorded.runs]))
+        if recorded.replay is None:
+            ended = recorded.whole.meta.get("ended")
     except RefusalError as raised:
         refusal = raised
         findings = [Finding(Outcome.NOT_APPLICABLE, f"the renderer refuses: {raised.what}")] * len(case.checks)
+    except RunawayError as raised:
+        ended = {"tick": 0, "time": 0.0, "what": raised.what, "why": raised.why, "ran_away": True}
+        findings += [_ran_away(ended)] * (len(case.checks) - len(findings))
     except HapticevalError as raised:
         error = raised
         findings += [_error_finding(raised)] * (len(case.checks) - len(findings))
@@ -278,7 +285,7 @@ def judge_recorded(
         refusal,
         0.0 if recorded is None else recorded.simulated(),
         time.perf_counter() - started,
-        None if recorded is None or recorded.replay is not None else recorded.whole.meta.get("ended"),
+        ended,
         None if recorded is None else recorded.replay,
     )
 
@@ -313,7 +320,7 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
 
     A check names the channels that it reads; one that reads another which the recording lacks is undecided as well.
     Of a run that ended early, because device or law left its domain, what has failed until then has failed; that the
-    rest would have passed was not seen.
+    rest would have passed was not seen. A loop that ran away has failed whatever is asked of it.
     """
     ended = runs.base.meta.get("ended")
     try:
@@ -328,8 +335,29 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
         raise
     except Exception as fault:  # the boundary behind which one faulty check must not take the run along
         finding = Finding(Outcome.ERROR, f"the check itself failed: {described(fault)}")
-    if ended is None or finding.outcome in (Outcome.FAIL, Outcome.NOT_APPLICABLE, Outcome.ERROR):
+    if ended is None or finding.outcome in (Outcome.NOT_APPLICABLE, Outcome.ERROR):
         return finding
-    message = f"the run ended at t = {ended['time']:.4g} s: {ended['what']}"
+    if ended.get("ran_away"):
+        return _ran_away(ended, finding)
+    if finding.outcome is Outcome.FAIL:
+        return finding
     evidence = {**finding.evidence, "ended": dict(ended)}
-    return replace(finding, outcome=Outcome.INCONCLUSIVE, message=message, evidence=evidence)
+    return replace(finding, outcome=Outcome.INCONCLUSIVE, message=_end_of(ended), evidence=evidence)
+
+
+def _end_of(ended: Mapping[str, Any]) -> str:
+    return f"the run ended at t = {ended['time']:.4g} s: {ended['what']}"
+
+
+def _ran_away(ended: Mapping[str, Any], finding: Finding | None = None) -> Finding:
+    """Return the failure of a loop that ran away, with what a check had found until then if that was a failure.
+
+    It weighs as a must, whatever the check: a gate may not let a loop pass for which no other check is asked.
+    """
+    evidence: dict[str, object] = {"time": ended["time"], "tick": ended["tick"], "ended": dict(ended)}
+    if finding is None or finding.outcome is not Outcome.FAIL:
+        return Finding(Outcome.FAIL, _end_of(ended), evidence=evidence, level=Level.MUST)
+    if "ended" in finding.evidence:  # the check has said so itself
+        return replace(finding, level=Level.MUST)
+    message = f"{finding.message}; {_end_of(ended)}"
+    return replace(finding, message=message, evidence=evidence | dict(finding.evidence), level=Level.MUST)

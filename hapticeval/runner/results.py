@@ -116,12 +116,13 @@ class Refusal(Problem, frozen=True, kw_only=True):
 
 
 class Ended(Entry, frozen=True, kw_only=True):
-    """When (s) and why a run ended before its time, because device or law left its domain."""
+    """When (s) and why a run ended before its time: device or law left its domain, or the loop `ran_away`."""
 
     tick: Count
     time: float
     what: str
     why: str
+    ran_away: bool = False
 
 
 class Robot(Entry, frozen=True, kw_only=True):

@@ -37,7 +37,7 @@ class _End(NamedTuple):
     """Where and why a run ended before its time."""
 
     tick: int
-    error: DomainError
+    error: DomainError | RunawayError
 
 
 def simulate_closed_loop(
@@ -54,12 +54,13 @@ def simulate_closed_loop(
     the motors really give, or its mean where a delay changes it within the tick.
 
     A renderer that offers a compiled law is run without Python, with the same numbers. A state in mid-run that renderer
-    or device is not defined at ends the run there: `meta["ended"]` says at which `tick` and `time`, `what` and `why`,
-    and the recording holds what was before that tick.
+    or device is not defined at ends the run there, and so does a tick that drives the device farther than `RUNAWAY`:
+    `meta["ended"]` says at which `tick` and `time`, `what` and `why`, and of a loop that did so `ran_away`, and the
+    recording holds what was before that tick.
 
-    Raises `DomainError` for a start outside of where they are defined, `InputError` for one in another dimension than
-    the device's, and `RendererError`, naming tick and HIP, when the renderer breaks or when it drives the device out of
-    the number range.
+    Raises `DomainError` for a start outside of where they are defined, `RunawayError` for a loop that runs away in its
+    first tick, `InputError` for a start in another dimension than the device's, and `RendererError`, naming tick and
+    HIP, when the renderer breaks.
     """
     if not isinstance(renderer, Renderer):
         return simulate_checked(renderer, experiment, dt)
@@ -104,7 +105,8 @@ def _drive_point_mass(
         hips[tick], ihips[tick], forces[tick], velocities[tick] = hip, ihip, force, velocity
         hip, velocity = device.advance(hip, velocity, force, push[tick], push[tick + 1], dt)
         if not abs(hip - experiment.position).max() < reach:
-            raise _ran_away(tick, hips[tick], hip)
+            end = _ended(tick, _ran_away(tick, hips[tick], hip))
+            break
     channels = {
         "hip": hips,
         "ihip": ihips,
@@ -134,7 +136,7 @@ def _drive_device(
         if status == kernels.OUTSIDE:
             end = _ended(tick, _outside(scene.robot, loop.state[kernels.JOINTS]))
         elif status == kernels.RAN_AWAY:
-            raise _ran_away(tick, out[kernels.HIP, tick], loop.state[kernels.JOINTS])
+            end = _ended(tick, _ran_away(tick, out[kernels.HIP, tick], loop.state[kernels.JOINTS]))
         elif status == kernels.NOT_FINITE:
             raise not_finite(tick, *(out[each, tick] for each in (kernels.MEASURED_HIP, kernels.IHIP, kernels.FORCE)))
         elif status < 0:
@@ -170,7 +172,7 @@ def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float)
         except DomainError as error:
             return _ended(tick, error)
         if act(loop, tick) != kernels.DONE:
-            raise _ran_away(tick, out[kernels.HIP, tick], joints)
+            return _ended(tick, _ran_away(tick, out[kernels.HIP, tick], joints))
     return None
 
 
@@ -183,7 +185,7 @@ def _refused(law: CompiledStep, number: int, hip: Array) -> DomainError:
     )
 
 
-def _ended(tick: int, error: DomainError) -> _End:
+def _ended(tick: int, error: DomainError | RunawayError) -> _End:
     """The end of a run in its middle; at its very start there is nothing to keep, and the error is raised."""
     if tick == 0:
         raise error
@@ -204,6 +206,8 @@ def _recorded(
             "what": end.error.what,
             "why": end.error.why,
         }
+        if isinstance(end.error, RunawayError):
+            meta["ended"]["ran_away"] = True
     recording = Recording(time[:count], {name: values[:count] for name, values in channels.items()}, meta=meta)
     if not abilities_of(renderer).diagnostics:
         return recording

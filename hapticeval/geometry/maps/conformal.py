@@ -149,10 +149,10 @@ def conformal_map(curve: Curve, *, nodes: int | None = None) -> ConformalMap:
     resolve little; `error` and `blur` then show it.
 
     Raises `CrowdingError` where double precision is exhausted, `RefusalError` for outlines of more detail than 2560
-    nodes resolve, and `InputError` for an unbounded curve and for numbers of nodes that are no use.
+    nodes resolve and for an unbounded curve, and `InputError` for numbers of nodes that are no use.
     """
     if not curve.closed:
-        raise InputError(f"curve '{curve.name}' is unbounded", why="its inside is a half-plane and not a disk")
+        raise RefusalError(f"curve '{curve.name}' is unbounded", why="its inside is a half-plane and not a disk")
     counts = _counts(curve, nodes)
     start = _start(curve)
     coarse = system_of(curve, counts[0] // 2)

@@ -144,11 +144,11 @@ class Flow:
 def flow(model: Model, settings: FlowSettings) -> Flow:
     """Return the flow of a model inwards.
 
-    Raises `InputError` for an unbounded model, `FlowSplitError` where the front falls apart, and `FlowCollapseError`
+    Raises `RefusalError` for an unbounded model, `FlowSplitError` where the front falls apart, and `FlowCollapseError`
     where it shrinks to a segment.
     """
     if not model.curve.closed:
-        raise InputError(f"model '{model.name}' is unbounded", why="its surface does not shrink to a point")
+        raise RefusalError(f"model '{model.name}' is unbounded", why="its surface does not shrink to a point")
     front = Front(model, settings)
     times, lengths, areas, points = map(np.array, zip(*_levels(front, settings), strict=True))
     return Flow(points, front.u, times, lengths, areas, front.h)
