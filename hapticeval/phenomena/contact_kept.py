@@ -9,8 +9,10 @@ from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     NO_IHIP,
+    above_force_floor,
     believed_standoff,
     evidence_at,
+    force_floor,
     hip_steps,
     lacks_ihip,
     listed,
@@ -48,6 +50,9 @@ KINDS = {
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Wherever the renderer gives no contact, follow the hand with a rigid tool from the renderer's own last IHIP."""
     base = runs.base
+    haunts = _haunts(base, scene)
+    if haunts is not None:
+        return haunts
     if lacks_ihip(base, scene):
         return undecided(NO_IHIP)
     steps, size = hip_steps(base), scene.model.size
@@ -108,6 +113,33 @@ def _across_allowed(base: Recording, scene: Scene) -> float:
     if base.meta.get("source") not in SIMULATED:
         digits = float(np.linalg.norm([quantization_step(column) for column in (*base.hip.T, *base.ihip.T)]))
     return (believed_standoff(base, scene) or resolution(base, scene)) + rounding(scene) + digits
+
+
+def _haunts(base: Recording, scene: Scene) -> Finding | None:
+    """Return a failure where a hand in free space feels a force, of a renderer that gives a contact point elsewhere.
+
+    Its IHIP is the HIP there, so that no solid is between them; and the HIP is outside for three ticks either way.
+    """
+    if "force" not in base.channels or not base.apart.any():
+        return None
+    pushed = above_force_floor(base, scene) & ~base.apart
+    if not pushed.any():
+        return None
+    outside = scene.model.boundary.signed_distance(base.hip) > _across_allowed(base, scene)
+    around = np.pad(outside, LAG_TICKS, constant_values=True)
+    pushed &= np.lib.stride_tricks.sliding_window_view(around, 2 * LAG_TICKS + 1).all(axis=1)
+    if not pushed.any():
+        return None
+    force = np.where(pushed, np.linalg.norm(base.force, axis=1), 0.0)
+    first, most = int(np.argmax(pushed)), float(force.max())
+    ticks = int(pushed.sum())
+    metric = Metric("force in free space", most, "N")
+    evidence = {**evidence_at(base, first), "kind": "haunts", "pushed_ticks": ticks}
+    message = (
+        f"the hand feels {most:.3g} N in free space, where the tool is at the hand: from t = {base.time[first]:.4g} s "
+        f"({ticks} of {len(base)} ticks)"
+    )
+    return Finding(Outcome.FAIL, message, metric, force_floor(scene), evidence)
 
 
 def _trails(base: Recording, scene: Scene, allowed: Array) -> Finding | None:
@@ -210,7 +242,8 @@ CHECK = Check(
         "edges by as much and the resolution along the surface: contact may end where the way is open from so far "
         "beside. Rounding is that of single precision, and the last digit of a log. The rigid tool moves in steps of "
         "an eighth of the largest HIP step, between 1e-6 and 1e-4 of the model's size. In free space the IHIP is the "
-        "HIP, within the same bound."
+        "HIP, within the same bound, and where it is, and the HIP outside for three ticks either way, there is no "
+        "force above that of a depth of 1 um."
     ),
     judge=judge,
 )

@@ -1,0 +1,61 @@
+"""Faults that show in one place only are stopped where a suite goes there, and what is right is left alone there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from honest import Spring
+from hypothesis import given
+from hypothesis import strategies as st
+from made import FAIL, PASS, STIFFNESS, outcome, recorded
+from unvisited import UNVISITED, Damped, Unvisited
+
+from hapticeval.geometry.catalogue import line
+from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.verdict import Level, Outcome
+from hapticeval.runner.judging import judge
+from hapticeval.scene import Scene
+from hapticeval.suite.reading import load_suite
+
+VISITS = [(name, place) for name, unvisited in UNVISITED.items() for place in unvisited.cases]
+
+
+def outcomes(make, place):
+    suite, _, name = place.partition("/")
+    judged = judge(make, "unvisited", suite, load_suite(suite).case(name))
+    assert judged.error is None
+    return {verdict.check: verdict.outcome for verdict in judged.verdicts}
+
+
+@pytest.mark.parametrize(("name", "place"), VISITS)
+def test_a_fault_is_stopped_where_a_suite_visits_it(name, place):
+    unvisited: Unvisited = UNVISITED[name]
+    assert OWN[unvisited.check].level is Level.MUST
+    assert outcomes(unvisited.make, place)[unvisited.check] is Outcome.FAIL
+
+
+@pytest.mark.parametrize("place", sorted({place for _, place in VISITS}))
+def test_what_is_right_is_left_alone_there(place):
+    # The nearest point jumps at an edge (4.1.2), wherever the box lies.
+    jumps = {"continuous-contact", "broken-contact"} if place == "solids/box-off-origin" else set()
+    blamed = {check for check, outcome in outcomes(Spring, place).items() if outcome is not Outcome.PASS}
+    assert blamed == jumps
+
+
+@pytest.mark.parametrize("place", UNVISITED["velocity-left"].cases)
+def test_a_damper_on_a_velocity_of_its_own_is_left_alone(place):
+    assert outcomes(Damped, place)["reset-clears"] is Outcome.PASS
+
+
+@given(late=st.integers(1, 9), size=st.sampled_from([0.9e-6, 1.1e-6, 1e-3]))
+def test_a_force_in_free_space_fails_from_the_fourth_tick_after_a_contact_on(late, size):
+    """Three ticks are granted, and the force of a depth of 1 um is the least that counts."""
+    height = 1e-3 * np.concatenate([np.arange(20.0, -11.0, -1.0), np.arange(-9.0, 21.0)])
+    hip = np.column_stack([np.zeros(height.size), height])
+    ihip = np.maximum(hip, 0.0)
+    force = STIFFNESS * (ihip - hip)
+    last = int(np.flatnonzero(height < 0.0)[-1])
+    force[last + late, 1] += STIFFNESS * size
+    ghost = late > 4 and size > 1e-6  # the tick after the last inside is on the surface, where nothing is outside
+    run = recorded(hip, ihip, force, meta={"source": "playback"})
+    assert outcome("contact-kept", run, Scene(model=line())) is (FAIL if ghost else PASS)
