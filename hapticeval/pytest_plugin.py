@@ -418,7 +418,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     for file in dict.fromkeys(note[0] for note in notes):
         ran = [note[1:3] for note in notes if note[0] == file]
         renderers, suites = ({each[at] for each in ran} for at in (0, 1))
-        lines += read_known(Path(file)).unplanned(sorted(renderers), sorted(suites))
+        known = read_known(Path(file))
+        lines += known.unplanned(sorted(renderers), sorted(suites)) + known.unsized()
     lines += [f"{head}\n  {todo}" for _, _, _, head, todo in (note for note in notes if len(note) > 3)]
     if lines:
         terminalreporter.write_sep("=", "known failures of hapticeval")

@@ -11,7 +11,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from hapticeval.cli import main
-from hapticeval.runner.known import read_known
+from hapticeval.runner.known import KnownVerdict, read_known
 from hapticeval.runner.results import read_results
 
 ROOT = Path(__file__).parents[1]
@@ -43,9 +43,10 @@ def here(folder, monkeypatch):
 
 def test_the_list_of_the_page_is_one_that_is_written(here):
     (here / "known.toml").write_text(blocks("toml")[0])
-    listed = {place for _, place in read_known(here / "known.toml").entries}
+    listed = {entry.verdicts[0] for entry in read_known(here / "known.toml").entries.values()}
     assert main(["run", "-r", "mine:Nearest", "-k", "star-convex-corner", "--no-report", "--known", "known.toml"]) == 0
-    known = {each.place for each in read_results(here / "results").verdicts if each.standing == "known"}
+    verdicts = read_results(here / "results").verdicts
+    known = {KnownVerdict.of(verdict) for verdict in verdicts if verdict.standing == "known"}
     assert listed == known
 
 

@@ -59,6 +59,11 @@ class Finding:
         return self.bound - self.metric.value
 
 
+def fault_kind(evidence: Mapping[str, Any]) -> str:
+    """Return which of the faults that a check tells apart this is: a mini pop-through, a contact let go; "" of none."""
+    return str(evidence.get("severity") or evidence.get("kind") or "")
+
+
 def undecided(
     message: str, metric: Metric | None = None, bound: float | None = None, evidence: Mapping[str, Any] | None = None
 ) -> Finding:

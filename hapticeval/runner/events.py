@@ -22,7 +22,7 @@ class RunStarted:
     jobs_of: Mapping[str, int] = field(default_factory=dict)
     """How many jobs of each suite are to be reported."""
     notes: tuple[str, ...] = ()
-    """What the list of known failures has about renderers that do not run."""
+    """What the list of known failures has about renderers that do not run, and failures without a size."""
 
 
 @dataclass(frozen=True)

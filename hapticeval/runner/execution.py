@@ -80,7 +80,8 @@ def execute(
                 outcomes.clear()
             jobs_of = Counter(job.suite for at, job in enumerate(plan.jobs) if at not in old)
             unplanned = plan.known.unplanned(plan.renderers, [suite.name for suite in plan.suites])
-            yield RunStarted(plan.planned, len(plan.jobs), len(old), jobs_of, unplanned)
+            remarks = unplanned + plan.known.unsized()
+            yield RunStarted(plan.planned, len(plan.jobs), len(old), jobs_of, remarks)
             progress = Progress(plan, directory)
             while True:
                 if not interrupts.count and not stopped:

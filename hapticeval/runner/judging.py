@@ -15,6 +15,7 @@ from hapticeval.errors import DomainError, HapticevalError, RefusalError, Runawa
 from hapticeval.geometry.model import Model
 from hapticeval.geometry.motion import Motion, scaling
 from hapticeval.phenomena.check import Runs, without_channel
+from hapticeval.phenomena.regions import region_of
 from hapticeval.phenomena.registry import CHECKS
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict, undecided
 from hapticeval.recordings.recording import MissingChannelError, Recording
@@ -320,11 +321,16 @@ def _finding(check: str, runs: Runs, scene: Scene) -> Finding:
 
     A check names the channels that it reads; one that reads another which the recording lacks is undecided as well.
     Of a run that ended early, because device or law left its domain, what has failed until then has failed; that the
-    rest would have passed was not seen. A loop that ran away has failed whatever is asked of it.
+    rest would have passed was not seen. A loop that ran away has failed whatever is asked of it. A failure that has a
+    place says in what region of the model that is.
     """
     ended = runs.base.meta.get("ended")
     try:
         finding = CHECKS[check](runs, scene)
+        tick = finding.evidence.get("tick")
+        if finding.outcome is Outcome.FAIL and isinstance(tick, int) and tick < len(runs.base):
+            evidence = {**finding.evidence, "region": region_of(runs.base, scene, tick).value}
+            finding = replace(finding, evidence=evidence)
     except RefusalError as refusal:
         return Finding(Outcome.NOT_APPLICABLE, f"this check cannot be asked here: {refusal.what}, and {refusal.why}")
     except MissingChannelError as lacks:

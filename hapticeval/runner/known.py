@@ -4,13 +4,17 @@
 renderer = "mine:Nearest"
 outcome = "fail"                  # or "inconclusive"; fail if not given
 reason = "the nearest point jumps across the medial axis, #41"
-verdicts = ["thesis/star-convex-corner/continuous-contact", "thesis/cassinian-deep-slide/memoryless"]
+verdicts = [
+  { verdict = "thesis/star-convex-corner/continuous-contact", metric = 0.0333, unit = "m", kind = "major" },
+  "thesis/cassinian-deep-slide/memoryless",      # of any size
+]
 """
 
 from __future__ import annotations
 
 import difflib
 import json
+import math
 import re
 import textwrap
 from collections import Counter
@@ -19,14 +23,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, to_builtins
 from msgspec.structs import replace
 
 from hapticeval.discovery import known_renderers
 from hapticeval.documents import convert, read_toml
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError, at
 from hapticeval.files import replacing
-from hapticeval.phenomena.verdict import UNSATISFIED, Outcome
+from hapticeval.phenomena.verdict import UNSATISFIED, Outcome, fault_kind
+from hapticeval.quantity import quantity
 from hapticeval.runner.results import ResultsDocument, VerdictEntry
 from hapticeval.suite.installed import find_suites
 
@@ -41,18 +46,97 @@ REASON = 100
 
 TODO = 'write renderer, reason and verdicts = ["suite/case/check"] as docs/gate.md shows, or have --write-known do it'
 
+REPEATS = 1e-3
+"""Share of a metric by which it may differ when it is measured again: the list has four digits of it, which are 5e-4,
+and where rounding adds up two machines differ by as much; *chosen*, and doubled a failure may grow by 0.2 per cent."""
+
+
+class KnownVerdict(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+    """A verdict, as `suite/case/check`, with the failure that is known of it: its `metric` in `unit`, if it has one.
+
+    `kind` is which of the faults that the check tells apart, and `region` where on the model: see `phenomena.regions`.
+    """
+
+    verdict: str
+    metric: float | None = None
+    unit: str = ""
+    kind: str = ""
+    region: str = ""
+
+    def __post_init__(self) -> None:
+        if self.metric is not None and math.isnan(self.metric):
+            raise ValueError(f"the metric of '{self.verdict}' is no number")
+
+    @classmethod
+    def of(cls, verdict: VerdictEntry) -> KnownVerdict:
+        """Return the failure that a verdict is. Kinds that a check measures by another metric go by that one's name."""
+        from hapticeval.phenomena.registry import CHECKS  # which loads all that checks need
+
+        metric = verdict.metric
+        kind, region = fault_kind(verdict.evidence), str(verdict.evidence.get("region", ""))
+        if metric is None:
+            return cls(verdict=verdict.place, kind=kind, region=region)
+        own = CHECKS[verdict.check].metric if verdict.check in CHECKS else metric.name
+        value = math.inf if metric.value is None else float(f"{metric.value:.4g}")
+        kind = kind or (metric.name if metric.name != own else "")
+        return cls(verdict=verdict.place, metric=value, unit=metric.unit, kind=kind, region=region)
+
+    def surpassed_by(self, other: KnownVerdict, bound: float) -> str:
+        """Return in words how another failure of this verdict goes beyond this one; "" where it does not.
+
+        Another kind, or another region of the model, is another failure. So is one that is larger by more than
+        `bound`: that much the check grants to the sampling, so that two measures of one fault may be as far apart.
+        """
+        if (self.kind, self.unit) != (other.kind, other.unit):
+            return f"another failure than the known one: '{other._sort}', and known is '{self._sort}'"
+        if self.region != other.region:
+            return f"at another place than the known one: '{other.region}', and known is '{self.region}'"
+        if self.metric is None or other.metric is None:
+            return ""
+        if other.metric <= self.metric + REPEATS * abs(self.metric) + bound:
+            return ""
+        now = quantity(other.metric if math.isfinite(other.metric) else None, self.unit)
+        return f"worse than known: {now}, and known is {quantity(self.metric, self.unit)}"
+
+    @property
+    def _sort(self) -> str:
+        return self.kind or f"the usual{f', in {self.unit}' if self.unit else ''}"
+
 
 class KnownEntry(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A `[[known]]` table: verdicts, as `suite/case/check`, of one renderer that fail for one reason."""
+    """A `[[known]]` table: verdicts of one renderer that fail for one reason.
+
+    One that is a mere `suite/case/check` is excused whatever it measures, as lists from before sizes have it.
+    """
 
     renderer: str
     reason: str
-    verdicts: Annotated[tuple[str, ...], Meta(min_length=1)]
+    verdicts: Annotated[tuple[str | KnownVerdict, ...], Meta(min_length=1)]
     outcome: Literal["fail", "inconclusive"] = "fail"
 
     def __post_init__(self) -> None:
         if not self.reason.strip():
-            raise ValueError(f"the reason why '{self.verdicts[0]}' is known to {self.outcome} is empty")
+            raise ValueError(f"the reason why '{place_of(self.verdicts[0])}' is known to {self.outcome} is empty")
+
+    def surpassed_by(self, verdict: VerdictEntry) -> str:
+        """Return in words how a failure goes beyond what the only verdict of this entry excuses; else ""."""
+        listed = self.verdicts[0]
+        if isinstance(listed, str) or verdict.outcome is not Outcome.FAIL:
+            return ""
+        return listed.surpassed_by(KnownVerdict.of(verdict), verdict.bound or 0.0)
+
+    def renewed(self, verdict: VerdictEntry) -> KnownEntry:
+        """Return the entry with what its only verdict measures now, where that is less, or was not listed."""
+        listed, current = self.verdicts[0], KnownVerdict.of(verdict)
+        grown = isinstance(listed, KnownVerdict) and (listed.metric or 0.0) < (current.metric or 0.0)
+        if grown or verdict.outcome is not Outcome.FAIL:
+            return self
+        return replace(self, verdicts=(current,))
+
+
+def place_of(listed: str | KnownVerdict) -> str:
+    """Return what an entry lists, as `suite/case/check`."""
+    return listed if isinstance(listed, str) else listed.verdict
 
 
 class KnownFile(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -67,7 +151,7 @@ Place = tuple[str, str]
 
 @dataclass(frozen=True)
 class Known:
-    """Known failures by renderer and place; `source` is the file that lists them."""
+    """Known failures by renderer and place, an entry of one verdict each; `source` is the file that lists them."""
 
     entries: Mapping[Place, KnownEntry] = field(default_factory=dict)
     source: str = ""
@@ -103,10 +187,20 @@ class Known:
             if name not in planned and name not in installed
         )
 
+    def unsized(self) -> tuple[str, ...]:
+        """Return a sentence on failures that are listed without what they measure, if there are such."""
+        entries = self.entries.values()
+        count = sum(entry.outcome == "fail" and isinstance(entry.verdicts[0], str) for entry in entries)
+        if not count:
+            return ()
+        which = f"{count} failure{'s' * (count > 1)} without a size, and so excuses them at any size"
+        return (f"{self.source} lists {which}: `hapticeval run --write-known {self.source}` adds what is measured now",)
+
     def marked(self, verdict: VerdictEntry) -> VerdictEntry:
         """Return the verdict with the reason why it is known, if it is.
 
-        A known failure is as expected. One that fails in another way than the known one is judged as any other.
+        A known failure is as expected. One that fails in another way than the known one, or worse, is judged as any
+        other.
         """
         entry = self.entries.get((verdict.renderer, verdict.place))
         if entry is None or verdict.outcome is Outcome.ERROR:
@@ -115,13 +209,17 @@ class Known:
             return replace(verdict, known=entry.reason)
         if verdict.outcome.value != entry.outcome:
             return verdict
-        return replace(verdict, known=entry.reason, as_expected=True)
+        beyond = entry.surpassed_by(verdict)
+        if beyond:
+            return replace(verdict, beyond_known=f"{beyond} ({entry.reason})")
+        return replace(verdict, known=entry.reason, as_expected=True, beyond_known=None)
 
     def renewed(self, results: ResultsDocument) -> Known:
         """Return the list as these results have it: what stops the gate is on it, and what passes now is not.
 
-        Reasons that were given stay, and so does what has not run. A reason that nobody has given begins with
-        `UNEXPLAINED` and goes on with what was measured at the worst of its verdicts.
+        Reasons that were given stay, and so does what has not run; sizes go down and never up. What goes beyond the
+        failure that is listed is a new one. A reason that nobody has given begins with `UNEXPLAINED` and goes on with
+        what was measured at the worst of its verdicts.
         """
         ran = {(verdict.renderer, verdict.place): verdict for verdict in results.verdicts}
         kept = {place: entry for place, entry in self.entries.items() if place not in ran}
@@ -130,20 +228,14 @@ class Known:
             if verdict.outcome not in UNSATISFIED:
                 continue
             if verdict.known is not None:
-                kept[place] = KnownEntry(
-                    renderer=verdict.renderer, reason=verdict.known, verdicts=(place[1],), outcome=_word(verdict)
-                )
+                listed = self.entries.get(place) or _entry(verdict, verdict.known)
+                kept[place] = listed.renewed(verdict)
             elif results.stops(verdict):
                 fresh.setdefault((verdict.renderer, verdict.check, verdict.outcome), []).append(verdict)
         for (renderer, _, _), verdicts in fresh.items():
-            worst = max(verdicts, key=lambda each: each.severity)
-            entry = KnownEntry(
-                renderer=renderer,
-                reason=f"{UNEXPLAINED}: {_short(worst.message)} ({worst.suite}/{worst.case})",
-                verdicts=tuple(each.place for each in verdicts),
-                outcome=_word(worst),
-            )
-            kept |= {(renderer, place): entry for place in entry.verdicts}
+            worst = max(verdicts, key=lambda verdict: verdict.severity)
+            reason = f"{UNEXPLAINED}: {_short(worst.message)} ({worst.suite}/{worst.case})"
+            kept |= {(renderer, verdict.place): _entry(verdict, reason) for verdict in verdicts}
         return Known(kept, self.source)
 
 
@@ -163,8 +255,11 @@ def _short(message: str) -> str:
     return textwrap.shorten(re.split(r"; |\. |, and ", message)[0], REASON, placeholder=" ...")
 
 
-def _word(verdict: VerdictEntry) -> Literal["fail", "inconclusive"]:
-    return "fail" if verdict.outcome is Outcome.FAIL else "inconclusive"
+def _entry(verdict: VerdictEntry, reason: str) -> KnownEntry:
+    """Return the entry of a verdict: of what could not be decided the place alone, as its number decides nothing."""
+    if verdict.outcome is Outcome.FAIL:
+        return KnownEntry(renderer=verdict.renderer, reason=reason, verdicts=(KnownVerdict.of(verdict),))
+    return KnownEntry(renderer=verdict.renderer, reason=reason, verdicts=(verdict.place,), outcome="inconclusive")
 
 
 def read_known(file: Path) -> Known:
@@ -179,7 +274,8 @@ def read_known(file: Path) -> Known:
     entries: dict[Place, KnownEntry] = {}
     with at(file.name):
         for entry in given.known:
-            for place in entry.verdicts:
+            for listed in entry.verdicts:
+                place = place_of(listed)
                 if place.count("/") != 2 or not all(place.split("/")):
                     raise InputError(f"'{place}' names no verdict", why="one is named suite/case/check", todo=TODO)
                 if (entry.renderer, place) in entries:
@@ -188,16 +284,16 @@ def read_known(file: Path) -> Known:
                         why=f"the reasons are '{entries[entry.renderer, place].reason}' and '{entry.reason}'",
                         todo="keep one of them",
                     )
-                entries[entry.renderer, place] = entry
+                entries[entry.renderer, place] = replace(entry, verdicts=(listed,))
     return Known(entries, file.name)
 
 
 def write_known(file: Path, known: Known) -> None:
     """Write a list of known failures, a table for each renderer, outcome and reason. Raises `HapticevalError`."""
-    grouped: dict[tuple[str, str, str], list[str]] = {}
-    for (renderer, place), entry in known.entries.items():
-        grouped.setdefault((renderer, entry.outcome, entry.reason), []).append(place)
-    tables = [_table(*key, places) for key, places in sorted(grouped.items())]
+    grouped: dict[tuple[str, str, str], list[str | KnownVerdict]] = {}
+    for (renderer, _), entry in known.entries.items():
+        grouped.setdefault((renderer, entry.outcome, entry.reason), []).extend(entry.verdicts)
+    tables = [_table(*key, verdicts) for key, verdicts in sorted(grouped.items(), key=lambda group: group[0])]
     try:
         with replacing(file) as temporary:
             temporary.write_text("\n".join([HEAD, *tables]), encoding="utf-8")
@@ -208,14 +304,24 @@ def write_known(file: Path, known: Known) -> None:
 HEAD = """\
 # Known failures: they do not stop `hapticeval run --known` of this file. Give each a reason.
 # `hapticeval run --write-known` of this file adds new ones, drops what passes now, and keeps your reasons.
+# What fails in another way, elsewhere on the model, or worse by more than its check's bound is a new failure.
 """
 
 
-def _table(renderer: str, outcome: str, reason: str, places: Sequence[str]) -> str:
+def _table(renderer: str, outcome: str, reason: str, verdicts: Sequence[str | KnownVerdict]) -> str:
     texts = {"renderer": renderer, "outcome": outcome, "reason": reason}
     lines = [f"{name} = {_quoted(text)}" for name, text in texts.items()]
-    listed = [f"  {_quoted(place)}," for place in sorted(places)]
+    listed = [f"  {_inline(verdict)}," for verdict in sorted(verdicts, key=place_of)]
     return "\n".join(["[[known]]", *lines, "verdicts = [", *listed, "]", ""])
+
+
+def _inline(listed: str | KnownVerdict) -> str:
+    """Return a verdict of the list as TOML: its place, or a table of a line with what it measured."""
+    if isinstance(listed, str):
+        return _quoted(listed)
+    values = to_builtins(listed)
+    pairs = (f"{name} = {_quoted(value) if isinstance(value, str) else repr(value)}" for name, value in values.items())
+    return f"{{ {', '.join(pairs)} }}"
 
 
 def _quoted(text: str) -> str:

@@ -279,7 +279,8 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
     """A verdict: `evidence` holds where and when, time (s), hip and ihip (m), and what else was measured.
 
     `bound` and `margin` are in the metric's unit; the margin, bound less metric, is negative for a failure. `known` is
-    the reason that a list of known failures gives for this one, see `hapticeval.runner.known`.
+    the reason that a list of known failures gives for this one, see `hapticeval.runner.known`, and `beyond_known` says
+    how it goes beyond the failure that the list has.
     """
 
     renderer: str
@@ -296,6 +297,7 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
     published: Outcome | None
     as_expected: bool
     known: str | None = None
+    beyond_known: str | None = None
 
     @classmethod
     def of(cls, verdict: Verdict) -> VerdictEntry:
@@ -353,12 +355,15 @@ class VerdictEntry(Entry, frozen=True, kw_only=True):
 
     @property
     def measured(self) -> str:
-        """Metric and bound, lengths in mm, for instance `IHIP jump = 4.1 mm, bound 0.1 mm`; "" where there is none."""
-        metric = self.metric
-        if metric is None or metric.value is None:
-            return ""
-        text = f"{metric.name} = {quantity(metric.value, metric.unit)}"
-        return text if self.bound is None else f"{text}, bound {quantity(self.bound, metric.unit)}"
+        """Metric and bound, lengths in mm, for instance `IHIP jump = 4.1 mm, bound 0.1 mm`; "" where there is none.
+
+        Of a failure that is worse than the known one, that as well.
+        """
+        metric, texts = self.metric, []
+        if metric is not None and metric.value is not None:
+            texts = [f"{metric.name} = {quantity(metric.value, metric.unit)}"]
+            texts += [] if self.bound is None else [f"bound {quantity(self.bound, metric.unit)}"]
+        return ", ".join([*texts, *([self.beyond_known] if self.beyond_known else [])])
 
     @property
     def severity(self) -> tuple[bool, float]:

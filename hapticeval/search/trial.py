@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from hapticeval.discovery import resolve
 from hapticeval.errors import RendererError, caught_in, kind_of
-from hapticeval.phenomena.verdict import Level, Outcome
+from hapticeval.phenomena.verdict import Level, Outcome, fault_kind
 from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import RendererFactory
 from hapticeval.runner.judging import judge
@@ -236,9 +236,7 @@ def _try(renderer: str, seed: int, case: Case) -> Tried:
         finding = verdict.finding
         if verdict.outcome not in (Outcome.FAIL, Outcome.ERROR):
             continue
-        kind = str(finding.evidence.get("severity") or finding.evidence.get("kind") or "")
-        if verdict.outcome is Outcome.ERROR:
-            kind = "the check itself failed"
+        kind = "the check itself failed" if verdict.outcome is Outcome.ERROR else fault_kind(finding.evidence)
         time_ = finding.evidence.get("time")
         metric = finding.metric
         faults.append(

@@ -1,5 +1,6 @@
 """Lists of known failures: what they excuse, what they refuse, and how one is made of results."""
 
+import math
 import tomllib
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -13,7 +14,7 @@ from hapticeval.api import Results
 from hapticeval.errors import InputError
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, Verdict
 from hapticeval.reports import junit
-from hapticeval.runner.known import UNEXPLAINED, Known, KnownEntry, read_known, write_known
+from hapticeval.runner.known import UNEXPLAINED, Known, KnownEntry, KnownVerdict, read_known, write_known
 from hapticeval.runner.results import VerdictEntry
 from hapticeval.suite.reading import load_suite
 
@@ -22,8 +23,11 @@ LISTED = KnownEntry(renderer="r", reason="a limit of the method", verdicts=(PLAC
 KNOWN = Known({("r", PLACE): LISTED}, "known.toml")
 
 
-def verdict(outcome=Outcome.FAIL, *, case="c", level=Level.MUST, value=2e-3, published=None, message="what was seen"):
-    finding = Finding(outcome, message, Metric("jump", value, "m"), 1e-3)
+def verdict(
+    outcome=Outcome.FAIL, *, case="c", level=Level.MUST, value=2e-3, published=None, message="what was seen",
+    metric="IHIP apart", **evidence,
+):  # fmt: skip
+    finding = Finding(outcome, message, Metric(metric, value, "m"), 1e-3, evidence)
     return VerdictEntry.of(Verdict("r", "s", case, "memoryless", level, finding, published))
 
 
@@ -47,6 +51,71 @@ def test_what_a_known_failure_excuses(outcome, code, strict_code, standing):
     assert KNOWN.marked(verdict(outcome)).standing == standing
 
 
+SIZED = Known().renewed(results_of(verdict(value=2e-3, kind="mini", region="surface")))
+"""A list of one failure of 2 mm, whose check grants 1 mm to the sampling."""
+
+
+@pytest.mark.parametrize(
+    ("now", "beyond"),
+    [
+        ({}, ""),
+        ({"value": 1.5e-3}, ""),
+        ({"value": 2.99e-3}, ""),
+        ({"value": 3.01e-3}, "worse than known: 3.01 mm, and known is 2 mm"),
+        ({"value": math.inf}, "worse than known: not finite, and known is 2 mm"),
+        ({"kind": "major"}, "another failure than the known one: 'major', and known is 'mini'"),
+        ({"region": "convex corner"}, "at another place than the known one: 'convex corner', and known is 'surface'"),
+    ],
+)
+def test_a_known_failure_excuses_none_that_is_worse_of_another_kind_or_elsewhere(now, beyond):
+    """Two measures of one fault differ by what the check grants to the sampling, its bound, at the most."""
+    marked = SIZED.marked(verdict(**{"kind": "mini", "region": "surface"} | now))
+    assert (marked.standing, marked.as_expected) == (("unexpected", False) if beyond else ("known", True))
+    assert (marked.beyond_known or "").startswith(beyond)
+    assert marked.measured.endswith(f"{beyond} ({SIZED.entries['r', PLACE].reason})" if beyond else "bound 1 mm")
+
+
+def test_a_failure_that_is_measured_by_another_metric_is_another():
+    assert SIZED.marked(verdict(kind="", region="surface", metric="distance off")).standing == "unexpected"
+    listed = Known().renewed(results_of(verdict(metric="distance off")))
+    assert listed.marked(verdict(metric="distance off")).standing == "known"
+
+
+def test_an_infinite_failure_is_known_as_such(tmp_path):
+    write_known(tmp_path / "known.toml", Known().renewed(results_of(verdict(value=math.inf))))
+    listed = read_known(tmp_path / "known.toml")
+    assert [listed.marked(verdict(value=value)).standing for value in (1.0, math.inf)] == ["known"] * 2
+
+
+def test_a_list_without_sizes_excuses_any_and_says_so():
+    assert KNOWN.marked(verdict(value=9.0)).standing == "known"
+    (remark,) = KNOWN.unsized()
+    assert remark.startswith("known.toml lists 1 failure without a size, and so excuses them at any size: ")
+    assert SIZED.unsized() == Known().unsized() == ()
+
+
+def test_what_could_not_be_decided_has_no_size():
+    listed = Known().renewed(results_of(verdict(Outcome.INCONCLUSIVE)))
+    assert listed.marked(verdict(Outcome.INCONCLUSIVE, value=9.0)).standing == "known"
+    assert listed.unsized() == ()
+
+
+@pytest.mark.parametrize(("now", "size"), [(1e-3, 1e-3), (2e-3, 2e-3), (2.9e-3, 2e-3)])
+def test_renewing_a_list_takes_sizes_down_and_never_up(now, size):
+    """Else a failure could grow by a bound with each renewal."""
+    now = verdict(value=now, kind="mini", region="surface")
+    (entry,) = SIZED.renewed(results_of(SIZED.marked(now))).entries.values()
+    assert entry.verdicts[0].metric == size
+
+
+def test_renewing_a_list_takes_what_is_worse_as_a_new_failure():
+    worse = SIZED.marked(verdict(value=9e-3, kind="major", region="surface", message="far"))
+    known = Known({place: changed(entry, reason="why") for place, entry in SIZED.entries.items()})
+    (entry,) = known.renewed(results_of(worse)).entries.values()
+    assert entry.verdicts[0].metric == 9e-3
+    assert entry.reason == f"{UNEXPLAINED}: far (s/c)"
+
+
 def test_a_known_warning_does_not_warn_in_a_strict_run():
     assert gate(verdict(level=Level.SHOULD), strict=True) == 0
     assert gate(verdict(level=Level.SHOULD, case="d"), strict=True) == 1
@@ -62,7 +131,7 @@ def test_a_renewed_list_has_what_stops_the_gate_and_nothing_that_passes():
     seen = [verdict(), verdict(Outcome.PASS, case="d"), verdict(case="f"), verdict(case="g", value=9e-3, message="far")]
     renewed = known.renewed(results_of(*map(known.marked, [*seen, verdict(case="h", level=Level.SHOULD)])))
     assert {place.split("/")[1] for _, place in renewed.entries} == {"c", "e", "f", "g"}, "e has not run, h only warns"
-    assert renewed.entries["r", PLACE] == LISTED
+    assert renewed.entries["r", PLACE] == changed(LISTED, verdicts=(KnownVerdict.of(verdict()),)), "with its size"
     assert renewed.entries["r", "s/f/memoryless"].reason == f"{UNEXPLAINED}: far (s/g)"
     assert all(renewed.marked(each).standing in ("known", "") for each in seen)
 
@@ -112,20 +181,27 @@ TEXT = st.text(st.characters(codec="utf-8"), min_size=1).filter(str.strip)
 NAME = st.text(st.characters(codec="utf-8", exclude_characters="/"), min_size=1)
 
 
-@given(st.dictionaries(st.tuples(TEXT, st.tuples(NAME, NAME, NAME).map("/".join)), st.tuples(TEXT, st.booleans())))
+SIZES = st.none() | st.fixed_dictionaries(
+    {"metric": st.none() | st.floats(allow_nan=False), "unit": st.sampled_from(["", "m"]), "kind": TEXT, "region": TEXT}
+)
+
+
+@given(
+    st.dictionaries(st.tuples(TEXT, st.tuples(NAME, NAME, NAME).map("/".join)), st.tuples(TEXT, st.booleans(), SIZES))
+)
 def test_what_is_written_is_read_again(tmp_path_factory, listed):
     file = tmp_path_factory.mktemp("known") / "known.toml"
     entries = {
         (renderer, place): KnownEntry(
-            renderer=renderer, reason=reason, verdicts=(place,), outcome="fail" if fails else "inconclusive"
+            renderer=renderer,
+            reason=reason,
+            verdicts=(place if size is None else KnownVerdict(verdict=place, **size),),
+            outcome="fail" if fails else "inconclusive",
         )
-        for (renderer, place), (reason, fails) in listed.items()
+        for (renderer, place), (reason, fails, size) in listed.items()
     }
     write_known(file, Known(entries))
-    found = read_known(file).entries
-    assert {place: (each.reason, each.outcome) for place, each in found.items()} == {
-        place: (each.reason, each.outcome) for place, each in entries.items()
-    }
+    assert read_known(file).entries == entries
     before = file.read_bytes()
     write_known(file, read_known(file))
     assert file.read_bytes() == before
@@ -142,6 +218,8 @@ ENTRY = '[[known]]\nrenderer = "r"\nreason = "why"\nverdicts = ["s/c/memoryless"
         (ENTRY.replace('reason = "why"\n', ""), "missing required field `reason`"),
         (ENTRY.replace("s/c/memoryless", "c/memoryless"), "'c/memoryless' names no verdict"),
         (ENTRY.replace('["s/c/memoryless"]', "[]"), "known.toml: known[0].verdicts"),
+        (ENTRY.replace('"s/c/memoryless"', '{ verdict = "s/c/memoryless", metric = nan }'), "is no number"),
+        (ENTRY.replace('"s/c/memoryless"', '{ verdict = "s/c/memoryless", matric = 1.0 }'), "did you mean metric?"),
         (ENTRY + 'outcome = "pass"\n', "known: fail, inconclusive"),
         (ENTRY + ENTRY.replace("why", "another"), "'s/c/memoryless' of r is listed twice"),
         ("[[known]\n", "known.toml is not TOML"),

@@ -1,0 +1,38 @@
+"""Where on a model something happens, in classes: what a corner breaks is another fault than what a face does."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+import numpy as np
+
+from hapticeval.phenomena.sampling import position_tolerance
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+
+
+class Region(StrEnum):
+    """A class of places of the hand."""
+
+    FREE = "free space"
+    CONVEX = "convex corner"
+    CONCAVE = "concave corner"
+    MEDIAL = "medial axis"
+    """Where the model's own nearest point jumps."""
+    SURFACE = "surface"
+
+
+def region_of(recording: Recording, scene: Scene, tick: int) -> Region:
+    """Return where the HIP is at a tick, by the model alone, whatever the renderer answers.
+
+    As near as a contact point can be placed at all, three HIP steps and the standoff, counts as there; corners are
+    those of a model in the plane. The nearest point jumps where it moves farther than that since the tick before.
+    """
+    boundary, near = scene.model.boundary, position_tolerance(recording, scene)
+    frame = boundary.closest_point(recording.hip[max(tick - 1, 0) : tick + 1])
+    if frame.distance[-1] > near:
+        return Region.FREE
+    for corner in boundary.corners:
+        if np.linalg.norm(frame.foot[-1] - corner.position) <= near:
+            return Region.CONVEX if corner.convex else Region.CONCAVE
+    return Region.MEDIAL if np.linalg.norm(frame.foot[-1] - frame.foot[0]) > near else Region.SURFACE
