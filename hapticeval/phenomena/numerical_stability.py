@@ -21,12 +21,13 @@ EPS = float(np.finfo(np.float64).eps)
 
 
 def motions(scene: Scene) -> tuple[tuple[str, Motion], ...]:
-    """Return the motions that the scene is looked at under, with words for each. The scale is no power of two."""
+    """Return the motions that the scene is looked at under, with words for each. No scale is a power of two."""
     dimension, size = scene.model.dimension, scene.model.size
     shift = size * np.array([1.3, -0.7, 0.9])[:dimension]
     return (
         ("turned and shifted", rigid(0.7, shift)),
         ("seven times as large", scaling(7.0, dimension)),
+        ("a seventh as large", scaling(1.0 / 7.0, dimension)),
     )
 
 
@@ -87,10 +88,14 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             "rows_exempt": int((contact & ~clear).sum()),
         },
         passes=f"the answers keep {max(0, math.floor(digits))} digits when the scene is "
-        f"{' or '.join(name for name, *_ in seen)}{excuse}",
+        f"{_listed([name for name, *_ in seen])}{excuse}",
         fails=f"with the scene {which}, the answer is off by {mm(off[worst])}, {off[worst] / size:.2g} of the model's "
         f"size: {math.floor(max(0.0, -math.log10(max(float(off[worst]) / size, EPS))))} digits are left",
     )
+
+
+def _listed(names: list[str]) -> str:
+    return " or ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
 def _step_behind(base: Recording, scene: Scene) -> float:
@@ -119,7 +124,7 @@ CHECK = Check(
     formula="IHIP(M HIP; M scene) = M IHIP(HIP; scene), and F likewise, for a turn and shift M, and a scale M",
     citation="a rigid contact has no origin, no axes and no length of its own; 3.1",
     channels=("hip", "ihip", "force"),
-    siblings={Sibling.MOVED: "the same path in the scene turned and shifted, and scaled by 7"},
+    siblings={Sibling.MOVED: "the same path in the scene turned and shifted, and scaled by 7 and by 1/7"},
     needs={
         Sibling.MOVED: Finding(
             Outcome.NOT_APPLICABLE,

@@ -8,6 +8,7 @@ from honest import Spring
 from hypothesis import given
 from hypothesis import strategies as st
 from made import FAIL, PASS, STIFFNESS, outcome, recorded
+from outsiders import case
 from unvisited import UNVISITED, Damped, Unvisited
 
 from hapticeval.geometry.catalogue import line
@@ -59,3 +60,14 @@ def test_a_force_in_free_space_fails_from_the_fourth_tick_after_a_contact_on(lat
     ghost = late > 4 and size > 1e-6  # the tick after the last inside is on the surface, where nothing is outside
     run = recorded(hip, ihip, force, meta={"source": "playback"})
     assert outcome("contact-kept", run, Scene(model=line())) is (FAIL if ghost else PASS)
+
+
+def test_a_tolerance_in_metres_shows_where_a_mesh_is_looked_at_smaller():
+    """Triangles of 1 mm^2 as they are, and of 0.02 mm^2 in the scene a seventh as large."""
+    path = {"kind": "points", "points": [[-0.006, 0.001, 0.01], [0.006, 0.002, 0.008]], "duration": 0.1}
+    model = {"kind": "icosphere", "size": 0.02, "subdivisions": 3}
+    ball = case("ball", model, ("numerical-stability", "contact-kept"), trajectory=path)
+    judged = judge(UNVISITED["small-triangles"].make, "unvisited", "s", ball)
+    stability, kept = (verdict.finding for verdict in judged.verdicts)
+    assert (stability.outcome, kept.outcome) == (FAIL, PASS)
+    assert stability.evidence["motion"] == "a seventh as large"

@@ -61,9 +61,9 @@ def test_the_nearest_projection_keeps_its_digits(kind):
     assert finding.evidence["digits"] > 13.0
 
 
-@pytest.mark.parametrize(("step", "digits"), [(1e-3, 2), (1e-6, 5)])
+@pytest.mark.parametrize(("step", "digits"), [(1e-3, 1), (1e-6, 4)])
 def test_what_is_lost_is_counted(step, digits):
-    """A grid of so many metres on a model of 0.19 m."""
+    """A grid of so many metres on a model of 0.19 m, which is looked at a seventh as large too."""
 
     class Snapping:
         def __init__(self, scene):
@@ -80,7 +80,7 @@ def test_what_is_lost_is_counted(step, digits):
     outcome, finding = digits_of(Snapping, {"kind": "star"}, of=("teleports",))
     assert outcome is Outcome.FAIL
     assert f"{digits} digits are left" in finding.message
-    assert finding.evidence["motion"] in ("turned and shifted", "seven times as large")
+    assert finding.evidence["motion"] in ("turned and shifted", "seven times as large", "a seventh as large")
 
 
 def test_a_tool_that_is_struck_behind_its_last_sample_lies_off_the_model_there():
@@ -126,7 +126,7 @@ def test_a_pass_that_keeps_few_digits_names_its_excuse(renderer, case, why):
 
 def test_a_pass_that_keeps_its_digits_needs_no_excuse():
     _, finding = digits_of(resolve("minimum-distance"), {"kind": "star"})
-    assert finding.message.endswith("seven times as large")
+    assert finding.message.endswith("turned and shifted, seven times as large or a seventh as large")
 
 
 @pytest.mark.parametrize("kind", ["circle", "sphere"])
