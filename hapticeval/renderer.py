@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import weakref
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
@@ -36,22 +36,52 @@ class Spring(StrEnum):
 class Declaration:
     """What a renderer promises of its answers, so that a check may hold it to that: its attribute `declares`.
 
-    `spring` says that its force is proportional to a depth; a damper with the scene's K_d may add to it. After a
-    `reset` the same way gives the same answers again, to the bit, or as far as `ihip_scatter` (m) and `force_scatter`
-    (N) allow.
+    `spring` says that its force is proportional to a depth; a damper with the scene's K_d may add to it. Where the
+    stiffness varies with the place or the depth, `stiffness_range` is its least and its largest, as shares of the
+    scene's: one is between them, and the largest may be infinite. `force_resolution` (N) is how coarse the force is: a
+    quantum, a dead band. After a `reset` the same way gives the same answers again, to the bit, or as far as
+    `ihip_scatter` (m) and `force_scatter` (N) allow.
     """
 
     spring: Spring | None = None
+    stiffness_range: tuple[float, float] | None = None
+    force_resolution: float = 0.0
     ihip_scatter: float = 0.0
     force_scatter: float = 0.0
 
     @property
     def sound(self) -> bool:
         """Whether its values are such as they should be."""
-        scatters = (self.ihip_scatter, self.force_scatter)
-        return self.spring in (None, *Spring) and all(
-            isinstance(each, int | float) and 0.0 <= each < math.inf for each in scatters
+        lengths = (self.ihip_scatter, self.force_scatter, self.force_resolution)
+        return (
+            self.spring in (None, *Spring)
+            and all(_is_number(length) and 0.0 <= length < math.inf for length in lengths)
+            and (self.stiffness_range is None or _is_range(self.stiffness_range))
         )
+
+    @property
+    def meta(self) -> dict[str, Any]:
+        """What the metadata of a recording holds of it; a largest stiffness that is infinite is left out."""
+        said: dict[str, Any] = {} if self.spring is None else {"spring": Spring(self.spring).value}
+        if self.stiffness_range is not None:
+            least, largest = map(float, self.stiffness_range)
+            said |= {"stiffness_least": least} | ({"stiffness_largest": largest} if largest < math.inf else {})
+        scatters = {"ihip_scatter": float(self.ihip_scatter), "force_scatter": float(self.force_scatter)}
+        return said | {"force_resolution": float(self.force_resolution)} | scatters
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _is_range(shares: object) -> bool:
+    """Return whether these are two shares of a stiffness, with one between them."""
+    return (
+        isinstance(shares, Sequence)
+        and len(shares) == 2
+        and all(map(_is_number, shares))
+        and 0.0 < shares[0] <= 1.0 <= shares[1]
+    )
 
 
 class Response(NamedTuple):
@@ -160,12 +190,7 @@ class Abilities:
     def meta(self) -> dict[str, Any]:
         """What the metadata of a recording holds of the renderer."""
         lengths = {"resolution": self.resolution, "standoff": self.standoff}
-        said = self.declares
-        if said is None:
-            return lengths
-        spring = {} if said.spring is None else {"spring": Spring(said.spring).value}
-        scatter = {"ihip_scatter": float(said.ihip_scatter), "force_scatter": float(said.force_scatter)}
-        return {**lengths, **spring, **scatter}
+        return lengths if self.declares is None else lengths | self.declares.meta
 
 
 def abilities_of(renderer: object) -> Abilities:
@@ -207,7 +232,8 @@ def _read(renderer: object) -> Abilities:
     if promise is not None and not (isinstance(promise, Declaration) and promise.sound):
         raise RendererError(
             f"the renderer declares {promise!r}",
-            why="declares is a hapticeval.Declaration, with a Spring or None, and scatters finite and not negative",
+            why="declares is a hapticeval.Declaration, with a Spring or None, scatters and a resolution that are "
+            "finite and not negative, and a range of stiffness as (least, largest), with 0 < least <= 1 <= largest",
             todo="give such a one, or leave declares out",
         )
     return Abilities(

@@ -53,6 +53,7 @@ class DiskProjection:
     """
 
     potential: Sequence[float] = ()
+    support_range: Sequence[float] = ()
 
     def __init__(self, disk: DiskMap, curve: Curve, *, bilateral: bool, resolution: float = 0.0) -> None:
         self.surface = curve

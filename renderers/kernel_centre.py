@@ -59,6 +59,11 @@ class Centre:
     least: float
     largest: float
 
+    @property
+    def support_range(self) -> tuple[float, float]:
+        """The least and the largest of them."""
+        return self.least, self.largest
+
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
@@ -101,8 +106,11 @@ def _ellipsoid(axes: Array) -> Sampled:
     directions[:, longest] = high.ravel()
     normals = directions / axes
     size = np.linalg.norm(normals, axis=1, keepdims=True)
+    # The ends of the axes, where the support distance is least and largest, stand for no area.
+    ends = np.vstack([np.eye(3), -np.eye(3)])
     # an area of the sphere is stretched in the ratio of 1 / h
-    return _shared(directions * axes, normals / size, np.repeat(WEIGHTS, 4 * NODES.size) * size[:, 0])
+    areas = np.concatenate([np.repeat(WEIGHTS, 4 * NODES.size) * size[:, 0], np.zeros(len(ends))])
+    return _shared(np.vstack([directions * axes, ends * axes]), np.vstack([normals / size, ends]), areas)
 
 
 def _shared(points: Array, normals: Array, sizes: Array) -> Sampled:

@@ -68,12 +68,14 @@ def combescure(scene: Scene, representation: str, *, centre: ArrayLike | None = 
     if model.dimension == 3:
         row = model.surface.row[np.newaxis]
         return CompiledProjection(
-            in_space, boundary, bilateral=scene.bilateral, own=[0.0, *own], potential=own, segments=row
+            in_space, boundary, bilateral=scene.bilateral, own=[0.0, *own], potential=own,
+            support_range=middle.support_range, segments=row,
         )  # fmt: skip
     shown = representation_of(model, "curve").tables
     return CompiledProjection(
-        in_plane, model.curve, bilateral=scene.bilateral, potential=own, **{**shown, "own": [*shown["own"], *own]}
-    )
+        in_plane, model.curve, bilateral=scene.bilateral, potential=own, support_range=middle.support_range,
+        **{**shown, "own": [*shown["own"], *own]},
+    )  # fmt: skip
 
 
 def largest_curvature(boundary: Curve | Surface) -> float:

@@ -21,7 +21,11 @@ cover the inside once (docs/continuous-and-passive.md). With m = 0 all are small
 
 from __future__ import annotations
 
-from hapticeval.compiled import borrowing, inner
+from collections.abc import Sequence
+
+import numpy as np
+
+from hapticeval.compiled import borrowing, compiled, inner
 from hapticeval.types import Array
 
 SUPPORT, REACH, CENTRE = range(3)
@@ -34,6 +38,10 @@ further from crossing, and makes the force fall with depth where h is large: by 
 
 STEPS = 60
 """Most steps to the level of a point, between these two."""
+
+LEVELS, BETWEEN = 1000, 1e-3
+"""Levels at which the stiffness is sampled, over all depths and once more over the blend, and the share by which it may
+be beyond between two: it changes by a factor of a few over either, and is smooth."""
 
 ROUNDING = 2e-16
 """Share of H below which a change of the level is rounding."""
@@ -92,6 +100,30 @@ def stretch(numbers: Array, first: int, t: float, h: float) -> float:
     """Return t / v (m): K times that is the force at level t where the support distance is h."""
     a, b, da, db = level(numbers, first, t)
     return t / (a * db - da * (h - b))
+
+
+def stiffness_range(numbers: Sequence[float], least: float, largest: float) -> tuple[float, float]:
+    """Return between what shares of K the force over the depth lies, for support distances (m) from least to largest.
+
+    That share is (t / v) / d, with the depth d = h - A (h - b). Both v and d rise with h, so that at each level the
+    share is least where h is largest.
+    """
+    data = np.asarray(numbers, dtype=np.float64)
+    support, reach = data[SUPPORT], data[REACH]
+    cuts = np.linspace(0.0, 1.0, LEVELS + 2)[1:-1]
+    levels = np.concatenate([cuts * support, (PARALLEL + (LAST - PARALLEL) * cuts) * reach])
+    softest, stiffest = (_shares(data, levels[levels > 0.0], h) for h in (largest, least))
+    return min(1.0, softest.min()) * (1.0 - BETWEEN), max(1.0, stiffest.max()) * (1.0 + BETWEEN)
+
+
+@compiled
+def _shares(numbers: Array, levels: Array, h: float) -> Array:
+    """Return the shares of K that the force over the depth is at levels (n,), m, where the support distance is h."""
+    shares = np.empty_like(levels)
+    for i in range(levels.size):
+        a, b, _, _ = level(numbers, 0, levels[i])
+        shares[i] = stretch(numbers, 0, levels[i], h) / (h - a * (h - b))
+    return shares
 
 
 @borrowing

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
@@ -16,6 +17,7 @@ from hapticeval.renderers.law import (
     ERROR,
     HELD,
     OWN,
+    REFERENCE_DEPTH,
     ROOM,
     SCHEME,
     LawRenderer,
@@ -25,8 +27,8 @@ from hapticeval.renderers.law import (
     regulate,
     release,
 )
-from hapticeval.renderers.potential import pressed
-from hapticeval.renderers.regulation import GRADIENT, Regulation
+from hapticeval.renderers.potential import pressed, stiffness_range
+from hapticeval.renderers.regulation import GRADIENT, SQUARE_ROOT, Regulation
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -47,12 +49,14 @@ class Projection(Protocol):
 
     `surface` is the curve, or surface in space, that is really rendered; `resolution` (m) is the length of it over
     which the projection is blurred, and `standoff` (m) how far it may lie off the model: both zero where it is exact.
-    `potential` holds the numbers of the one that is made with it, see the module of that name; empty without one.
+    `potential` holds the numbers of the one that is made with it, see the module of that name, and `support_range` the
+    least and the largest support distance (m) of the surface about its centre; both are empty without one.
     """
 
     resolution: float
     standoff: float
     potential: Sequence[float]
+    support_range: Sequence[float]
 
     @property
     def surface(self) -> Boundary:
@@ -72,12 +76,25 @@ def regulated(projection: Projection, regulation: Regulation, scene: Scene) -> P
     return ProjectedRenderer(projection, regulation, scene)
 
 
+def promise(projection: Projection, regulation: Regulation, scene: Scene) -> Declaration:
+    """Return what a projection with a scheme keeps to: along what it is a spring, and how its stiffness varies.
+
+    The square root's is (e_0 / e)^(1/2) times K, at errors e up to the model's size.
+    """
+    shares = None
+    if regulation.potential:
+        shares = stiffness_range(projection.potential, *projection.support_range)
+    elif regulation.number == SQUARE_ROOT:
+        shares = min(1.0, (REFERENCE_DEPTH / scene.model.size) ** 0.5), math.inf
+    return Declaration(spring=regulation.spring, stiffness_range=shares)
+
+
 class CompiledProjection:
     """A projection as the kernel `law`, of signature `LAW`, that projects and lets `regulate` make the force.
 
     `tables` are fields of its `LawData`; its `params` begin with the gains, and `own` follows. `begin` (data, hip)
     prepares a state of `memory` more numbers at the start of a run, for a projection with memory. `rows` is as of
-    `LawRenderer`, and `potential` as of `Projection`.
+    `LawRenderer`, and `potential` and `support_range` as of `Projection`.
     """
 
     def __init__(
@@ -93,11 +110,12 @@ class CompiledProjection:
         resolution: float = 0.0,
         standoff: float = 0.0,
         potential: Sequence[float] = (),
+        support_range: Sequence[float] = (),
         **tables: ArrayLike,
     ) -> None:
         self.law = law
         self.surface, self.resolution, self.standoff = surface, resolution, standoff
-        self.begin, self.rows, self.potential = begin, rows, potential
+        self.begin, self.rows, self.potential, self.support_range = begin, rows, potential, support_range
         params = np.concatenate([np.zeros(OWN), np.asarray(own, dtype=np.float64)])
         params[BILATERAL] = float(bilateral)
         self._data = law_data(params, state=ROOM[surface.dimension] + memory, **tables)
@@ -131,7 +149,7 @@ class ProjectiveRenderer(LawRenderer):
         super().__init__(law, projection.surface, rows=projection.rows, **lengths)
         self.projection = projection
         self.regulation = regulation
-        self.declares = Declaration(spring=regulation.spring)
+        self.declares = promise(projection, regulation, scene)
 
     def reset(self, hip: Array) -> None:
         """Start a run with the hand at `hip` (N,), m: inside the model it starts in contact."""
@@ -150,7 +168,7 @@ class ProjectedRenderer:
         self.projection = projection
         self.regulation = regulation
         self.surface, self.resolution, self.standoff = projection.surface, projection.resolution, projection.standoff
-        self.declares = Declaration(spring=regulation.spring)
+        self.declares = promise(projection, regulation, scene)
         self._params = np.concatenate([gains(regulation, scene), projection.potential])
         self._state = np.zeros(ROOM[self.surface.dimension])
 

@@ -58,19 +58,21 @@ def homothetic(
             reach = 1.1 * float(np.linalg.norm(np.maximum(high - middle.point, middle.point - low)))
             return CompiledProjection(
                 on_mesh, boundary, bilateral=scene.bilateral, own=[*own, reach], potential=own,
-                segments=faces, vertices=corners, tree=tree,
+                support_range=middle.support_range, segments=faces, vertices=corners, tree=tree,
             )  # fmt: skip
         return CompiledProjection(
-            in_space, boundary, bilateral=scene.bilateral, own=own, potential=own, lookup=_quadric(boundary, middle)
-        )
+            in_space, boundary, bilateral=scene.bilateral, own=own, potential=own,
+            support_range=middle.support_range, lookup=_quadric(boundary, middle),
+        )  # fmt: skip
     curve, lengths = model.curve, (0.0, 0.0)
     if curve.closed:
         shown = representation_of(model, representation, int(vertices))
         curve, lengths = shown.surface, (shown.resolution, shown.standoff)
-    own = numbers(middle_of(model, curve, centre))
+    middle = middle_of(model, curve, centre)
+    own = numbers(middle)
     return CompiledProjection(
-        in_plane, curve, bilateral=scene.bilateral, own=own, potential=own, segments=curve.pieces,
-        lookup=rays(curve, own[CENTRE:]), resolution=lengths[0], standoff=lengths[1],
+        in_plane, curve, bilateral=scene.bilateral, own=own, potential=own, support_range=middle.support_range,
+        segments=curve.pieces, lookup=rays(curve, own[CENTRE:]), resolution=lengths[0], standoff=lengths[1],
     )  # fmt: skip
 
 

@@ -54,8 +54,8 @@ from hapticeval.renderer import Spring
 class Regulation:
     """A scheme's name, where the thesis states it, and its `number` in the kernels.
 
-    `spring` is what its force at rest is K_p times of, None where it is proportional to neither. One that `bends` needs
-    to know the curvature of the surface, and one of a `potential` a projection that has one.
+    `spring` is along what its force at rest is a spring, None where it is along neither. One that `bends` needs to know
+    the curvature of the surface, and one of a `potential` a projection that has one.
     """
 
     name: str
@@ -79,7 +79,7 @@ REGULATIONS: Mapping[str, Regulation] = MappingProxyType(
             Regulation("transversal", "thesis (5.21), signs corrected", TRANSVERSAL, spring=Spring.NORMAL),
             Regulation("square-root", "thesis section 4.2", SQUARE_ROOT),
             Regulation("pp-pd-c", "thesis chapter 7, (3.8)", PP_PD_C, bends=True),
-            Regulation("gradient", "docs/continuous-and-passive.md", GRADIENT, potential=True),
+            Regulation("gradient", "docs/continuous-and-passive.md", GRADIENT, potential=True, spring=Spring.NORMAL),
         )
     }
 )

@@ -26,7 +26,7 @@ interpolated too, as long as they stay within the other rules.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -294,6 +294,7 @@ class LutProjection:
         self.resolution = resolution
         self.standoff = max(table.standoff, exact.standoff)
         self.potential = exact.potential
+        self.support_range: Sequence[float] = _blurred(exact.support_range, STRETCH * resolution)
         self._exact = exact
 
     def project(self, hip: Array) -> ProxyState:
@@ -314,6 +315,17 @@ class LutProjection:
         if asked.size:
             ihips[asked], normals[asked], contact[asked] = self._exact.trace(np.ascontiguousarray(hips[asked]))
         return ihips, normals, contact
+
+
+def _blurred(supports: Sequence[float], reach: float) -> tuple[float, ...]:
+    """Return between what support distances lie those of interpolated IHIPs and normals, for nodes `reach` (m) apart.
+
+    A mean of normals is at least 2^(-1/2) long (rule 4), and is divided by that.
+    """
+    if not supports:
+        return ()
+    least, largest = supports
+    return max(least - reach, 0.5 * least), 2.0**0.5 * (largest + reach)
 
 
 def tabulated(

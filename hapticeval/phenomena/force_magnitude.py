@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
+from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     TELLS,
     above_force_floor,
-    believed_standoff,
     evidence_at,
-    hip_step,
     lacks_ihip,
+    mm,
     rounding,
     standoff,
     touching,
@@ -25,6 +27,14 @@ from hapticeval.renderer import Spring
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
+FACTOR = 2.0
+"""Off by this factor fails a must, where no stiffness is declared that varies. Chosen: doubled, a
+third of the stiffness would be a warning only."""
+
+UNDECLARED = ((1.0 + TELLS) / FACTOR, FACTOR * (1.0 - TELLS))
+"""Shares of the scene's stiffness within which it is not off by `FACTOR`: a tenth is not told apart, so that one who is
+off by just that much fails."""
+
 SPIKES = 0.1
 """Ticks that are off are spikes up to this share of all: more of them are what the renderer does as a rule."""
 
@@ -32,7 +42,10 @@ HALF = 0.5
 """Share of the deviation's spread, or of its variance, from which its cause is named."""
 
 SOME = 8
-"""Fewer samples make no median worth comparing; and into so many groups depths and times are divided."""
+"""Fewer samples make no median worth comparing; and into so many groups depths, times and places are divided first."""
+
+MANY = 32
+"""Into so many groups they are divided where that explains nothing, and each has `SOME` samples."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +53,8 @@ class Measured:
     """The apparent stiffness, as a share of the scene's, at `ticks` (n,) of a recording.
 
     `ratio` is that of HIP and IHIP of the same tick; `low` and `high` are its ends over all that a lag may have done,
-    and `allowed` what a damper, the way's curvature and rounding may add. `rate` is that of the depth, m/s.
+    and `allowed` what a damper, the way's curvature and rounding may add; `most` is that with the largest speeds within
+    a lag. `rate` is that of the depth, m/s, and `begins` where a lag reaches to before or behind the contact.
     """
 
     ticks: IntArray
@@ -48,18 +62,23 @@ class Measured:
     low: Array
     high: Array
     allowed: Array
+    most: Array
     depth: Array
     rate: Array
+    begins: BoolArray
 
     @property
     def excess(self) -> Array:
         """How far a share is from one beyond what is allowed: (n,)."""
-        return np.asarray(np.maximum(np.maximum(self.low - 1.0, 1.0 - self.high), 0.0) - self.allowed)
+        return self.beyond((1.0, 1.0), self.allowed)
 
-    @property
-    def clear(self) -> Measured:
-        """The samples where what is allowed is little."""
-        return Measured(*(getattr(self, each.name)[self.allowed <= TELLS] for each in fields(self)))
+    def beyond(self, shares: tuple[float, float], allowed: Array) -> Array:
+        """How far a share is outside of a least and a largest one, beyond what is allowed: (n,)."""
+        return np.asarray(np.maximum(np.maximum(self.low - shares[1], shares[0] - self.high), 0.0) - allowed)
+
+    def rows(self, rows: BoolArray) -> Measured:
+        """Return the samples of some rows (n,)."""
+        return Measured(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -69,53 +88,98 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("no force above the floor: the tool never presses on the surface")
     declared = base.meta.get("spring")
     if lacks_ihip(base, scene):
-        return replace(_without_ihip(base, scene), level=Level.SHOULD)
-    level = Level.MUST if declared is not None else Level.SHOULD
+        return _without_ihip(base, scene)
+    level = Level.MUST if declared is not None and _promised(base) is None else Level.SHOULD
     depths = np.linalg.norm(base.hip - base.ihip, axis=1)
     if not depths[above_force_floor(base, scene)].any():
         message = "a rigid contact: its force comes without a depth, and has no stiffness that could be measured"
         return Finding(Outcome.NOT_APPLICABLE, message, level=level)
     springs = tuple(Spring) if declared is None else (Spring(declared),)
-    found = [_measure(base, scene, spring).clear for spring in springs]
+    measured = [_measure(base, scene, spring) for spring in springs]
     # One who does not declare a law is measured by the one that fits better.
-    return replace(_finding(base, scene, min(found, key=_misfit)), level=level)
+    return _finding(base, scene, min(measured, key=lambda stiffness: _misfit(stiffness, base)), level)
 
 
-def _misfit(measured: Measured) -> tuple[bool, float, float]:
-    off = measured.excess > 0.0
-    return (not off.size, float(off.mean()) if off.size else 0.0, float(measured.excess.max(initial=0.0)))
+def _promised(base: Recording) -> tuple[float, float] | None:
+    """Return the least and largest stiffness that the renderer declares, as shares of the scene's; None without."""
+    least = base.meta.get("stiffness_least")
+    return None if least is None else (float(least), float(base.meta.get("stiffness_largest", np.inf)))
+
+
+def _misfit(measured: Measured, base: Recording) -> tuple[float, bool, float, float]:
+    coarse = float(measured.beyond(_promised(base) or UNDECLARED, measured.most).max(initial=0.0))
+    clear = measured.rows(measured.allowed <= TELLS)
+    off = clear.excess > 0.0
+    fine = float(off.mean()) if off.size else 0.0, float(clear.excess.max(initial=0.0))
+    return max(coarse, 0.0), not off.size, *fine
 
 
 def _measure(base: Recording, scene: Scene, spring: Spring) -> Measured:
-    now = np.flatnonzero(touching(base, scene))
-    force = base.force[now]
-    errors = [base.hip[now] - base.ihip[now]]
+    pressing = _pressing(base, scene)
+    now = np.flatnonzero(pressing)
+    last = len(base) - 1
+    window = np.clip(now + np.arange(-LAG_TICKS, LAG_TICKS + 1)[:, np.newaxis], 0, last)
+    force, error = base.force[now], base.hip - base.ihip
+    errors = [error[now]]
     for lag in range(1, LAG_TICKS + 1):
-        before, after = np.maximum(now - lag, 0), np.minimum(now + lag, len(base) - 1)
+        before, after = np.maximum(now - lag, 0), np.minimum(now + lag, last)
         errors += [base.hip[hip] - base.ihip[ihip] for hip, ihip in ((before, now), (before, before), (now, after))]
     shares = np.array([_share(force, each, scene.stiffness, spring) for each in errors])
     along, depth = _along(force, errors[0], spring)
-    # A spring that gives nothing has no direction of its own: what it should have given is along the error. One across
-    # the surface has nothing to give above the tangent, as beside a neck with the IHIP on its other side.
-    granted = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene)
-    idle = ~above_force_floor(base, scene)[now] & (np.linalg.norm(errors[0], axis=1) > granted)
-    if spring is Spring.NORMAL and idle.any():
-        normal = scene.model.boundary.closest_point(base.ihip[now[idle]]).normal
-        idle[idle] = np.sum(normal * errors[0][idle], axis=1) < -granted
-    shares[:, idle] = [_share(force[idle], each[idle], scene.stiffness, Spring.ERROR) for each in errors]
-    along[idle], depth[idle] = _along(force[idle], errors[0][idle], Spring.ERROR)
-    velocity = _velocity(base)
-    sinking = backward_difference(base.hip - base.ihip, base.time)[now]
-    speed, spreading = (np.abs(np.sum(along * each, axis=1)) for each in (velocity[now], sinking))
-    allowed = scene.damping * np.maximum(speed, spreading)
+    # A spring that gives nothing has no direction of its own: what it should have given is along the error.
+    silent = ~above_force_floor(base, scene)
+    idle = silent[now]
+    if idle.any():
+        shares[:, idle] = [_share(force[idle], each[idle], scene.stiffness, Spring.ERROR) for each in errors]
+        along[idle] = _along(force[idle], errors[0][idle], Spring.ERROR)[0]
+        depth[idle] = _sure_depth(base, scene, spring)[window[:, idle]].min(axis=0)
+    begins = np.isnan(shares).any(axis=0) | ~pressing[window].all(axis=0)
+    # Where the contact begins or ends a force may be late, and is not larger than any depth within a lag explains.
+    reach = np.max([np.linalg.norm(each, axis=1) for each in errors], axis=0)
+    size = np.linalg.norm(force, axis=1)
+    depth[begins] = reach[begins]
+    explained = np.divide(size, scene.stiffness * reach, out=np.zeros_like(size), where=reach > 0.0)
+    low, high = shares.min(axis=0), shares.max(axis=0)
+    low[begins], high[begins] = explained[begins], np.inf
+    velocity, sinking = _velocity(base), backward_difference(error, base.time)
+    speeds = np.maximum(np.linalg.norm(velocity, axis=1), np.linalg.norm(sinking, axis=1))
+    speed, spreading = (np.abs(np.sum(along * each, axis=1)) for each in (velocity[now], sinking[now]))
+    bending = np.zeros(now.size)
     if "spring" not in base.meta:
-        allowed = allowed + scene.mass * _bending(base, scene, velocity, now)
+        bending = scene.mass * _bending(base, scene, velocity, now)
+    coarse = min(float(base.meta.get("force_resolution", 0.0)), TELLS * float(size.max()))
     apart = 4.0 * SINGLE * (float(np.max(np.abs(base.hip))) + depth)
+    beside = bending + coarse + scene.stiffness * apart
     with np.errstate(divide="ignore"):
-        allowed = (allowed / scene.stiffness + apart) / depth
-    open_ends = np.isnan(shares).any(axis=0)
-    low, high = (np.where(open_ends, end, most(shares, axis=0)) for end, most in ((-np.inf, np.min), (np.inf, np.max)))
-    return Measured(now, shares[0], low, high, allowed, depth, np.sum(along * sinking, axis=1))
+        allowed, most = (
+            (scene.damping * rate + beside) / (scene.stiffness * depth)
+            for rate in (np.maximum(speed, spreading), speeds[window].max(axis=0))
+        )
+    ratio = np.where(begins, explained, shares[0])
+    measured = Measured(now, ratio, low, high, allowed, most, depth, np.sum(along * sinking[now], axis=1), begins)
+    return measured.rows(depth > 0.0)
+
+
+def _pressing(base: Recording, scene: Scene) -> BoolArray:
+    """Return where a force is called for, (n,): in contact, but where no force is given to a hand outside the model."""
+    pressing = touching(base, scene)
+    silent = np.flatnonzero(pressing & ~above_force_floor(base, scene))
+    if silent.size and not scene.bilateral:
+        pressing[silent] = scene.model.boundary.signed_distance(base.hip[silent]) < 0.0
+    return pressing
+
+
+def _sure_depth(base: Recording, scene: Scene, spring: Spring) -> Array:
+    """Return how deep the hand is by HIP and IHIP and by the model, whichever is less, (n,), m.
+
+    A spring across the surface has nothing to give above the tangent, as beside a neck with the IHIP on its other side.
+    """
+    boundary, error = scene.model.boundary, base.hip - base.ihip
+    if spring is Spring.ERROR:
+        depth = np.linalg.norm(error, axis=1)
+    else:
+        depth = np.maximum(-np.sum(boundary.closest_point(base.ihip).normal * error, axis=1), 0.0)
+    return np.asarray(np.minimum(depth, np.abs(boundary.signed_distance(base.hip))))
 
 
 def _velocity(base: Recording) -> Array:
@@ -168,30 +232,56 @@ def _without_ihip(base: Recording, scene: Scene) -> Finding:
         allowed = (scene.damping * speed / scene.stiffness + rounding(scene) + standoff(base, scene)) / late[0]
     high = shares.max(axis=0)
     rate = backward_difference(depth[:, np.newaxis], base.time)[ticks, 0]
-    measured = Measured(ticks, shares[0], np.minimum(high, 1.0), high, allowed, late[0], rate).clear
+    low, begins = np.minimum(high, 1.0), np.zeros(ticks.size, dtype=bool)
+    measured = Measured(ticks, shares[0], low, high, allowed, allowed, late[0], rate, begins)
     note = "no IHIP was given: measured against the depth of the HIP under the model"
-    finding = _finding(base, scene, measured)
+    finding = _finding(base, scene, measured.rows(late[0] > 0.0), Level.SHOULD)
     if finding.outcome is Outcome.PASS:
         message = f"the force is nowhere too small for its depth; {note}, which does not show one that is too large"
         return replace(finding, outcome=Outcome.INCONCLUSIVE, message=message)
     return replace(finding, message=f"{finding.message} ({note})")
 
 
-def _finding(base: Recording, scene: Scene, measured: Measured) -> Finding:
-    if measured.ticks.size == 0:
+def _finding(base: Recording, scene: Scene, measured: Measured, level: Level) -> Finding:
+    """Judge by the must first, over all samples, and then to what is allowed where that is little."""
+    shares = _promised(base) or UNDECLARED
+    beyond = measured.beyond(shares, measured.most)
+    if any(effect.stage is Stage.ANSWER for effect in scene.effects):
+        level = Level.SHOULD  # what is called for beside the spring changes the force by a law of its own
+    elif beyond.size and beyond.max() > 0.0:
+        worst = int(np.argmax(beyond))
+        edge = shares[1] - 1.0 if measured.low[worst] > shares[1] else 1.0 - shares[0]
+        return replace(
+            _failed(base, scene, measured, beyond, worst, edge + float(measured.most[worst])), level=Level.MUST
+        )
+    measured = measured.rows(measured.allowed <= TELLS)
+    if measured.ticks.size == 0 or measured.begins.all():
         return undecided(
             "a damper or the rounding of the numbers may make a tenth of the force or more throughout: "
             "its stiffness cannot be measured"
         )
     excess = measured.excess
     worst = int(np.argmax(excess))
-    tick, share = int(measured.ticks[worst]), float(measured.ratio[worst])
     bound = float(measured.allowed[worst])
-    low, median, high = (scene.stiffness * float(each) for each in np.percentile(measured.ratio, (5, 50, 95)))
+    if excess[worst] > 0.0:
+        return replace(_failed(base, scene, measured, excess, worst, bound), level=level)
+    # Within a lag's reach the ends of the share enclose one, wherever the present HIP alone would put it.
+    metric = Metric(CHECK.metric, float(np.maximum(excess + measured.allowed, 0.0)[worst]), "")
+    evidence = _evidence(base, scene, measured, worst)
+    median = evidence["apparent_stiffness_N_m"]
+    message = (
+        f"the force fits the depth, with an apparent stiffness of {median:.4g} N/m; {_at_deepest(evidence, scene)}"
+    )
+    return Finding(Outcome.PASS, message, metric, bound, evidence, level)
+
+
+def _evidence(base: Recording, scene: Scene, measured: Measured, worst: int) -> dict[str, Any]:
+    inner = measured.rows(~measured.begins) if not measured.begins.all() else measured
+    low, median, high = (scene.stiffness * float(share) for share in np.percentile(inner.ratio, (5, 50, 95)))
     deepest = int(np.argmax(measured.depth))
     size, depth = float(np.linalg.norm(base.force[measured.ticks[deepest]])), float(measured.depth[deepest])
-    evidence: dict[str, object] = {
-        **evidence_at(base, tick),
+    return {
+        **evidence_at(base, int(measured.ticks[worst])),
         "apparent_stiffness_N_m": median,
         "stiffness_05_N_m": low,
         "stiffness_95_N_m": high,
@@ -200,74 +290,192 @@ def _finding(base: Recording, scene: Scene, measured: Measured) -> Finding:
         "depth_m": depth,
         "depth_asked_m": size / scene.stiffness,
     }
-    at_deepest = (
-        f"at the deepest {size:.3g} N at {1e3 * depth:.4g} mm, where K = {scene.stiffness:g} N/m asks for "
-        f"{1e3 * size / scene.stiffness:.4g} mm"
+
+
+def _at_deepest(evidence: Mapping[str, Any], scene: Scene) -> str:
+    return (
+        f"at the deepest {evidence['force_N']:.3g} N at {mm(evidence['depth_m'])}, where K = {scene.stiffness:g} N/m "
+        f"asks for {mm(evidence['depth_asked_m'])}"
     )
-    if excess[worst] <= 0.0:
-        # Within a lag's reach the ends of the share enclose one, wherever the present HIP alone would put it.
-        metric = Metric(CHECK.metric, float(np.maximum(excess + measured.allowed, 0.0)[worst]), "")
-        message = f"the force fits the depth, with an apparent stiffness of {median:.4g} N/m; {at_deepest}"
-        return Finding(Outcome.PASS, message, metric, bound, evidence)
-    pattern, numbers = _pattern(base, measured)
+
+
+def _failed(base: Recording, scene: Scene, measured: Measured, excess: Array, worst: int, bound: float) -> Finding:
+    tick, share = int(measured.ticks[worst]), float(measured.ratio[worst])
+    evidence = _evidence(base, scene, measured, worst)
+    pattern, numbers = _pattern(base, scene, measured, excess > 0.0)
+    low, median, high = (evidence[name] for name in ("stiffness_05_N_m", "apparent_stiffness_N_m", "stiffness_95_N_m"))
+    force, depth = float(np.linalg.norm(base.force[tick])), float(measured.depth[worst])
     message = (
         f"{pattern}: an apparent stiffness of {scene.stiffness * share:.4g} N/m at t = {base.time[tick]:.4g} s (tick "
-        f"{tick}), of {median:.4g} in the median, and from {low:.4g} to {high:.4g} in nine tenths of the samples, for "
-        f"the scene's {scene.stiffness:g}; {at_deepest}"
+        f"{tick}: {force:.3g} N at {mm(depth)}), of {median:.4g} in the median, and from {low:.4g} to {high:.4g} in "
+        f"nine tenths of the samples, for the scene's {scene.stiffness:g}; {_at_deepest(evidence, scene)}"
     )
     return Finding(Outcome.FAIL, message, Metric(CHECK.metric, abs(share - 1.0), ""), bound, evidence | numbers)
 
 
-def _pattern(base: Recording, measured: Measured) -> tuple[str, dict[str, object]]:
+def _pattern(base: Recording, scene: Scene, measured: Measured, off: BoolArray) -> tuple[str, dict[str, Any]]:
     """Return what the deviations go with, in words, and the numbers that show it."""
-    ratio, off, time = measured.ratio, measured.excess > 0.0, base.time[measured.ticks]
-    early, late = np.quantile(time, (0.1, 0.9))
-    shallow, deep = np.quantile(measured.depth, (0.1, 0.9))
-    inwards, outwards = measured.rate > 0.0, measured.rate < 0.0
-    causes = {
-        "direction": (np.sign(measured.rate), inwards, outwards, "on the way in", "on the way out"),
-        "depth": (measured.depth, measured.depth <= shallow, measured.depth >= deep, "at little depth", "deep inside"),
-        "time": (time, time <= early, time >= late, "at first", "in the end"),
-    }
-    medians = {name: (_median(ratio, one), _median(ratio, other)) for name, (_, one, other, *_) in causes.items()}
-    shares: dict[str, object] = {"share_off": float(off.mean())}
-    middle = float(np.median(ratio))
-    uniform = max(abs(ratio - middle)) <= HALF * abs(middle - 1.0)
-    explained = {
-        name: _explained(ratio, causes[name][0]) if np.isfinite(one - other) else 0.0
-        for name, (one, other) in medians.items()
-    }
+    ticks, numbers = measured.ticks[off], {"share_off": float(off.mean())}
+    if measured.begins[off].all():
+        largest = float(np.linalg.norm(base.force[ticks], axis=1).max())
+        return f"a kick where the contact begins or ends: up to {largest:.3g} N", numbers | {"kicks": ticks.size}
+    inner = measured.rows(~measured.begins)
+    off = off[~measured.begins]
+    quiet = _quiet(base, scene, inner, off)
+    if quiet is not None:
+        return quiet, numbers
+    middle = float(np.median(inner.ratio))
+    uniform = np.max(np.abs(inner.ratio - middle)) <= HALF * abs(middle - 1.0)
+    medians, explained = _causes(base, inner, SOME)
+    if max(explained.values()) < HALF and inner.ticks.size >= MANY * SOME:
+        explained = _causes(base, inner, MANY)[1]
     cause = max(explained, key=lambda name: round(explained[name], 2))
     if off.mean() <= SPIKES and (uniform or explained[cause] < HALF):
-        ticks = measured.ticks[off]
-        gaps = np.diff(ticks)
-        regular = gaps.size > 1 and gaps.mean() > 1.0 and np.ptp(gaps) <= TELLS * gaps.mean()
-        every = f", every {round(gaps.mean())} ticks" if regular else ""
-        return f"spikes: {ticks.size} tick{'s' if ticks.size > 1 else ''} off{every}", shares | {"spikes": ticks.size}
-    keys = ("inwards", "outwards", "shallow", "deep", "first", "last")
-    shares |= {f"share_{key}": share for key, share in zip(keys, sum(medians.values(), ()), strict=True)}
+        return _rare(base, inner.ticks[off]), numbers | {"spikes": ticks.size}
+    numbers |= {f"share_{key}": share for key, share in medians.items()}
     if uniform:
         percent = abs(1e2 * (middle - 1.0))
-        return f"{'stiffer' if middle > 1.0 else 'softer'} throughout, by {percent:.3g} per cent", shares
-    if explained[cause] >= HALF:
-        (one, other), (*_, here, there) = medians[cause], causes[cause]
-        verb = "drifts with" if cause == "time" else "depends on the"
-        return f"it {verb} {cause} ({one:.3g} of the scene's stiffness {here}, {other:.3g} {there})", shares
-    return "it scatters", shares
+        return f"{'stiffer' if middle > 1.0 else 'softer'} throughout, by {percent:.3g} per cent", numbers
+    if explained[cause] < HALF:
+        return "it scatters", numbers
+    if cause in ("time", "place") and abs(explained["time"] - explained["place"]) <= TELLS:
+        way = "it changes along the way, with time or with the place, which this path does not tell apart"
+        return f"{way} ({_extremes(base, inner)})", numbers
+    if cause == "place":
+        return f"it depends on the place ({_extremes(base, inner)})", numbers
+    one, two, verb = {
+        "direction": ("inwards", "outwards", "depends on the"),
+        "depth": ("shallow", "deep", "depends on the"),
+        "time": ("first", "last", "drifts with"),
+    }[cause]
+    first, second = medians[one], medians[two]
+    return (
+        f"it {verb} {cause} ({first:.3g} of the scene's stiffness {SIDES[one]}, {second:.3g} {SIDES[two]})",
+        numbers,
+    )
 
 
-def _explained(ratio: Array, by: Array) -> float:
-    """Return the share of the variance of the ranks of `ratio` (n,) that groups of `by` (n,) explain, 0 to 1.
+SIDES = {
+    "inwards": "on the way in",
+    "outwards": "on the way out",
+    "shallow": "at little depth",
+    "deep": "deep inside",
+    "first": "at first",
+    "last": "in the end",
+}
+"""Words for the samples of which medians are compared."""
 
-    Groups are the values of `by`, or eighths of the samples where there are more than that many. Ranks, for a ratio may
-    be of any size where the depth is next to nothing.
+
+def _causes(base: Recording, measured: Measured, count: int) -> tuple[dict[str, float], dict[str, float]]:
+    """Return medians of the stiffness on both sides of what it may go with, and the share that each explains.
+
+    Depths, times and places are divided into `count` groups.
+    """
+    time = base.time[measured.ticks]
+    early, late = np.quantile(time, (0.1, 0.9))
+    shallow, deep = np.quantile(measured.depth, (0.1, 0.9))
+    sides = {
+        "inwards": measured.rate > 0.0,
+        "outwards": measured.rate < 0.0,
+        "shallow": measured.depth <= shallow,
+        "deep": measured.depth >= deep,
+        "first": time <= early,
+        "last": time >= late,
+    }
+    medians = {name: _median(measured.ratio, rows) for name, rows in sides.items()}
+    groups = {
+        "direction": np.sign(measured.rate).astype(int)
+        if np.isfinite(medians["inwards"] - medians["outwards"])
+        else None,
+        "depth": _ranked(measured.depth, count),
+        "time": _ranked(time, count),
+        "place": _places(base.ihip[measured.ticks], count) if "ihip" in base.channels else None,
+    }
+    explained = {name: 0.0 if group is None else _explained(measured.ratio, group) for name, group in groups.items()}
+    return medians, explained
+
+
+def _quiet(base: Recording, scene: Scene, measured: Measured, off: BoolArray) -> str | None:
+    """Return words for a force that is missing: up to a depth, or for stretches of time; None where it is there."""
+    silent = ~above_force_floor(base, scene)[measured.ticks]
+    if not (silent & off).any():
+        return None
+    depths = np.linalg.norm(base.hip - base.ihip, axis=1)[measured.ticks] if "ihip" in base.channels else measured.depth
+    depth = float(depths[silent].max())
+    if depth <= float(depths[~silent].min(initial=np.inf)):
+        gives = f"{scene.stiffness * depth:.3g} N"
+        return f"a dead band: no force up to a depth of {mm(depth)}, where the spring gives {gives}"
+    if np.mean(silent[off]) < HALF:
+        return None
+    ticks = measured.ticks[silent]
+    longest, more = _longest(ticks)
+    return f"no force {_stretch(base, longest)}{more}"
+
+
+def _rare(base: Recording, ticks: IntArray) -> str:
+    """Return words for few ticks that are off: spikes, where none lasts for longer than a lag, else a stretch."""
+    longest, more = _longest(ticks)
+    if longest.size > LAG_TICKS:
+        return f"off {_stretch(base, longest)}{more}"
+    gaps = np.diff(ticks)
+    regular = gaps.size > 1 and gaps.mean() > 1.0 and np.ptp(gaps) <= TELLS * gaps.mean()
+    every = f", every {round(gaps.mean())} ticks" if regular else ""
+    return f"spikes: {ticks.size} tick{'s' if ticks.size > 1 else ''} off{every}"
+
+
+def _longest(ticks: IntArray) -> tuple[IntArray, str]:
+    """Return the longest run of consecutive ticks, and words for that there are others."""
+    stretches = np.split(ticks, np.flatnonzero(np.diff(ticks) > 1) + 1)
+    others = f", the longest of {len(stretches)} such stretches" if len(stretches) > 1 else ""
+    return max(stretches, key=len), others
+
+
+def _stretch(base: Recording, ticks: IntArray) -> str:
+    plural = "s" if ticks.size > 1 else ""
+    return (
+        f"for {ticks.size} tick{plural} from t = {base.time[ticks[0]]:.4g} s to {base.time[ticks[-1]]:.4g} s, with the "
+        f"hand round {mm(*base.hip[ticks].mean(axis=0))}"
+    )
+
+
+def _extremes(base: Recording, measured: Measured) -> str:
+    """Return words for where the stiffness is least and where it is largest."""
+    group = _places(base.ihip[measured.ticks], SOME)
+    medians = [float(np.median(measured.ratio[group == number])) for number in range(group.max() + 1)]
+    words = []
+    for number in (int(np.argmin(medians)), int(np.argmax(medians))):
+        rows = measured.ticks[group == number]
+        words.append(f"{medians[number]:.3g} of the scene's stiffness round {mm(*base.ihip[rows].mean(axis=0))}")
+    return ", ".join(words)
+
+
+def _ranked(values: Array, count: int) -> IntArray:
+    """Return the group, of so many, of each value (n,): as many values in each, equal ones in one."""
+    edges = np.quantile(values, np.linspace(0.0, 1.0, count + 1)[1:-1])
+    return np.searchsorted(edges, values)
+
+
+def _places(points: Array, count: int) -> IntArray:
+    """Return the group, of up to so many, of each point (n, N): the longest is halved across until there are enough."""
+    group = np.zeros(len(points), dtype=np.int64)
+    for number in range(1, count):
+        spans = [float(np.ptp(points[group == other], axis=0).max()) for other in range(number)]
+        if max(spans) == 0.0:
+            break
+        rows = np.flatnonzero(group == int(np.argmax(spans)))
+        along = points[rows, int(np.argmax(np.ptp(points[rows], axis=0)))]
+        group[rows[along > 0.5 * (along.min() + along.max())]] = number
+    return group
+
+
+def _explained(ratio: Array, group: IntArray) -> float:
+    """Return the share of the variance of the ranks of `ratio` (n,) that groups (n,) explain, 0 to 1.
+
+    Ranks, for a ratio may be of any size where the depth is next to nothing.
     """
     ranks = np.unique(np.round(ratio, 6), return_inverse=True)[1]
-    values, group = np.unique(by, return_inverse=True)
-    if values.size > SOME:
-        edges = np.quantile(by, np.linspace(0.0, 1.0, SOME + 1)[1:-1])
-        group = np.searchsorted(edges, by)
-    count = np.maximum(np.bincount(group), 1)
+    group = np.unique(group, return_inverse=True)[1]
+    count = np.bincount(group)
     means = np.bincount(group, ranks) / count
     whole = float(np.var(ranks))
     return float(np.var(means[group])) / whole if whole > 0.0 else 0.0
@@ -291,16 +499,21 @@ CHECK = Check(
         "Of a linear spring the force is K_p times the depth exactly, so that nothing is allowed but what is known to "
         "come on top, as a share of K_p times the depth d: a damper's K_d v, with v the speed along the direction in "
         "which the depth is measured, of the hand or of the error, whichever is larger; m kappa v^2 of the way along "
-        "the surface (3.8), by HIP or IHIP, for a renderer that declares no spring; and single precision, 4 * 2^-23 "
-        "(size of the coordinates / d + 1). Of HIPs and IHIPs up to three ticks apart, or both as late, any may "
-        "belong to a force: K_p has to lie within what they span. Ticks where more than a tenth is allowed are not "
-        "judged, nor those where a lag reaches to before the contact. A renderer may declare along what it is a "
-        "spring (`Declaration`): then the level is must. Another is measured along the error or across the surface, "
-        "as it fits better, and the level is should: a law that is not proportional, as the square root's, or one "
-        "that knows the curvature, is no fault, but is not the scene's K_p either. A force without an IHIP is held "
-        "against the depth under the model, which an honest tool's distance is never less than: too soft fails, the "
-        "rest is not decided. A failure names what explains at least half of the deviation's variance: the direction, "
-        "the depth or the time; else whether single ticks are off (spikes)."
+        "the surface (3.8), by HIP or IHIP, for a renderer that declares no spring; the resolution of the force that "
+        "is declared, up to a tenth of the largest; and single precision, 4 * 2^-23 (size of the coordinates / d + 1). "
+        "Of HIPs and IHIPs up to three ticks apart, or both as late, any may belong to a force: K_p has to lie within "
+        "what they span. Where a lag reaches to before or behind the contact the force is at most what the largest "
+        "depth within the lag explains. Ticks where more than a tenth is allowed are not judged to that.\n"
+        "The level is must for who declares along what the force is a spring (`Declaration`). Another is measured "
+        "along the error or across the surface, as it fits better, and this bound is should: a law that knows the "
+        "curvature is no fault, but is not the scene's K_p either. It is a must for everybody, in a scene without "
+        "effects of the surface, not to be off by a factor of two: at every tick K_p times 0.55 to 1.8, for a tenth is "
+        "not told apart, or the range of the stiffness that is declared, beyond what is allowed at the largest speed "
+        "within a lag. A silent tick is judged at the least depth within a lag, of HIP and IHIP or of HIP and model. "
+        "A force without an IHIP is held against the depth under the model, which an honest tool's distance is never "
+        "less than: too soft fails, the rest is not decided. A failure says what the deviation is: a kick where the "
+        "contact begins or ends, a dead band, a stretch of time without a force, single ticks (spikes), or what "
+        "explains at least half of its variance: the direction, the depth, the place or the time."
     ),
     judge=judge,
     level=Level.SHOULD,

@@ -97,7 +97,11 @@ METADATA: Mapping[str, tuple[str, str]] = MappingProxyType(
         "resolution": ("length", "length of surface over which the representation is blurred, m"),
         "standoff": ("length", "how far the rendered surface may lie off the model, m"),
         "spring": ("text", "what the renderer declares its force to be K_p times of: error or normal"),
+        "stiffness_least": ("positive", "least stiffness that the renderer declares, as a share of the scene's"),
+        "stiffness_largest": ("positive", "its largest; without one it is not bounded"),
+        "force_resolution": ("force", "how coarse the renderer declares its force to be, N"),
         "ihip_scatter": ("length", "how far the IHIP may differ after a reset, m"),
+        "force_scatter": ("force", "how far the force may differ after a reset, N"),
         "signs": ("table", "sign conventions: channel to words"),
         "clock": ("text", "which clock gave the stamps"),
         "who": ("text", "operator"),
@@ -147,5 +151,6 @@ KINDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
     "table": (lambda value: isinstance(value, Mapping), "a table"),
     "positive": (lambda value: _number(value) and value > 0.0, "a positive number"),
     "length": (lambda value: _number(value) and value >= 0.0, "a length in metres, not negative"),
+    "force": (lambda value: _number(value) and value >= 0.0, "a force in newtons, not negative"),
     "date": (_date, "a date as 2025-01-31T14:05:00+01:00"),
 }

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy, deepcopy
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
@@ -16,7 +17,7 @@ from hapticeval.effects.effect import Effect, Part, Stage
 from hapticeval.errors import DomainError, RefusalError
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.recordings.recording import backward_difference
-from hapticeval.renderer import Batch, CompiledStep, Declaration, Renderer, Response, TrajectoryRenderer, abilities_of
+from hapticeval.renderer import Batch, CompiledStep, Renderer, Response, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -48,7 +49,7 @@ RESTS = 10
 
 
 class Affected:
-    """A renderer with `effects` on its answers. What it offers beside is the renderer's, but for `declares.spring`."""
+    """A renderer with `effects` on its answers; what else it offers, but for a stiffness, is the renderer's."""
 
     def __init__(self, renderer: Renderer, effects: Sequence[Effect], scene: Scene) -> None:
         from hapticeval.compiled import specialised
@@ -66,8 +67,7 @@ class Affected:
         if can.diagnostics:
             self.diagnostics = renderer.diagnostics  # type: ignore[attr-defined]
         if can.declares is not None:
-            scatters = can.declares.ihip_scatter, can.declares.force_scatter
-            self.declares = Declaration(ihip_scatter=scatters[0], force_scatter=scatters[1])
+            self.declares = replace(can.declares, spring=None, stiffness_range=None)
         self.refusals = {
             APART * k + number: words for k, each in enumerate(effects, 1) for number, words in each.refusals.items()
         }

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from pathlib import Path as FilePath
 
+import force_sizes
 import honest
 import numpy as np
 import outsiders
 import pytest
 import sympy
-from broken import spoiled
+from broken import scaled, spoiled
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
@@ -260,7 +261,14 @@ def test_damped_schemes_are_not_blamed_and_a_law_that_is_not_proportional_is_war
 
 
 SWAYS = Path([0.0, 0.1, 0.2, 0.3, 0.4, 0.45], [[0, 4e-3], [0, -4e-3], [0, -2e-3], [0, -4e-3], [0, -2e-3], [0, 4e-3]])
+TO_AND_FRO = Path(
+    np.r_[0.0, np.linspace(0.1, 4.0, 9)], [[0.0, 4e-3], *([0.02 * (each % 2), -4e-3] for each in range(9))]
+)
+ONE_WAY = Path([0.0, 0.1, 4.0], [[0.0, 4e-3], [0.0, -4e-3], [0.02, -4e-3]])
 SHORT_WAY_OUT = Path([0.0, 0.8, 0.84], [[0.0, 4e-3], [0.0, -4e-3], [0.0, 4e-3]])
+
+
+SIZED = {**force_sizes.FAULTS, "weak-stretch": scaled(lambda tick: 0.5 if 1000 <= tick.number < 1057 else 1.0)}
 
 
 @pytest.mark.parametrize(
@@ -272,12 +280,19 @@ SHORT_WAY_OUT = Path([0.0, 0.8, 0.84], [[0.0, 4e-3], [0.0, -4e-3], [0.0, 4e-3]])
         ("kicks", IN_AND_OUT, "it depends on the direction (1 of the scene's stiffness on the way in, 1.1"),
         ("kicks", SWAYS, "it depends on the direction (1 of the scene's stiffness on the way in, 1.1"),
         ("kicks", SHORT_WAY_OUT, "it depends on the direction (1 of the scene's stiffness on the way in, 1.1"),
-        ("drifts", Path([0.0, 0.1, 4.0], [[0.0, 4e-3], [0.0, -4e-3], [0.02, -4e-3]]), "it drifts with time"),
+        ("drifts", TO_AND_FRO, "it drifts with time"),
+        ("drifts", ONE_WAY, "with time or with the place, which this path does not tell apart"),
+        ("by-place", TO_AND_FRO, "it depends on the place (0.8"),
+        ("by-place", ONE_WAY, "with time or with the place, which this path does not tell apart"),
+        ("dead-band", IN_AND_OUT, "a dead band: no force up to a depth of 0.5 mm, where the spring gives 0.5 N"),
+        ("outage", TO_AND_FRO, "no force for 57 ticks from t = 1 s to 1.056 s"),
+        ("weak-stretch", TO_AND_FRO, "off for 57 ticks from t = 1 s to 1.056 s"),
+        ("kick", IN_AND_OUT, "a kick where the contact begins or ends: up to 3"),
         ("one-newton", IN_AND_OUT, "it depends on the depth"),
     ],
 )
 def test_a_deviation_is_named_by_what_it_goes_with(name, path, words):
-    finding = found("force-magnitude", runs(spoiled(name), path=path), PLANE)
+    finding = found("force-magnitude", runs(spoiled(SIZED.get(name, name)), path=path), PLANE)
     assert finding.outcome is FAIL
     assert words in finding.message
 
@@ -313,7 +328,7 @@ def test_a_contact_point_without_a_force_deep_inside_is_not_taken_for_a_spring(s
     path = Path([0.0, 0.5, 1.0], [[0.105, 0.0], [0.083, 0.0], [0.083, 0.02]])
     finding = found("force-magnitude", runs(make, ROUND, path), ROUND)
     assert finding.outcome is FAIL
-    assert finding.level is (Level.SHOULD if spring is None else Level.MUST)
+    assert finding.level is Level.MUST
 
 
 # Resets and declarations

@@ -1,0 +1,96 @@
+"""A force that is off in size: a must stops it whatever the renderer declares, and no other than what is declared."""
+
+from __future__ import annotations
+
+import force_sizes
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made import FAIL, PASS
+from msgspec.structs import replace
+from outsiders import CASES, case
+
+from hapticeval.discovery import resolve
+from hapticeval.phenomena.verdict import Level, Verdict
+from hapticeval.renderer import Declaration, Spring, abilities_of
+from hapticeval.runner.judging import judge
+from hapticeval.suite.case import Case
+from hapticeval.suite.reading import load_suite
+
+THESIS = {case.name: case for case in load_suite("thesis").cases}
+CONVEX, LOOPS = THESIS["star-convex-corner"], THESIS["cassinian-loops"]
+"""Of a default suite: the case that the README runs first, which begins in contact, and one with a way in."""
+
+
+def verdict(make, judged: Case, check="force-magnitude") -> Verdict:
+    (verdict,) = judge(make, "mine", "suite", replace(judged, checks=(check,))).verdicts
+    return verdict
+
+
+@pytest.mark.parametrize("name", force_sizes.MUSTS)
+def test_off_by_a_factor_of_two_fails_a_must_in_a_default_suite_without_a_declaration(name):
+    found = verdict(force_sizes.faulty(name), LOOPS if "kick" in name else CONVEX)
+    assert (found.outcome, found.level) == (FAIL, Level.MUST), found.finding.message
+    assert found.finding.metric.value > found.finding.bound
+
+
+def test_off_by_a_fifth_is_a_warning_and_a_must_for_who_declares_a_spring():
+    found = verdict(force_sizes.faulty("by-place"), CONVEX)
+    assert (found.outcome, found.level) == (FAIL, Level.SHOULD)
+    found = verdict(force_sizes.spoiled(force_sizes.FAULTS["by-place"]), CONVEX)
+    assert (found.outcome, found.level) == (FAIL, Level.MUST)
+
+
+@pytest.mark.parametrize("name", ["kick", "triple-kick", "hard-kick"])
+def test_a_kick_where_the_contact_begins_is_called_so(name):
+    assert "a kick where the contact begins" in verdict(force_sizes.faulty(name), CASES["slide"]).finding.message
+
+
+VARYING = [THESIS[name] for name in ("cassinian-loops", "ellipse-loops", "cassinian-deep-slide")]
+VARYING += [case for case in load_suite("unilateral-surfaces").cases if case.name == "ellipsoid-deep"]
+
+
+@pytest.mark.parametrize("judged", VARYING, ids=lambda judged: judged.name)
+@pytest.mark.parametrize("renderer", ["homothetic", "combescure", "minimum-distance+square-root"])
+def test_a_stiffness_that_varies_as_declared_is_a_warning(renderer, judged):
+    found = verdict(resolve(renderer), judged)
+    assert (found.outcome, found.level) == (FAIL, Level.SHOULD), found.finding.message
+    assert found.finding.metric.value > found.finding.bound
+
+
+def test_a_range_that_is_declared_is_held():
+    declaring = verdict(force_sizes.Declaring, CASES["slide"])
+    assert (declaring.outcome, declaring.level) == (FAIL, Level.SHOULD), declaring.finding.message
+
+    def narrower(scene):
+        renderer = force_sizes.Declaring(scene)
+        renderer.declares = Declaration(stiffness_range=(0.8, np.inf))
+        return renderer
+
+    assert verdict(narrower, CASES["slide"]).level is Level.MUST
+
+
+def test_what_the_gradient_declares_is_between_its_softest_and_its_stiffest():
+    """Of `homothetic` it is H^2 / h^2: 478 to 1,582 N/m on the Cassinian, as docs/continuous-and-passive.md has it."""
+    said = abilities_of(resolve("homothetic")(LOOPS.build_scene())).declares
+    assert said.spring is Spring.NORMAL
+    assert said.stiffness_range == pytest.approx((0.478, 1.582), rel=2e-3)
+
+
+@settings(max_examples=12)
+@given(step=st.floats(0.02e-3, 0.2e-3), deepest=st.floats(1.5e-3, 4e-3))
+def test_a_dead_band_is_judged_alike_whatever_the_step_of_the_path(step, deepest):
+    """The hand slides in the band: undeclared that fails a must, and declared nothing is left of it."""
+    points = [[0.0, 1e-3], [0.0, -0.05e-3], [0.01, -0.05e-3], [0.01, -deepest], [0.012, -deepest]]
+    seconds = 1e-3 * np.linalg.norm(np.diff(points, axis=0), axis=1).sum() / step
+    judged = case(
+        "band",
+        {"kind": "line"},
+        ("force-magnitude",),
+        trajectory={"kind": "points", "points": points, "duration": float(seconds)},
+    )
+    bare = verdict(lambda scene: force_sizes.Coarse(scene, declared=False), judged)
+    assert (bare.outcome, bare.level) == (FAIL, Level.MUST), bare.finding.message
+    assert "a dead band" in bare.finding.message
+    assert verdict(force_sizes.Coarse, judged).outcome is PASS
