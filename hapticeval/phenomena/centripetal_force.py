@@ -10,12 +10,12 @@ from hapticeval.closed_forms import Gains, transversal
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
 from hapticeval.phenomena.sampling import (
-    FORCE_DEPTH,
     HOLD_TICKS,
     LAG_TICKS,
     TELLS,
     above_force_floor,
     evidence_at,
+    force_depth,
     mm,
     open_loop_reason,
     position_tolerance,
@@ -93,7 +93,7 @@ def _loose(recording: Recording, scene: Scene) -> int | None:
     if not scene.bilateral:
         return None
     distance = np.abs(scene.model.boundary.signed_distance(recording.hip))
-    free = (distance > position_tolerance(recording, scene) + FORCE_DEPTH) & ~above_force_floor(recording, scene)
+    free = (distance > position_tolerance(recording, scene) + force_depth(scene)) & ~above_force_floor(recording, scene)
     return int(np.argmax(np.where(free, distance, 0.0))) if np.mean(free) > TELLS else None
 
 

@@ -10,10 +10,13 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.lag import at_rows, least_misfit, rests
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     above_force_floor,
+    believed_standoff,
     evidence_at,
+    force_depth,
     hip_step,
     mm,
     resolution,
@@ -44,26 +47,37 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return _without_ihip(base, scene, strong)
     declared, near = resolution(base, scene), _reach(base, scene)[strong]
     off = scene.model.boundary.normal_cone(base.ihip[strong], near + declared)
-    deviation = _deviation(base, scene, strong, off)
-    allowed = _rounding(base, scene, strong)
+    rounded = _rounding(base, scene, strong)
+    lag = _lag(base, scene, strong, off, rounded)
+    deviation = _deviation(base, scene, strong, off, lag)
+    allowed = rounded + _between(base, strong, lag)
     worst = int(np.argmax(deviation - allowed))
     angle, bound = math.degrees(float(deviation[worst])), math.degrees(float(allowed[worst]))
     tick = int(strong[worst])
     leans = _error_angle(base, strong, off)
     evidence: dict[str, object] = {**evidence_at(base, tick), "samples": int(strong.size), **leans}
+    if lag is not None:
+        evidence["lag_ticks"] = lag
     metric = Metric("angle of the force outside the true normals", angle, "deg")
     where = f"every true normal near the IHIP at t = {base.time[tick]:.4g} s"
     if angle > bound:
-        return Finding(Outcome.FAIL, f"the force points {angle:.3g} degrees off {where}", metric, bound, evidence)
+        size = float(np.linalg.norm(base.force[tick]))
+        evidence["force_N"] = size
+        aside = size * math.sin(min(float(deviation[worst]), 0.5 * math.pi))
+        inwards = not scene.bilateral and float(off(base.force[strong])[worst]) > 0.5 * math.pi
+        does = "pulls inwards," if inwards else "points"
+        late = f" (with the lag of {lag:.3g} ticks that its positions show)" if lag is not None else ""
+        message = f"the force of {size:.3g} N {does} {angle:.3g} degrees ({aside:.2g} N) off {where}{late}"
+        return Finding(Outcome.FAIL, message, metric, bound, evidence)
     granted = ""
-    bare = deviation
     if declared > 0.0:
-        bare = _deviation(base, scene, strong, scene.model.boundary.normal_cone(base.ihip[strong], near))
-    most = int(np.argmax(bare - allowed))
-    if bare[most] > allowed[most]:
-        leaning = math.degrees(float(bare[most]))
-        evidence["angle_by_resolution_deg"] = leaning
-        granted = f" (but for up to {leaning:.2g} degrees, which its declared resolution of {mm(declared)} allows)"
+        bare = _deviation(base, scene, strong, scene.model.boundary.normal_cone(base.ihip[strong], near), lag)
+        beyond = bare - (allowed - _blurred(base, scene, strong))
+        most = int(np.argmax(beyond))
+        if beyond[most] > 0.0:
+            leaning = math.degrees(float(bare[most]))
+            evidence["angle_by_resolution_deg"] = leaning
+            granted = f" (but for up to {leaning:.2g} degrees, which its resolution of {mm(declared)} allows)"
     balance = _static_balance(base, scene)
     if balance is None:
         message = f"the force is along the surface normal throughout{granted}"
@@ -128,7 +142,7 @@ def _reach(recording: Recording, scene: Scene) -> Array:
     three ticks: that is three of its own steps around the row, however the projection stretches those of the hand. A
     rigid tool may get to a corner and back between two samples: its steps are as long as its velocity makes them, as
     far as its step and the contact's force explain that. Positions in single precision and the declared standoff come
-    to it.
+    to it, that one as declared: in a corner the tool may lie on one face, and so far off the others that hold it.
     """
     from scipy.ndimage import maximum_filter1d
 
@@ -138,43 +152,107 @@ def _reach(recording: Recording, scene: Scene) -> Array:
         way = recording.dt * np.linalg.norm(recording.velocity, axis=1)
         steps = np.maximum(steps, np.minimum(way, steps + pushed))
     around = maximum_filter1d(steps, 2 * LAG_TICKS + 1, mode="nearest")
-    return np.asarray(LAG_TICKS * around + standoff(recording, scene) + rounding(scene))
+    return np.asarray(LAG_TICKS * around + believed_standoff(recording, scene) + rounding(scene))
 
 
-def _deviation(recording: Recording, scene: Scene, strong: IntArray, off: Callable[[Array], Array]) -> Array:
+def _deviation(
+    recording: Recording, scene: Scene, strong: IntArray, off: Callable[[Array], Array], lag: float | None
+) -> Array:
     """Angle (rad) of each force above the floor outside the true normals around its IHIP, from which `off` measures.
 
-    A force that is a spring from a late IHIP to the present HIP is tilted by the HIP's travel since; so the spring to
-    each of the last three HIPs is looked at too, and the best of them counts.
+    A force that is a spring from a late IHIP to the present HIP is tilted by the HIP's travel since: what is measured
+    is the spring to the HIP that the IHIP answers.
     """
     force = recording.force[strong]
+    if lag is not None:
+        depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[strong]
+        strength = np.linalg.norm(force, axis=1)
+        stiffness = np.divide(strength, depth, out=np.zeros_like(depth), where=depth > 0.0)[:, np.newaxis]
+        force = force + stiffness * (recording.hip[strong] - _answered(recording, strong, lag))
+    return _angles(force, scene, off)
+
+
+def _angles(vectors: Array, scene: Scene, off: Callable[[Array], Array]) -> Array:
+    """Return the angles that `off` measures; a bilateral constraint also pulls: its normal counts up to its sign."""
+    return np.minimum(off(vectors), off(-vectors)) if scene.bilateral else off(vectors)
+
+
+def _answered(recording: Recording, strong: IntArray, lag: float) -> Array:
+    """Return the HIPs that the IHIPs answer: of `lag` ticks before, and of as many more as the IHIP has rested."""
+    return at_rows(recording.hip, strong - rests(recording.ihip)[strong], lag)
+
+
+def _lag(
+    recording: Recording, scene: Scene, strong: IntArray, off: Callable[[Array], Array], rounded: Array
+) -> float | None:
+    """Return the one lag of the IHIP, ticks, that its positions show where forces ask for one; None where none does.
+
+    It is the one with which the ways from these IHIPs to the HIPs that they answer come nearest to the normals, whole
+    or between ticks. A tangential force beside an IHIP that is not late has none, and one that a latency explains which
+    changes from tick to tick is not explained by one.
+    """
     depth = np.linalg.norm(recording.hip - recording.ihip, axis=1)[strong]
-    strength = np.linalg.norm(force, axis=1)
-    stiffness = np.divide(strength, depth, out=np.zeros_like(depth), where=depth > 0.0)[:, np.newaxis]
-    best = np.full(strong.size, np.inf)
-    for lag in range(LAG_TICKS + 1):
-        travel = recording.hip[strong] - recording.hip[np.maximum(strong - lag, 0)]
-        spring = force + stiffness * travel
-        best = np.minimum(best, off(spring))
-        if scene.bilateral:
-            # A bilateral constraint also pulls: the normal then counts up to its sign.
-            best = np.minimum(best, off(-spring))
-    return best
+    asks = np.flatnonzero((_deviation(recording, scene, strong, off, None) > rounded) & (depth > force_depth(scene)))
+    present = _angles(recording.ihip[strong] - recording.hip[strong], scene, off)
+    if not np.any(present[asks] > rounded[asks]):
+        return None
+
+    def excess(lag: float) -> float:
+        errors = recording.ihip[strong] - _answered(recording, strong, lag)
+        beyond = _angles(errors, scene, off) - rounded - _between(recording, strong, lag)
+        return float(np.max(beyond[asks]))
+
+    return least_misfit(excess)
+
+
+def _between(recording: Recording, strong: IntArray, lag: float | None) -> Array:
+    """Angle (rad), (n,), that a path which bends between ticks leaves in forces that are `lag` ticks late.
+
+    A way of acceleration a is off its chord by a h^2 / 8 at the most, an eighth of the second difference of its rows:
+    so far beside may the HIP have been that the spring was drawn to.
+    """
+    if lag is None or lag == 0.0:
+        return np.zeros(strong.size)
+    bends = np.zeros(len(recording))
+    bends[1:-1] = np.linalg.norm(np.diff(recording.hip, n=2, axis=0), axis=1) / 8.0
+    most = np.max([bends[np.maximum(strong - back, 0)] for back in range(LAG_TICKS + 1)], axis=0)
+    return _tilt(recording, strong, most)
+
+
+def _tilt(recording: Recording, strong: IntArray, beside: Array | float) -> Array:
+    """Angle (rad), (n,), by which a spring tilts whose end lies so far `beside`, m; 0 where a force has no depth."""
+    depth = _least_depth(recording, strong)
+    return np.asarray(np.arcsin(np.minimum(np.divide(beside, depth, out=np.zeros_like(depth), where=depth > 0.0), 1.0)))
+
+
+def _least_depth(recording: Recording, strong: IntArray) -> Array:
+    """Return the least depth (n,), m, of the three ticks that a force may be late; 0 where it has none in any."""
+    depths = np.linalg.norm(recording.hip - recording.ihip, axis=1)
+    depths[depths == 0.0] = np.inf
+    depth = np.min([depths[np.maximum(strong - lag, 0)] for lag in range(LAG_TICKS + 1)], axis=0)
+    depth[np.isinf(depth)] = 0.0
+    return np.asarray(depth)
+
+
+def _blurred(recording: Recording, scene: Scene, strong: IntArray) -> Array:
+    """Angle (rad), (n,), by which a spring tilts to a point that the declared resolution puts beside the true one.
+
+    At most a HIP step beside: what is coarser are facets, in whose contact a spring is normal to the facet, and that is
+    a normal within the resolution.
+    """
+    return _tilt(recording, strong, min(resolution(recording, scene), hip_step(recording, scene)))
 
 
 def _rounding(recording: Recording, scene: Scene, strong: IntArray) -> Array:
-    """Angle (rad) that single-precision positions, and the last place of a force that was logged, leave in each force.
+    """Angle (rad) that the places of numbers leave in each force: of positions, of a logged force, and as declared.
 
-    Two rounded positions of the model's size are subtracted to give a vector as long as the depth, which is the least
-    of the three ticks that a force may be late; a force that is there without a depth was not built so, and has the
-    rounding of its own components only. Each component of a force that a log gives in steps of q is off by up to q / 2.
+    Two positions in single precision, of the model's size, are subtracted to give a vector as long as the depth; a
+    force that is there without a depth was not built so, and has the rounding of its own components only. Each
+    component of a force that a log gives in steps of q is off by up to q / 2.
     """
-    every = np.linalg.norm(recording.hip - recording.ihip, axis=1)
-    every[every == 0.0] = np.inf
-    depth = np.min([every[np.maximum(strong - lag, 0)] for lag in range(LAG_TICKS + 1)], axis=0)
-    depth[np.isinf(depth)] = 0.0
+    depth = _least_depth(recording, strong)
     stretch = np.divide(scene.model.size, depth, out=np.ones_like(depth), where=depth > 0.0)
-    angle = 1e-6 + 4.0 * SINGLE * np.maximum(stretch, 1.0)
+    angle = 1e-6 + 4.0 * SINGLE * np.maximum(stretch, 1.0) + _blurred(recording, scene, strong)
     if recording.meta.get("source") not in SIMULATED:
         force = recording.force[strong]
         off = 0.5 * float(np.linalg.norm([quantization_step(column) for column in recording.force.T]))
@@ -227,11 +305,13 @@ CHECK = Check(
         "of the row: IHIP and force may each be that late; of a rigid tool at least its speed times the tick) + "
         "standoff + declared resolution (up to a sixteenth of the outline: the true surface has a facet's direction "
         "somewhere along it). Across a corner every direction between the faces' normals is one; in space they fill a "
-        "cone, as wide as that distance times the largest curvature. A spring from an IHIP up to three ticks late is "
-        "judged from the HIP of that tick. Beyond, rounding: 1e-6 rad + 4 * 2^-23 * model size / least depth of these "
-        "ticks, and half a step of every component of a log. At rest the mean force over a window W may differ by 2 m "
-        "v_max / W, the momentum that the window cannot account for; in a simulated closed loop Newton's law makes "
-        "the two equal, so that this half tests recordings of real devices. Forces below K_p * 1 um are not judged."
+        "cone, as wide as that distance times the largest curvature. A spring from a late IHIP is judged from the HIP "
+        "that the IHIP answers: by one lag of up to three ticks for the whole run, with which its IHIPs lie best, and "
+        "an eighth of the HIP's second difference between ticks. Beyond, rounding: 1e-6 rad + 4 * 2^-23 * model size / "
+        "least depth of these ticks, asin(resolution / depth) (of up to a HIP step), and half a step of "
+        "every component of a log. At rest the mean force over a window W may differ by 2 m v_max / W, the momentum "
+        "that the window cannot account for; in a simulated closed loop Newton's law makes the two equal, so that this "
+        "half tests recordings of real devices. Forces below the floor, K_p * 5e-6 of the model's size, are not judged."
     ),
     judge=judge,
 )

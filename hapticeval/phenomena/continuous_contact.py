@@ -19,6 +19,7 @@ from hapticeval.phenomena.sampling import (
     hip_step,
     hip_steps,
     lacks_ihip,
+    lingering,
     listed,
     mm,
     off_surface,
@@ -47,7 +48,7 @@ STAYS, SHRINKS = 0.15, 0.25
 
 def amplification(recording: Recording, scene: Scene) -> float:
     """The largest ratio of IHIP step to HIP step between two samples in contact: how far a map stretches; 0 if none."""
-    contact = touching(recording, scene)
+    contact = touching(recording, scene) & ~lingering(recording, scene)
     steps = hip_steps(recording)
     both = contact[1:] & contact[:-1] & (steps > STILL * np.max(steps, initial=0.0))
     if not both.any():

@@ -11,11 +11,11 @@ from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, Situation
 from hapticeval.phenomena.crossings import NEAR, Crossing, angle_between, find_crossings
 from hapticeval.phenomena.sampling import (
-    FORCE_DEPTH,
     LAG_TICKS,
     NO_IHIP,
     above_force_floor,
     evidence_at,
+    force_depth,
     hip_step,
     lacks_ihip,
     listed,
@@ -62,7 +62,7 @@ def _broken(base: Recording, scene: Scene, crossing: Crossing, strong: BoolArray
     strength = np.linalg.norm(base.force, axis=1)
     usual = float(np.median(strength[first:crossed][crossing.tool[first:crossed]]))
     # A hand that is no deeper than the floor of forces presses by less than that: it may rest on the face.
-    rests = ~strong & (under <= FORCE_DEPTH)
+    rests = ~strong & (under <= force_depth(scene))
     kept = ((first_face | rests) & crossing.tool)[first:crossed]
     # A spring's force goes with the depth, and a rigid contact's with what the hand does: only at one depth is it held.
     depth = float(np.median(under[first:crossed]))
@@ -193,9 +193,9 @@ BROKEN_CONTACT = Check(
         "3 HIP steps + standoff: a sampled renderer learns of the corner at the next sample, may lag by three, and "
         "cannot know the corner better than its own surface does. A force within 5 per cent of the corner's turn, "
         "and where the hand keeps to a depth of at least half the usual size on the first face, counts as kept, and"
-        " so does none where the hand is no deeper than 1 um, as it may rest; past the corner every force counts "
-        "until the first zero, and every one along n_pre thereafter. The first three ticks after a touch are that "
-        "of a strike. It counts from where the tool is on that face: its IHIP, or without one its force, is that "
+        " so does none where the hand is no deeper than the force floor, as it may rest; past the corner every force "
+        "counts until the first zero, and every one along n_pre thereafter. The first three ticks after a touch are "
+        "that of a strike. It counts from where the tool is on that face: its IHIP, or without one its force, is that "
         "face's. Asked of each way under one face past a corner and out of the model; without one it is not "
         "applicable. On a solid the distance is square to the edge over which a rigid tool that follows the hand "
         "leaves the face; over a vertex, to the edge that the hand's foot passes."

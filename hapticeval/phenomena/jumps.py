@@ -12,7 +12,7 @@ import numpy as np
 
 from hapticeval.compiled import borrowing, for_kernels
 from hapticeval.phenomena.check import Closer
-from hapticeval.phenomena.sampling import LAG_TICKS, touching
+from hapticeval.phenomena.sampling import LAG_TICKS, lingering, touching
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
@@ -76,8 +76,11 @@ class Seen:
 
 
 def contact_steps(recording: Recording, scene: Scene) -> Array:
-    """How far the IHIP moves to each sample from the one before, m, where both are in contact, and else 0: (n,)."""
-    contact = touching(recording, scene)
+    """How far the IHIP moves to each sample from the one before, m, where both are in contact, and else 0: (n,).
+
+    A contact ends with its contact point, though a late force may linger.
+    """
+    contact = touching(recording, scene) & ~lingering(recording, scene)
     steps = np.zeros(len(recording))
     steps[1:] = np.linalg.norm(np.diff(recording.ihip, axis=0), axis=1)
     steps[1:][~(contact[1:] & contact[:-1])] = 0.0
@@ -86,7 +89,7 @@ def contact_steps(recording: Recording, scene: Scene) -> Array:
 
 def largest_jump(recording: Recording, scene: Scene) -> tuple[float, int]:
     """The largest IHIP step between two samples in contact, m, and the tick at its end (0 if there is none)."""
-    contact = touching(recording, scene)
+    contact = touching(recording, scene) & ~lingering(recording, scene)
     if not (contact[1:] & contact[:-1]).any():
         return 0.0, 0
     steps = contact_steps(recording, scene)

@@ -105,7 +105,7 @@ def least_misfit(misfit: Callable[[float], float]) -> float:
             right = low + golden * (high - low)
             at_right = misfit(right)
     between = 0.5 * (low + high)
-    return float(lags[best]) if misfits[best] <= misfit(between) else between
+    return float(lags[best]) if misfits[best] <= misfit(between) else float(between)
 
 
 def believed(misfit: Callable[[float], float], exact: float) -> tuple[float, float]:

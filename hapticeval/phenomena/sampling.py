@@ -7,7 +7,7 @@ import weakref
 import numpy as np
 
 from hapticeval.quantity import number
-from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.recordings.recording import SINGLE, Recording, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -23,8 +23,10 @@ HOLD_TICKS = 1.5
 TELLS = 0.1
 """A bound above a tenth of what is asked for tells nothing."""
 
-FORCE_DEPTH = 1e-6
-"""Depth (m) whose spring force is the floor under which a force has no direction worth judging."""
+FORCE_DEPTH = 5e-6
+"""Depth, as a share of the model's size, whose spring force is the least that has a direction: *chosen*, 1 um of the
+usual 200 mm. There single precision (4 * 2^-23 of the size) turns a force by up to 6 degrees; at twice that by 3, and
+touches of up to 2 um are then none."""
 
 FARTHEST = 1.0 / 50.0
 """Share of the model's size beyond which a declared standoff is not believed: 4 mm of the usual 200 mm."""
@@ -83,6 +85,23 @@ def trailing(recording: Recording, scene: Scene) -> BoolArray:
     return found
 
 
+def lingering(recording: Recording, scene: Scene) -> BoolArray:
+    """Where a force is still felt though the tool is free again, (n,): what a late force leaves of a contact.
+
+    The IHIP is with the HIP outside of the model, after a row in which it was apart, for `LAG_TICKS` ticks at the most;
+    a force that stays longer is none of these. There is no contact point there.
+    """
+    late = np.zeros(len(recording), dtype=bool)
+    if scene.bilateral or not {"ihip", "force"} <= recording.channels.keys():
+        return late
+    free = above_force_floor(recording, scene) & ~recording.apart
+    for first, end in runs_of(free):
+        rows = slice(first, end)
+        if first > 0 and recording.apart[first - 1] and end - first <= LAG_TICKS:
+            late[rows] = np.all(scene.model.boundary.signed_distance(recording.hip[rows]) > 0.0)
+    return late
+
+
 def hip_step(recording: Recording, scene: Scene) -> float:
     """Return the largest HIP step in contact, m: nothing finer can be placed on the surface.
 
@@ -94,8 +113,11 @@ def hip_step(recording: Recording, scene: Scene) -> float:
 
 
 def off_surface(recording: Recording, scene: Scene) -> tuple[float, int]:
-    """How far the IHIP in contact lies off the model at the most, m, and at which tick (0 without contact)."""
-    contact = np.flatnonzero(touching(recording, scene))
+    """How far the IHIP in contact lies off the model at the most, m, and at which tick (0 without contact).
+
+    Where a force only lingers there is no contact point.
+    """
+    contact = np.flatnonzero(touching(recording, scene) & ~lingering(recording, scene))
     if contact.size == 0:
         return 0.0, 0
     distance = np.abs(scene.model.boundary.signed_distance(recording.ihip[contact]))
@@ -135,9 +157,14 @@ def position_tolerance(recording: Recording, scene: Scene) -> float:
     return LAG_TICKS * hip_step(recording, scene) + standoff(recording, scene)
 
 
+def force_depth(scene: Scene) -> float:
+    """Return the depth, m, under which nothing is judged: `FORCE_DEPTH` of the model's size."""
+    return FORCE_DEPTH * scene.model.size
+
+
 def force_floor(scene: Scene) -> float:
-    """Below this force (N) no direction is judged: the spring's force at a depth of one micrometre."""
-    return scene.stiffness * FORCE_DEPTH
+    """Below this force (N) no direction is judged: the spring's force at `force_depth`."""
+    return scene.stiffness * force_depth(scene)
 
 
 def above_force_floor(recording: Recording, scene: Scene) -> BoolArray:
@@ -155,6 +182,7 @@ def lacks_ihip(recording: Recording, scene: Scene) -> bool:
     if "force" not in recording.channels:
         return False
     silent = above_force_floor(recording, scene) & np.all(recording.ihip == recording.hip, axis=1)
+    silent &= ~lingering(recording, scene)
     if not silent.any():
         return False
     off = np.abs(scene.model.boundary.signed_distance(recording.hip[silent]))

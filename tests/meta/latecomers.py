@@ -31,7 +31,7 @@ class Latecomer(Changed):
         """Remember a channel's value, and return the one that is as late as the channel is."""
         values, late = self.before[channel], self.late[channel]
         values.append(np.array(value))
-        del values[:-5]
+        del values[: -math.ceil(late) - 1]
         whole = math.floor(late)
         newer, older = (values[max(-1 - ticks, -len(values))] for ticks in (whole, whole + 1))
         share = late - whole

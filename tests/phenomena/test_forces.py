@@ -77,7 +77,7 @@ def test_what_the_declared_resolution_forgives_is_reported(tilt):
     )
     assert (bare.outcome, coarse.outcome) == (FAIL, PASS)
     assert coarse.evidence["angle_by_resolution_deg"] == pytest.approx(bare.metric.value, abs=1e-3)
-    assert "which its declared resolution of 10 mm allows)" in coarse.message
+    assert "which its resolution of 10 mm allows)" in coarse.message
     reported = coarse.message.split("(but for up to ")[1].split()[0]
     assert float(reported) == pytest.approx(np.degrees(tilt), rel=0.05)
 

@@ -1,0 +1,194 @@
+"""Who is late by one number of ticks is not blamed, whole or between; a latency that changes hides nothing."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from finger import FingerProxy
+from honest import Changed, Spring
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from latecomers import Latecomer, LateTool, late
+from msgspec.structs import replace
+from outsiders import CASES, LED, case
+
+from hapticeval.discovery import resolve
+from hapticeval.phenomena.verdict import Finding, Outcome
+from hapticeval.renderer import Response
+from hapticeval.runner.judging import judge
+from hapticeval.suite.reading import load_suite
+
+
+def found(place, check, make) -> Finding:
+    suite, _, name = place.rpartition("/")
+    judged_case = load_suite(suite).case(name) if suite else CASES[name]
+    judged = judge(make, "late", suite or "any", replace(judged_case, checks=(check,)))
+    assert judged.error is None
+    return judged.verdicts[0].finding
+
+
+class ChangingLatency(Changed):
+    """A tangential force of about a fifth, that the hand's travel of 0, 1, 2 or 3 ticks is just as long as."""
+
+    def reset(self, hip: np.ndarray) -> None:
+        super().reset(hip)
+        self.hips = [np.array(hip)]
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        self.hips.append(np.array(hip))
+        ihip, force = super().step(hip, velocity, dt)
+        lag = len(self.hips) % 4
+        if not np.any(force) or len(self.hips) < 5:
+            return Response(ihip, force)
+        return Response(ihip, force - self.scene.stiffness * (hip - self.hips[-1 - lag]))
+
+
+class LateByTurns(ChangingLatency):
+    """The same, and the IHIP is that of 0, 1, 2 or 3 ticks ago: the spring pulls to where the tool was."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        self.hips.append(np.array(hip))
+        lag = min(3 * len(self.hips) % 4, len(self.hips) - 1)
+        old = self.hips[-1 - lag]
+        ihip = Changed.step(self, old, velocity, dt).ihip
+        if np.array_equal(ihip, old):
+            return Response(hip, np.zeros_like(hip))
+        return Response(ihip, self.scene.stiffness * (ihip - hip))
+
+
+class Pushing(Changed):
+    """A tangential force of a sixth of the other, that two ticks of travel explain, beside an IHIP that is not late."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        ihip, force = super().step(hip, velocity, dt)
+        return Response(ihip, force - 2.0 * self.scene.stiffness * dt * velocity * np.any(force))
+
+
+@pytest.mark.parametrize("mutant", [ChangingLatency, LateByTurns, Pushing])
+def test_a_tangential_force_is_not_hidden_by_a_latency_that_changes_or_that_no_position_shows(mutant):
+    finding = found("slide", "contact-normal-force", lambda scene: mutant(scene, Spring(scene)))
+    assert finding.outcome is Outcome.FAIL
+    assert finding.metric.value > 4.0
+    assert " N) off every true normal" in finding.message
+
+
+DIRECTION = ["slide", "unilateral-surfaces/sphere-pressed", "unilateral-surfaces/torus-press", "solids/l-block-notch"]
+
+
+@pytest.mark.parametrize("place", DIRECTION)
+@pytest.mark.parametrize("lag", [0.5, 1.0, 2.3])
+def test_a_tool_late_by_one_number_of_ticks_pulls_along_the_normal(place, lag):
+    finding = found(place, "contact-normal-force", late(LateTool, ihip=lag))
+    assert finding.outcome is Outcome.PASS, finding.message
+
+
+@settings(max_examples=8)
+@given(ihip=st.floats(0.0, 3.0), force=st.floats(0.0, 3.0))
+def test_channels_that_are_late_by_themselves_do_not_change_the_direction(ihip, force):
+    finding = found("slide", "contact-normal-force", late(ihip=ihip, force=force))
+    assert finding.outcome is Outcome.PASS, finding.message
+
+
+class FromTheFace(FingerProxy):
+    """Starts a third of a micrometre off one face of the corner, and stops the margin off the others."""
+
+    def reset(self, hip: np.ndarray) -> None:
+        super().reset(hip)
+        at = self.boundary.closest_point(hip[np.newaxis])
+        self.proxy = at.foot[0] + 3.3e-7 * at.normal[0]
+
+
+@pytest.mark.parametrize("make", [FingerProxy, FromTheFace])
+def test_three_faces_hold_a_tool_that_is_nearer_to_one(make):
+    finding = found("solids/corner-press", "contact-normal-force", make)
+    assert finding.outcome is Outcome.PASS, finding.message
+
+
+class Beside(Spring):
+    """Its contact point lies up to a micrometre beside, as it declares."""
+
+    resolution = 1e-6
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        ihip, force = super().step(hip, velocity, dt)
+        if not np.any(force):
+            return Response(ihip, force)
+        ihip = ihip + 0.7e-6 * np.array([1.0, -1.0])[: hip.size] * (-1.0) ** int(1e6 * abs(hip[1]))
+        return Response(ihip, self.stiffness * (ihip - hip))
+
+
+def test_a_declared_resolution_tilts_a_spring_near_the_floor_and_an_undeclared_one_may_not():
+    silent = type("Silent", (Beside,), {"resolution": 0.0})
+    declared, undeclared = (found("press", "contact-normal-force", make) for make in (Beside, silent))
+    assert (declared.outcome, undeclared.outcome) == (Outcome.PASS, Outcome.FAIL)
+
+
+@cache
+def tiny(size: float):
+    slide = CASES["slide"]
+    points = (np.array(slide.trajectory.points) * size / 0.2).tolist()
+    return replace(slide, model={"kind": "circle", "size": size}, trajectory=replace(slide.trajectory, points=points))
+
+
+def test_the_force_floor_scales_with_the_model():
+    for size in (1e-6, 0.2, 1e3):
+        for check in ("contact-normal-force", "continuous-contact", "contact-kept"):
+            judged = judge(Spring, "spring", "any", replace(tiny(size), checks=(check,)))
+            finding = judged.verdicts[0].finding
+            assert finding.outcome is Outcome.PASS, (size, check, finding.message)
+
+
+def test_a_force_that_pulls_inwards_is_said_to_pull():
+    class Pulling(Changed):
+        def step(self, hip, velocity, dt):
+            ihip, force = super().step(hip, velocity, dt)
+            return Response(ihip, -force)
+
+    finding = found("slide", "contact-normal-force", lambda scene: Pulling(scene, Spring(scene)))
+    assert "pulls inwards" in finding.message
+
+
+SQUARE = {"kind": "polygon", "vertices": [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]]}
+RELEASE = case(
+    "release",
+    SQUARE,
+    LED,
+    trajectory={
+        "kind": "points",
+        "points": [[0.06, 0.11], [0.07, 0.095], [0.105, 0.095], [0.12, 0.095]],
+        "duration": 0.4,
+    },
+)
+"""5 mm under a face and out past its edge: the tool is free there, and the hand 5 mm away from it."""
+
+
+def held_late(**ticks: float):
+    tool = resolve("constraint")
+
+    def make(scene):
+        return Latecomer(scene, tool(scene), **ticks)
+
+    make.supports = tool.supports
+    return make
+
+
+@pytest.mark.parametrize(
+    "ticks", [{}, {"force": 1.0}, {"force": 3.0}, {"ihip": 1.0}, {"ihip": 3.0}, {"ihip": 2.0, "force": 2.0}], ids=str
+)
+@pytest.mark.parametrize(
+    "check", ["contact-kept", "continuous-contact", "contact-normal-force", "memoryless", "reset-clears"]
+)
+def test_after_a_release_a_channel_has_three_ticks_to_end_the_contact_too(check, ticks):
+    judged = judge(held_late(**ticks), "late", "any", replace(RELEASE, checks=(check,)))
+    bare = judge(held_late(), "prompt", "any", replace(RELEASE, checks=(check,)))
+    finding = judged.verdicts[0].finding
+    assert judged.error is None
+    assert finding.outcome in (bare.verdicts[0].outcome, Outcome.INCONCLUSIVE), finding.message
+
+
+@pytest.mark.parametrize("ticks", [{"ihip": 5.0}, {"force": 5.0}], ids=str)
+def test_more_than_three_ticks_are_a_fault(ticks):
+    judged = judge(held_late(**ticks), "late", "any", RELEASE)
+    assert any(verdict.outcome is Outcome.FAIL for verdict in judged.verdicts)
