@@ -6,6 +6,7 @@ import os
 from functools import cache
 from pathlib import Path
 
+import felt
 import lawbreakers
 import mutants
 import outsiders
@@ -32,7 +33,7 @@ FAULTLESS = "faultless"
 
 DYNAMIC = (FAULTLESS, *LAWBREAKERS)
 BROKEN = {name: check for name, (check, _) in (MUTANTS | LAWBREAKERS).items()}
-GROUPS = (outsiders, rubbing, struck_and_shaded, textured)
+GROUPS = (outsiders, felt, rubbing, struck_and_shaded, textured)
 FAULTY = {name: each for group in GROUPS for name, each in group.BROKEN.items()}
 HONEST = {name: each for group in GROUPS for name, each in group.HONEST.items()}
 OUTSIDERS = FAULTY | HONEST
@@ -134,6 +135,7 @@ A cross marks a check that fails in at least one case. Written by `test_kill_mat
   (`struck_and_shaded.py`): round a loop under a facet of an octagon, over its edges, and in taps on a line.
 - The same spring with a height map or a stochastic texture, and broken ones that claim to show that (`textured.py`):
   in cases of `effects-texture`.
+- Effects that renderers show by code of their own (`felt.py`), right and wrong: in cases of the suites of effects.
 
 Why one fails a check besides the one that has to stop it is given beside it.
 

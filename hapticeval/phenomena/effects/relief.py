@@ -1,0 +1,278 @@
+"""Height and bump maps along the path: the force and the IHIP of every tick are those that the scene's relief makes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from hapticeval.effects.effect import Stage
+from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.effects.texture_work import BUMP, HEIGHT
+from hapticeval.phenomena.lag import at_rows, believed, rests
+from hapticeval.phenomena.sampling import (
+    LAG_TICKS,
+    NO_IHIP,
+    TELLS,
+    above_force_floor,
+    believed_standoff,
+    evidence_at,
+    hip_steps,
+    lacks_ihip,
+    resolution,
+    rounding,
+)
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array, IntArray
+
+if TYPE_CHECKING:
+    from hapticeval.effects.height_map import Relief
+
+BETWEEN = 0.5
+"""Share of the widest second difference by which a value between two ticks may be off the straight way between them:
+an eighth for a parabola, and where a contact begins between them a quarter of the change of slope, half of which at
+least is in one second difference."""
+
+WHOLE = 1e-6
+"""Ticks by which a lag may be found off a whole number: `least_misfit` is done at 2e-9, and rounding has its share."""
+
+
+class Felt(NamedTuple):
+    """What a relief makes of some ticks: forces (n, N), N, and IHIPs (n, N), m, and both on the bare surface.
+
+    `stiff` (n,), N/m, and `moving` (n,) are how much force and IHIP change at the most for a HIP that is elsewhere.
+    """
+
+    force: Array
+    ihip: Array
+    bare_force: Array
+    bare_ihip: Array
+    stiff: Array
+    moving: Array
+
+
+class Waves:
+    """Heights and slopes of a scene's relief, written down anew from its numbers."""
+
+    def __init__(self, relief: Relief, scene: Scene) -> None:
+        from scipy.interpolate import CubicSpline
+
+        self.boundary, self.model = scene.model.boundary, scene.model
+        self.wave = relief.wavelength
+        if scene.model.dimension == 2 and self.boundary.closed:
+            # A whole number of waves closes up.
+            self.wave = self.boundary.girth / max(1, round(self.boundary.girth / self.wave))
+        direction = np.array(relief.direction or (1.0, 0.0, 0.0))
+        self.direction = direction / np.linalg.norm(direction)
+        turn = 2.0 * np.pi / self.wave
+        if relief.profile:
+            heights = np.array([*relief.profile, relief.profile[0]])
+            spline = CubicSpline(np.linspace(0.0, self.wave, heights.size), heights, bc_type="periodic")
+            self.height: Callable[[Array], Any] = spline
+            self.rise: Callable[[Array], Any] = spline.derivative()
+            # A cubic's second derivative is largest at a knot.
+            self.bend = float(np.max(np.abs(spline.derivative(2)(spline.x))))
+            # Its slope is zero somewhere, and no farther than half a wave from anywhere.
+            self.steep = 0.5 * self.bend * self.wave
+        else:
+            high = relief.amplitude or 0.0
+            self.height, self.rise = (lambda at: high * np.sin(turn * at)), (lambda at: high * turn * np.cos(turn * at))
+            self.steep, self.bend = high * turn, high * turn**2
+
+    def over(self, points: Array, foot: Array, normal: Array) -> tuple[Array, Array]:
+        """Return the heights (n,), m, and their gradient (n, N) along the surface at the feet of `points`."""
+        if self.model.dimension == 2:
+            curve = self.model.curve
+            at = curve.arc_length(curve.nearest(points))
+            along = np.column_stack([-normal[:, 1], normal[:, 0]])
+        else:
+            at = foot @ self.direction
+            along = self.direction - (normal @ self.direction)[:, np.newaxis] * normal
+        within = np.mod(at, self.wave)
+        return np.asarray(self.height(within)), np.asarray(self.rise(within))[:, np.newaxis] * along
+
+
+def raised(waves: Waves, scene: Scene, hips: Array, plain: Array | None) -> Felt:
+    """Return what a height map makes of HIPs (n, N): F = K (d + h)(n - (I - d W)^-1 grad h) where d + h > 0.
+
+    What the renderer's own force `plain` (n, N), N, has beside its spring K d n, as a damper's, is kept.
+    """
+    frame = waves.boundary.closest_point(hips)
+    depth, normal, stiffness = -frame.distance, frame.normal, scene.stiffness
+    height, gradient = waves.over(hips, frame.foot, normal)
+    one = np.eye(hips.shape[1]) - depth[:, np.newaxis, np.newaxis] * frame.shape
+    slope = np.linalg.solve(one, gradient[..., np.newaxis])[..., 0]
+    spring = stiffness * np.where(scene.bilateral, depth, np.maximum(depth, 0.0))[:, np.newaxis] * normal
+    inside = (depth + height > 0.0) | scene.bilateral
+    beside = 0.0 if plain is None else plain - spring
+    force = stiffness * (depth + height)[:, np.newaxis] * (normal - slope) + beside
+    here = inside[:, np.newaxis]
+    # Of U = K (d + h)^2 / 2 the force changes by K |grad (d + h)|^2 + K (d + h) |grad^2 (d + h)| a metre.
+    wide = 1.0 / np.min(np.abs(np.linalg.eigvalsh(one)), axis=1)
+    curved = np.max(np.abs(np.linalg.eigvalsh(frame.shape)), axis=1)
+    steep, bend = waves.steep * wide, (waves.bend + curved) * wide**2
+    stiff = stiffness * (1.0 + steep**2 + np.abs(depth + height) * bend)
+    apart = (depth > 0.0) | scene.bilateral
+    return Felt(
+        np.where(here, force, 0.0),
+        np.where(here, frame.foot + height[:, np.newaxis] * normal, hips),
+        spring + beside,
+        np.where(apart[:, np.newaxis], frame.foot, hips),
+        stiff,
+        wide + steep,
+    )
+
+
+def turned(waves: Waves, ihips: Array, forces: Array | None, recorded: Array) -> Felt:
+    """Return what a bump map makes of the answers of a renderer, (n, N): its normal force along unit(n - grad h).
+
+    Where the `forces` without the relief are not known, the part of the `recorded` ones along that direction is all.
+    """
+    frame = waves.boundary.closest_point(ihips)
+    _, gradient = waves.over(ihips, frame.foot, frame.normal)
+    tilted = frame.normal - gradient
+    tilted /= np.linalg.norm(tilted, axis=1)[:, np.newaxis]
+    if forces is None:
+        press = np.sum(recorded * tilted, axis=1)
+        bare = press[:, np.newaxis] * frame.normal
+    else:
+        press, bare = np.sum(forces * frame.normal, axis=1), forces
+    curved = np.max(np.abs(np.linalg.eigvalsh(frame.shape)), axis=1)
+    force = bare + press[:, np.newaxis] * (tilted - frame.normal)
+    return Felt(force, ihips, bare, ihips, np.abs(press) * (waves.bend + curved), np.ones(len(ihips)))
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Compare force and IHIP of every tick with those that the relief makes of the path."""
+    base = runs.base
+    relief: Any = next(each for each in scene.effects if each.kind in CHECK.effects)
+    others = scene.on_answers_beside(relief.kind)
+    if others:
+        message = f"the scene calls for {' and '.join(others)} too, whose force is another: a relief is judged alone"
+        return Finding(Outcome.NOT_APPLICABLE, message)
+    if not above_force_floor(base, scene).any():
+        return undecided("no force above the floor: the tool never presses on the surface")
+    if lacks_ihip(base, scene):
+        return undecided(NO_IHIP)
+    plain = None if runs.without is None else runs.without(relief.kind)
+    if plain is None and (scene.damping > 0.0 or any(each.stage is Stage.SENSE for each in scene.effects)):
+        return undecided("the force without the relief is not known: the hand is not led along a path that we give")
+    rows = np.arange(LAG_TICKS, len(base), dtype=np.int64)
+    felt = _law(Waves(relief, scene), scene, base, plain, rows)
+    place = rounding(scene) + SINGLE * float(np.max(np.abs(base.hip)))
+    # A proxy that moves in every second tick only answers the HIP of the tick before while it rests.
+    resting = rests(base.ihip) * np.concatenate([[0.0], hip_steps(base)])
+    doubt = place + believed_standoff(base, scene) + resolution(base, scene) + resting[rows]
+    judged = [_compared(felt, base, rows, doubt, name, scene) for name in ("force", "ihip")]
+    if relief.kind == BUMP and judged[1] is None:
+        judged = judged[:1]  # the IHIP stays where it is
+    if None in judged:
+        return undecided("what the relief changes is smaller than what rounding and the declared lengths leave open")
+    # The force first: an IHIP that is off with it is of the same fault.
+    worst = max((each for each in judged if each is not None), key=lambda each: min(each.off / each.allowed, 2.0))
+    by = f"{worst.off:.3g} N" if worst.channel == "force" else f"{1e6 * worst.off:.3g} um"
+    shown = f"over all ticks the {worst.channel} shows {worst.share:.2g} of what the relief adds"
+    return compared(
+        Metric(f"{worst.channel} off that of the relief", worst.off, "N" if worst.channel == "force" else "m"),
+        worst.allowed,
+        {**evidence_at(base, worst.tick), "share": worst.share, "lag_ticks": worst.lag},
+        passes=f"force and IHIP are those of the {relief.kind} in every tick",
+        fails=(
+            f"the {worst.channel} is {by} off that of the {relief.kind} at t = {base.time[worst.tick]:.4g} s (tick "
+            f"{worst.tick}); {shown}"
+        ),
+    )
+
+
+class Off(NamedTuple):
+    """The tick at which a channel is farthest off the law: by how much, what is allowed there, and its lag (ticks).
+
+    `share` is how much of what the relief adds the channel shows over all ticks: 1 where it is right, 0 without one.
+    """
+
+    channel: str
+    tick: int
+    off: float
+    allowed: float
+    lag: float
+    share: float
+
+
+def _law(
+    waves: Waves, scene: Scene, base: Recording, plain: Recording | None, rows: IntArray
+) -> Callable[[float], Felt]:
+    """Return the law of the relief at `rows` as a function of how many ticks ago the place is that it answers."""
+    own = None if plain is None else plain.force[rows]
+    if any(each.kind == HEIGHT for each in scene.effects):
+        return lambda lag: raised(waves, scene, at_rows(base.hip, rows, lag), own)
+    tool = base.ihip if plain is None else plain.ihip
+    return lambda lag: turned(waves, at_rows(tool, rows, lag), own, base.force[rows])
+
+
+def _aside(values: Array) -> Array:
+    """Return how far (n,) values (n, N) between two ticks may be off the straight way."""
+    aside = np.pad(np.linalg.norm(np.diff(values, 2, axis=0), axis=1), LAG_TICKS + 1, mode="edge")
+    return np.asarray(BETWEEN * np.lib.stride_tricks.sliding_window_view(aside, 2 * LAG_TICKS + 1).max(axis=1))
+
+
+def _compared(
+    felt: Callable[[float], Felt], base: Recording, rows: IntArray, doubt: Array, channel: str, scene: Scene
+) -> Off | None:
+    """Compare a channel with the law at the one lag that it has; None where the relief is hidden by what is open."""
+    recorded = base.channels[channel][rows]
+
+    def law(lag: float) -> tuple[Array, Array, Array]:
+        """Return the channel's values with and without the relief, and what a HIP elsewhere changes them by."""
+        one = felt(lag)
+        return (one.force, one.bare_force, one.stiff) if channel == "force" else (one.ihip, one.bare_ihip, one.moving)
+
+    def misfit(lag: float) -> float:
+        return float(np.linalg.norm(recorded - law(lag)[0], axis=1).mean())
+
+    exact = float(np.min(doubt)) * (scene.stiffness if channel == "force" else 1.0)
+    later = believed(misfit, exact)
+    earlier = believed(lambda lag: misfit(-lag), exact)
+    lag = later[0] if later[1] <= earlier[1] else -earlier[0]
+    right, bare, moves = law(lag)
+    if abs(lag - round(lag)) > WHOLE:  # what is between two ticks may be the HIP, or the answer
+        doubt = doubt + _aside(base.hip)[rows]
+        late = _aside(right)
+    else:
+        late = np.zeros(len(rows))
+    change = right - bare
+    rounded = SINGLE * (np.linalg.norm(right, axis=1) + (scene.stiffness if channel == "force" else 1.0)
+                        * float(np.max(np.abs(base.hip))))  # fmt: skip
+    allowed = moves * doubt + late + 4.0 * rounded
+    clear = allowed <= TELLS * float(np.max(np.linalg.norm(change, axis=1)))
+    if not clear.any():
+        return None
+    off = np.where(clear, np.linalg.norm(recorded - right, axis=1), 0.0)
+    worst = int(np.argmax(off / allowed))
+    share = float(np.sum((recorded - bare) * change) / np.sum(change**2))
+    return Off(channel, int(rows[worst]), float(off[worst]), float(allowed[worst]), float(lag), share)
+
+
+CHECK = Check(
+    id="texture-relief",
+    phenomenon="none of the six: height and bump maps, thesis 4.3.2",
+    asks="Are force and IHIP in every tick those that the relief makes of the path?",
+    formula="F = K (d + h)(n - (I - d W)^-1 grad h), IHIP = foot + h n; a bump map: F_n along unit(n - grad h)",
+    citation="thesis 4.3.2, (4.16)",
+    channels=("hip", "ihip", "force"),
+    siblings={Sibling.WITHOUT: "the same path in the scene without the relief"},
+    effects=(HEIGHT, BUMP),
+    metric="force off that of the relief",
+    unit="N",
+    bound=(
+        "The law at the HIP of one lag a run and channel, up to three ticks. Allowed is what the law changes by over "
+        "the places that the HIP may be at: single precision of its coordinates, declared standoff and resolution, and "
+        "the way since the IHIP last moved, with K (1 + h'^2 + (d + h)(h'' + kappa)) for a force; for a lag between "
+        "ticks half of the widest second difference of HIP and law within three ticks. What the renderer's own force "
+        "on that path has beside the spring K d n is kept. Ticks at which a tenth of the relief's largest share is "
+        "open are not judged."
+    ),
+    judge=judge,
+)

@@ -1,0 +1,69 @@
+"""Effects that renderers show by themselves: right ones are left alone, and what is not shown right is stopped."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import felt
+import numpy as np
+import pytest
+from made import FAIL, PASS, UNDECIDED, changed, found, outcome, recorded
+
+from hapticeval.phenomena.registry import OWN
+from hapticeval.phenomena.verdict import Level
+from hapticeval.runner.judging import judge
+from hapticeval.simulation.closed_loop import simulate_closed_loop
+from hapticeval.stimulus.stimulus import Experiment
+
+HONEST = [(name, case) for name, outsider in felt.HONEST.items() for case in outsider.cases]
+BROKEN = [(name, case) for name, outsider in felt.BROKEN.items() for case in outsider.cases]
+
+
+def findings(outsider, case):
+    judged = judge(outsider.make, "it", "felt", felt.CASES[case])
+    assert judged.error is None
+    return {verdict.check: verdict.finding for verdict in judged.verdicts}
+
+
+@pytest.mark.parametrize(("name", "case"), HONEST)
+def test_a_right_one_is_left_alone(name, case):
+    for check, finding in findings(felt.HONEST[name], case).items():
+        assert finding.outcome is PASS, f"{check}: {finding.message}"
+
+
+@pytest.mark.parametrize(("name", "case"), BROKEN)
+def test_a_wrong_one_is_stopped_by_a_must(name, case):
+    outsider = felt.BROKEN[name]
+    failed = {check for check, finding in findings(outsider, case).items() if finding.outcome is FAIL}
+    assert failed
+    assert failed <= set(outsider.fails)
+    assert all(OWN[check].level is Level.MUST for check in failed)
+
+
+@pytest.mark.parametrize("case", ["height-map-line", "bump-map-line"])
+@pytest.mark.parametrize(("high", "expected"), [(1.0005, PASS), (0.9995, PASS), (1.005, FAIL), (0.995, FAIL)])
+def test_half_a_per_cent_of_a_relief_is_found(case, high, expected):
+    """Of the 0.25 N that it adds at most 0.0005 N are open."""
+    (finding,) = findings(felt.Outsider(partial(felt.Carved, high=high)), case).values()
+    assert finding.outcome is expected
+    assert finding.evidence["share"] == pytest.approx(high, abs=1e-3)
+    assert finding.bound < 1e-3
+
+
+def test_a_relief_is_judged_in_a_closed_loop_too():
+    loop = Experiment(0.4, np.array([2e-4, 5e-4]), np.array([5e-3, 0.0]), np.array([0.0]), np.array([[0.02, -0.5]]))
+    scene = felt.CASES["height-map-line"].build_scene()
+    for high, expected in ((1.0, PASS), (1.3, FAIL)):
+        run = simulate_closed_loop(felt.Carved(scene, high=high), loop, scene, 1e-3)
+        assert found("texture-relief", run, scene).outcome is expected
+
+
+def test_a_relief_that_a_declared_length_hides_decides_nothing():
+    scene = felt.CASES["height-map-line"].build_scene()
+    run = recorded(
+        [[0.0, 1e-3], *[[1e-5 * k, -1e-3] for k in range(50)]], [[0.0, 1e-3], *[[1e-5 * k, 0.0] for k in range(50)]]
+    )
+    assert outcome("texture-relief", run, scene) is FAIL
+    assert outcome("texture-relief", changed(run, {"standoff": 1e-4}), scene) is UNDECIDED
+    assert outcome("texture-relief", changed(run, {"resolution": 1e-4}), scene) is UNDECIDED
+    assert outcome("texture-relief", recorded(np.full((20, 2), 1e-3)), scene) is UNDECIDED
