@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
+from hapticeval.devices.inner_loop import InnerLoop
+from hapticeval.devices.point_mass import PointMass
+from hapticeval.effects.catalogue import FORCE_SENSOR, VISCOSITY
 from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
 from hapticeval.scene import Scene
@@ -291,3 +295,23 @@ FORMS = (
 )
 CLOSED_FORMS: Mapping[str, ClosedForm] = MappingProxyType({row[0]: ClosedForm(*row) for row in FORMS})
 """Every closed form by the name that a suite gives it."""
+
+ALIKE = ("pp-d", "pp-pd", "pp-pd-c")
+"""Laws that differ on curved surfaces alone: about a line all are (6.21)."""
+
+
+def form_of(scheme: str, scene: Scene) -> ClosedForm | None:
+    """Return the closed form of a law in a scene, that in print before the general one; None where there is none.
+
+    There is none where a robot moves that nothing linearises, or an effect acts that no form knows.
+    """
+    linear = scene.inner_loop is InnerLoop.LINEARISED or scene.robot == PointMass(scene.mass, scene.model.dimension)
+    if not linear or not {effect.kind for effect in scene.effects} <= {VISCOSITY, FORCE_SENSOR}:
+        return None
+    law = "pp-pd" if scene.model.name == "line" and scheme in ALIKE else scheme
+    for form in CLOSED_FORMS.values():
+        if form.scheme == law:
+            with suppress(InputError):
+                form.check(scene)
+                return form
+    return None

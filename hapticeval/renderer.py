@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
+from hapticeval.closed_forms import SCHEMES
 from hapticeval.effects.catalogue import FORCE_SENSOR
 from hapticeval.errors import InputError, RefusalError, RendererError, UnknownNameError, renderer_errors
 from hapticeval.geometry.boundary import Boundary, is_boundary
@@ -40,12 +41,15 @@ class Declaration:
     stiffness varies with the place or the depth, `stiffness_range` is its least and its largest, as shares of the
     scene's: one is between them, and the largest may be infinite. `force_resolution` (N) is how coarse the force is: a
     quantum, a dead band. After a `reset` the same way gives the same answers again, to the bit, or as far as
-    `ihip_scatter` (m) and `force_scatter` (N) allow.
+    `ihip_scatter` (m) and `force_scatter` (N) allow. `closed_form` is the law that it claims to be, one of
+    `closed_forms.SCHEMES`: where that has a closed form, a loop with the renderer in it has to move so, see the check
+    `closed-form`.
     """
 
     spring: Spring | None = None
     stiffness_range: tuple[float, float] | None = None
     force_resolution: float = 0.0
+    closed_form: str | None = None
     ihip_scatter: float = 0.0
     force_scatter: float = 0.0
 
@@ -55,6 +59,7 @@ class Declaration:
         lengths = (self.ihip_scatter, self.force_scatter, self.force_resolution)
         return (
             self.spring in (None, *Spring)
+            and self.closed_form in (None, *SCHEMES)
             and all(_is_number(length) and 0.0 <= length < math.inf for length in lengths)
             and (self.stiffness_range is None or _is_range(self.stiffness_range))
         )
@@ -233,7 +238,8 @@ def _read(renderer: object) -> Abilities:
         raise RendererError(
             f"the renderer declares {promise!r}",
             why="declares is a hapticeval.Declaration, with a Spring or None, scatters and a resolution that are "
-            "finite and not negative, and a range of stiffness as (least, largest), with 0 < least <= 1 <= largest",
+            "finite and not negative, and a range of stiffness as (least, largest), with 0 < least <= 1 <= "
+            f"largest, and a closed_form of {', '.join(SCHEMES)} or None",
             todo="give such a one, or leave declares out",
         )
     return Abilities(

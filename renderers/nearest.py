@@ -39,11 +39,12 @@ def nearest(scene: Scene, representation: str, *, vertices: float = VERTICES, gr
         )
     if model.dimension == 3 and representation == "curve":
         row = model.surface.row[np.newaxis]
-        return CompiledProjection(in_space, model.surface, bilateral=scene.bilateral, segments=row)
+        return CompiledProjection(in_space, model.surface, bilateral=scene.bilateral, exact=True, segments=row)
     if representation == "level-set" and model.curve.closed:
         return nearest_on_level_set(model, (int(grid), int(grid)), bilateral=scene.bilateral)
     shown = representation_of(model, representation, int(vertices))
-    return CompiledProjection(in_plane, shown.surface, bilateral=scene.bilateral, **shown.tables)
+    exact = representation == "curve"
+    return CompiledProjection(in_plane, shown.surface, bilateral=scene.bilateral, exact=exact, **shown.tables)
 
 
 @borrowing

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hapticeval.closed_forms import SCHEMES
 from hapticeval.compiled import LAW, LawData, borrowing, compiled, first_class, for_kernels, inner, law_data
 from hapticeval.geometry.boundary import Boundary
 from hapticeval.renderer import CompiledStep, Declaration, Response
@@ -94,7 +96,8 @@ class CompiledProjection:
 
     `tables` are fields of its `LawData`; its `params` begin with the gains, and `own` follows. `begin` (data, hip)
     prepares a state of `memory` more numbers at the start of a run, for a projection with memory. `rows` is as of
-    `LawRenderer`, and `potential` and `support_range` as of `Projection`.
+    `LawRenderer`, and `potential` and `support_range` as of `Projection`. One that is `exact` goes to the nearest
+    point of the exact surface: what a scheme does with that has closed forms.
     """
 
     def __init__(
@@ -111,9 +114,10 @@ class CompiledProjection:
         standoff: float = 0.0,
         potential: Sequence[float] = (),
         support_range: Sequence[float] = (),
+        exact: bool = False,
         **tables: ArrayLike,
     ) -> None:
-        self.law = law
+        self.law, self.exact = law, exact
         self.surface, self.resolution, self.standoff = surface, resolution, standoff
         self.begin, self.rows, self.potential, self.support_range = begin, rows, potential, support_range
         params = np.concatenate([np.zeros(OWN), np.asarray(own, dtype=np.float64)])
@@ -149,7 +153,9 @@ class ProjectiveRenderer(LawRenderer):
         super().__init__(law, projection.surface, rows=projection.rows, **lengths)
         self.projection = projection
         self.regulation = regulation
-        self.declares = promise(projection, regulation, scene)
+        known = projection.exact and regulation.name in SCHEMES
+        claimed = regulation.name if known else None
+        self.declares = replace(promise(projection, regulation, scene), closed_form=claimed)
 
     def reset(self, hip: Array) -> None:
         """Start a run with the hand at `hip` (N,), m: inside the model it starts in contact."""

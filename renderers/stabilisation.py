@@ -18,7 +18,7 @@ from hapticeval.geometry.model import Model
 from hapticeval.geometry.surface import Surface
 from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.recording import Recording
-from hapticeval.renderer import CompiledStep
+from hapticeval.renderer import CompiledStep, Declaration
 from hapticeval.renderers.atlas import active, by_charts, charts
 from hapticeval.renderers.law import LawRenderer
 from hapticeval.renderers.stabilisation_laws import BEYOND, MEMORY, on_curve, on_surface
@@ -28,6 +28,8 @@ from hapticeval.types import Array
 
 class Stabilisation(LawRenderer):
     """The step of a law of set stabilisation, with the hand's force as sensed."""
+
+    declares = Declaration(closed_form="set-stabilisation")
 
     def __init__(self, scene: Scene, law: Callable[..., Any], surface: Boundary, **tables: ArrayLike) -> None:
         check_gains(scene)

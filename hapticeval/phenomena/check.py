@@ -40,7 +40,8 @@ class Runs:
     steps of half the time, and returns both rows a step; `in_turns()` is the path through a renderer that takes turns
     with another of the same factory, on a model of half the size, led backwards. Each is None where it cannot be had:
     a recorded hardware run has no siblings. `law` names the closed form (`hapticeval.closed_forms`) that the case
-    gives for this renderer, if it does. Raises `InputError` for a recording with rows that are not valid.
+    gives for this renderer, or that the law has which it declares to be, if there is one. Raises `InputError` for a
+    recording with rows that are not valid.
     """
 
     base: Recording
@@ -161,7 +162,7 @@ class Check:
 
     @property
     def needs_closed_form(self) -> bool:
-        """Whether the check compares with the closed form that a case names."""
+        """Whether the check compares with a closed form."""
         return Sibling.LAW in self.needs
 
     def __call__(self, runs: Runs, scene: Scene) -> Finding:

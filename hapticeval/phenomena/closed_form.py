@@ -23,7 +23,7 @@ UNREPEATABLE = "the run cannot be repeated with finer sampling, or ends early th
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
-    """Measure the largest distance between the extrapolated run and the closed form that the case names."""
+    """Measure the largest distance between the extrapolated run and the closed form of its law."""
     base = runs.base
     assert runs.law is not None
     form = CLOSED_FORMS[runs.law]
@@ -78,11 +78,14 @@ CHECK = Check(
     channels=("hip", "velocity"),
     reads_also=("operator_force",),
     siblings={
-        Sibling.LAW: "the closed form that the case names",
+        Sibling.LAW: "the closed form that the case names, or that of the law which the renderer declares to be",
         Sibling.REFINE: "the same experiment at 2, 4 and 8 times the sampling rate",
     },
     needs={
-        Sibling.LAW: Finding(Outcome.NOT_APPLICABLE, "no closed form is named for this renderer here"),
+        Sibling.LAW: Finding(
+            Outcome.NOT_APPLICABLE,
+            "no closed form is named for this renderer here, and it declares to be no law that has one",
+        ),
         Sibling.REFINE: undecided(UNREPEATABLE),
     },
     not_for={Situation.LED: "a closed form is about a tool that moves by itself"},

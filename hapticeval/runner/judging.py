@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from hapticeval.closed_forms import form_of
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.effect import Stage
 from hapticeval.errors import DomainError, HapticevalError, RefusalError, RunawayError, described, renderer_errors
@@ -34,8 +35,8 @@ from hapticeval.types import Array
 class Judged:
     """What came of one renderer in one case; `recording` is None where the renderer broke at once.
 
-    `ended` says at which tick and time, what and why, of a run that ended early: device or law left its domain, or the
-    loop ran away.
+    `closed_form` is the one of the renderer's law here, if there is one. `ended` says at which tick and time, what and
+    why, of a run that ended early: device or law left its domain, or the loop ran away.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -46,6 +47,7 @@ class Judged:
     wall_seconds: float
     ended: Mapping[str, Any] | None = None
     replay: Replay | None = None
+    closed_form: str | None = None
 
 
 class _RunFactory:
@@ -57,7 +59,7 @@ class _RunFactory:
         self.simulated = 0.0
         self.renderer = make_renderer(factory, scene)
         self.stimulus = case.build_stimulus(scene, self.renderer)
-        self.law = case.closed_form.get(name)
+        self.law = case.closed_form.get(name) or _declared_form(self.renderer, scene)
 
     def record(self, stimulus: Stimulus, dt: float, *, lead: Callable[..., Recording] = play) -> Recording:
         if isinstance(stimulus, Path):
@@ -195,6 +197,13 @@ class _RunFactory:
         return Closeup.of(self.renderer, base, self.scene)
 
 
+def _declared_form(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> str | None:
+    """Return the closed form of the law that a renderer claims to be; None where it claims none, or that has none."""
+    promise = abilities_of(renderer).declares
+    form = None if promise is None or promise.closed_form is None else form_of(promise.closed_form, scene)
+    return None if form is None else form.name
+
+
 def _moves_alike(scene: Scene, motion: Motion) -> bool:
     """Whether a closed loop in the moved scene is the same loop: of a point mass, at its size, without axes.
 
@@ -288,6 +297,7 @@ def judge_recorded(
         time.perf_counter() - started,
         ended,
         None if recorded is None else recorded.replay,
+        None if recorded is None else next((runs.law for runs in recorded.runs), None),
     )
 
 

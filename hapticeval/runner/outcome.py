@@ -92,7 +92,7 @@ def run_entry(job: Job, judged: Judged, file: Path | None) -> RunEntry:
         depth_of=case.depth_of,
         judged=case.judged,
         scene=_scene(case),
-        closed_form=case.closed_form.get(job.renderer),
+        closed_form=judged.closed_form,
         ended=None if judged.ended is None else Ended(**judged.ended),
         error=None if error is None else Problem.of(error),
         refusal=None if judged.refusal is None else Refusal.of(judged.refusal, position=_position(judged.refusal)),

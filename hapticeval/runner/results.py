@@ -166,7 +166,7 @@ class Replay(Entry, frozen=True, kw_only=True):
 
 
 class RunEntry(Entry, frozen=True, kw_only=True):
-    """One renderer in one case. `closed_form` is the one that the case names for this renderer."""
+    """One renderer in one case. `closed_form` is the one that the case names for this renderer, or its law has."""
 
     suite: str
     case: str

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticeval.renderer import Response
+from hapticeval.renderer import Declaration, Response
 from hapticeval.scene import Scene
 
 Fault = Callable[["Tick"], None]
@@ -39,13 +39,14 @@ class Tick:
 
 
 class Stabilised:
-    """(7.11), (7.14), (7.17) and (7.18) for a tool that the loop moves as a point mass."""
+    """(7.11), (7.14), (7.17) and (7.18) for a tool that the loop moves as a point mass, which it may claim to be."""
 
     supports = frozenset({"bilateral", "viscosity", "plane"})
 
-    def __init__(self, scene: Scene, fault: Fault | None = None) -> None:
+    def __init__(self, scene: Scene, fault: Fault | None = None, *, claims: bool = True) -> None:
         self.scene = scene
         self.fault = fault
+        self.declares = Declaration(closed_form="set-stabilisation" if claims else None)
 
     def reset(self, hip: np.ndarray) -> None:
         self.time, self.starts_on = 0.0, None
@@ -111,5 +112,9 @@ LAWBREAKERS: dict[str, tuple[str, Fault]] = {
 
 
 def factory(name: str) -> Callable[[Scene], Stabilised]:
-    """A renderer factory for one lawbreaker, or for the law without a fault."""
-    return lambda scene: Stabilised(scene, LAWBREAKERS[name][1] if name in LAWBREAKERS else None)
+    """A renderer factory for one lawbreaker, or for the law without a fault.
+
+    One with a fault that another check has to find does not claim to be that law, whose closed form it would miss too.
+    """
+    check, fault = LAWBREAKERS.get(name, ("closed-form", None))
+    return lambda scene: Stabilised(scene, fault, claims=check == "closed-form")

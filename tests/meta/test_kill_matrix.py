@@ -60,12 +60,10 @@ def findings(name: str) -> dict[tuple[str, str], Finding]:
         suite = "dynamics-circle" if name in DYNAMIC else "thesis"
         make = lawbreakers.factory(name) if name in DYNAMIC else ideal if name == "ideal" else mutants.factory(name)
         judged_in = [case for case in cases(suite) if name not in MUTANTS or mutants.touches(name, case)]
-    # A closed form is about the law without a fault; a law with another fault than in its gains has none.
-    known_as = "set-stabilisation" if name in (FAULTLESS, "hurries") else name
     # Where a fault changes nothing the verdicts are those of the right contact.
     found = dict(findings("ideal")) if name in MUTANTS else {}
     for case in judged_in:
-        judged = judge(make, known_as, suite, case)
+        judged = judge(make, name, suite, case)
         assert judged.error is None or name in OUTSIDERS, f"{case.name}: {judged.error}"
         found |= {(case.name, verdict.check): verdict.finding for verdict in judged.verdicts}
     return found
