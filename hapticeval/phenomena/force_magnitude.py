@@ -202,6 +202,15 @@ def _share(force: Array, error: Array, stiffness: float, spring: Spring) -> Arra
     return np.asarray(np.divide(above, stiffness * below, out=share, where=below != 0.0))
 
 
+def most_beside(base: Recording, scene: Scene) -> Array:
+    """Return how large a damper's force is at most, and the curvature's of one that declares no spring: (n,), N."""
+    velocity = _velocity(base)
+    sinking = backward_difference(base.hip - base.ihip, base.time)
+    speed = np.maximum(np.linalg.norm(velocity, axis=1), np.linalg.norm(sinking, axis=1))
+    bent = np.zeros(len(base)) if "spring" in base.meta else _bending(base, scene, velocity, np.arange(len(base)))
+    return np.asarray(scene.damping * speed + scene.mass * bent)
+
+
 def _bending(base: Recording, scene: Scene, velocity: Array, ticks: IntArray) -> Array:
     """Return |kappa| v^2 of the way along the surface (3.8), (n,), m/s^2: by which a law that knows it may differ.
 

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.force_magnitude import UNDECLARED, most_beside
+from hapticeval.phenomena.lag import find_lag, rests
 from hapticeval.phenomena.refinement import SETTLES
-from hapticeval.phenomena.sampling import TELLS, evidence_at, mm, touching
+from hapticeval.phenomena.sampling import LAG_TICKS, TELLS, evidence_at, lacks_ihip, mm, touching
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, undecided
 from hapticeval.recordings.integrity.force_sign import balance
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
-from hapticeval.types import Array, BoolArray
+from hapticeval.types import Array, BoolArray, IntArray
 
 CLOSED = 1e-9
 """Share of the model's size within which two HIPs are one point."""
@@ -92,7 +95,7 @@ class Sampled:
         bend[1:] = np.diff(force, n=2, axis=0)
         self.free = ~touching(recording, scene)[::factor]
         self.smooth, self.held, self.error, self.crossed, self.path, self.effort = (
-            _summed(steps)[::factor]
+            summed(steps)[::factor]
             for steps in (
                 mean,
                 np.sum(force[:-1] * moved, axis=1),
@@ -104,7 +107,8 @@ class Sampled:
         )
 
 
-def _summed(steps: Array) -> Array:
+def summed(steps: Array) -> Array:
+    """Return the sums up to each row, from 0 at the first: (n + 1,)."""
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
@@ -198,6 +202,98 @@ def _gain(sampled: Sequence[Sampled], way: Heading, rounding: Array, *, anywhere
     )
 
 
+@dataclass(frozen=True)
+class AtOwnRate:
+    """The work, J, that the hand gets over rows [first, last] at the scene's own rate, and how much is explained.
+
+    By `explained`, with a `lag` of the force, ticks.
+    """
+
+    what: str
+    first: int
+    last: int
+    work: float
+    explained: float
+    lag: float
+
+    @property
+    def excess(self) -> float:
+        """How far the work is beyond what explains it, J."""
+        return self.work - self.explained
+
+
+def force_lag(base: Recording, scene: Scene) -> float:
+    """Return how many ticks late the force is, from 0 to `LAG_TICKS`: by position and force, one number for the run.
+
+    A force that rests while the way to the IHIP changes is as much later. Of one without an IHIP nothing is known.
+    """
+    if lacks_ihip(base, scene) or "ihip" not in base.channels:
+        return float(LAG_TICKS)
+    resting = np.maximum(rests(base.force) - rests(base.hip - base.ihip), 0)[touching(base, scene)]
+    return min(find_lag(base, scene).force + float(resting.mean() if resting.size else 0.0), float(LAG_TICKS))
+
+
+def explained(base: Recording, scene: Scene, lag: float) -> Array:
+    """Return what a spring and a damper give the hand for being held and late, J from the first row to each, (n,).
+
+    Let F = -K (x - p) with an IHIP p that is nowhere led against the hand, dp . dx >= 0, as no nearest point is. Held
+    for a tick, F . dx is the work of its law and at most (K/2) |dx|^2 more, for at s of the way it has changed by
+    (F(s) - F) . dx >= -K s |dx|^2. Each tick of lag adds K |dx|^2. A force G beside it adds (1/2 + lag) |dG| |dx|: that
+    of a damper, and of what the curvature asks for, is as large as it may be at most.
+    """
+    error, moved = base.hip - base.ihip, np.linalg.norm(np.diff(base.hip, axis=0), axis=1)
+    touches = touching(base, scene)
+    # As stiff as `force-magnitude` lets it be.
+    push, square = -np.sum(base.force * error, axis=1), scene.stiffness * np.sum(error**2, axis=1)
+    share = np.clip(np.divide(push, square, out=np.ones_like(push), where=square > 0.0), 1.0, UNDECLARED[1])
+    beside = base.force + (scene.stiffness * share)[:, np.newaxis] * error
+    most = most_beside(base, scene)
+    size = np.linalg.norm(beside, axis=1)
+    beside *= np.divide(np.minimum(size, most), size, out=np.zeros_like(size), where=size > 0.0)[:, np.newaxis]
+    changed = np.linalg.norm(np.diff(beside, axis=0), axis=1)
+    steps = np.where(touches[1:] | touches[:-1], moved, 0.0)
+    stiffness = scene.stiffness * np.maximum(share[1:], share[:-1])
+    # The lag reaches back: to the longest of the steps, and the largest change, that it may be made of.
+    steps, changed = _recent(steps, math.ceil(lag)), _recent(changed, math.ceil(lag))
+    return summed((0.5 + lag) * (stiffness * steps**2 + changed * steps))
+
+
+def _recent(values: Array, ticks: int) -> Array:
+    """Return the largest of each value (n,) and of so many before it."""
+    later = [
+        np.concatenate([np.zeros(back), values[: values.size - back]]) for back in range(min(ticks, values.size) + 1)
+    ]
+    return np.asarray(np.max(later, axis=0))
+
+
+def _at_own_rate(
+    base: Recording, sampled: Sampled, scene: Scene, round_trips: list[tuple[int, int, int]]
+) -> AtOwnRate | None:
+    """Return over what rows the hand gets most beyond what is explained; None where nothing says what is.
+
+    A scene's effects have laws of their own, and a stiffness that varies may have any slope.
+    """
+    if scene.effects or "stiffness_least" in base.meta or "ihip" not in base.channels:
+        return None
+    lag = force_lag(base, scene)
+    work, may = sampled.held, explained(base, scene, lag) + _rounding(base, sampled, scene)
+
+    def largest(heading: Heading, rows: IntArray) -> AtOwnRate:
+        last = int(rows[np.argmax((work - may)[rows])])
+        gained, granted = (float(sums[last] - sums[heading.first]) for sums in (work, may))
+        return AtOwnRate(heading.what, heading.first, last, gained, granted, lag)
+
+    gains = [
+        largest(heading, np.arange(heading.first + 1, heading.last + 1))
+        for heading in stretches(~touching(base, scene))
+    ]
+    for after in _laps(sampled, round_trips, len(base)):
+        # As of the law: what is created comes in every lap.
+        each_lap = [largest(heading, np.array([heading.last])) for heading in after]
+        gains.append(min(each_lap, key=lambda gain: gain.excess))
+    return max(gains, key=lambda gain: gain.excess, default=None)
+
+
 def active_by_nature(scene: Scene) -> str | None:
     """What the scene calls for that gives energy away whatever the renderer does; None where nothing does."""
     return next((why for each in scene.effects if (why := each.active(scene.damping)) is not None), None)
@@ -221,11 +317,21 @@ def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene) ->
         return undecided(
             "the hand neither comes from free space nor goes round a closed loop twice: what is stored is not known"
         )
+    whole = Sampled(base, 1, scene)
     for finest in FINEST:
-        gains = _gains(base, refine, scene, round_trips, finest)
+        gains = _gains(base, whole, refine, scene, round_trips, finest)
         telling = [gain for gain in gains if gain.telling]
         if any(gain.excess > 0.0 for gain in telling) or len(telling) == len(gains):
             break
+    finding = _of_law(base, gains, telling)
+    if finding.outcome is Outcome.FAIL:
+        return finding
+    gain = _at_own_rate(base, whole, scene, round_trips)
+    return finding if gain is None or gain.excess <= 0.0 else _of_hold(base, scene, gain)
+
+
+def _of_law(base: Recording, gains: Sequence[Gain], telling: Sequence[Gain]) -> Finding:
+    """Judge the limit to which refinement leads, J."""
     if not telling:
         return undecided("refinement does not settle the work that crosses between hand and renderer")
     open_ways = [gain for gain in gains if not gain.telling]
@@ -242,7 +348,10 @@ def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene) ->
         "ways": len(telling),
         "laps": sum(gain.what == LAP for gain in telling),
     }
-    shares = f"holding the force adds {_mj(worst.hold)} and lag {_mj(worst.lag)} at {1e3 * base.dt:.3g} ms"
+    shares = (
+        f"at {1e3 * base.dt:.3g} ms holding the force adds {_mj(worst.hold)}, and what else vanishes with the tick "
+        f"{_mj(worst.lag)}"
+    )
     if worst.excess > 0.0:
         where = mm(*base.hip[worst.first : worst.last].mean(axis=0))
         message = (
@@ -263,29 +372,59 @@ def _judge(base: Recording, refine: Callable[[int], Recording], scene: Scene) ->
 
 def _gains(
     base: Recording,
+    whole: Sampled,
     refine: Callable[[int], Recording],
     scene: Scene,
     round_trips: list[tuple[int, int, int]],
     finest: int,
 ) -> list[Gain]:
     """Return the gains over all ways of the base run, extrapolated from `finest` times its rate."""
-    whole = Sampled(base, 1, scene)
     factors = (finest // 4, finest // 2, finest)
     sampled = (whole, *(whole if factor == 1 else Sampled(refine(factor), factor, scene) for factor in factors))
     count = min(each.free.size for each in sampled)
     last = sampled[-1]
-    largest = float(np.max(np.abs(base.hip)))
-    rounding = 4.0 * SINGLE * (scene.stiffness * largest * last.path + last.effort)
+    rounding = _rounding(base, last, scene)
     free = np.logical_and.reduce([each.free[:count] for each in sampled])
     gains = [_gain(sampled, way, rounding, anywhere=True) for way in stretches(free)]
+    for after in _laps(whole, round_trips, count):
+        # What one lap alone gives may have been stored; what is created comes in every lap.
+        lasting = [_gain(sampled, way, rounding, anywhere=False) for way in after]
+        gains.append(min(lasting, key=lambda each: (not each.telling, each.excess)))
+    return gains
+
+
+def _laps(whole: Sampled, round_trips: list[tuple[int, int, int]], count: int) -> Iterator[list[Heading]]:
+    """For each of the round trips its laps after the first in which something is touched, if there are any."""
     for first, period, number in round_trips:
         starts = [first + lap * period for lap in range(1, number) if first + (lap + 1) * period < count]
         after = [Heading(start, start + period, LAP) for start in starts if not whole.free[start:][:period].all()]
         if after:
-            # What one lap alone gives may have been stored; what is created comes in every lap.
-            lasting = [_gain(sampled, way, rounding, anywhere=False) for way in after]
-            gains.append(min(lasting, key=lambda each: (not each.telling, each.excess)))
-    return gains
+            yield after
+
+
+def _of_hold(base: Recording, scene: Scene, gain: AtOwnRate) -> Finding:
+    """Return the failure of a renderer whose law creates nothing, and that gives more than a held spring does."""
+    where = mm(*base.hip[gain.first : gain.last].mean(axis=0))
+    shown = f"the lag of {gain.lag:.2g} ticks that force and position show" if gain.lag > 0.0 else "no lag"
+    message = (
+        f"creates energy at {1e3 * base.dt:.3g} ms: {gain.what}, round {where} until t = {base.time[gain.last]:.4g} s, "
+        f"the hand gets {_mj(gain.work)}, of which a spring of {scene.stiffness:g} N/m that is held for a tick, with "
+        f"{shown}, explains {_mj(gain.explained)}; it is less the faster the loop is sampled"
+    )
+    evidence = {
+        **evidence_at(base, gain.last),
+        "from_time": float(base.time[gain.first]),
+        "way": gain.what,
+        "held_J": gain.work,
+        "explained_J": gain.explained,
+        "lag_ticks": gain.lag,
+    }
+    return Finding(Outcome.FAIL, message, Metric(CHECK.metric, gain.work, "J"), gain.explained, evidence)
+
+
+def _rounding(base: Recording, sampled: Sampled, scene: Scene) -> Array:
+    largest = float(np.max(np.abs(base.hip)))
+    return 4.0 * SINGLE * (scene.stiffness * largest * sampled.path + sampled.effort)
 
 
 def _mj(energy: float) -> str:
@@ -323,20 +462,24 @@ CHECK = Check(
     metric="work that the hand gets back beyond what it put in",
     unit="J",
     bound=(
-        "What the extrapolation leaves open, and nothing else. A passive renderer has W <= S(start) - S(end) with S "
-        ">= 0 what it stores: in free space S = 0, so that W <= 0 at every later row, and after a lap over the same "
-        "points S is what it was a lap before, once a renderer with a memory has had a lap to load it; the settled "
-        "lap after the first that gives least is judged. W has three shares. Hold: the sum with the force held for a "
-        "tick less the trapezoid, over a spring K (K/2) sum of |dx|^2. Lag: what else vanishes with the tick, L K sum "
-        "of |dx|^2 for L ticks. Law: the limit of the trapezoid, extrapolated linearly from h/2 and h/4; it alone is "
-        "judged. Left open are the last correction of that (as in `refinement`), the trapezoid's own error (1/2) sum "
-        "of |(F[i-1] - 2 F[i] + F[i+1]) . dx| of the finest run, single precision, and the whole of a gain that "
-        "shrinks by less than a quarter with a halving of the tick, as a late proxy's does in a sharp turn. A way on "
-        "which that is more than a tenth of what crossed, and a thousandth of force times way, decides nothing where "
-        "the hand seems to have got something; with such a way left the check does not pass. One recording alone is "
+        "What the extrapolation leaves open; and at the scene's own rate what holding a late spring explains. A "
+        "passive renderer has W <= S(start) - S(end) with S >= 0 what it stores: in free space S = 0, so that W <= 0 "
+        "at every later row, and after a lap over the same points S is what it was a lap before, once a renderer "
+        "with a memory has had a lap to load it; the settled lap after the first that gives least is judged. W has "
+        "three shares. Hold: the sum with the force held for a tick less the trapezoid, over a spring K (K/2) sum of "
+        "|dx|^2. Lag: what else vanishes with the tick, L K sum of |dx|^2 for L ticks. Law: the limit of the "
+        "trapezoid, extrapolated linearly from h/2 and h/4, in which nothing may be left. Left open are the last "
+        "correction of that (as in `refinement`), the trapezoid's own error (1/2) sum of |(F[i-1] - 2 F[i] + F[i+1]) "
+        ". dx| of the finest run, single precision, and the whole of a gain that shrinks by less than a quarter with "
+        "a halving of the tick, as a late proxy's does in a sharp turn. A way on which that is more than a tenth of "
+        "what crossed, and a thousandth of force times way, decides nothing where the hand seems to have got "
+        "something; with such a way left the check does not pass. At the scene's own rate all that the hand gets is "
+        "at most (1/2 + L) sum of (K |dx|^2 + |dG| |dx|), with L the one lag that force and position show, up to 3, "
+        "K as stiff as `force-magnitude` measures and its must lets it be, and G what a damper and the curvature may "
+        "add; not asked in a scene with effects, nor of a stiffness that is declared to vary. One recording alone is "
         "judged by the trapezoid at the best of 0 to 3 ticks of lag, with a tenth of what crossed left open: the "
-        "weaker test. Level info where the scene calls for what is active by nature: delayed motors, or a damper on a "
-        "filtered velocity.\n"
+        "weaker test. Level info where the scene calls for what is active by nature: delayed motors, or a damper on "
+        "a filtered velocity.\n"
         "Conservative: the nearest point with pp, transversal or the square root's spring, F = -grad U with U = K "
         "d^2/2, and homothetic and combescure with gradient. Dissipative: the constraint, whose tool moves only to "
         "where it is nearer to the hand; pp-v, which takes K_d |v|^2, and pp-pd, which takes K_d (n.v)^2. Active: the "

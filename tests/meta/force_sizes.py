@@ -95,3 +95,28 @@ class Coarse(Spring):
     def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
         ihip, force = super().step(hip, velocity, dt)
         return Response(ihip, force * (np.linalg.norm(force) > self.BAND))
+
+
+def along_curves(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
+    """The force pushes the hand on along its way, by 0.7 K times the step, wherever that bends by 1e-4 of it or more.
+
+    It vanishes with the tick, as the hold of a force does and a lag, and there is none.
+    """
+    before, last = tick.memory.get("way", (tick.hip, tick.hip))
+    tick.memory["way"] = last, tick.hip
+    step = tick.hip - last
+    bends = np.linalg.norm(step - (last - before)) > 1e-4 * np.linalg.norm(step)
+    return tick.ihip, tick.force + 0.7 * tick.scene.stiffness * step * (bends and tick.inside)
+
+
+class EverySecond(Spring):
+    """Answers anew in every second tick, and gives that answer twice: half a tick late on the average."""
+
+    def reset(self, hip: np.ndarray) -> None:
+        self.ticks = 0
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        if self.ticks % 2 == 0:
+            self.answer = super().step(hip, velocity, dt)
+        self.ticks += 1
+        return self.answer

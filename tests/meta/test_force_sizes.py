@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import force_sizes
+import honest
 import numpy as np
 import pytest
+from honest import Spring
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made import FAIL, PASS
@@ -13,7 +15,8 @@ from outsiders import CASES, case
 
 from hapticeval.discovery import resolve
 from hapticeval.phenomena.verdict import Level, Verdict
-from hapticeval.renderer import Declaration, Spring, abilities_of
+from hapticeval.renderer import Declaration, abilities_of
+from hapticeval.renderer import Spring as Along
 from hapticeval.runner.judging import judge
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
@@ -40,6 +43,35 @@ def test_off_by_a_fifth_is_a_warning_and_a_must_for_who_declares_a_spring():
     assert (found.outcome, found.level) == (FAIL, Level.SHOULD)
     found = verdict(force_sizes.spoiled(force_sizes.FAULTS["by-place"]), CONVEX)
     assert (found.outcome, found.level) == (FAIL, Level.MUST)
+
+
+def test_a_push_along_curved_motion_is_not_taken_for_a_lag_that_force_and_position_do_not_show():
+    make = force_sizes.spoiled(force_sizes.along_curves, Spring)
+    found = verdict(make, LOOPS, "passivity")
+    assert (found.outcome, found.level) == (FAIL, Level.MUST), found.finding.message
+    assert "creates energy at 1 ms" in found.finding.message
+    assert "with no lag" in found.finding.message
+    assert found.finding.evidence["lag_ticks"] == 0.0
+    assert found.finding.metric.value > 0.8e-3
+
+
+def test_a_kick_of_a_thrown_tool_gives_more_than_a_held_spring():
+    found = verdict(force_sizes.faulty("hard-kick"), THESIS["plane-impact"], "passivity")
+    assert (found.outcome, found.level) == (FAIL, Level.MUST), found.finding.message
+    assert found.finding.metric.value > 5.0 * found.finding.bound
+
+
+@pytest.mark.parametrize("lag", [1, 2, 3])
+@pytest.mark.parametrize("name", ["cassinian-loops", "plane-impact"])
+def test_what_a_lag_that_shows_gives_is_granted(lag, name):
+    found = verdict(honest.factory(f"late-{lag}", Spring), THESIS[name], "passivity")
+    assert found.outcome is PASS, found.finding.message
+
+
+@pytest.mark.parametrize("name", ["cassinian-loops", "plane-impact"])
+def test_one_who_answers_in_every_second_tick_is_granted_half_a_tick(name):
+    found = verdict(force_sizes.EverySecond, THESIS[name], "passivity")
+    assert found.outcome is PASS, found.finding.message
 
 
 @pytest.mark.parametrize("name", ["kick", "triple-kick", "hard-kick"])
@@ -74,7 +106,7 @@ def test_a_range_that_is_declared_is_held():
 def test_what_the_gradient_declares_is_between_its_softest_and_its_stiffest():
     """Of `homothetic` it is H^2 / h^2: 478 to 1,582 N/m on the Cassinian, as docs/continuous-and-passive.md has it."""
     said = abilities_of(resolve("homothetic")(LOOPS.build_scene())).declares
-    assert said.spring is Spring.NORMAL
+    assert said.spring is Along.NORMAL
     assert said.stiffness_range == pytest.approx((0.478, 1.582), rel=2e-3)
 
 

@@ -41,16 +41,17 @@ IN_AND_OUT = Path([0.0, 0.4, 0.8], [[-0.02, 0.004], [0.0, -0.004], [0.02, 0.004]
 """4 mm into a plane, aslant, and out again."""
 
 
-def led(field, path, dt, *, lag=0):
-    """What a force field gives along a path, `lag` ticks late; the IHIP is where a spring K would have it."""
+def led(field, path, dt, *, lag=0, stiffness=K):
+    """What a force field gives along a path, `lag` ticks late; the IHIP is where a spring would have it."""
     time, hip = path.sampled(dt)
-    force = np.array([field(point) for point in hip])[np.maximum(np.arange(time.size) - lag, 0)]
-    return recorded(hip, hip + force / K, force, dt=dt, meta={"source": "playback", "dt": dt})
+    rows = np.maximum(np.arange(time.size) - lag, 0)
+    force = np.array([field(point) for point in hip])[rows]
+    return recorded(hip, hip[rows] + force / stiffness, force, dt=dt, meta={"source": "playback", "dt": dt})
 
 
 def judged_field(field, path, *, lag=0, dt=1e-3, scene=ROUND):
     def refine(factor):
-        return led(field, path, dt / factor, lag=lag)
+        return led(field, path, dt / factor, lag=lag, stiffness=scene.stiffness)
 
     return found("passivity", Runs(refine(1), refine=refine).remembered(), scene)
 
@@ -82,13 +83,17 @@ def runs(make, scene=PLANE, path=IN_AND_OUT, **meta):
 )
 @settings(max_examples=20)
 def test_the_work_of_a_gradient_round_a_loop_is_none_in_the_limit(x, y, radius, bend, lag):
-    """U = (K/2)(x^2 + 2 y^2 + c x y^2 / 10 mm): a force without curl, however late, is not taken for active."""
+    """U = (K/2)(x^2 + 2 y^2 + c x y^2 / 10 mm): a force without curl, however late, is not taken for active.
+
+    Its slope is at most 8 K, the scene's stiffness, so that no more than that explains is added by holding it.
+    """
     c = bend / 0.01
+    scene = Scene(model=circle(), stiffness=8.0 * K)
 
     def force(p):
         return -K * np.array([p[0] + 0.5 * c * p[1] ** 2, 2.0 * p[1] + c * p[0] * p[1]])
 
-    found = judged_field(force, loop((x, y), radius), lag=lag)
+    found = judged_field(force, loop((x, y), radius), lag=lag, scene=scene)
     assert found.outcome is PASS, found.message
     assert abs(found.metric.value) <= found.bound
 
@@ -192,7 +197,7 @@ def test_a_way_that_refinement_leaves_open_is_no_pass():
         dt = 1e-3 / factor
         y = np.interp(dt * np.arange(1600 * factor + 1), [0.0, 0.4, 0.8, 1.2, 1.6], [2e-3, -4e-3, 2e-3, -4e-3, 2e-3])
         time = dt * np.arange(y.size)
-        noise = np.random.default_rng(factor).uniform(0.0, 2.0, y.size) * (time > 1.2)
+        noise = np.random.default_rng(factor).uniform(0.0, 2.0, y.size) * (time > 1.2) * (factor > 1)
         hip = np.column_stack([0.01 * (time > 0.8), y])
         ihip = np.column_stack([hip[:, 0], np.maximum(y, 0.0)])
         return recorded(hip, ihip, K * (ihip - hip) * (1.0 + noise)[:, None], dt=dt)
