@@ -10,6 +10,7 @@ import numpy as np
 
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.lag import at_rows, find_lag
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     TELLS,
@@ -124,6 +125,9 @@ def _measure(base: Recording, scene: Scene, spring: Spring) -> Measured:
     for lag in range(1, LAG_TICKS + 1):
         before, after = np.maximum(now - lag, 0), np.minimum(now + lag, last)
         errors += [base.hip[hip] - base.ihip[ihip] for hip, ihip in ((before, now), (before, before), (now, after))]
+    # Where the depth has an extremum, those of whole ticks may all lie on one side of a lag's between them.
+    late = find_lag(base, scene)
+    errors.append(at_rows(base.hip, now, late.force_hip) - at_rows(base.ihip, now, late.force_ihip))
     shares = np.array([_share(force, each, scene.stiffness, spring) for each in errors])
     along, depth = _along(force, errors[0], spring)
     # A spring that gives nothing has no direction of its own: what it should have given is along the error.
@@ -510,9 +514,10 @@ CHECK = Check(
         "which the depth is measured, of the hand or of the error, whichever is larger; m kappa v^2 of the way along "
         "the surface (3.8), by HIP or IHIP, for a renderer that declares no spring; the resolution of the force that "
         "is declared, up to a tenth of the largest; and single precision, 4 * 2^-23 (size of the coordinates / d + 1). "
-        "Of HIPs and IHIPs up to three ticks apart, or both as late, any may belong to a force: K_p has to lie within "
-        "what they span. Where a lag reaches to before or behind the contact the force is at most what the largest "
-        "depth within the lag explains. Ticks where more than a tenth is allowed are not judged to that.\n"
+        "Of HIPs and IHIPs up to three ticks apart, or both as late, any may belong to a force, and those of the lag "
+        "between ticks that the run shows: K_p has to lie within what they span. Where a lag reaches to before or "
+        "behind the contact the force is at most what the largest depth within the lag explains. Ticks where more "
+        "than a tenth is allowed are not judged to that.\n"
         "The level is must for who declares along what the force is a spring (`Declaration`). Another is measured "
         "along the error or across the surface, as it fits better, and this bound is should: a law that knows the "
         "curvature is no fault, but is not the scene's K_p either. It is a must for everybody, in a scene without "

@@ -21,6 +21,10 @@ HALVINGS = 40
 """Times that the bracket of half a tick is narrowed by the golden section: to 2e-9 of a tick, where `float` ends."""
 
 
+MOST_ROWS = 4096
+"""Rows, spread over all, in which a lag is looked for: *chosen*, for time. With twice as many it is the same number."""
+
+
 class Lag(NamedTuple):
     """How many ticks late the channels of a run are, one number each for all of it, 0 where none is seen.
 
@@ -71,6 +75,11 @@ def at_rows(values: Array, rows: IntArray, back: float = 0.0) -> Array:
     after = np.minimum(before + 1, len(values) - 1)
     share = (place - before)[:, np.newaxis]
     return np.asarray((1.0 - share) * values[before] + share * values[after])
+
+
+def _spread(rows: IntArray) -> IntArray:
+    """Return `MOST_ROWS` of the rows at the most, spread over all."""
+    return rows[:: -(-rows.size // MOST_ROWS) or 1]
 
 
 def rests(values: Array) -> IntArray:
@@ -128,7 +137,7 @@ def _ihip_lag(recording: Recording, scene: Scene) -> float:
     contact. A map that has its contact point elsewhere fits at no lag.
     """
     # A queue that starts with the run is not filled before.
-    rows = np.arange(LAG_TICKS, len(recording), dtype=np.int64)
+    rows = _spread(np.arange(LAG_TICKS, len(recording), dtype=np.int64))
     if rows.size == 0:
         return 0.0
     ihip = recording.ihip[rows]
@@ -148,7 +157,8 @@ def _ihip_lag(recording: Recording, scene: Scene) -> float:
     exact = rounding(scene)
     if misfit(0.0, rows) <= exact:
         return 0.0
-    return believed(lambda lag: misfit(lag, rows - rests(recording.ihip)[rows]), exact)[0]
+    since = rows - rests(recording.ihip)[rows]
+    return believed(lambda lag: misfit(lag, since), exact)[0]
 
 
 def _force_lag(recording: Recording, scene: Scene) -> tuple[float, float]:
@@ -158,7 +168,7 @@ def _force_lag(recording: Recording, scene: Scene) -> tuple[float, float]:
     is, or it is made of an IHIP that is recorded late.
     """
     ends = np.arange(LAG_TICKS, len(recording) - LAG_TICKS, dtype=np.int64)
-    rows = ends[above_force_floor(recording, scene)[ends]]
+    rows = _spread(ends[above_force_floor(recording, scene)[ends]])
     if rows.size == 0:
         return 0.0, 0.0
     force = recording.force[rows]

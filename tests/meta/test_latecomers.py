@@ -16,7 +16,8 @@ from outsiders import CASES, LED, case
 
 from hapticeval.discovery import resolve
 from hapticeval.phenomena.verdict import Finding, Outcome
-from hapticeval.renderer import Response
+from hapticeval.renderer import Declaration, Response
+from hapticeval.renderer import Spring as Declared
 from hapticeval.runner.judging import judge
 from hapticeval.suite.reading import load_suite
 
@@ -192,3 +193,26 @@ def test_after_a_release_a_channel_has_three_ticks_to_end_the_contact_too(check,
 def test_more_than_three_ticks_are_a_fault(ticks):
     judged = judge(held_late(**ticks), "late", "any", RELEASE)
     assert any(verdict.outcome is Outcome.FAIL for verdict in judged.verdicts)
+
+
+def declared(make):
+    """The same, which declares that it is a spring."""
+
+    def promising(scene):
+        renderer = make(scene)
+        renderer.declares = Declaration(spring=Declared.ERROR)
+        return renderer
+
+    return promising
+
+
+lags = st.one_of(st.just(0.0), st.just(1.0), st.floats(0.0, 3.0))
+
+
+@settings(max_examples=8)
+@given(ihip=lags, force=lags, tool=lags)
+def test_a_declared_spring_may_be_late_by_one_number_of_ticks_a_channel(ihip, force, tool):
+    for make in (late(ihip=ihip, force=ihip), late(force=force), late(ihip=ihip), late(LateTool, ihip=tool)):
+        for place in ("slide", "press"):
+            finding = found(place, "force-magnitude", declared(make))
+            assert finding.outcome is Outcome.PASS, finding.message
