@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,15 +16,55 @@ from hapticeval.errors import InputError, UnknownNameError, at
 
 T = TypeVar("T")
 
+DEEPEST = 64
+"""Tables and lists within each other, *chosen*: ours have ten at the most, and Python's stack ends at some hundreds."""
+
 
 def read_toml(file: Path) -> Mapping[str, Any]:
-    """Read a TOML file. Raises `InputError`, naming it, for one that cannot be read or is not TOML."""
+    """Read a TOML file. Raises `InputError`, naming it, for one that cannot be read, is no TOML, or nested too deep."""
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
+        document = tomllib.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"cannot read {file}", why=error.strerror or str(error)) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except RecursionError:
+        raise too_deep(file.name) from None
+    except ValueError as error:  # of TOML, of UTF-8, of a number of thousands of digits
         raise InputError(f"{file.name} is not TOML", why=str(error)) from error
+    check_depth(document, file.name)
+    return document
+
+
+def parse_json(text: str | bytes, place: str) -> Any:
+    """Return the value of a JSON text. Raises `InputError` for one that is not JSON, or nested too deep.
+
+    `place` names the text in messages.
+    """
+    try:
+        document = json.loads(text)
+    except RecursionError:
+        raise too_deep(place) from None
+    except ValueError as error:  # of JSON, of UTF-8, of a number of thousands of digits
+        raise InputError(f"{place} is not JSON", why=str(error)) from error
+    check_depth(document, place)
+    return document
+
+
+def check_depth(document: Any, place: str) -> None:
+    """Raise `InputError` for plain values nested deeper than `DEEPEST`, which no reader takes apart by recursion."""
+    level, depth = [document], 0
+    while level := [item for value in level for item in _items(value)]:
+        depth += 1
+        if depth > DEEPEST:
+            raise too_deep(place)
+
+
+def _items(value: Any) -> Iterable[Any]:
+    return value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else ()
+
+
+def too_deep(place: str) -> InputError:
+    """Return the error of a document with too many tables and lists within each other."""
+    return InputError(f"{place} is nested more than {DEEPEST} levels deep", why="no document of ours needs that many")
 
 
 def convert(data: Any, kind: type[T] | Any, place: str, *, todo: str = "") -> T:
@@ -34,6 +75,8 @@ def convert(data: Any, kind: type[T] | Any, place: str, *, todo: str = "") -> T:
     """
     try:
         made: T = msgspec.convert(data, kind)
+    except OverflowError as error:
+        raise InputError(f"{place} holds a whole number that no float can hold", why=str(error), todo=todo) from error
     except msgspec.ValidationError as error:
         what, _, path = str(error).partition(" - at `$")
         steps = _steps(data, re.findall(r"\.?([^.\[\]`]+|\.\.\.)", path), what)

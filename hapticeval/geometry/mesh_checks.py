@@ -10,7 +10,7 @@ import numpy as np
 
 from hapticeval.errors import InputError
 from hapticeval.geometry import mesh_build as build
-from hapticeval.geometry.validate import check_range, refuse_not_finite
+from hapticeval.geometry.validate import SMALLEST, check_range, refuse_not_finite
 from hapticeval.types import Array, IntArray
 
 MOST = 5_000_000
@@ -18,6 +18,10 @@ MOST = 5_000_000
 SUSPECTS = 4096
 """Pairs of triangles that are looked at together for whether they cross."""
 LARGEST_INTEGER = 2**31 - 1
+
+ON_EDGE = 1e-6
+"""How far from an edge a vertex still lies on it, as a share of coordinates: ten roundings of the single precision of
+STL files. It chooses words only: the mesh is refused either way."""
 
 EDGES = ("first", "second", "third")
 REPAIR = "in MeshLab: Filters > Cleaning and Repairing; in Python: trimesh.repair"
@@ -99,16 +103,21 @@ def checked_triangles(triangles: object, count: int) -> IntArray:
             why="a closed one has at least four" if array.shape[0] < 4 else f"at most {MOST} are taken",
             todo="" if array.shape[0] < 4 else "simplify it: quadric decimation keeps the shape",
         )
-    outside = np.flatnonzero(((array < 0) | (array >= count)).any(axis=1))
-    if outside.size:
-        raise InputError(
-            f"triangle {outside[0]} is {array[outside[0]].tolist()}",
-            why=f"its corners are numbers of the {count} vertices, counted from 0",
-        )
+    check_corners_named(array, count)
     twice = np.flatnonzero((array == np.roll(array, 1, axis=1)).any(axis=1))
     if twice.size:
         refuse(build.FLAT_TRIANGLE, int(twice[0]), array)
     return np.ascontiguousarray(array)
+
+
+def check_corners_named(triangles: IntArray, count: int) -> None:
+    """Raise `InputError`, naming the triangle, where a corner of triangles (t, 3) is none of `count` vertices."""
+    outside = np.flatnonzero(((triangles < 0) | (triangles >= count)).any(axis=1))
+    if outside.size:
+        raise InputError(
+            f"triangle {outside[0]} is {triangles[outside[0]].tolist()}",
+            why=f"its corners are numbers of the {count} vertices, counted from 0",
+        )
 
 
 def check_closed(positions: Array, triangles: IntArray) -> IntArray:
@@ -117,6 +126,8 @@ def check_closed(positions: Array, triangles: IntArray) -> IntArray:
     used[triangles] = True
     check_range(positions[used])
     across, problem, triangle, corner = build.join(positions.shape[0], triangles)
+    if problem == build.OPEN:
+        _refuse_t_junction(positions, triangles, triangle, corner)
     if problem:
         refuse(problem, triangle, triangles, corner)
     other = build.component(across)
@@ -129,6 +140,34 @@ def check_closed(positions: Array, triangles: IntArray) -> IntArray:
             todo="swap two corners of every triangle (trimesh.repair.fix_inversion)",
         )
     return across
+
+
+def _refuse_t_junction(positions: Array, triangles: IntArray, triangle: int, corner: int) -> None:
+    """Raise `InputError` where the open edge ends in the middle of another one, or another one in the middle of it."""
+    rows = np.repeat(np.arange(len(triangles)), 3)
+    edges = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
+    _, numbers, counts = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+    is_open = counts[numbers.ravel()] == 1
+    this = edges[3 * triangle + corner][None]
+    rows, edges = rows[is_open][:SUSPECTS], edges[is_open][:SUSPECTS]
+    pairs = [(edge, row, vertex) for vertex in this.ravel() for edge, row in zip(edges, rows, strict=True)]
+    pairs += [(this[0], triangle, vertex) for vertex in np.unique(edges)]
+    for edge, row, vertex in pairs:
+        if vertex not in edge and _lies_on(positions[vertex], *positions[edge]):
+            raise InputError(
+                f"vertex {vertex} lies on an edge of triangle {row}, between vertices {edge[0]} and {edge[1]}: "
+                "the mesh has a T-junction, and is open there",
+                why="triangles are neighbours where they share both ends of an edge; none may end in its middle",
+                todo=f"divide triangle {row} at vertex {vertex}, or export the mesh without T-junctions ({REPAIR})",
+            )
+
+
+def _lies_on(point: Array, start: Array, end: Array) -> bool:
+    """Whether a point lies between the ends of an edge, to the rounding of single precision."""
+    edge, size = end - start, float(np.max(np.abs([start, end])))
+    length = max(float(np.linalg.norm(edge)), SMALLEST)
+    share = float((point - start) @ edge) / length**2
+    return 0.0 < share < 1.0 and float(np.linalg.norm(point - start - share * edge)) <= ON_EDGE * max(size, length)
 
 
 def check_crossings(faces: Array, vertices: Array, tree: Array, order: IntArray) -> None:

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import io
+import struct
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hapticeval.errors import InputError, UnknownNameError
-from hapticeval.geometry.mesh_checks import MOST
+from hapticeval.geometry.mesh_checks import MOST, check_corners_named
+from hapticeval.geometry.validate import refuse_not_finite
 from hapticeval.types import Array, IntArray
 
 UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 25.4e-3}
 """Metres in each unit."""
 FORMATS = (".stl", ".obj", ".ply", ".off")
+TEXT = (".obj", ".off")
+STL_HEADER, STL_TRIANGLE = 84, 50
+"""Bytes of a binary STL file: a header that ends with the number of triangles, and each triangle."""
 LARGEST = 1 << 30
 """Bytes of the largest file that is read: five million triangles are a quarter of a gigabyte in STL."""
 
@@ -51,6 +56,12 @@ def read_mesh(file: Path) -> tuple[Array, IntArray]:
     import trimesh
 
     damaged = f"{file} is no {file.suffix[1:].upper()} file, or a damaged one"
+    if not content.strip():
+        raise InputError(f"the mesh file {file} is empty", todo="export it again")
+    content = _as_text(content) if file.suffix.lower() in TEXT else content
+    cut = _stl_fault(content) if file.suffix.lower() == ".stl" else ""
+    if cut:
+        raise InputError(damaged, why=cut, todo="export it again, or copy it again")
     try:
         with np.errstate(all="ignore"):
             made: Any = trimesh.load(
@@ -65,7 +76,32 @@ def read_mesh(file: Path) -> tuple[Array, IntArray]:
         raise InputError(f"{file} holds no triangles", why="lines and points bound no solid", todo="export a surface")
     if len(triangles) > MOST:
         raise InputError(f"{file} holds {len(triangles)} triangles", why=f"at most {MOST} are taken")
+    if not np.isfinite(vertices).all():
+        raise refuse_not_finite(vertices, "vertex coordinates: vertex")
+    check_corners_named(triangles, len(vertices))
     return merged(vertices, triangles)
+
+
+def _as_text(content: bytes) -> bytes:
+    """Return text in UTF-8, which the parsers take: what is in no UTF-8 is taken for Latin-1, which reads anything."""
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError:
+        return content.decode("latin-1").encode()
+    return content
+
+
+def _stl_fault(content: bytes) -> str:
+    """Return why the bytes are neither a binary STL file nor one in text; "" for those that may be one."""
+    (count,) = struct.unpack("<I", content[STL_HEADER - 4 : STL_HEADER].ljust(4, b"\0"))
+    size = STL_HEADER + STL_TRIANGLE * count
+    if len(content) == size:
+        return ""
+    if content.lstrip()[:5].lower() == b"solid" and b"\0" not in content:
+        return "" if b"endsolid" in content.lower() else "it begins with 'solid', and no 'endsolid' ends it"
+    if len(content) < STL_HEADER:
+        return f"it has {len(content)} bytes, and the header of a binary one has {STL_HEADER}"
+    return f"its header counts {count} triangles, which take {size} bytes, and {len(content)} are there"
 
 
 def merged(vertices: Array, triangles: IntArray) -> tuple[Array, IntArray]:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from hapticeval.documents import check_depth, parse_json
 from hapticeval.errors import InputError
 from hapticeval.types import Array
 
@@ -26,6 +28,8 @@ Bounds on IHIPs are some 1e-5 of a model's size at the finest: rounding must sta
 """
 GEOJSON = 'give {"type": "Polygon", "coordinates": [[...]]}'
 WKT = "give POLYGON ((x y, x y, x y, x y)), ring closed"
+DEEPEST_WKT = 16
+"""Brackets within brackets, *chosen*: a polygon has two, and GEOS has no limit but its stack."""
 
 
 def points_for(points: object, dimension: int) -> Array:
@@ -121,6 +125,8 @@ def vertices_from_wkt(text: str) -> Array:
 
     if not isinstance(text, str) or not text.strip():
         raise InputError("the WKT text is empty", todo=WKT)
+    if max(accumulate((character == "(") - (character == ")") for character in text)) > DEEPEST_WKT:
+        raise InputError("the WKT text is nested too deep", why="a polygon has two levels of brackets", todo=WKT)
     try:
         with np.errstate(all="ignore"):  # numbers that are not finite are refused below, by vertex
             geometry = shapely.from_wkt(text)
@@ -136,10 +142,9 @@ def vertices_from_geojson(document: str | Mapping[str, Any]) -> Array:
     if isinstance(document, str):
         if not document.strip():
             raise InputError("the GeoJSON text is empty", todo=GEOJSON)
-        try:
-            document = json.loads(document)
-        except json.JSONDecodeError as error:
-            raise InputError("the GeoJSON text is not JSON", why=str(error)) from error
+        document = parse_json(document, "the GeoJSON text")
+    else:
+        check_depth(document, "the GeoJSON")
     if not isinstance(document, Mapping) or "type" not in document:
         raise InputError("the GeoJSON has no 'type'", todo=GEOJSON)
     if document["type"] == "FeatureCollection":

@@ -48,6 +48,6 @@ def prepare(directory: Path, *, keep_reports: bool = False) -> None:
 def _ours(file: Path) -> bool:
     try:
         document = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return False
     return isinstance(document, dict) and document.keys() >= DOCUMENTS[file.name] | {"format_version"}

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import msgspec
 from msgspec import Struct
 
-from hapticeval.documents import convert
+from hapticeval.documents import convert, parse_json
 from hapticeval.errors import InputError
 from hapticeval.files import file_stem, replacing
 from hapticeval.quantity import length, quantity
@@ -188,8 +188,8 @@ def _files(folder: FilePath) -> list[FilePath]:
 
 def _read(file: FilePath) -> Kept:
     try:
-        document = json.loads(file.read_bytes())
-    except (OSError, ValueError) as error:
+        document = parse_json(file.read_bytes(), file.name)
+    except (OSError, InputError) as error:
         raise InputError(f"cannot read the counterexample {file}", why=str(error), todo="remove it") from error
     made: Kept = convert(document, Kept, str(file), todo="remove it, or have it written anew")
     return made

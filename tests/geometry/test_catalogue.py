@@ -2,6 +2,7 @@
 
 import json
 import math
+from functools import reduce
 
 import numpy as np
 import pytest
@@ -140,6 +141,8 @@ def test_the_closing_vertex_is_dropped():
         ("LINESTRING (0 0, 1 1)", "LineString"),
         ("POINT (0 0)", "Point"),
         ("POLYGON ((0 0, nan 0, 1 1, 0 1, 0 0))", "vertex 1|cannot be read"),
+        ("GEOMETRYCOLLECTION (" * 30_000 + ")" * 30_000, "nested too deep"),
+        ("(" * 1_000_000, "nested too deep"),
     ],
 )
 def test_bad_wkt_is_refused(text, message):
@@ -164,6 +167,9 @@ def test_bad_wkt_is_refused(text, message):
         ({"type": "FeatureCollection", "features": []}, "FeatureCollection"),
         ({"type": "Feature", "geometry": None, "properties": {}}, "cannot be read"),
         ({"type": "MultiPolygon", "coordinates": [[[[0, 0], [1, 0], [1, 1], [0, 0]]]]}, "MultiPolygon"),
+        ('{"type": "GeometryCollection", "geometries": [' * 30_000 + "]}" * 30_000, "levels deep"),
+        (reduce(lambda inner, _: {"type": "GeometryCollection", "geometries": [inner]}, range(50), {}), "levels deep"),
+        ('{"type": "Polygon", "coordinates": [[[' + "1" * 5000 + ", 0], [1, 0]]]}", "not JSON"),
     ],
 )
 def test_bad_geojson_is_refused(document, message):

@@ -91,6 +91,52 @@ def test_a_cut_file_is_refused(written):
         make_model("mesh", file=str(file), unit="mm")
 
 
+def refused(file, content):
+    file.write_bytes(content)
+    with pytest.raises(InputError, match=file.name) as caught:
+        make_model("mesh", file=str(file), unit="mm")
+    return str(caught.value)
+
+
+def test_the_reason_is_one_of_the_file(tmp_path, written):
+    """Not one of the parser's: a cut STL was refused with "No module named 'charset_normalizer'"."""
+    binary, words = (
+        written(name, **more).read_bytes() for name, more in (("a.stl", {}), ("b.ply", {"encoding": "ascii"}))
+    )
+    assert "counts 20 triangles, which take 1084 bytes, and 1009 are there" in refused(tmp_path / "a.stl", binary[:-75])
+    assert "the header of a binary one has 84" in refused(tmp_path / "a.stl", binary[:50])
+    text = written("c.stl", file_type="stl_ascii").read_bytes()
+    assert "no 'endsolid' ends it" in refused(tmp_path / "c.stl", text[:500])
+    for name in ("a.stl", "a.obj", "a.ply", "a.off"):
+        assert "is empty" in refused(tmp_path / name, b"")
+    last = words.rstrip().rindex(b"\n")
+    for corners, there in (("0 1 99", "[0, 1, 99]"), ("0 1 -9", "[0, 1, -9]")):
+        assert f"triangle 19 is {there}" in refused(tmp_path / "b.ply", words[:last] + f"\n3 {corners}\n".encode())
+
+
+def test_a_file_with_a_comment_in_latin_1_is_read(tmp_path, written):
+    file = written("a.obj")
+    file.write_bytes("# Prüfkörper\n".encode("latin-1") + file.read_bytes())
+    assert len(make_model("mesh", file=str(file), unit="mm").boundary.triangles) == len(BLOCK.triangles)
+
+
+def test_a_t_junction_is_no_hole():
+    corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0, 0]]
+    divided = [[0, 2, 4], [4, 2, 1], [0, 4, 3], [4, 1, 3], [1, 2, 3], [0, 3, 2]]
+    make_model("mesh", vertices=corners, triangles=divided)
+    on_one_side = [*divided[:2], [0, 1, 3], *divided[4:]]
+    for shift in range(len(on_one_side)):
+        triangles = on_one_side[shift:] + on_one_side[:shift]
+        with pytest.raises(
+            InputError, match=r"vertex 4 lies on an edge of triangle .*, between vertices [01] and [01]"
+        ) as caught:
+            make_model("mesh", vertices=corners, triangles=triangles)
+        assert f"divide triangle {triangles.index([0, 1, 3])} at vertex 4" in caught.value.todo
+    with pytest.raises(InputError, match="the mesh is open") as caught:
+        make_model("mesh", vertices=corners, triangles=divided[:-1])
+    assert "close the hole" in caught.value.todo
+
+
 def test_other_files_are_refused(tmp_path, written):
     with pytest.raises(InputError, match=r"no mesh file .*gone\.stl"):
         make_model("mesh", file=str(tmp_path / "gone.stl"), unit="mm")

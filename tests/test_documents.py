@@ -1,0 +1,41 @@
+"""Documents of anyone: what is nested or counted beyond reason is refused in a sentence, before it is taken apart."""
+
+import pytest
+
+from hapticeval.documents import DEEPEST, convert, parse_json, read_toml
+from hapticeval.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a = " + "[" * 5000 + "]" * 5000, "levels deep"),
+        (".".join("a" * (DEEPEST + 1)) + " = 1", "levels deep"),
+        ("a = " + "1" * 5000, "is not TOML"),
+        ("a = \ud800".encode("utf-8", "surrogatepass"), "is not TOML"),
+    ],
+)
+def test_toml_beyond_reason_is_refused(tmp_path, text, words):
+    file = tmp_path / "a.toml"
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(InputError, match=rf"a\.toml .*{words}"):
+        read_toml(file)
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, '{"a":' * (DEEPEST + 1) + "1" + "}" * (DEEPEST + 1), "1" * 5000, "{", b"\xff"]
+)
+def test_json_beyond_reason_is_refused(text):
+    with pytest.raises(InputError, match="the text is "):
+        parse_json(text, "the text")
+
+
+def test_what_is_as_deep_as_allowed_is_read(tmp_path):
+    file = tmp_path / "a.toml"
+    file.write_text(".".join("a" * DEEPEST) + " = 1")
+    assert read_toml(file) == parse_json('{"a":' * DEEPEST + "1" + "}" * DEEPEST, "the text")
+
+
+def test_a_number_that_no_float_holds_is_refused():
+    with pytest.raises(InputError):
+        convert(10**400, float, "a.toml")
