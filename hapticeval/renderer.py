@@ -147,12 +147,14 @@ class CompiledStep(NamedTuple):
     its last `reset` or `step` left: a loop resets the renderer and goes on from there. Where a scene's effects are put
     on the renderer's answers `data` is another tuple, see `hapticeval.simulation.answers`. `refusals` words what the
     kernel's numbers above 0 mean; one below 0 is the renderer's own, and it broke. It must answer as `step` does, to
-    the last bit.
+    the last bit. `contact` (1,) is where each tick leaves 1 if it reports contact, and else 0; None where it reports
+    none.
     """
 
     function: Callable[..., Any]
     data: LawData
     refusals: Mapping[int, str]
+    contact: Array | None = None
 
 
 RendererFactory: TypeAlias = Callable[[Scene], Renderer | TrajectoryRenderer]
@@ -170,6 +172,8 @@ class Abilities:
       ended, with a velocity and a dt a row, to the last bit. Where it has a `law`, that is used;
     - `observe_force`: whether it has `observe_force(push)`, and so wants the hand's measured force (N,), N, before each
       step of a scene with a force sensor (8.6);
+    - `contact`: whether it has `contact`: after a `step` True where that was in contact, else False, or None where it
+      does not say; after a `run` or `lead` an array of True and False (n,), or None;
     - `diagnostics`: whether it has `diagnostics(recording)`, which returns for a run in closed loop
       name -> (`Signal`, array), one row per sample: its own coordinates, answers that it did not use;
     - `law`: its step as compiled code;
@@ -183,6 +187,7 @@ class Abilities:
     run: bool = False
     lead: bool = False
     observe_force: bool = False
+    contact: bool = False
     diagnostics: bool = False
     law: CompiledStep | None = None
     surface: Boundary | None = None
@@ -247,6 +252,7 @@ def _read(renderer: object) -> Abilities:
         run=_has(renderer, "run"),
         lead=_has(renderer, "lead"),
         observe_force=_has(renderer, "observe_force"),
+        contact=hasattr(renderer, "contact"),
         diagnostics=_has(renderer, "diagnostics"),
         law=law,
         surface=surface,

@@ -24,7 +24,7 @@ from hapticeval.compiled import LawData, borrowing, call_step, law_data
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
 from hapticeval.renderer import CompiledStep, Declaration, Response, Spring
 from hapticeval.scene import Scene
-from hapticeval.types import Array
+from hapticeval.types import Array, BoolArray
 from hapticeval.workers import ending
 
 HEADER = Path(__file__).with_name("hapticeval.h")
@@ -244,11 +244,13 @@ def ask(
 
 @borrowing
 def ask_rows(
-    data: LawData, push: Array, hips: Array, velocity: Array, dt: float, ihips: Array, forces: Array
+    data: LawData, push: Array, hips: Array, velocity: Array, dt: float, ihips: Array, forces: Array,
+    contact: BoolArray,
 ) -> int:  # fmt: skip
     """Ask a tick for each of `hips` (n, N), m; return the row at which the library refuses or broke, or n.
 
     `velocity` (N,), m/s, is that of the first, and then the difference backwards in time, as a recording has it.
+    What the library reports goes to `contact` (n,).
     """
     for row in range(hips.shape[0]):
         if row > 0:
@@ -257,13 +259,15 @@ def ask_rows(
                 velocity[i] = (hips[row, i] - hips[row - 1, i]) / span
         if ask(data, hips[row], velocity, push, dt, ihips[row], forces[row]) != 0:
             return row
+        contact[row] = data.state[0] == CONTACT
     return int(hips.shape[0])
 
 
 class LibraryRenderer:
     """A renderer of a library, with the same bits in `step`, in `run` and in a compiled loop: each calls `hr_step`.
 
-    `run` calls the library's `hr_run` where it has one. `contact` is whether the library's last answer was HR_CONTACT.
+    `run` calls the library's `hr_run` where it has one. `contact` is whether the last `step` gave HR_CONTACT, and after
+    a `run` that of each answer (n,): None after `hr_run`, which does not report it.
     """
 
     def __init__(self, library: ctypes.CDLL, info: Info, outside: Outside) -> None:
@@ -288,7 +292,9 @@ class LibraryRenderer:
         if info.flags & SPRING:
             self.declares = Declaration(spring=Spring.ERROR)
         places = np.array([ctypes.cast(library.hr_step, c_void_p).value, self._self.value or 0], dtype=np.uint64)
-        self.law = CompiledStep(ask, law_data(places.view(np.float64), state=1), {REFUSES_HIP: REFUSED})
+        data = law_data(places.view(np.float64), state=1)
+        self.law = CompiledStep(ask, data, {REFUSES_HIP: REFUSED}, contact=data.state)
+        self.contact: bool | BoolArray | None = False
 
     def _create(self) -> None:
         scene, facets = self._outside.scene, self._outside.facets
@@ -317,14 +323,9 @@ class LibraryRenderer:
         if status:
             raise RendererError(f"the library's hr_create() returned {status}", why=text)
 
-    @property
-    def contact(self) -> bool:
-        """Whether the library's last answer was HR_CONTACT."""
-        return bool(self.law.data.state[0] == CONTACT)
-
     def reset(self, hip: Array) -> None:
         """Start a run with the hand at `hip` (N,), m. Raises `DomainError` where the library refuses it."""
-        self.law.data.state[0] = 0.0
+        self.contact = False
         hip = np.array(hip, dtype=np.float64)
         tool = np.array(self._outside.tool(hip, self._margin), dtype=np.float64)
         status = self._library.hr_reset(self._self, hip.ctypes.data, tool.ctypes.data)
@@ -338,7 +339,7 @@ class LibraryRenderer:
         answer = self._library.hr_step(
             self._self, hip.ctypes.data, velocity.ctypes.data, dt, ihip.ctypes.data, force.ctypes.data
         )
-        self.law.data.state[0] = answer
+        self.contact = bool(answer == CONTACT)
         if not 0 <= answer <= CONTACT:
             self._refuse("hr_step", answer, hip)
         return Response(ihip, force)
@@ -348,6 +349,7 @@ class LibraryRenderer:
         hips = np.array(hips, dtype=np.float64, order="C")
         ihips, forces = np.empty_like(hips), np.empty_like(hips)
         self.reset(hips[0])
+        self.contact = None
         if hasattr(self._library, "hr_run"):
             velocities = path_velocities(hips, dt)
             ihips[:], forces[:] = np.nan, np.nan
@@ -358,10 +360,11 @@ class LibraryRenderer:
             if status:
                 raise RuntimeError(f"hr_run returned {status}")  # single steps find out where
         else:
-            rest = np.zeros(hips.shape[1])
-            row = ask_rows(self.law.data, rest, hips, rest.copy(), dt, ihips, forces)
+            rest, contact = np.zeros(hips.shape[1]), np.zeros(len(hips), dtype=bool)
+            row = ask_rows(self.law.data, rest, hips, rest.copy(), dt, ihips, forces, contact)
             if row < len(hips):
                 raise RuntimeError(f"hr_step returned {self.law.data.state[0]:.0f}")
+            self.contact = contact
         return ihips, forces
 
     def _refuse(self, function: str, status: int, hip: Array) -> NoReturn:

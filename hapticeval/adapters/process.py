@@ -30,7 +30,7 @@ from hapticeval.adapters.outside import Outside, path_velocities
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
 from hapticeval.renderer import Declaration, Response, Spring
 from hapticeval.scene import Scene, requirements
-from hapticeval.types import Array
+from hapticeval.types import Array, BoolArray
 from hapticeval.workers import ending
 
 VERSION = 1
@@ -288,11 +288,14 @@ def _lengths(child: Child, answer: Mapping[str, Any], *names: str) -> dict[str, 
 
 
 class ProcessRenderer:
-    """A renderer that is a process. `contact` is what its last answer had of that, None where it had nothing."""
+    """A renderer that is a process.
+
+    `contact` is what its last answer had of that, after a `run` or `lead` for each row (n,); None where it had nothing.
+    """
 
     def __init__(self, child: Child, hello: Hello, scene: Scene) -> None:
         self._child, self._outside = child, Outside(scene, hello.max_error)
-        self.contact: bool | None = None
+        self.contact: bool | BoolArray | None = None
         facets = self._outside.facets
         answer = child.ask(
             "scene",
@@ -349,8 +352,13 @@ class ProcessRenderer:
 
     def _lead(self, hips: Array, velocities: Array, dt: Array) -> tuple[Array, Array]:
         cuts = [0, *np.flatnonzero(np.diff(dt)) + 1, len(dt)]
-        parts = [self._asked(hips[a:b], velocities[a:b], float(dt[a])) for a, b in pairwise(cuts)]
-        ihips, forces = (np.concatenate(each) for each in zip(*parts, strict=True))
+        parts, contacts = [], []
+        for first, end in pairwise(cuts):
+            parts.append(self._asked(hips[first:end], velocities[first:end], float(dt[first])))
+            contacts.append(self.contact)
+        ihips, forces = (np.concatenate(column) for column in zip(*parts, strict=True))
+        known = [contact for contact in contacts if isinstance(contact, np.ndarray)]
+        self.contact = np.concatenate(known) if len(known) == len(contacts) else None
         return ihips, forces
 
     def _asked(self, hips: Array, velocities: Array, dt: float) -> tuple[Array, Array]:
@@ -360,6 +368,9 @@ class ProcessRenderer:
         answer = self._child.ask("run", patience, most=most, **entries)
         self._refused(answer, hips[0])
         ihips, forces = (self._numbers(answer, name, hips.shape) for name in ("ihips", "forces"))
+        self.contact = None
+        if "contact" in answer:
+            self.contact = self._numbers(answer, "contact", hips.shape[:1]) != 0.0
         return ihips, forces
 
     def _refused(self, answer: Mapping[str, Any], hip: Array) -> None:

@@ -22,6 +22,7 @@ from hapticeval.phenomena.sampling import (
     resolution,
     rounding,
     standoff,
+    touching,
 )
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
 from hapticeval.recordings.channels import SIMULATED
@@ -276,7 +277,7 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
     ihip, velocity = recording.ihip[window], recording.velocity[window]
     travel = float(np.linalg.norm(np.ptp(ihip, axis=0)))
     still = LAG_TICKS * hip_step(recording, scene) + standoff(recording, scene)
-    if travel > still or not recording.contact[window].all():
+    if travel > still or not touching(recording, scene)[window].all():
         return None
     normal = scene.model.boundary.closest_point(ihip[-1:]).normal[0]
     acting = slice(window.start, window.stop - 1)

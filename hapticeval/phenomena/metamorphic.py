@@ -14,8 +14,17 @@ import numpy as np
 from hapticeval.geometry.motion import mirroring
 from hapticeval.phenomena.check import Check, Runs, Sibling
 from hapticeval.phenomena.nudges import AMPLIFIED, ROUNDINGS, STEEP, answered, answers_apart, steepness
-from hapticeval.phenomena.sampling import LAG_TICKS, believed_standoff, evidence_at, hip_step, mm, resolution, rounding
+from hapticeval.phenomena.sampling import (
+    LAG_TICKS,
+    believed_standoff,
+    evidence_at,
+    hip_step,
+    mm,
+    resolution,
+    rounding,
+)
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
+from hapticeval.recordings.channels import ANSWERED
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
@@ -151,7 +160,7 @@ def _on_jumps(runs: Runs, scene: Scene) -> BoolArray:
 def _every_second(fine: Recording, first: int) -> Recording:
     """Return every second row of a subdivided run, from row `first` on."""
     rows = slice(first, None, 2)
-    channels = {name: fine.channels[name][rows] for name in ("hip", "ihip", "force")}
+    channels = {name: fine.channels[name][rows] for name in ANSWERED if name in fine.channels}
     return Recording(fine.time[rows], channels, meta={**fine.meta, "dt": 2.0 * fine.dt})
 
 

@@ -23,7 +23,10 @@ ROUNDINGS = 4.0 * float(np.finfo(np.float64).eps)
 
 
 def answered(run: Recording) -> BoolArray:
-    """Return the rows (n,) in which there is anything to compare: an IHIP apart from the HIP, or a force."""
+    """Return the rows (n,) in which there is anything to compare, by rounding too: an IHIP off the HIP, or a force.
+
+    These need not be contact: see `sampling.touching`.
+    """
     return np.asarray(np.any(run.ihip != run.hip, axis=1) | np.any(run.force != 0.0, axis=1))
 
 

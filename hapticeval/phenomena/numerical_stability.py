@@ -9,10 +9,20 @@ import numpy as np
 from hapticeval.geometry.motion import Motion, rigid, scaling
 from hapticeval.phenomena.check import Check, Runs, Sibling
 from hapticeval.phenomena.nudges import AMPLIFIED, ROUNDINGS, STEEP, answered, answers_apart, steepness
-from hapticeval.phenomena.sampling import believed_standoff, evidence_at, hip_steps, lacks_ihip, mm, resolution
+from hapticeval.phenomena.sampling import (
+    believed_standoff,
+    evidence_at,
+    hip_steps,
+    lacks_ihip,
+    mm,
+    resolution,
+    rounding,
+    touching,
+)
 from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
+from hapticeval.types import BoolArray
 
 DIGITS = 1e-9
 """Share of the model's size by which an answer may change beside what rounding of the hand changes."""
@@ -35,7 +45,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare a run with the same in the scene moved, beside what the rounding of the hand's position explains."""
     assert runs.moved is not None
     base = runs.base
-    contact = answered(base)
+    contact = _in_contact(base, scene)
     if not contact.any():
         return undecided("the hand never touches the model")
     size = scene.model.size
@@ -45,13 +55,13 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("the model cannot be moved or scaled, or the renderer refuses it then")
     hips = base.hip[contact]  # a hand in free space may be as far away as centres of curvature are
     far = max(float(np.abs(motion(hips)).max()) / motion.scale for _, motion, _ in seen)
-    rounding = ROUNDINGS * max(far, float(np.abs(hips).max()))
+    hand = ROUNDINGS * max(far, float(np.abs(hips).max()))
     declared = max(resolution(each, scene) + believed_standoff(each, scene) for each in (base, *(r for *_, r in seen)))
     off = np.max([answers_apart(runs, run, scene, forces=motion.scale == 1.0) for _, motion, run in seen], axis=0)
     # Where no answer is off by more than a thousandth of the bound there is nothing that nudges need explain.
-    suspect = bool(off.max() > rounding + declared + 1e-3 * DIGITS * size)
-    steep = steepness(runs, rounding + declared, scene) if suspect else np.zeros(len(base))
-    allowed = rounding + declared + STEEP * steep
+    suspect = bool(off.max() > hand + declared + 1e-3 * DIGITS * size)
+    steep = steepness(runs, hand + declared, scene) if suspect else np.zeros(len(base))
+    allowed = hand + declared + STEEP * steep
     on_surface = np.zeros(len(base))
     if not lacks_ihip(base, scene):
         on_surface[contact] = np.abs(scene.model.boundary.signed_distance(base.ihip[contact]))
@@ -60,7 +70,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         ahead = np.append(hip_steps(base), _step_behind(base, scene))
         on_surface[flies] = np.maximum(on_surface[flies] - ahead[flies], 0.0)
     off = np.maximum(off, on_surface)
-    clear = contact & (steep <= AMPLIFIED * (rounding + declared) + DIGITS * size)
+    clear = contact & (steep <= AMPLIFIED * (hand + declared) + DIGITS * size)
     lost = np.where(contact, np.maximum(off - allowed, 0.0), 0.0) / size
     worst = int(np.argmax(lost if lost.max() > 0.0 else np.where(clear, off, -1.0)))
     digits = -math.log10(max(float(off[clear].max(initial=0.0)) / size, EPS))
@@ -72,7 +82,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     least = int(np.argmax(np.where(clear, off, 0.0)))
     excuse = ""
     if clear[least] and off[least] > DIGITS * size:
-        excuse = _excuse(float(off[least]), float(rounding), float(declared), float(steep[least]))
+        excuse = _excuse(float(off[least]), float(hand), float(declared), float(steep[least]))
     return compared(
         Metric(CHECK.metric, float(lost.max()), CHECK.unit),
         DIGITS,
@@ -80,7 +90,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
             **evidence_at(base, worst),
             "digits": digits,
             "off_m": float(off[worst]),
-            "rounding_m": float(rounding),
+            "rounding_m": float(hand),
             "declared_m": float(declared),
             "motion": which,
             "motions": [name for name, *_ in seen],
@@ -96,6 +106,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 
 def _listed(names: list[str]) -> str:
     return " or ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+
+
+def _in_contact(base: Recording, scene: Scene) -> BoolArray:
+    """Return the rows (n,) in contact, or with the hand on the surface up to rounding and an answer to compare."""
+    near = np.asarray(scene.model.boundary.signed_distance(base.hip) <= rounding(scene))
+    return touching(base, scene) | (answered(base) & near)
 
 
 def _step_behind(base: Recording, scene: Scene) -> float:

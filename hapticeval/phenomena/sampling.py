@@ -43,8 +43,9 @@ def hip_steps(recording: Recording) -> Array:
 def touching(recording: Recording, scene: Scene) -> BoolArray:
     """Where the tool is in contact, (n,): on a bilateral constraint always, also where no force is called for.
 
-    On a surface that only pushes, contact is a force above the floor, or an IHIP apart from the HIP unless it trails
-    the hand in free space: see `trailing`. Found once for a recording, which most checks ask for it.
+    This is what all checks mean by contact. On a surface that only pushes it is a force above the floor, whatever is
+    reported; without one, what the renderer reports, or, of one that reports nothing, an IHIP apart from the HIP unless
+    it trails the hand in free space: see `trailing`. Found once for a recording, which most checks ask for it.
     """
     known = _TOUCHING.get(recording)
     if known is None or known[0]() is not scene:
@@ -62,7 +63,9 @@ def _touching(recording: Recording, scene: Scene) -> BoolArray:
     if "force" not in recording.channels:
         return recording.contact
     contact = above_force_floor(recording, scene)
-    if "ihip" in recording.channels:
+    if "contact" in recording.channels:
+        contact |= recording.contact
+    elif "ihip" in recording.channels:
         contact |= recording.apart & ~trailing(recording, scene)
     return contact
 
@@ -70,13 +73,14 @@ def _touching(recording: Recording, scene: Scene) -> BoolArray:
 def trailing(recording: Recording, scene: Scene) -> BoolArray:
     """Where the IHIP is apart from the HIP in free space, (n,): no contact, but a tool that does not follow the hand.
 
-    There is no force above the floor, and the HIP is outside of the model, or the IHIP farther outside than any contact
-    point may lie. Nowhere on a bilateral constraint, and where force or IHIP was not recorded.
+    There is no force above the floor, no contact is reported, and the HIP is outside of the model, or the IHIP farther
+    outside than any contact point may lie. Nowhere on a bilateral constraint, and where force or IHIP was not recorded.
     """
     found = np.zeros(len(recording), dtype=bool)
     if scene.bilateral or not {"ihip", "force"} <= recording.channels.keys():
         return found
-    silent = np.flatnonzero(recording.apart & ~above_force_floor(recording, scene))
+    reported = recording.channels.get("contact", np.zeros(len(recording))) != 0.0
+    silent = np.flatnonzero(recording.apart & ~above_force_floor(recording, scene) & ~reported)
     if silent.size:
         distance = scene.model.boundary.signed_distance
         steps = hip_steps(recording)

@@ -35,6 +35,7 @@ CHANNELS: Mapping[str, Signal] = MappingProxyType(
         "ihip": Signal("m", "ideal haptic interface point: the virtual tool; equals hip in free space", "world"),
         "force": Signal("N", "force on the hand, held (or its mean) from this sample to the next", "world"),
         "velocity": Signal("m/s", "velocity of the HIP", "world"),
+        "contact": Signal("1", "1 where the renderer reports contact, 0 where not; absent where it reports none"),
         "operator_force": Signal("N", "force of the hand on the tool", "world"),
         "measured_hip": Signal("m", "HIP as the sensors gave it to the renderer; absent where they are exact", "world"),
         "measured_velocity": Signal(
@@ -50,6 +51,9 @@ CHANNELS: Mapping[str, Signal] = MappingProxyType(
 
 REQUIRED = ("hip", "ihip", "force")
 """What every check reads."""
+
+ANSWERED = (*REQUIRED, "contact")
+"""A hand and what a renderer answers to it; `contact` only where it reports it."""
 
 
 def declared(name: str, signals: Mapping[str, Signal]) -> Signal:

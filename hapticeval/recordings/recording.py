@@ -361,11 +361,14 @@ class Recording:
 
     @property
     def contact(self) -> BoolArray:
-        """Where the tool touches: a force is felt or the IHIP is not the HIP; shape (n,), False where not valid.
+        """Where the tool touches, as far as that can be told without a scene; shape (n,), False where not valid.
 
-        Where one of the two was not recorded, the other alone decides. The HIP in single precision is still the HIP: a
-        renderer may compute and answer so. Raises `MissingChannelError` where neither was recorded.
+        Where contact was reported, the channel `contact` tells. Else a force is felt or the IHIP is not the HIP, and
+        where one of the two was not recorded, the other alone decides. The HIP in single precision is still the HIP: a
+        renderer may compute and answer so. Raises `MissingChannelError` where none of the three was recorded.
         """
+        if "contact" in self.channels:
+            return np.asarray(self.channels["contact"] != 0.0) & self.measured
         touches = np.zeros(len(self), dtype=bool)
         if "ihip" in self.channels or "force" not in self.channels:
             touches |= self.apart

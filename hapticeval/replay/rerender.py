@@ -182,8 +182,8 @@ def _led(
     pushes: Array | None = None,
     first: int = 0,
 ) -> Recording:
-    ihip, force = run_path(renderer, hip, velocity, dt, scene=scene, pushes=pushes, first=first)
-    channels = {"hip": hip, "ihip": ihip, "force": force, "velocity": velocity}
+    answers = run_path(renderer, hip, velocity, dt, scene=scene, pushes=pushes, first=first)
+    channels = {"hip": hip, **answers.channels, "velocity": velocity}
     return Recording(time, channels, {"source": "replay", **abilities_of(renderer).meta, "dt": float(np.median(dt))})
 
 

@@ -18,6 +18,7 @@ from hapticeval.geometry.motion import Motion, scaling
 from hapticeval.phenomena.check import Runs, without_channel
 from hapticeval.phenomena.regions import region_of
 from hapticeval.phenomena.registry import CHECKS
+from hapticeval.phenomena.sampling import touching
 from hapticeval.phenomena.verdict import Finding, Level, Outcome, Verdict, undecided
 from hapticeval.recordings.recording import MissingChannelError, Recording
 from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer, abilities_of, check_support, choices_of
@@ -107,7 +108,8 @@ class _RunFactory:
         back = {"hip": motion.back(found.hip), "ihip": motion.back(found.ihip)}
         force = motion.turned_back(found.force) / motion.scale
         lengths = {name: found.meta[name] / motion.scale for name in ("resolution", "standoff")}
-        return Recording(found.time, {**back, "force": force}, meta={**found.meta, **lengths})
+        reported = {name: found.channels[name] for name in found.channels.keys() & {"contact"}}
+        return Recording(found.time, {**back, "force": force, **reported}, meta={**found.meta, **lengths})
 
     def reordered(self) -> Recording | None:
         """Record the path on the model with its vertices in another order; see `Runs.reordered`."""
@@ -193,7 +195,8 @@ class _RunFactory:
         """
         if not isinstance(self.renderer, Renderer):
             return None
-        compare_batch(self.renderer, base, stiffness=self.scene.stiffness, damping=self.scene.damping)
+        contact, scene = touching(base, self.scene), self.scene
+        compare_batch(self.renderer, base, contact=contact, stiffness=scene.stiffness, damping=scene.damping)
         return Closeup.of(self.renderer, base, self.scene)
 
 

@@ -41,7 +41,7 @@ def jump_between(renderer: str, seed: int, case: Case, fault: Fault) -> tuple[Ar
         seed_all(seed)
         way = np.vstack([hips[: before + 1], np.tile(hip, (LAG_TICKS + 1, 1))])
         velocity = np.diff(way, axis=0, prepend=way[:1]) / scene.sampling_time
-        return np.asarray(run_path(made, way, velocity, scene.sampling_time, scene=scene)[0][-1])
+        return np.asarray(run_path(made, way, velocity, scene.sampling_time, scene=scene).ihip[-1])
 
     # Of a proxy that lags the hand has made the step before the IHIP jumps.
     for last in range(min(tick, len(hips) - 1), max(tick - LAG_TICKS - 1, 0), -1):

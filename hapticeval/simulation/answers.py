@@ -83,6 +83,7 @@ class Affected:
             row = np.empty((1, scene.model.dimension))
             self._change_rows = specialised(change_rows, self._changes, self._closest, row, row, 0.0, row, row)
         self.law = self._composed(can.law)
+        self.contact: Any = None
 
     def reset(self, hip: Array) -> None:
         """Start a run with the hand at `hip` (N,), m: the effects begin as they were made."""
@@ -93,6 +94,7 @@ class Affected:
     def step(self, hip: Array, velocity: Array, dt: float) -> Response:
         """One tick: `hip` (N,), m; `velocity` (N,), m/s; `dt`, s. Raises `DomainError` where an effect refuses."""
         ihip, force = (np.array(each, dtype=np.float64) for each in self.base.step(hip, velocity, dt))
+        self.contact = self._reported()
         hip, velocity = (np.array(each, dtype=np.float64)[np.newaxis] for each in (hip, velocity))
         self._change(hip, velocity, dt, ihip[np.newaxis], force[np.newaxis])
         return Response(ihip, force)
@@ -107,12 +109,21 @@ class Affected:
         self.reset(hips[0])
         if abilities_of(self.base).run:
             answers = cast("Batch", self.base).run(hips.copy(), dt)
+            self.contact = self._reported()
         else:
-            steps = [self.base.step(hip, velocity, dt) for hip, velocity in zip(hips, velocities, strict=True)]
-            answers = np.array([ihip for ihip, _ in steps]), np.array([force for _, force in steps])
+            steps = [
+                (*self.base.step(hip, velocity, dt), self._reported())
+                for hip, velocity in zip(hips, velocities, strict=True)
+            ]
+            answers = np.array([ihip for ihip, *_ in steps]), np.array([force for _, force, _ in steps])
+            self.contact = np.array([contact for *_, contact in steps])
         ihips, forces = (np.array(each, dtype=np.float64, order="C") for each in answers)
         self._change(hips, velocities, dt, ihips, forces)
         return ihips, forces
+
+    def _reported(self) -> Any:
+        """Return what the renderer reports of the contact in its last answers."""
+        return self.base.contact if abilities_of(self.base).contact else None  # type: ignore[attr-defined]
 
     def _ask(self, start: Array, hip: Array) -> tuple[Array, Array]:
         """Return the bare answer to a hand that comes from `start` (N,), m, and rests at `hip`: IHIP and force."""
@@ -146,7 +157,7 @@ class Affected:
 
         base = law_value(law.function, law.data)
         data: Any = Composed(base, law.data, self._changes, self._closest)
-        return CompiledStep(answer, data, {**law.refusals, **self.refusals})
+        return CompiledStep(answer, data, {**law.refusals, **self.refusals}, law.contact)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         """Copy what a tick changes, and share the rest, which nothing does."""

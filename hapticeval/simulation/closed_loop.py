@@ -17,8 +17,10 @@ from hapticeval.recordings.recording import Recording
 from hapticeval.renderer import CompiledStep, Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import (
+    contact_channel,
     not_finite,
     observe_force_checked,
+    reported_contact,
     reset_checked,
     simulate_checked,
     step_checked,
@@ -93,6 +95,7 @@ def _drive_point_mass(
     count = time.size
     push = experiment.operator_force(np.append(time, count * dt))
     hips, ihips, forces, velocities = (np.empty((count, experiment.dimension)) for _ in range(4))
+    contact = np.empty(count)
     hip, velocity = experiment.position, experiment.velocity
     reset_checked(renderer, hip)
     end = None
@@ -103,6 +106,7 @@ def _drive_point_mass(
             end = _ended(tick, error)
             break
         hips[tick], ihips[tick], forces[tick], velocities[tick] = hip, ihip, force, velocity
+        contact[tick] = reported_contact(renderer)
         hip, velocity = device.advance(hip, velocity, force, push[tick], push[tick + 1], dt)
         if not abs(hip - experiment.position).max() < reach:
             end = _ended(tick, _ran_away(tick, hips[tick], hip))
@@ -114,7 +118,7 @@ def _drive_point_mass(
         "velocity": velocities,
         "operator_force": 0.5 * (push[:-1] + push[1:]),
     }
-    return _recorded(renderer, experiment, time, channels, dt, end)
+    return _recorded(renderer, experiment, time, channels, dt, end, contact)
 
 
 def _drive_device(
@@ -127,11 +131,13 @@ def _drive_device(
     time = sample_times(experiment.duration, dt)
     loop = loop_of(experiment, scene, dt)
     out = loop.out
+    out[kernels.CONTACT] = np.nan
     reset_checked(renderer, out[kernels.MEASURED_HIP, 0])
     end = None
     if law is None:
         end = _ask_tick_by_tick(renderer, loop, scene.robot, dt)
     else:
+        loop = loop._replace(reported=law.contact)
         tick, status = kernels.run(law_value(law.function, law.data), law.data, loop)
         if status == kernels.OUTSIDE:
             end = _ended(tick, _outside(scene.robot, loop.state[kernels.JOINTS]))
@@ -148,7 +154,7 @@ def _drive_device(
             )
         elif status >= kernels.REFUSED:
             end = _ended(tick, _refused(law, status - kernels.REFUSED + 1, out[kernels.MEASURED_HIP, tick]))
-    return _recorded(renderer, experiment, time, _channels(loop, scene), dt, end)
+    return _recorded(renderer, experiment, time, _channels(loop, scene), dt, end, out[kernels.CONTACT, :, 0])
 
 
 def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float) -> _End | None:
@@ -171,6 +177,7 @@ def _ask_tick_by_tick(renderer: Renderer, loop: Loop, device: Device, dt: float)
             )
         except DomainError as error:
             return _ended(tick, error)
+        out[kernels.CONTACT, tick, 0] = reported_contact(renderer)
         if act(loop, tick) != kernels.DONE:
             return _ended(tick, _ran_away(tick, out[kernels.HIP, tick], joints))
     return None
@@ -193,7 +200,13 @@ def _ended(tick: int, error: DomainError | RunawayError) -> _End:
 
 
 def _recorded(
-    renderer: Renderer, experiment: Experiment, time: Array, channels: Mapping[str, Array], dt: float, end: _End | None
+    renderer: Renderer,
+    experiment: Experiment,
+    time: Array,
+    channels: Mapping[str, Array],
+    dt: float,
+    end: _End | None,
+    contact: Array,
 ) -> Recording:
     meta: dict[str, Any] = {"source": "experiment", "dt": dt, "quiet_from": experiment.quiet_from}
     meta |= abilities_of(renderer).meta
@@ -208,7 +221,8 @@ def _recorded(
         }
         if isinstance(end.error, RunawayError):
             meta["ended"]["ran_away"] = True
-    recording = Recording(time[:count], {name: values[:count] for name, values in channels.items()}, meta=meta)
+    answered = {name: values[:count] for name, values in channels.items()} | contact_channel(contact[:count])
+    recording = Recording(time[:count], answered, meta=meta)
     if not abilities_of(renderer).diagnostics:
         return recording
     with renderer_errors("signals()"):

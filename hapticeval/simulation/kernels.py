@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     from hapticeval.effects.effect import Part
 
 (
-    HIP, IHIP, FORCE, SPEED, OPERATOR, MEASURED_HIP, MEASURED_SPEED, MEASURED_FORCE, JOINT, RATE, TORQUE, PLANES,
-) = range(12)  # fmt: skip
-"""Planes of `Loop.out`: one per channel."""
+    HIP, IHIP, FORCE, SPEED, OPERATOR, MEASURED_HIP, MEASURED_SPEED, MEASURED_FORCE, JOINT, RATE, TORQUE, CONTACT,
+    PLANES,
+) = range(13)  # fmt: skip
+"""Planes of `Loop.out`: one per channel. CONTACT has its first column only."""
 
 JOINTS, RATES, SEEN, SEEN_RATES, BEFORE, PLACE, PACE, DRAWN, START, ROWS = range(10)
 """Rows of `Loop.state`: true joints and rates, and those that the controller is given; what the motors gave before;
@@ -50,7 +51,7 @@ class Loop(NamedTuple):
 
     The device moves by `advance`, see `motion_kernels.advance_of`. `reach` (rad, m) is how far a joint may go from
     where it started. `state` (ROWS, N) is what a tick leaves to the next, and `out` (PLANES, ticks, N) all that a run
-    keeps.
+    keeps. `reported` is the `contact` of a `CompiledStep`.
     """
 
     motion: Motion
@@ -62,6 +63,7 @@ class Loop(NamedTuple):
     reach: float
     state: Array
     out: Array
+    reported: Array | None = None
 
 
 def hook_of(parts: Iterable[Part]) -> Hook | None:
@@ -222,6 +224,14 @@ def act(loop: Loop, tick: int) -> int:
     return DONE
 
 
+@inner
+def note_contact(reported: Array | None, loop: Loop, tick: int) -> None:
+    """Keep whether the law reports contact at the tick."""
+    if reported is None:
+        return
+    loop.out[CONTACT, tick, 0] = reported[0]
+
+
 @borrowing
 def run(law: Callable[..., Any], data: Any, loop: Loop) -> tuple[int, int]:
     """Run all ticks with a compiled law; return the tick that the run ended at, and how."""
@@ -239,6 +249,7 @@ def run(law: Callable[..., Any], data: Any, loop: Loop) -> tuple[int, int]:
         for i in range(out.shape[2]):
             if not math.isfinite(out[IHIP, tick, i]) or not math.isfinite(out[FORCE, tick, i]):
                 return tick, NOT_FINITE
+        note_contact(loop.reported, loop, tick)
         status = act(loop, tick)
         if status != DONE:
             return tick, status

@@ -29,7 +29,7 @@ from hapticeval.recordings.recording import SINGLE, Recording, backward_differen
 from hapticeval.renderer import Batch, Renderer, TrajectoryRenderer, abilities_of
 from hapticeval.scene import Scene
 from hapticeval.stimulus.stimulus import Path, Stimulus, sample_times
-from hapticeval.types import Array
+from hapticeval.types import Array, BoolArray
 
 NEAR = 1e-4
 """Distance from the surface, as a share of the model's size, from which a hand that rests is led in."""
@@ -96,9 +96,49 @@ def rows_defined(lead: Callable[[int], object], count: int) -> int:
 
 def _play(renderer: Renderer, time: Array, hips: Array, dt: float, scene: Scene | None) -> Recording:
     velocity = backward_difference(hips, time)
-    ihips, forces = run_path(renderer, hips, velocity, dt, scene=scene)
-    channels = {"hip": hips, "ihip": ihips, "force": forces, "velocity": velocity}
+    answers = run_path(renderer, hips, velocity, dt, scene=scene)
+    channels = {"hip": hips, **answers.channels, "velocity": velocity}
     return Recording(time, channels, meta={"source": "playback", "dt": dt, **abilities_of(renderer).meta})
+
+
+class Answers(NamedTuple):
+    """Answers to HIPs: IHIPs (n, N), m; forces (n, N), N; and (n,) whether contact is reported, NaN where unknown."""
+
+    ihip: Array
+    force: Array
+    contact: Array
+
+    @classmethod
+    def room(cls, hips: Array) -> Answers:
+        """Return room for the answers to `hips` (n, N), of which nothing is known yet."""
+        return cls(np.empty_like(hips), np.empty_like(hips), np.full(hips.shape[0], np.nan))
+
+    def part(self, rows: slice) -> Answers:
+        """Return some of the rows."""
+        return Answers(*(column[rows] for column in self))
+
+    @property
+    def channels(self) -> dict[str, Array]:
+        """What a recording holds of them."""
+        return {"ihip": self.ihip, "force": self.force, **contact_channel(self.contact)}
+
+
+def contact_channel(contact: Array) -> dict[str, Array]:
+    """Return the channel of what was reported, (n,): none where that is not known of every row."""
+    return {} if np.isnan(contact).any() else {"contact": contact}
+
+
+def reported_contact(renderer: Renderer) -> float:
+    """Return 1 where a renderer reports that its last step was in contact, 0 where not, and NaN where it is silent."""
+    report = getattr(renderer, "contact", None) if abilities_of(renderer).contact else None
+    return float(report) if isinstance(report, bool | np.bool_) else math.nan
+
+
+def _reported_contacts(renderer: Renderer, count: int) -> Array:
+    """Return the same of the `count` answers of its last `run` or `lead`: (count,)."""
+    report = np.asarray(getattr(renderer, "contact", None) if abilities_of(renderer).contact else None)
+    known = report.dtype == np.bool_ and report.shape == (count,)
+    return report.astype(np.float64) if known else np.full(count, np.nan)
 
 
 def run_path(
@@ -110,8 +150,8 @@ def run_path(
     scene: Scene | None = None,
     pushes: Array | None = None,
     first: int = 0,
-) -> tuple[Array, Array]:
-    """IHIPs and forces, (n, N) each, of a renderer that is reset at the first row of `hips` (n, N) and led on.
+) -> Answers:
+    """The answers of a renderer that is reset at the first row of `hips` (n, N) and led on.
 
     With a `scene`, a hand that would start inside its model is led in first: see `way_in`. These ticks are no part of
     the answer.
@@ -132,10 +172,10 @@ def run_path(
         dt = np.concatenate([np.full(count, step), dt]) if isinstance(dt, np.ndarray) else dt
         pushes = None if pushes is None else np.vstack([np.zeros_like(way), pushes])
     if can.run and not isinstance(dt, np.ndarray) and pushes is None:
-        ihips, forces = _all_at_once(renderer, hips, velocity, dt, first, count)
+        answers = _all_at_once(renderer, hips, velocity, dt, first, count)
     else:
-        ihips, forces = _step_by_step(renderer, hips, velocity, dt, first, count, pushes)
-    return ihips[count:], forces[count:]
+        answers = _step_by_step(renderer, hips, velocity, dt, first, count, pushes)
+    return answers.part(slice(count, None))
 
 
 def way_in(renderer: object, hips: Array, scene: Scene | None) -> Array:
@@ -191,9 +231,7 @@ def simulate_checked(renderer: TrajectoryRenderer, stimulus: Stimulus, dt: float
     return recording
 
 
-def _all_at_once(
-    renderer: Renderer, hips: Array, velocity: Array, dt: float, first: int, ahead: int
-) -> tuple[Array, Array]:
+def _all_at_once(renderer: Renderer, hips: Array, velocity: Array, dt: float, first: int, ahead: int) -> Answers:
     with renderer_errors(
         "run()",
         tick=first,
@@ -222,7 +260,7 @@ def _all_at_once(
         if bad.any():
             tick = int(np.argmax(bad))
             raise RendererError(f"{name} not finite: {array[tick]}", tick=first + max(tick - ahead, 0), hip=hips[tick])
-    return ihips, forces
+    return Answers(ihips, forces, _reported_contacts(renderer, hips.shape[0]))
 
 
 def _step_by_step(
@@ -233,10 +271,9 @@ def _step_by_step(
     first: int,
     ahead: int,
     pushes: Array | None = None,
-) -> tuple[Array, Array]:
+) -> Answers:
     """A step a row; the `ahead` rows of the way in count as tick `first`."""
-    ihips = np.empty_like(hips)
-    forces = np.empty_like(hips)
+    answers = Answers.room(hips)
     steps = np.broadcast_to(dt, hips.shape[0]).tolist()
     reset_checked(renderer, hips[0])
     for row, step in enumerate(steps):
@@ -244,7 +281,8 @@ def _step_by_step(
         if pushes is not None:
             observe_force_checked(renderer, tick, hips[row], pushes[row])
         try:
-            ihips[row], forces[row] = step_checked(renderer, tick, hips[row], velocity[row], step)
+            answers.ihip[row], answers.force[row] = step_checked(renderer, tick, hips[row], velocity[row], step)
+            answers.contact[row] = reported_contact(renderer)
         except RefusalError as refusal:
             if row == 0:
                 raise
@@ -255,7 +293,7 @@ def _step_by_step(
                 why="a refusal is about a scene, and stands before the first answer",
                 todo="refuse in the factory, in reset() or in the first step()",
             ) from refusal
-    return ihips, forces
+    return answers
 
 
 def reset_checked(renderer: Renderer, hip: Array) -> None:
@@ -325,31 +363,33 @@ COMPARED = (4, 64)
 """Stretches of a path, and ticks each, on which a renderer's two ways of answering are compared."""
 
 
-def compare_batch(renderer: Renderer, recording: Recording, *, stiffness: float, damping: float) -> None:
+def compare_batch(
+    renderer: Renderer, recording: Recording, *, contact: BoolArray, stiffness: float, damping: float
+) -> None:
     """Hold a renderer's `run` to its `step`, on stretches of the path that `recording` was played along.
 
-    The stretches begin at samples in contact, from the first to the last, each with a reset. Both ways may differ by
-    the rounding of coordinates in single precision, and forces by what the gains, `stiffness` (N/m) and `damping`
-    (N s/m), make of that; and by as much as a HIP moved by that rounding changes the answer of `step`, which is all
-    there is to say beside a jump. Does nothing for a renderer without `run`. Raises `RendererError`, naming tick, HIP
-    and difference, where they differ by more.
+    The stretches begin at samples in `contact` (n,), from the first to the last, each with a reset. Both ways may
+    differ by the rounding of coordinates in single precision, and forces by what the gains, `stiffness` (N/m) and
+    `damping` (N s/m), make of that; and by as much as a HIP moved by that rounding changes the answer of `step`, which
+    is all there is to say beside a jump. Does nothing for a renderer without `run`. Raises `RendererError`, naming
+    tick, HIP and difference, where they differ by more.
     """
-    contact = np.flatnonzero(recording.contact)
-    if not abilities_of(renderer).run or contact.size == 0:
+    touched = np.flatnonzero(contact)
+    if not abilities_of(renderer).run or touched.size == 0:
         return
     dt = float(recording.meta["dt"])
     rounding = 4.0 * SINGLE * float(np.max(np.abs(recording.hip)))
     allowed = np.array([rounding, (stiffness + 2.0 * damping / dt) * rounding])
     allowed[1] += 4.0 * SINGLE * float(np.max(np.abs(recording.force)))
     count, length = COMPARED
-    for first in sorted({int(contact[k]) for k in np.linspace(0, contact.size - 1, count + 1).astype(int)[:-1]}):
+    for first in sorted({int(touched[k]) for k in np.linspace(0, touched.size - 1, count + 1).astype(int)[:-1]}):
         hips = recording.hip[first : first + length]
         velocity = backward_difference(hips, recording.time[first : first + length])
         try:
-            batch = np.stack(_all_at_once(renderer, hips, velocity, dt, first, 0), axis=1)
+            batch = np.stack(_all_at_once(renderer, hips, velocity, dt, first, 0)[:2], axis=1)
         except DomainError:
             continue  # it may be led here, and not start here
-        single = np.stack(_step_by_step(renderer, hips, velocity, dt, first, 0), axis=1)
+        single = np.stack(_step_by_step(renderer, hips, velocity, dt, first, 0)[:2], axis=1)
         apart = np.linalg.norm(batch - single, axis=2)
         wrong = np.flatnonzero(np.any(apart > allowed, axis=1))
         if wrong.size == 0:
@@ -377,7 +417,7 @@ def _shaken(renderer: Renderer, hips: Array, velocity: Array, dt: float, by: flo
     for shift in by * np.vstack([np.eye(hips.shape[1]), -np.eye(hips.shape[1])]):
         shaken = hips.copy()
         shaken[-1] += shift
-        other = np.stack(_step_by_step(renderer, shaken, velocity, dt, 0, 0), axis=1)[-1]
+        other = np.stack(_step_by_step(renderer, shaken, velocity, dt, 0, 0)[:2], axis=1)[-1]
         moved = np.maximum(moved, np.linalg.norm(other - answer, axis=1))
     return moved
 
@@ -421,13 +461,14 @@ def play_in_turns(first: Party, second: Party, dt: float) -> Recording:
         led.append((renderer, ahead.followed_by(rows)))
         reset_checked(renderer, led[-1][1].hip[0])
     ways = led[0][1]
-    ihips, forces = np.empty_like(ways.hip), np.empty_like(ways.hip)
+    answers = Answers.room(ways.hip)
     for begin in range(0, len(ways.dt), TURN):
-        answers = [_led_on(renderer, rows.part(begin, begin + TURN), begin) for renderer, rows in led]
-        ihips[begin : begin + TURN], forces[begin : begin + TURN] = answers[0]
+        turn = [_led_on(renderer, rows.part(begin, begin + TURN), begin) for renderer, rows in led]
+        for column, answered in zip(answers, turn[0], strict=True):
+            column[begin : begin + TURN] = answered
     time, hips = first[1].sampled(dt)
-    ahead_ = len(ways.dt) - len(time)
-    channels = {"hip": hips, "ihip": ihips[ahead_:], "force": forces[ahead_:], "velocity": ways.velocity[ahead_:]}
+    recorded = slice(len(ways.dt) - len(time), None)
+    channels = {"hip": hips, **answers.part(recorded).channels, "velocity": ways.velocity[recorded]}
     return Recording(time, channels, meta={"source": "playback", "dt": dt, **abilities_of(first[0]).meta})
 
 
@@ -477,15 +518,11 @@ class Closeup:
         hip = np.where(share == 1.0, end, start_ + share * (end - start_))
         way = _Rows(hip, (end - start_) / (factor * dt)[:, np.newaxis], dt)
         way = way.followed_by(_Rows.resting(hip[-1], float(dt[-1]), lag))
-        ihips, forces = _led_on(renderer, way, tick)
+        led = _led_on(renderer, way, tick)
+        answers = Answers(*(np.concatenate(pair) for pair in zip(answer, led, strict=True)))
         time = self.recording.time[first] + np.concatenate([[0.0], np.cumsum(way.dt)])
         rows = rest.part(-1, rest.dt.size).followed_by(way)
-        channels = {
-            "hip": rows.hip,
-            "ihip": np.vstack([answer[0], ihips]),
-            "force": np.vstack([answer[1], forces]),
-            "velocity": rows.velocity,
-        }
+        channels = {"hip": rows.hip, **answers.channels, "velocity": rows.velocity}
         recording = Recording(time, channels, {**self.recording.meta, "dt": float(dt[-1])})
         before = self._before.followed_by(self._rows.part(0, first + 1)).followed_by(rest.part(0, -1))
         closer = Closeup(recording, rows, before, self._subject)
@@ -497,8 +534,8 @@ class Closeup:
         """As errors count it, from where the path begins."""
         return self._before.dt.size - self._subject.ahead + row
 
-    def _rest(self, renderer: Renderer, row: int, lag: int) -> tuple[_Rows, tuple[Array, Array]]:
-        """The ticks of a rest at `row`, and the last answer."""
+    def _rest(self, renderer: Renderer, row: int, lag: int) -> tuple[_Rows, Answers]:
+        """The ticks of a rest at `row`, and the last answer, a single row."""
         rows = _Rows.resting(self._rows.hip[row], self._subject.dt, PATIENCE)
         answers: list[tuple[Array, Array]] = []
         for _ in range(PATIENCE):
@@ -506,7 +543,9 @@ class Closeup:
             same = [np.array_equal(ihip, answers[-1][0]) for ihip, _ in answers[-lag - 1 :]]
             if len(same) > lag and all(same):
                 break
-        return rows.part(0, len(answers)), answers[-1]
+        ihip, force = answers[-1]
+        last = Answers(ihip[np.newaxis], force[np.newaxis], np.array([reported_contact(renderer)]))
+        return rows.part(0, len(answers)), last
 
     def _standing(self, row: int) -> Renderer:
         """The renderer as it was after `row`, to be led on from there."""
@@ -586,17 +625,18 @@ class _Subject:
                 if copy is None:
                     return False
                 answers.append(_led_on(copy, rows, 0))
-            self.copies = self.proved = all(map(np.array_equal, *answers))
+            self.copies = self.proved = all(map(np.array_equal, *(answer[:2] for answer in answers)))
         return self.copies
 
 
-def _led_on(renderer: Renderer, rows: _Rows, first: int) -> tuple[Array, Array]:
-    """The answers, (n, N) each, of a renderer that is led on without a reset. Errors count ticks from `first` on.
+def _led_on(renderer: Renderer, rows: _Rows, first: int) -> Answers:
+    """The answers of a renderer that is led on without a reset. Errors count ticks from `first` on.
 
     By its compiled `law` or its `lead`, where it has one, as far as that answers: what that refuses its `step` words.
     """
-    ihips, forces = np.empty_like(rows.hip), np.empty_like(rows.hip)
-    done = _led_at_once(renderer, rows, ihips, forces)
+    answers = Answers.room(rows.hip)
+    ihips, forces, contact = answers
+    done = _led_at_once(renderer, rows, answers)
     bad = ~np.isfinite([ihips[:done], forces[:done]]).all(axis=(0, 2))
     if bad.any():
         row = int(np.argmax(bad))
@@ -605,10 +645,11 @@ def _led_on(renderer: Renderer, rows: _Rows, first: int) -> tuple[Array, Array]:
         ihips[row], forces[row] = step_checked(
             renderer, max(first + row, 0), rows.hip[row], rows.velocity[row], float(rows.dt[row])
         )
-    return ihips, forces
+        contact[row] = reported_contact(renderer)
+    return answers
 
 
-def _led_at_once(renderer: Renderer, rows: _Rows, ihips: Array, forces: Array) -> int:
+def _led_at_once(renderer: Renderer, rows: _Rows, answers: Answers) -> int:
     """Write what a renderer answers in one call, and return how many rows that are: none where it cannot."""
     can, count = abilities_of(renderer), rows.dt.size
     if can.law is not None and count:
@@ -617,10 +658,12 @@ def _led_at_once(renderer: Renderer, rows: _Rows, ihips: Array, forces: Array) -
 
         law = law_value(can.law.function, can.law.data)
         given = for_kernels(rows.hip), for_kernels(rows.velocity), for_kernels(rows.dt)
-        return lead(law, can.law.data, np.zeros(rows.hip.shape[1]), *given, (ihips, forces))
+        reported = np.empty(0) if can.law.contact is None else can.law.contact
+        return lead(law, can.law.data, np.zeros(rows.hip.shape[1]), *given, answers[:2], reported, answers.contact)
     if can.lead and count:
         with suppress(Exception):  # it does not say where it broke; single steps do
-            ihips[:], forces[:] = renderer.lead(*(column.copy() for column in rows))  # type: ignore[attr-defined]
+            answers.ihip[:], answers.force[:] = renderer.lead(*(column.copy() for column in rows))  # type: ignore[attr-defined]
+            answers.contact[:] = _reported_contacts(renderer, count)
             beat()
             return count
     return 0

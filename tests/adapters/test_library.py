@@ -66,18 +66,23 @@ def test_step_run_and_the_compiled_step_give_the_same_bits(
     renderer.reset(hips[0])
     steps = [renderer.step(hip, velocity, DT) for hip, velocity in zip(hips, velocities, strict=True)]
     batch = renderer.run(hips, DT)
+    reported = renderer.contact
     law = abilities_of(renderer).law
     assert law is not None
     answers = np.empty_like(hips), np.empty_like(hips)
     renderer.reset(hips[0])
     value = law_value(law.function, law.data)
-    rows = lead(value, law.data, np.zeros(hips.shape[1]), hips, velocities, np.full(len(hips), DT), answers)
+    push, contact = np.zeros(hips.shape[1]), np.zeros(len(hips))
+    rows = lead(value, law.data, push, hips, velocities, np.full(len(hips), DT), answers, law.contact, contact)
     assert rows == len(hips)
     for part in range(2):
         single = np.array([step[part] for step in steps])
         np.testing.assert_array_equal(batch[part], single)
         np.testing.assert_array_equal(answers[part], single)
     assert np.any(batch[1] != 0.0)
+    touched = np.any(batch[1] != 0.0, axis=1)
+    np.testing.assert_array_equal(reported, touched)
+    np.testing.assert_array_equal(contact, touched)
 
 
 def test_a_closed_loop_is_the_same_with_and_without_the_compiled_step(build: Build) -> None:
