@@ -31,8 +31,10 @@ from hapticeval.phenomena import (
 )
 from hapticeval.phenomena.check import Check
 from hapticeval.phenomena.effects import (
+    friction_break_away,
     friction_cone,
     friction_energy,
+    friction_force,
     friction_sliding,
     friction_sticking,
     friction_work,
@@ -53,8 +55,10 @@ OF_EFFECTS: Mapping[str, Check] = {
         texture_work.CHECK,
         relief.CHECK,
         friction_cone.CHECK,
+        friction_break_away.CHECK,
         friction_sticking.CHECK,
         friction_sliding.CHECK,
+        friction_force.CHECK,
         friction_energy.CHECK,
         friction_work.CHECK,
         *transient.CHECKS,

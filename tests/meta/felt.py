@@ -11,10 +11,14 @@ from typing import Any
 
 import latecomers
 import numpy as np
+import rubbing
 from honest import Late, Single
 from msgspec import structs
 from outsiders import Outsider
 
+from hapticeval.effects.friction import Friction
+from hapticeval.effects.lugre import LuGre
+from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
 from hapticeval.stimulus.paths import Loop
@@ -35,7 +39,17 @@ def _asked(suite: str, names: tuple[str, ...], checks: tuple[str, ...]) -> dict[
     return cases
 
 
-CASES = _asked("effects-texture", RELIEFS, ("texture-relief",))
+DRY = ("plane-to-and-fro", "plane-literal", "plane-drawn-robot", "circle-to-and-fro", "sphere-slide")
+LOOSE = tuple(name for name in DRY if name != "circle-to-and-fro")
+"""Those in which a tool breaks loose with mu_k F_n too."""
+
+BRAKED = ("viscous-plane", "lugre-plane", "lugre-textbook")
+RUBBED = ("friction-cone", "friction-break-away", "friction-sliding", "friction-energy", "friction-force")
+
+CASES = {
+    **_asked("effects-texture", RELIEFS, ("texture-relief",)),
+    **_asked("effects-friction", (*DRY, *BRAKED), RUBBED),
+}
 
 
 class Carved:
@@ -88,6 +102,84 @@ class Carved:
         return Response(foot + height * normal, stiffness * (depth + height) * (normal - slope))
 
 
+class Gripping:
+    """Friction on the line y = 0 by its formulas: dry, viscous, or of bristles, round a spring across it."""
+
+    supports = frozenset({"friction", "viscous-friction", "lugre"})
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.effect: Any = scene.effects[0] if scene.effects else None
+
+    def reset(self, hip: np.ndarray) -> None:
+        self.place: float | None = None
+        self.slides, self.bent, self.speed = False, 0.0, 0.0
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        speed, before, self.speed = float(velocity[0]), self.speed, float(velocity[0])
+        if hip[1] >= 0.0:
+            self.place, self.slides, self.bent = None, False, 0.0
+            return Response(hip, np.zeros(2))
+        press = -self.scene.stiffness * float(hip[1])
+        if self.effect is None:
+            return Response(np.array([hip[0], 0.0]), np.array([0.0, press]))
+        if self.effect.kind == "friction":
+            return self.held(float(hip[0]), press)
+        if self.effect.kind == "viscous-friction":
+            brake = self.effect.coefficient * speed
+        else:
+            brake = self.bristled(before, speed, press, dt)
+        return Response(np.array([hip[0], 0.0]), np.array([-brake, press]))
+
+    def held(self, hand: float, press: float) -> Response:
+        """Return the answer of a tool that sticks at its place, or slides after the hand to the kinetic cone."""
+        stiffness, law = self.scene.stiffness, self.effect
+        self.place = hand if self.place is None else self.place
+        pull = stiffness * (hand - self.place)
+        if abs(pull) > (law.mu_k if self.slides else law.mu_s) * press:
+            self.place = hand - np.sign(pull) * law.mu_k * press / stiffness
+            pull, self.slides = stiffness * (hand - self.place), True
+        if abs(pull) <= law.stick * law.mu_k * press or law.stick == 1.0:
+            self.slides = False
+        return Response(np.array([self.place, 0.0]), np.array([-pull, press]))
+
+    def bristled(self, before: float, speed: float, press: float, dt: float) -> float:
+        """Return the brake of bristles: the speed goes straight over the tick, in 100 steps of Euler's rule."""
+        law = self.effect
+        most = law.mu_s * press / law.stiffness
+        self.bent = float(np.clip(self.bent, -most, most))
+        for share in (np.arange(100) + 0.5) / 100:
+            now = before + share * (speed - before)
+            self.bent += dt / 100 * (now - law.stiffness * abs(now) / (press * float(law.limit(now))) * self.bent)
+        rate = speed - law.stiffness * abs(speed) / (press * float(law.limit(speed))) * self.bent
+        return float(law.stiffness * self.bent + law.damping * rate + law.viscosity * speed)
+
+
+class LetsGo(rubbing.Rubbing):
+    """Dry friction whose static coefficient is the kinetic one."""
+
+    def meant(self, scene: Scene) -> Scene:
+        friction = scene.effect(Friction)
+        return scene if friction is None else rubbing.in_place_of(scene, Friction, mu_s=friction.mu_k)
+
+
+class Undamped(rubbing.Rubbing):
+    """Bristles without a damping of their own, sigma1."""
+
+    def meant(self, scene: Scene) -> Scene:
+        return rubbing.in_place_of(scene, LuGre, damping=0.0)
+
+
+class Thin(rubbing.Rubbing):
+    """Viscous friction, or that of bristles that slide, of half the size."""
+
+    def meant(self, scene: Scene) -> Scene:
+        viscous, lugre = scene.effect(ViscousFriction), scene.effect(LuGre)
+        if viscous is not None:
+            return rubbing.in_place_of(scene, ViscousFriction, coefficient=0.5 * viscous.coefficient)
+        return scene if lugre is None else rubbing.in_place_of(scene, LuGre, viscosity=0.5 * lugre.viscosity)
+
+
 def _late(scene: Scene, make: Any, ticks: int) -> Any:
     return type("LateFelt", (Late,), {"ticks": ticks})(scene, make(scene))
 
@@ -114,10 +206,18 @@ BROKEN: Mapping[str, Outsider] = {
     "too-high": Outsider(partial(Carved, high=1.3), {"texture-relief": OFF}, RELIEFS),
     "too-long": Outsider(partial(Carved, long=1.7), {"texture-relief": OFF}, RELIEFS),
     "inverted": Outsider(partial(Carved, high=-1.0), {"texture-relief": OFF}, RELIEFS),
+    "lets-go": Outsider(LetsGo, {"friction-break-away": "the tool slides from mu_k F_n on"}, LOOSE),
+    "undamped": Outsider(Undamped, {"friction-force": "sigma1 = 0"}, BRAKED[1:]),
+    "thin": Outsider(Thin, {"friction-force": "half the viscosity"}, BRAKED),
 }
 """What each fault fails, and why."""
 
 HONEST: Mapping[str, Outsider] = {
-    f"carved{name}": Outsider(make, cases=RELIEFS) for name, make in changed(Carved).items()
+    **{f"carved{name}": Outsider(make, cases=RELIEFS) for name, make in changed(Carved).items()},
+    **{
+        f"gripping{name}": Outsider(make, cases=(*DRY[:2], *BRAKED[:2]))
+        for name, make in changed(Gripping).items()
+        if name != "-late-between"
+    },
 }
-"""A relief by formulas of its own."""
+"""Reliefs and friction by formulas of their own. Between ticks late friction has no tick in which it breaks loose."""

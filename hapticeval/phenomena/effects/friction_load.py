@@ -85,20 +85,29 @@ def precision(base: Recording) -> float:
     return SINGLE if np.array_equal(base.ihip, base.ihip.astype(np.float32)) else DOUBLE
 
 
-def judged_late(base: Recording, judge: Callable[[Recording], Finding]) -> Finding:
-    """Judge a recording, and where it fails, against the HIP of up to three ticks before: a lag is granted.
+HAND = ("hip", "velocity")
+"""The channels that are of the hand, and so on time."""
 
-    A renderer that is late gives and takes energy for that alone: see `passivity`. Where all fail the first is found.
+
+def judged_late(
+    base: Recording, judge: Callable[[Recording], Finding], on_time: tuple[tuple[str, ...], ...] = (HAND,)
+) -> Finding:
+    """Judge a recording, and where it fails, one with channels held back by up to three ticks: a lag is granted.
+
+    Each of `on_time` are channels that may be on time where the others are late. A renderer that is late gives and
+    takes energy for that alone: see `passivity`. Where all fail the first is found.
     """
     found = judge(base)
     for lag in range(1, LAG_TICKS + 1):
-        if found.outcome is not Outcome.FAIL:
-            break
         rows = np.maximum(np.arange(len(base)) - lag, 0)
-        led = {name: base.channels[name][rows] for name in ("hip", "velocity") if name in base.channels}
-        again = judge(Recording(base.time, {**base.channels, **led}, base.meta))
-        if again.outcome is Outcome.PASS:
-            return replace(again, message=f"{again.message}; the force is {lag} ticks late")
+        for names in on_time:
+            if found.outcome is not Outcome.FAIL:
+                return found
+            back = {name: base.channels[name][rows] for name in names if name in base.channels}
+            again = judge(Recording(base.time, {**base.channels, **back}, base.meta))
+            if again.outcome is Outcome.PASS:
+                late = "IHIP" if "force" in names else "force"
+                return replace(again, message=f"{again.message}; the {late} is {lag} ticks late")
     return found
 
 

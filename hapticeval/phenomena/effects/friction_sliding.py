@@ -6,9 +6,10 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.effects.friction_load import load_of, precision, unjudged
+from hapticeval.phenomena.effects.friction_load import HAND, judged_late, load_of, precision, unjudged
 from hapticeval.phenomena.sampling import TELLS, evidence_at
 from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
+from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
 
@@ -18,10 +19,12 @@ ENOUGH = 10
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Compare F_t at every tick in which the IHIP moves with mu_k F_n against that motion."""
-    base, friction = runs.base, scene.effect(FRICTION)
-    reason = unjudged(base, scene)
-    if reason is not None:
-        return reason
+    late = ((*HAND, "ihip"), ("force",))
+    return unjudged(runs.base, scene) or judged_late(runs.base, lambda recording: _judge(recording, scene), late)
+
+
+def _judge(base: Recording, scene: Scene) -> Finding:
+    friction = scene.effect(FRICTION)
     load = load_of(base, scene)
     step = np.diff(base.ihip, axis=0, prepend=base.ihip[:1])
     step -= np.sum(step * load.normals, axis=1)[:, np.newaxis] * load.normals
@@ -90,7 +93,8 @@ CHECK = Check(
         " space the normal at the tool turns aside from that way by half the difference of the principal curvatures "
         "times the lag L = |ds| + (F_t + F_n) / K, and in second order by (W L)^2. Beside that 1e-9, 8 roundings of "
         "the largest coordinate over |ds|, and what the scene's dampers may give. Ticks where that is more than a "
-        "tenth, and those in which the tool passes a corner, are not judged."
+        "tenth, and those in which the tool passes a corner, are not judged. Force or IHIP may be up to three "
+        "ticks late."
     ),
     judge=judge,
     effects=(FRICTION,),

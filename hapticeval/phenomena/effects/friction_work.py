@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from operator import mul
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -88,7 +90,7 @@ def _judge(base: Recording, scene: Scene) -> Finding:
 def _taken(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Array, Array]:
     """Return the work (n - 1,), J, that the laws take over each step of the hand `moved` (n - 1, N), and its doubt."""
     taken, unknown = np.zeros((2, len(moved)))
-    friction, bristles = scene.effect(FRICTION), scene.effect(LUGRE)
+    friction, lugre = scene.effect(FRICTION), scene.effect(LUGRE)
     if friction is not None:
         slip = np.diff(base.ihip, axis=0)
         after = load.normals[1:]
@@ -101,8 +103,8 @@ def _taken(base: Recording, load: Load, scene: Scene, moved: Array) -> tuple[Arr
         taken -= np.sum((scene.stiffness * (base.ihip - base.hip) - base.force)[1:] * slip, axis=1)
         taken += 0.5 * scene.stiffness * np.sum(slip * (slip - moved), axis=1)
     taken += 0.5 * viscous(scene) * np.sum((load.velocity[1:] + load.velocity[:-1]) * moved, axis=1)
-    if bristles is not None:
-        held, straight = (_bristles(bristles, load, base.dt, parts) for parts in (1, FINER))
+    if lugre is not None:
+        held, straight = (bristles(lugre, load, base.dt, parts) for parts in (1, FINER))
         work = [0.5 * np.sum((each[1:] + each[:-1]) * moved, axis=1) for each in (held, straight)]
         taken += work[1]
         unknown += work[1] - work[0]
@@ -117,38 +119,40 @@ def _stored(base: Recording, load: Load, scene: Scene) -> Array:
     return np.asarray((load.normal**2 + np.sum(pull**2, axis=1)) / (2.0 * scene.stiffness))
 
 
-def _bristles(law: LuGre, load: Load, dt: float, parts: int) -> Array:
+def bristles(law: LuGre, load: Load, dt: float, parts: int) -> Array:
     """Return -F_t of LuGre friction at each tick, (n, N), N: a speed that is held over each of `parts` of a tick.
 
     With one part that is the speed of the tick, else it goes straight from the last to that of the tick.
     """
-    force, z = np.zeros_like(load.velocity), np.zeros(load.velocity.shape[1])
-    for k in range(len(force)):
-        press = float(load.normal[k])
-        if not press > 0.0:
-            z[:] = 0.0
-            continue
-        size = float(np.linalg.norm(z))
-        z = z - (z @ load.normals[k]) * load.normals[k]
-        z *= min(size, law.mu_s * press / law.stiffness) / max(float(np.linalg.norm(z)), np.finfo(float).tiny)
-        now, before = load.velocity[k], load.velocity[max(k - 1, 0)]
-        for part in range(parts):
-            velocity = now if parts == 1 else before + (part + 0.5) / parts * (now - before)
-            z = _bent(law, z, velocity, press, dt / parts)
-        speed = float(np.linalg.norm(now))
-        rate = now - law.stiffness * speed / (press * float(law.limit(speed))) * z
-        force[k] = law.stiffness * z + float(law.damping_at(speed)) * rate + law.viscosity * now
-    return force
-
-
-def _bent(law: LuGre, z: Array, velocity: Array, press: float, dt: float) -> Array:
-    """Return z (N,), m, after `dt` s at a velocity (N,) that is held."""
-    speed = float(np.linalg.norm(velocity))
-    if speed == 0.0:
-        return z
-    limit = press * float(law.limit(speed))
-    settled = limit / (law.stiffness * speed) * velocity
-    return np.asarray(settled + (z - settled) * np.exp(-law.stiffness * speed * dt / limit))
+    now, pressed = load.velocity, load.normal > 0.0
+    press = np.where(pressed, load.normal, 1.0)
+    before = np.concatenate([now[:1], now[:-1]])
+    # Over a tick z becomes a z + b.
+    grow, add = np.ones((len(now), 1)), np.zeros_like(now)
+    for part in range(parts):
+        velocity = now if parts == 1 else before + (part + 0.5) / parts * (now - before)
+        speed = np.linalg.norm(velocity, axis=1)[:, np.newaxis]
+        bend = press[:, np.newaxis] * law.limit(speed) / law.stiffness
+        decay = np.exp(-speed * dt / (parts * bend))
+        settled = np.divide(bend * velocity, speed, out=np.zeros_like(velocity), where=speed > 0.0)
+        grow, add = grow * decay, settled + (add - settled) * decay
+    # The bristles turn with the surface, and keep their length, but for what the press does not hold.
+    least, most = np.finfo(float).tiny, (law.mu_s / law.stiffness * press).tolist()
+    free, bends, size = [0.0] * now.shape[1], [], 0.0
+    bent = free
+    rows = zip(pressed.tolist(), load.normals.tolist(), grow[:, 0].tolist(), add.tolist(), most, strict=True)
+    for touches, normal, shrinks, more, holds in rows:
+        lifted = sum(map(mul, bent, normal))
+        laid = [along - lifted * across for along, across in zip(bent, normal, strict=True)]
+        share = shrinks * min(size, holds) / max(math.hypot(*laid), least)
+        bent = [share * along + new for along, new in zip(laid, more, strict=True)] if touches else free
+        size = math.hypot(*bent)
+        bends.append(bent)
+    z = np.array(bends)
+    speed = np.linalg.norm(now, axis=1)[:, np.newaxis]
+    rate = now - law.stiffness * speed / (press[:, np.newaxis] * law.limit(speed)) * z
+    force = law.stiffness * z + law.damping_at(speed) * rate + law.viscosity * now
+    return np.where(pressed[:, np.newaxis], force, 0.0)
 
 
 CHECK = Check(

@@ -212,7 +212,7 @@ def _law(
     return lambda lag: turned(waves, at_rows(tool, rows, lag), own, base.force[rows])
 
 
-def _aside(values: Array) -> Array:
+def beside_straight(values: Array) -> Array:
     """Return how far (n,) values (n, N) between two ticks may be off the straight way."""
     aside = np.pad(np.linalg.norm(np.diff(values, 2, axis=0), axis=1), LAG_TICKS + 1, mode="edge")
     return np.asarray(BETWEEN * np.lib.stride_tricks.sliding_window_view(aside, 2 * LAG_TICKS + 1).max(axis=1))
@@ -238,8 +238,8 @@ def _compared(
     lag = later[0] if later[1] <= earlier[1] else -earlier[0]
     right, bare, moves = law(lag)
     if abs(lag - round(lag)) > WHOLE:  # what is between two ticks may be the HIP, or the answer
-        doubt = doubt + _aside(base.hip)[rows]
-        late = _aside(right)
+        doubt = doubt + beside_straight(base.hip)[rows]
+        late = beside_straight(right)
     else:
         late = np.zeros(len(rows))
     change = right - bare

@@ -23,15 +23,16 @@ from hapticeval.simulation.playback import play
 from hapticeval.stimulus.stimulus import Experiment, Hand, Path
 
 FRICTION = [name for name in OWN if name.startswith("friction-")]
+DRY = [name for name in FRICTION if Friction.kind in OWN[name].effects]
 QUICK = ("plane-to-and-fro", "plane-press", "viscous-plane")
 SCENE = Scene(model=make_model("line"), effects=(Friction(0.5, 0.3),))
 
 
-def laps(depth=1e-3, reach=0.01, laps=3):
-    """Into a plane and `laps` times to and fro at 40 mm/s: a path in whole ticks."""
+def laps(depth=1e-3, reach=0.01, laps=3, speed=0.04):
+    """Into a plane and `laps` times to and fro: a path in whole ticks at 40 mm/s."""
     points = [[0.0, depth], [0.0, -depth], *([[reach, -depth], [-reach, -depth]] * laps), [-reach, depth]]
     length = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    return Path(np.concatenate([[0.0], np.cumsum(length / 0.04)]), np.array(points))
+    return Path(np.concatenate([[0.0], np.cumsum(length / speed)]), np.array(points))
 
 
 def led(scene, path=None, renderer="minimum-distance"):
@@ -62,7 +63,7 @@ def test_a_scene_without_friction_is_not_asked(check):
     assert outcome(check, led(plain), plain) is NO
 
 
-@pytest.mark.parametrize("check", FRICTION)
+@pytest.mark.parametrize("check", DRY)
 def test_a_hand_that_never_touches_or_only_presses_decides_nothing(check):
     away = recorded(np.full((50, 2), 0.01))
     assert outcome(check, away) is UNDECIDED
@@ -74,6 +75,33 @@ def test_a_frictionless_renderer_that_claims_friction_is_found():
     plain = led(Scene(model=make_model("line")))
     assert outcome("friction-sliding", plain) is FAIL
     assert outcome("friction-work", plain) is FAIL
+
+
+@pytest.mark.parametrize(("mu_s", "expected"), [(0.539, PASS), (0.541, FAIL)])
+def test_what_breaks_loose_too_early_is_found(mu_s, expected):
+    """The tool slides from 0.46 on in the tick before, and a hand of 40 mm/s leaves 2 K |dx| = 0.08 N of it open."""
+    assert outcome("friction-break-away", led(SCENE), SCENE.with_effects(Friction(mu_s, 0.3))) is expected
+
+
+@pytest.mark.parametrize(("speed", "expected"), [(0.0499, PASS), (0.0501, UNDECIDED)])
+def test_a_hand_that_moves_too_fast_shows_no_break_away(speed, expected):
+    """From 50 mm/s on 0.1 N are open: half of what mu_k F_n = 0.3 N lacks of 0.5 N."""
+    assert outcome("friction-break-away", led(SCENE, laps(speed=speed))) is expected
+
+
+@pytest.mark.parametrize(("factor", "expected"), [(1.0 + 1e-15, PASS), (1.001, FAIL), (0.999, FAIL)])
+def test_a_viscous_force_is_exact(factor, expected):
+    scene = Scene(model=make_model("line"), effects=(ViscousFriction(4.0),))
+    assert outcome("friction-force", led(scene), scene.with_effects(ViscousFriction(4.0 * factor))) is expected
+
+
+def test_a_law_that_rounding_hides_or_that_is_never_asked_decides_nothing():
+    scene = Scene(model=make_model("line"), effects=(ViscousFriction(4.0),))
+    press = Path(np.array([0.0, 0.05, 1.0]), np.array([[0.0, 1e-3], [0.0, -1e-3], [0.0, -1e-3]]))
+    assert outcome("friction-force", led(scene, press), scene) is UNDECIDED
+    assert outcome("friction-force", recorded(np.full((50, 2), 0.01)), scene) is UNDECIDED
+    damped = Scene(model=make_model("line"), damping=1.0, effects=scene.effects)
+    assert outcome("friction-force", led(damped), damped) is NO
 
 
 @pytest.mark.parametrize("factor", [0.998, 1.002])

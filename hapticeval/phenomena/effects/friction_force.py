@@ -1,0 +1,111 @@
+"""The force of viscous and of LuGre friction: in every tick that of the law, for the hand's speed along the surface."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
+from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.effects.friction_load import Load, load_of, unjudged, viscous
+from hapticeval.phenomena.effects.friction_work import FINER, bristles
+from hapticeval.phenomena.effects.relief import WHOLE, beside_straight
+from hapticeval.phenomena.lag import at_rows, believed
+from hapticeval.phenomena.sampling import LAG_TICKS, TELLS, evidence_at
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.recordings.recording import Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Compare the force along the surface with that of the law at every tick in contact."""
+    base = runs.base
+    reason = unjudged(base, scene)
+    if reason is not None:
+        return reason
+    if scene.damping > 0.0:
+        return Finding(Outcome.NOT_APPLICABLE, f"a damper of {scene.damping:g} N s/m brakes too")
+    (kind,) = (each.kind for each in scene.effects if each.kind in CHECK.effects)
+    load = load_of(base, scene)
+    tangential = load.tangential
+    if runs.without is not None:
+        plain = runs.without(kind).force
+        tangential = tangential - (plain - np.sum(plain * load.normals, axis=1)[:, np.newaxis] * load.normals)
+    # What the queue of a late renderer begins with is not of the law.
+    judged = load.pressed & (np.arange(len(base)) >= LAG_TICKS)
+    law = _law(base, load, scene)
+    straight = law(0.0, FINER)
+    strength = np.linalg.norm(straight, axis=1)
+    rounding = load.other - viscous(scene) * np.linalg.norm(load.velocity, axis=1)
+    doubt = rounding + np.linalg.norm(law(0.0, 1) - straight, axis=1)
+    if not (judged & (doubt <= TELLS * strength)).any():
+        return undecided("the law's force is nowhere ten times what sampling and rounding leave open of it")
+
+    def late(parts: int) -> tuple[float, float]:
+        """Return the lag that explains what is off, and the misfit with it."""
+        return believed(
+            lambda lag: float(np.linalg.norm((tangential + law(lag, parts))[judged], axis=1).mean()),
+            float(doubt[judged].mean()),
+        )
+
+    lag = min(late(1), late(FINER), key=lambda each: each[1])[0]
+    if lag:
+        held, straight = law(lag, 1), law(lag, FINER)
+        doubt = rounding + np.linalg.norm(held - straight, axis=1)
+        if abs(lag - round(lag)) > WHOLE:
+            doubt += beside_straight(straight)
+    # The speed of a tick may be taken as held since the last, or as going there straight.
+    off = np.linalg.norm(tangential + straight, axis=1)
+    worst = int(np.argmax(np.where(judged, off - doubt, -np.inf)))
+    what = (
+        f"at t = {base.time[worst]:.4g} s (tick {worst}) it is {off[worst]:.3g} N off the {strength[worst]:.3g} N that "
+        f"the {kind} makes of {1e3 * np.linalg.norm(load.velocity[worst]):.3g} mm/s"
+    )
+    return compared(
+        Metric(CHECK.metric, float(off[worst]), "N"),
+        float(doubt[worst]),
+        {**evidence_at(base, worst), "law_N": float(strength[worst]), "lag_ticks": float(lag)},
+        passes=f"the force along the surface is that of the {kind} in every tick",
+        fails=f"the force along the surface is another than the law's: {what}",
+    )
+
+
+def _law(base: Recording, load: Load, scene: Scene) -> Callable[[float, int], Array]:
+    """Return -F_t of the law (n, N), N, as a function of a lag in ticks and the parts of a tick; see `bristles`."""
+    lugre = scene.effect(LUGRE)
+    rows = np.arange(len(base), dtype=np.int64)
+
+    def law(lag: float, parts: int) -> Array:
+        moving = at_rows(load.velocity, rows, lag) if lag else load.velocity
+        if lugre is None:
+            return viscous(scene) * moving
+        return bristles(lugre, replace(load, velocity=moving), base.dt, parts)
+
+    return law
+
+
+CHECK = Check(
+    id="friction-force",
+    phenomenon="none of the six: friction, thesis 4.3.3",
+    asks="Is the force along the surface that of viscous or LuGre friction, in every tick?",
+    formula="F_t = -b v_t, or -(sigma0 z + sigma1 z' + sigma2 v) with z' = v - sigma0 |v| z / g(v)",
+    citation="thesis 4.3.3; Canudas de Wit et al. 1995",
+    channels=("hip", "ihip", "force"),
+    reads_also=("velocity",),
+    siblings={Sibling.WITHOUT: "the same path in the scene without the friction"},
+    metric="force along the surface off that of the law",
+    unit="N",
+    bound=(
+        "The law for the recorded velocity and normal force, less what the renderer has along the surface on the same "
+        "path without friction. Bristles bend exactly for a speed that is held; allowed is what the law differs by "
+        "where the speed goes straight from tick to tick, in eighths of a tick, and rounding. One lag a run of up to "
+        "three ticks is granted, and for one between ticks half of the law's widest second difference beside it. Work "
+        "over laps does not show sigma1: what it adds after a turn it takes back."
+    ),
+    judge=judge,
+    effects=(VISCOUS_FRICTION, LUGRE),
+    not_with=(FRICTION,),
+)
