@@ -3,6 +3,8 @@
 # make system  run the tests that start commands and clusters, kill them, and judge whole suites
 # make fuzz    explore with fresh seeds: the ideal contact in EXAMPLES=300, then for MINUTES=30 properties, damaged files,
 #              odd renderers
+# make mutants  change the checks, and what judges by them, in one operator or number at a time and see whether a test fails: hours,
+#              or SAMPLE=60 of them by SEED=1
 # make counterexamples  search for the smallest path that breaks each built-in renderer, into results/counterexamples
 # make bench   time the renderers            make study   the longer studies
 # make browser look at the report's pages in a headless Chromium: needs chromium and npm
@@ -16,7 +18,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start many interpreters, each of which would compile every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test system fuzz counterexamples bench study browser docs lint clean
+.PHONY: run test system fuzz mutants counterexamples bench study browser docs lint clean
 
 # What accuracy costs in time, and five seconds of the simulated robot replayed, stand on the report's first page. A busy machine
 # misses cycles of the robot; the recording says which. What goes wrong with these two says so, and stops nothing.
@@ -38,6 +40,9 @@ system: .venv/dev.stamp .venv/kernels.stamp
 fuzz: .venv/dev.stamp .venv/kernels.stamp
 	$(BIN)/python tests/fuzz.py ideal $$(date +%s) $(or $(EXAMPLES),300)
 	$(BIN)/python tests/fuzz.py $(or $(MINUTES),30)
+
+mutants: .venv/dev.stamp .venv/kernels.stamp
+	$(BIN)/python tests/mutate.py $(if $(SAMPLE),--sample $(SAMPLE)) --seed $(or $(SEED),0) $(TARGETS)
 
 # What is kept is tried first the next time, and stays as it is while it fails. A minute for each renderer at the most.
 counterexamples: .venv/run.stamp .venv/kernels.stamp

@@ -1,0 +1,54 @@
+"""What `make mutants` changes, and that a mutant takes the place of its module."""
+
+import subprocess
+import sys
+
+import mutate
+
+SOURCE = """
+def least(values, n: int = 3):
+    if n <= 2 and not values:
+        return -1.5 * n
+    return f"{min(values) + 1:.3g}"
+"""
+
+
+def test_each_operator_comparison_and_number_is_changed_and_nothing_else(tmp_path, monkeypatch):
+    monkeypatch.setattr(mutate, "ROOT", tmp_path)
+    file = tmp_path / "module.py"
+    file.write_text(SOURCE)
+    mutants = [mutate.mutant_of(file, number) for number in range(mutate.count_in(file))]
+    assert {(mutant.line, mutant.after) for mutant in mutants} >= {
+        (3, "n < 2"),
+        (3, "n >= 2"),
+        (3, "n <= 3"),
+        (3, "n <= 2 or not values"),
+        (2, "4"),
+        (2, "6"),
+        (3, "not not values"),
+        (4, "-1.5 / n"),
+        (4, "-2.5"),
+        (4, "--1.5"),
+        (5, "f'{max(values) + 1:.3g}'"),
+        (5, "f'{min(values) - 1:.3g}'"),
+        (5, "f'{min(values) + 2:.3g}'"),
+    }
+    assert not any(".4g" in mutant.source for mutant in mutants), "a format decides nothing"
+    for mutant in mutants:
+        compile(mutant.source, "mutant", "exec")
+        assert mutant.before != mutant.after
+
+
+def test_equality_is_asked_of_counts_alone(tmp_path):
+    file = tmp_path / "module.py"
+    file.write_text("near = distance <= bound")
+    assert mutate.count_in(file) == 1
+
+
+def test_a_mutant_is_imported_in_place_of_its_module():
+    file = mutate.ROOT / "hapticeval" / "quantity.py"
+    code = "import sys; sys.path.insert(0, 'tests'); import mutate; sys.meta_path.insert(0, mutate.Finder("
+    code += f"mutate.Mutant('hapticeval/quantity.py', 1, '', '', {'number = None'!r}))); "
+    code += "import hapticeval.quantity; print(hapticeval.quantity.number, hapticeval.quantity.__file__)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=mutate.ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["None", str(file)]
