@@ -150,12 +150,17 @@ def _trails(base: Recording, scene: Scene, allowed: Array) -> Finding | None:
     if off[worst] <= allowed[worst]:
         return None
     many = int(np.sum(off > allowed))
-    message = (
-        f"the tool trails the hand in free space: no force, and the IHIP {mm(off[worst])} away from the HIP "
-        f"at t = {base.time[worst]:.4g} s ({many} of {len(base)} ticks)"
+    # A tool that the surface still holds is not in free space, though the hand is outside, as behind a plate.
+    lies = float(np.abs(scene.model.boundary.signed_distance(base.ihip[worst : worst + 1]))[0])
+    dropped = bool(touching(base, scene)[:worst].any()) and lies <= allowed[worst]
+    what = (
+        "the force is dropped: none, with the IHIP on the surface,"
+        if dropped
+        else ("the tool trails the hand in free space: no force, and the IHIP")
     )
+    message = f"{what} {mm(off[worst])} away from the HIP at t = {base.time[worst]:.4g} s ({many} of {len(base)} ticks)"
     metric = Metric("distance of the IHIP from the HIP in free space", float(off[worst]), "m")
-    evidence = {**evidence_at(base, worst), "kind": "trails", "trailing_ticks": many}
+    evidence = {**evidence_at(base, worst), "kind": "dropped" if dropped else "trails", "trailing_ticks": many}
     return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 

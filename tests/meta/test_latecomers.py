@@ -216,3 +216,24 @@ def test_a_declared_spring_may_be_late_by_one_number_of_ticks_a_channel(ihip, fo
         for place in ("slide", "press"):
             finding = found(place, "force-magnitude", declared(make))
             assert finding.outcome is Outcome.PASS, finding.message
+
+
+def test_a_force_that_is_dropped_is_not_called_a_tool_that_trails():
+    """The tool stays where the surface holds it, in front of a plate that the hand has passed."""
+    plate = case(
+        "plate",
+        {"kind": "polygon", "vertices": [[-0.1, -0.001], [0.1, -0.001], [0.1, 0.001], [-0.1, 0.001]]},
+        ("contact-kept",),
+        trajectory={"kind": "points", "points": [[0.0, 0.02], [0.0, -0.02]], "duration": 0.2},
+    )
+    tool = resolve("constraint")
+
+    class Dropping(Changed):
+        def step(self, hip, velocity, dt):
+            ihip, force = super().step(hip, velocity, dt)
+            return Response(ihip, force * (hip[1] > -0.01))
+
+    finding = judge(lambda scene: Dropping(scene, tool(scene)), "drops", "any", plate).verdicts[0].finding
+    assert finding.outcome is Outcome.FAIL
+    assert finding.evidence["kind"] == "dropped"
+    assert "the force is dropped" in finding.message
