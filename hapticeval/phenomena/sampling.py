@@ -181,15 +181,17 @@ def lacks_ihip(recording: Recording, scene: Scene) -> bool:
     """Return whether a force is felt inside the model while the IHIP stays with the HIP: no contact point is given.
 
     A rigid contact has a force and no depth: its HIP lies on the renderer's surface, which is off the model by as much
-    everywhere, up to the declared standoff.
+    everywhere, up to the declared standoff. Nor is a force outside a lack, of one that gives its IHIP elsewhere.
     """
     if "force" not in recording.channels:
         return False
-    silent = above_force_floor(recording, scene) & np.all(recording.ihip == recording.hip, axis=1)
-    silent &= ~lingering(recording, scene)
-    if not silent.any():
+    silent = np.flatnonzero(above_force_floor(recording, scene) & np.all(recording.ihip == recording.hip, axis=1))
+    distance = scene.model.boundary.signed_distance(recording.hip[silent])
+    if recording.apart.any():
+        distance = distance[distance < 0.0]
+    if distance.size == 0:
         return False
-    off = np.abs(scene.model.boundary.signed_distance(recording.hip[silent]))
+    off = np.abs(distance)
     way = LAG_TICKS * hip_step(recording, scene) + 1e-9 * scene.model.size
     return bool(off.max() > way + believed_standoff(recording, scene) or np.ptp(off) > way)
 

@@ -237,3 +237,20 @@ def test_a_force_that_is_dropped_is_not_called_a_tool_that_trails():
     assert finding.outcome is Outcome.FAIL
     assert finding.evidence["kind"] == "dropped"
     assert "the force is dropped" in finding.message
+
+
+def test_three_ticks_of_force_in_free_space_are_not_called_a_renderer_without_ihip():
+    class Haunting(Changed):
+        def reset(self, hip):
+            super().reset(hip)
+            self.free = 0
+
+        def step(self, hip, velocity, dt):
+            ihip, force = super().step(hip, velocity, dt)
+            self.free = 0 if np.any(force) else self.free + 1
+            return Response(ihip, force + np.array([0.5, 0.0]) * (10 < self.free <= 13))
+
+    judged = judge(lambda scene: Haunting(scene, Spring(scene)), "haunts", "any", CASES["slide"])
+    findings = {verdict.check: verdict.finding for verdict in judged.verdicts}
+    assert findings["contact-kept"].outcome is Outcome.FAIL
+    assert not any("no IHIP" in finding.message for finding in findings.values())
