@@ -137,7 +137,8 @@ def _measure(base: Recording, scene: Scene, spring: Spring) -> Measured:
         shares[:, idle] = [_share(force[idle], each[idle], scene.stiffness, Spring.ERROR) for each in errors]
         along[idle] = _along(force[idle], errors[0][idle], Spring.ERROR)[0]
         depth[idle] = _sure_depth(base, scene, spring)[window[:, idle]].min(axis=0)
-    begins = np.isnan(shares).any(axis=0) | ~pressing[window].all(axis=0)
+    # So does one at the end of the run, of which a late IHIP is not recorded any more.
+    begins = np.isnan(shares).any(axis=0) | ~pressing[window].all(axis=0) | (now > last - LAG_TICKS)
     # Where the contact begins or ends a force may be late, and is not larger than any depth within a lag explains.
     reach = np.max([np.linalg.norm(each, axis=1) for each in errors], axis=0)
     size = np.linalg.norm(force, axis=1)
