@@ -57,7 +57,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided(NO_IHIP)
     steps, size = hip_steps(base), scene.model.size
     grain = float(np.clip(FINE * steps.max(initial=0.0), FINEST * size, COARSEST * size))
-    across = _across_allowed(base, scene)
+    across = across_allowed(base, scene)
     # How far the HIP has moved in the last three ticks: (n,), m.
     along = np.concatenate([[0.0], np.cumsum(steps)])
     moved = along - along[np.maximum(np.arange(along.size) - LAG_TICKS, 0)]
@@ -104,7 +104,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     return Finding(Outcome.FAIL, message, metric, bound, evidence)
 
 
-def _across_allowed(base: Recording, scene: Scene) -> float:
+def across_allowed(base: Recording, scene: Scene) -> float:
     """Return how far the renderer's surface may lie off the model, m, with the rounding of positions.
 
     By what it declares: its standoff, or where it declares a resolution only, that.
@@ -125,7 +125,7 @@ def _haunts(base: Recording, scene: Scene) -> Finding | None:
     pushed = above_force_floor(base, scene) & ~base.apart
     if not pushed.any():
         return None
-    outside = scene.model.boundary.signed_distance(base.hip) > _across_allowed(base, scene)
+    outside = scene.model.boundary.signed_distance(base.hip) > across_allowed(base, scene)
     around = np.pad(outside, LAG_TICKS, constant_values=True)
     pushed &= np.lib.stride_tricks.sliding_window_view(around, 2 * LAG_TICKS + 1).all(axis=1)
     if not pushed.any():

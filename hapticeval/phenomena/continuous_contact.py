@@ -10,7 +10,19 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Closer, Runs, Sibling
-from hapticeval.phenomena.jumps import Left, aitken, contact_steps, jump_at_rate, largest_jump, lets_go, look_closer
+from hapticeval.phenomena.contact_kept import across_allowed
+from hapticeval.phenomena.jumps import (
+    Left,
+    aitken,
+    contact_steps,
+    jump_at_rate,
+    largest_jump,
+    lets_go,
+    look_closer,
+    recent_steps,
+    step_bounds,
+    worst_step,
+)
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     NO_IHIP,
@@ -22,7 +34,6 @@ from hapticeval.phenomena.sampling import (
     lingering,
     listed,
     mm,
-    off_surface,
     rounding,
     standoff,
     touching,
@@ -33,6 +44,9 @@ from hapticeval.scene import Scene
 
 HALF_RATE = 0.5 * LAG_TICKS
 """HIP steps of the recording that three ticks at twice its rate are: where a path is looked at, the largest step."""
+CHORD = 0.5
+"""HIP steps that a point on the straight way between two contact points lies off the surface at the most: half of the
+way, at an edge. A contact point that is late by a number of ticks between two is such a point."""
 CONFIRMS = (2, 4)
 """Sampling rates, times the recorded one, at which the way by a jump that stays has to have it too."""
 REFINEMENTS = (1, 2, 4, 8, 16, 32)
@@ -63,13 +77,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     IHIP has to lie on the surface: a path through the solid is no contact point's, however smooth.
     """
     base = runs.base
-    jump, tick = largest_jump(base, scene)
+    tick = largest_jump(base, scene)[1]
     if tick == 0:
         return undecided("the tool is never in contact for two samples in a row")
     if lacks_ihip(base, scene):
         return undecided(NO_IHIP, evidence=evidence_at(base, tick))
-    distance, off = off_surface(base, scene)
-    allowed = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene) + rounding(scene)
+    distance, allowed, off = _off_surface(base, scene)
     message = f"the IHIP in contact lies {mm(distance)} off the surface at t = {base.time[off]:.4g} s"
     astray = Finding(
         Outcome.FAIL,
@@ -81,13 +94,14 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if distance > max(allowed, scene.model.size):  # whether it jumps besides is no question, and costs many finer runs
         return replace(astray, message=f"{message}, farther than the model is large: is its unit the metre?")
     if runs.refine is None:
-        finding = _judge_fixed(base, scene, jump, tick)
+        finding = _judge_fixed(base, scene)
     elif runs.look is not None:
         finding = _judge_closely(runs.look, runs.refine, scene)
     else:
-        finding = _judge_refined(base, runs.refine, scene, tick)
+        finding = _judge_refined(base, runs.refine, scene)
     if distance <= allowed:
-        gone = lets_go(base, slice(0, None), allowed, scene)
+        depth = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene) + rounding(scene)
+        gone = lets_go(base, slice(0, None), depth, scene)
         if finding.outcome is Outcome.FAIL or gone is None:
             return finding
         lost = f"inside the model without contact at t = {base.time[gone]:.4g} s, which contact-kept judges"
@@ -98,6 +112,23 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         evidence = {**finding.evidence, "off_surface_m": distance}
         return replace(finding, message=f"{finding.message}; besides, {message}", evidence=evidence)
     return astray
+
+
+def _off_surface(base: Recording, scene: Scene) -> tuple[float, float, int]:
+    """Return how far off the model an IHIP in contact lies, m, how far it may, m, and at which tick: the worst of all.
+
+    A late contact point lies on the surface too, or on a chord of it. Three ticks are granted to what begins a contact:
+    a late tool is where the hand was before. A rigid tool is the HIP, and struck between two samples, flies at one yet.
+    """
+    contact = touching(base, scene) & ~lingering(base, scene)
+    recent = recent_steps(base)
+    settled = np.lib.stride_tricks.sliding_window_view(np.pad(contact, (LAG_TICKS, 0)), LAG_TICKS + 1).all(axis=1)
+    settled &= np.any(base.ihip != base.hip, axis=1)
+    allowed = np.where(settled, CHORD, LAG_TICKS) * recent + across_allowed(base, scene)
+    rows = np.flatnonzero(contact)
+    distance = np.abs(scene.model.boundary.signed_distance(base.ihip[rows]))
+    worst = int(np.argmax(distance - allowed[rows]))
+    return float(distance[worst]), float(allowed[rows[worst]]), int(rows[worst])
 
 
 def _evidence(base: Recording, scene: Scene, tick: int) -> dict[str, object]:
@@ -131,21 +162,27 @@ def _continuous(base: Recording, scene: Scene, jump: float) -> str:
     return f"continuous while in contact: the largest IHIP step is {times:.3g} times the largest HIP step"
 
 
-def _judge_refined(base: Recording, refine: Callable[[int], Recording], scene: Scene, tick: int) -> Finding:
-    """Refine the whole run until the largest jump is within the bound, or is seen to stay; `tick` is where to look."""
+def _judge_refined(
+    base: Recording, refine: Callable[[int], Recording], scene: Scene, tick: int | None = None
+) -> Finding:
+    """Refine the whole run until its worst jump is within the bound, or is seen to stay; `tick` is where to look."""
     off = standoff(base, scene)
+    jump, worst = worst_step(base, scene, step_bounds(base, scene, LAG_TICKS, off))
+    tick = worst if tick is None else tick
     evidence = _evidence(base, scene, tick)
-    jumps = [largest_jump(base, scene)[0]]
+    jumps = [jump]
     slope = bound = math.nan
     for factor in REFINEMENTS[1:]:
         fine = refine(factor)
-        jumps.append(largest_jump(fine, scene)[0])
+        bounds = step_bounds(fine, scene, LAG_TICKS, off)
+        jump, worst = worst_step(fine, scene, bounds)
+        jumps.append(jump)
         evidence |= {"jumps_m": jumps, "refinements": list(REFINEMENTS[: len(jumps)])}
         fault = _fault_of_sibling(base, fine, factor, tick, scene)
         if fault is not None:
             return replace(fault, evidence=evidence)
         # Lag shrinks with the step and a jump does not, so the finest run sets the bound.
-        bound = LAG_TICKS * hip_step(fine, scene) + off
+        bound = float(bounds[worst])
         slope = _slope(jumps)
         # h, h/2 and h/4 are always run; finer ones only while it is neither small nor seen to stay.
         if factor >= 4 and (jumps[-1] <= bound or slope < STAYS):
@@ -177,7 +214,7 @@ def _fault_of_sibling(base: Recording, fine: Recording, factor: int, tick: int, 
     A step is at most as long as the sum of the finer ones that it is made of, so the largest of k is a k-th of it at
     the least. A run in which the hand takes another way, as in closed loop, may lack the step without a fault.
     """
-    allowed = LAG_TICKS * hip_step(base, scene) + standoff(base, scene)
+    allowed = float(step_bounds(base, scene, LAG_TICKS, standoff(base, scene))[tick])
     rows = slice(factor * max(tick - 1 - LAG_TICKS, 0), factor * tick + 1)
     if rows.stop > len(fine):
         return None
@@ -200,11 +237,12 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
     """Look at each place where the IHIP moves far in finer steps, and at the whole run only where a jump stays."""
     base = look.recording
     off = standoff(base, scene)
-    bound = HALF_RATE * hip_step(base, scene) + off
-    seen = look_closer(look, scene, bound=bound, standoff=off)
+    bounds = step_bounds(base, scene, HALF_RATE, off)
+    seen = look_closer(look, scene, bounds=bounds, standoff=off)
     if seen is None:
         steps = contact_steps(base, scene)
-        jump, tick = largest_jump(base, scene)
+        jump, tick = worst_step(base, scene, bounds)
+        bound = float(bounds[tick])
         if jump > bound:
             moved = mm(jump)
             message = (
@@ -213,9 +251,11 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
         elif jump > bound - off:
             message = f"a step of {mm(jump)} is within the declared standoff of {mm(off)}"
         else:
-            message = _continuous(base, scene, jump)
-        metric = Metric(CHECK.metric, float(steps[steps <= bound].max()), "m")
-        return Finding(Outcome.PASS, message, metric, bound, _evidence(base, scene, tick))
+            message = _continuous(base, scene, float(steps.max()))
+        longest = int(np.argmax(np.where(steps <= bounds, steps, -1.0)))
+        metric = Metric(CHECK.metric, float(steps[longest]), "m")
+        return Finding(Outcome.PASS, message, metric, float(bounds[longest]), _evidence(base, scene, tick))
+    bound = float(bounds[seen.tick])
     if seen.kind is Left.UNRESOLVED:
         return _judge_refined(base, refine, scene, seen.tick)
     finer = [2 ** round(scale.halvings) for scale in seen.scales]
@@ -286,20 +326,21 @@ def coarsened_slope(recording: Recording, scene: Scene, tick: int) -> float:
     return -_slope(jumps) if len(jumps) > 1 else math.nan
 
 
-def _judge_fixed(base: Recording, scene: Scene, jump: float, tick: int) -> Finding:
+def _judge_fixed(base: Recording, scene: Scene) -> Finding:
     """Apply the weaker test, for a recording that cannot be refined: the jump against the HIP step.
 
     Near a convex surface of curvature kappa, projecting from depth d stretches distances by 1 / (1 - kappa d); where
     kappa d comes close to 1 a long step may be honest, and one recording cannot decide. Nor can it where the step grows
     when samples are left out: a jump stays as long as it is, and a steep way does not.
     """
+    bounds = step_bounds(base, scene, LAG_TICKS, standoff(base, scene))
+    jump, tick = worst_step(base, scene, bounds)
     ends = scene.model.boundary.closest_point(base.ihip[tick - 1 : tick + 1])
     depth = float(np.linalg.norm(base.hip[tick] - base.ihip[tick]))
     bent = depth * max(0.0, float(np.linalg.eigvalsh(ends.shape).max()))
     on_axis = bent >= 0.9
     stretch = 1.0 if on_axis else 1.0 / (1.0 - bent)
-    bound = LAG_TICKS * hip_step(base, scene) + standoff(base, scene)
-    bound += (stretch - 1.0) * LAG_TICKS * hip_step(base, scene)
+    bound = float(bounds[tick] + (stretch - 1.0) * LAG_TICKS * recent_steps(base)[tick])
     evidence = _evidence(base, scene, tick)
     metric = Metric("largest IHIP jump", jump, "m")
     moved, note = mm(jump), "judged on one sampling only, which is the weaker test"
@@ -337,10 +378,13 @@ CHECK = Check(
     metric="IHIP jump that refinement leaves",
     unit="m",
     bound=(
-        "1.5 HIP steps + standoff: as far as a proxy that is three ticks late may move at twice the rate. Each longer "
-        "IHIP step is looked at in finer HIP steps, from where the hand has rested until the proxy has caught up. The "
-        "declared standoff counts as far as the IHIPs really lie off the model, and up to a fiftieth of its size; an "
-        "IHIP in contact that lies farther off fails too. Finer steps count only where they lead, in contact, by "
+        "1.5 HIP steps + standoff: as far as a proxy that is three ticks late may move at twice the rate. The HIP "
+        "step is the largest within three ticks, and older ones fade by e^(-1/3) a tick. Each longer IHIP step is "
+        "looked at in finer HIP steps, from where the hand has rested until the proxy has caught up. The declared "
+        "standoff counts as far as the IHIPs really lie off the model, and up to a fiftieth of its size. An IHIP in "
+        "contact fails, too, farther off than standoff, rounding and half a HIP step, the chord between two contact "
+        "points; for the first three ticks of a contact, and of a rigid tool, than three HIP steps. Finer steps count"
+        " only where they lead, in contact, by "
         "where the longer ones went: a jump that finer sampling does not have, or that it lets go at, depends on the "
         "sampling rate, and fails. Where steps stay above the bound, the exponent decides by which they shrink with "
         "the HIP's: 0 for a jump, 1 for a Lipschitz map, alpha / 180 degrees for a conformal map at a tip of alpha. "

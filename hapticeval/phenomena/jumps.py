@@ -12,7 +12,7 @@ import numpy as np
 
 from hapticeval.compiled import borrowing, for_kernels
 from hapticeval.phenomena.check import Closer
-from hapticeval.phenomena.sampling import LAG_TICKS, lingering, touching
+from hapticeval.phenomena.sampling import LAG_TICKS, hip_steps, lingering, rounding, touching
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
@@ -87,6 +87,40 @@ def contact_steps(recording: Recording, scene: Scene) -> Array:
     return steps
 
 
+def recent_steps(recording: Recording) -> Array:
+    """Return how far in a tick the hand has lately moved, up to each sample: (n,), m.
+
+    A proxy may be late by three ticks. One that waits for them answers a step of the hand up to three ticks after it,
+    and one that nears the hand with a time constant of three ticks by e^(-1/3) less in each tick beyond.
+    """
+    steps = np.concatenate([[0.0], hip_steps(recording)])
+    window = np.lib.stride_tricks.sliding_window_view(np.pad(steps, (LAG_TICKS, 0)), LAG_TICKS + 1).max(axis=1)
+    ticks = np.arange(steps.size) / LAG_TICKS
+    with np.errstate(divide="ignore"):
+        fading = np.exp(np.maximum.accumulate(np.log(steps) + ticks) - ticks)
+    window[LAG_TICKS:] = np.maximum(window[LAG_TICKS:], fading[:-LAG_TICKS])
+    return np.asarray(window)
+
+
+def step_bounds(recording: Recording, scene: Scene, ticks: float, standoff: float) -> Array:
+    """Return how far the IHIP may move to each sample, (n,), m: recent steps of so many `ticks`, and the standoff.
+
+    Not less than rounding, which moves it where the hand rests.
+    """
+    return np.asarray(np.maximum(ticks * recent_steps(recording), rounding(scene)) + standoff)
+
+
+def worst_step(recording: Recording, scene: Scene, bounds: Array) -> tuple[float, int]:
+    """Return the step in contact, m, that is above its bound most, and the tick at its end; the longest if none is.
+
+    0 where no two samples in a row are in contact.
+    """
+    steps = contact_steps(recording, scene)
+    above = np.where(steps > 0.0, steps - bounds, -math.inf)
+    tick = int(np.argmax(above))
+    return (float(steps[tick]), tick) if above[tick] > 0.0 else largest_jump(recording, scene)
+
+
 def largest_jump(recording: Recording, scene: Scene) -> tuple[float, int]:
     """The largest IHIP step between two samples in contact, m, and the tick at its end (0 if there is none)."""
     contact = touching(recording, scene) & ~lingering(recording, scene)
@@ -125,14 +159,14 @@ def jump_at_rate(factor: int, look: Closer, scene: Scene, tick: int) -> float:
     return largest_jump(look.closer(first, last, factor, lag=LAG_TICKS).recording, scene)[0]
 
 
-def look_closer(look: Closer, scene: Scene, *, bound: float, standoff: float) -> Seen | None:
-    """The first place, largest steps first, that finer steps leave above `bound` (m); None where there is none.
+def look_closer(look: Closer, scene: Scene, *, bounds: Array, standoff: float) -> Seen | None:
+    """The first place, largest steps first, that finer steps leave above its bound of `bounds` (n,), m; None if none.
 
     A place that is steep is the answer only where no other stays or is unresolved.
     """
     # What single precision resolves of the whole path's coordinates: those of a place may be as near to 0 as one looks.
-    rounding = 4.0 * SINGLE * float(np.max(np.abs(look.recording.hip)))
-    seen = _left(look, scene, bound, standoff, rounding, (), lambda row: row)
+    rounded = 4.0 * SINGLE * float(np.max(np.abs(look.recording.hip)))
+    seen = _left(look, scene, bounds, standoff, rounded, (), lambda row: row)
     if seen is None:
         return None
     # A proxy that lags moves later than the hand that made it.
@@ -144,37 +178,44 @@ def look_closer(look: Closer, scene: Scene, *, bound: float, standoff: float) ->
 def _left(
     look: Closer,
     scene: Scene,
-    bound: float,
+    bounds: Array,
     standoff: float,
-    rounding: float,
+    rounded: float,
     before: tuple[Scale, ...],
     tick_of: Callable[[int], int],
 ) -> Seen | None:
-    """What finer steps leave of the steps of `look` above the bound; `tick_of` gives the base's tick of a row."""
+    """What finer steps leave of the steps of `look` above their bounds; `tick_of` gives the base's tick of a row.
+
+    Coordinates are `rounded` to so much, m. In finer steps the bound of a place stays the recording's.
+    """
     recording = look.recording
     depth = len(before)
     steps = contact_steps(recording, scene)
     steep = None
     # A jump may be rounded over less than that: beyond it, a place is judged by all of its scales.
-    beyond = depth > 0 and before[-1].hip_step < 2.0 * rounding
-    for first, last in _parts(steps, bound, ROWS // (FEW if depth < 2 else MANY)):
-        worst = first + int(np.argmax(steps[first : last + 1]))
+    beyond = depth > 0 and before[-1].hip_step < 2.0 * rounded
+    for first, last in _parts(steps, bounds, ROWS // (FEW if depth < 2 else MANY)):
+        worst = first + int(np.argmax((steps - bounds)[first : last + 1]))
         scales = (*before, _scale(recording, scene, steps, worst, before))
-        factor = _factor(depth, scales[-1].hip_step, rounding)
+        factor = _factor(depth, scales[-1].hip_step, rounded)
         seen: Seen | None
-        if scales[-1].hip_step == 0.0:  # no way of the hand to divide: nothing that it does moves the IHIP
-            seen = Seen(Left.STAYS, tick_of(worst), scales[-1].jump, 0.0, scales)
+        if scales[-1].hip_step == 0.0:
+            # No way of the hand to divide: in time alone it is divided where the run is refined as a whole.
+            seen = Seen(Left.STAYS if depth else Left.UNRESOLVED, tick_of(worst), scales[-1].jump, 0.0, scales)
         elif (
-            sum(scale.hip_step < rounding for scale in scales) == BELOW
-            or scales[-1].hip_step / factor < COARSE * rounding
+            sum(scale.hip_step < rounded for scale in scales) == BELOW
+            or scales[-1].hip_step / factor < COARSE * rounded
         ):
-            seen = _judge(scales, tick_of(worst), bound, rounding)
+            seen = _judge(scales, tick_of(worst), float(bounds[worst]), rounded)
         else:
             begin = max(first - 1 - LAG_TICKS, 0)
             closer = look.closer(begin, last, factor, lag=LAG_TICKS)
-            if _comes_along(recording, closer.recording, scene, steps, (first, last, begin), bound, standoff):
+            off = standoff + rounded
+            if _comes_along(recording, closer.recording, scene, steps > bounds, (first, last, begin), off):
+                rows = begin - (-np.arange(len(closer.recording)) // factor)
+                within = bounds[np.minimum(rows, last)]
                 seen = _left(
-                    closer, scene, bound, standoff, rounding, scales, partial(_parent_tick, tick_of, begin, factor)
+                    closer, scene, within, standoff, rounded, scales, partial(_parent_tick, tick_of, begin, factor)
                 )
             else:
                 seen = Seen(Left.UNRESOLVED, tick_of(worst), scales[-1].jump, math.nan, scales)
@@ -184,7 +225,7 @@ def _left(
     if beyond:
         worst = int(np.argmax(steps))
         scales = (*before, _scale(recording, scene, steps, worst, before))
-        return _judge(scales, tick_of(worst), bound, rounding)
+        return _judge(scales, tick_of(worst), float(bounds[worst]), rounded)
     return steep
 
 
@@ -192,20 +233,21 @@ def _parent_tick(tick_of: Callable[[int], int], begin: int, factor: int, row: in
     return tick_of(begin + -(-row // factor))
 
 
-def _factor(depth: int, hip_step: float, rounding: float) -> int:
+def _factor(depth: int, hip_step: float, rounded: float) -> int:
     """Sub-steps of a step in the next look; no look passes by the finest steps that single precision resolves."""
     if depth < 2:
         return FEW
-    room = hip_step / rounding
+    room = hip_step / rounded
     return MANY if room < 2.0 or room > MANY else 2 ** int(math.log2(room))
 
 
-def _parts(steps: Array, bound: float, longest: int) -> Iterator[tuple[int, int]]:
-    """Rows, first and last, of stretches whose steps are above the bound: the largest step's first.
+def _parts(steps: Array, bounds: Array, longest: int) -> Iterator[tuple[int, int]]:
+    """Rows, first and last, of stretches whose steps are above their bounds: the largest step's first.
 
     Steps a few ticks apart are one stretch, for a proxy may move in every third tick only.
     """
-    high = np.flatnonzero(steps > bound)
+    above = steps > bounds
+    high = np.flatnonzero(above)
     gaps = np.flatnonzero(np.diff(high) > 2 * LAG_TICKS) + 1
     pending = [(int(rows[0]), int(rows[-1])) for rows in np.split(high, gaps) if rows.size]
     while pending:
@@ -216,7 +258,7 @@ def _parts(steps: Array, bound: float, longest: int) -> Iterator[tuple[int, int]
         end = min(last, begin + longest - 1)
         yield begin, end
         for rest in ((first, begin - 1), (end + 1, last)):
-            if rest[0] <= rest[1] and steps[rest[0] : rest[1] + 1].max() > bound:
+            if rest[0] <= rest[1] and above[rest[0] : rest[1] + 1].any():
                 pending.append(rest)
 
 
@@ -236,29 +278,29 @@ def _comes_along(
     coarse: Recording,
     fine: Recording,
     scene: Scene,
-    steps: Array,
+    above: BoolArray,
     part: tuple[int, int, int],
-    bound: float,
-    standoff: float,
+    off: float,
 ) -> bool:
     """Whether the finer steps lead, in contact, by where the coarse ones went: only then do they stand for them.
 
-    By both ends of each step above the bound, up to the lag that is granted and to their own length. A way without two
-    samples in contact in a row has no step at all, and stands for none.
+    By both ends of each step `above` its bound, at most as much earlier as the lag that is granted, and as close as a
+    step of the hand, what the tool may lie `off`, m, and their own length: a tool with a memory may meet an edge by
+    a step later. A way without two samples in contact in a row has no step at all, and stands for none.
     """
     first, last, begin = part
     factor = (len(fine) - 1 - LAG_TICKS) // (last - begin)
     hip_step = float(np.max(np.linalg.norm(np.diff(coarse.hip[begin : last + 1], axis=0), axis=1)))
-    allowed = LAG_TICKS * hip_step + standoff
-    if touching(coarse, scene)[begin : last + 1].all() and lets_go(fine, slice(None), allowed, scene) is not None:
+    depth = LAG_TICKS * hip_step + off
+    if touching(coarse, scene)[begin : last + 1].all() and lets_go(fine, slice(None), depth, scene) is not None:
         return False
     contact = touching(fine, scene)
     if not (contact[1:] & contact[:-1]).any():
         return False
     lengths = contact_steps(fine, scene)
-    rows = first + np.flatnonzero(steps[first : last + 1] > bound)
+    rows = first + np.flatnonzero(above[first : last + 1])
     ihips = for_kernels(coarse.ihip), for_kernels(fine.ihip)
-    return _passes_by(*ihips, for_kernels(contact), lengths, rows, begin, factor, allowed)
+    return _passes_by(*ihips, for_kernels(contact), lengths, rows, begin, factor, hip_step + off)
 
 
 @borrowing
@@ -290,7 +332,7 @@ def _passes_by(
     return True
 
 
-def _judge(scales: tuple[Scale, ...], tick: int, bound: float, rounding: float) -> Seen | None:
+def _judge(scales: tuple[Scale, ...], tick: int, bound: float, rounded: float) -> Seen | None:
     """A jump, a steep map, or None for a continuous one, by how the spread falls from scale to scale.
 
     A Hoelder map of exponent a has a spread c h^a at any scale, down to what single precision resolves and below. A
@@ -300,7 +342,7 @@ def _judge(scales: tuple[Scale, ...], tick: int, bound: float, rounding: float) 
     follow the hand shows the steps of rounding, which every map has.
     """
     last = scales[-1]
-    finest = max((k for k, scale in enumerate(scales) if scale.hip_step >= rounding), default=0)
+    finest = max((k for k, scale in enumerate(scales) if scale.hip_step >= rounded), default=0)
     seen = scales[finest]
     slope = _exponent(scales[0], seen)
     if last is not seen and last.spread >= FLAT * seen.spread:
@@ -308,7 +350,7 @@ def _judge(scales: tuple[Scale, ...], tick: int, bound: float, rounding: float) 
     below = [scale for scale in scales[finest + 1 :] if scale.follows]
     if slope < STEEPEST and below and _exponent(below[-2] if len(below) > 1 else seen, below[-1]) > SMOOTH:
         rise = math.inf if below[-1].jump == 0.0 else seen.spread * below[-1].hip_step / below[-1].jump
-        return Seen(Left.STAYS, tick, seen.jump, slope, scales) if rise < rounding else None
+        return Seen(Left.STAYS, tick, seen.jump, slope, scales) if rise < rounded else None
     if len(below) == BELOW:
         limit = aitken(seen.spread, below[0].spread, below[1].spread)
         if limit > max(bound, 0.5 * below[1].spread):
