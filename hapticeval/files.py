@@ -211,4 +211,6 @@ def below(folder: Path, name: str) -> Path:
             why="a suite may come from anyone, and reads no other files of this machine",
             todo="copy the file beside the suite",
         )
+    if file.exists() and not file.is_file():
+        raise InputError(f"'{name}' is no file", why="a pipe, a device or a folder has no rows to read")
     return file

@@ -54,10 +54,16 @@ def reserve(size: int, what: str) -> None:
 def first_bytes(path: Path) -> bytes:
     """Return the first `HEAD` bytes of a file; of a folder `FOLDER` and the names in it, one per line.
 
-    Raises `InputError` for a file that is missing or empty.
+    Raises `InputError` for a file that is missing or empty, and for a pipe or a device.
     """
     if path.is_dir():
         return FOLDER + "\n".join(sorted(file.name for file in path.iterdir())).encode()
+    if path.exists() and not path.is_file():
+        raise InputError(
+            f"{path} is no file",
+            why="a pipe or a device has no first bytes to look at, and no end",
+            todo="copy it to a file",
+        )
     try:
         with path.open("rb") as file:
             head = file.read(HEAD)

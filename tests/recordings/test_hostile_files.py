@@ -1,6 +1,7 @@
 """Files that would run code, read other files, or take all memory: refused before any of that."""
 
 import io
+import os
 import re
 import resource
 import struct
@@ -18,9 +19,10 @@ from scipy.io import savemat
 
 from hapticeval.cli import main
 from hapticeval.errors import InputError
-from hapticeval.recordings.formats import read_table
+from hapticeval.recordings.formats import MOST_COLUMNS, read_table
 from hapticeval.recordings.hdf5 import read_recording, salvage, write_recording
 from hapticeval.recordings.importing.convert import load
+from hapticeval.recordings.memory import limited
 from hapticeval.recordings.recording import Recording
 
 MAPPING = """
@@ -149,6 +151,47 @@ def test_what_takes_more_memory_than_allowed_is_refused_before_it_is_taken(tmp_p
     assert words, done.stderr
     assert int(taken) < 400_000  # kilobytes; the limit is 100 MB, and a copy or two of that much may be made
     assert "would take" in words or "more than 100000 parts" in words
+
+
+@pytest.mark.parametrize("command", ["inspect", "convert"])
+def test_a_pipe_and_a_device_are_refused_and_not_waited_for(tmp_path, capsys, command):
+    os.mkfifo(tmp_path / "a.csv")
+    for name in ("a.csv", "/dev/zero"):
+        assert main([command, name, *(["-o", "b.h5"] if command == "convert" else [])]) == 2
+        assert f"{name} is no file" in capsys.readouterr().err
+
+
+def test_a_table_of_more_columns_than_any_device_has_is_refused_at_once(tmp_path):
+    count = 200_000
+    row = ",".join(["1.5"] * count)
+    path = tmp_path / "wide.csv"
+    path.write_text(",".join(f"x{k}" for k in range(count)) + f"\n{row}\n{row}\n")
+    with pytest.raises(InputError, match="has 200000 columns"):
+        read_table(path)
+    np.savez(tmp_path / "wide.npz", x=np.zeros((MOST_COLUMNS + 2, MOST_COLUMNS + 1), dtype=np.int8))
+    with pytest.raises(InputError, match=f"there are {MOST_COLUMNS + 1} columns"):
+        read_table(tmp_path / "wide.npz")
+
+
+def test_a_text_takes_a_few_times_its_size(tmp_path):
+    """Beside the text are the parser's words and its numbers, in 8 bytes of the ten that a cell has, twice."""
+    path = tmp_path / "a.csv"
+    row = ",".join(f"{k}.123456789" for k in range(1, 9))
+    path.write_text("a,b,c,d,e,f,g,h\n" + f"{row}\n" * 300_000)
+    code = f"""
+        import resource
+        from hapticeval.recordings.formats import read_table
+        import pandas, numpy
+        read_table({str(tmp_path / "small.csv")!r})
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        read_table({str(path)!r})
+        print(1000 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before))
+    """
+    (tmp_path / "small.csv").write_text("a,b\n1.5,2.5\n" * 2)
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, check=True)
+    assert int(done.stdout) < 6 * path.stat().st_size
+    with limited(0.01), pytest.raises(InputError, match="would take"):
+        read_table(path)
 
 
 def test_the_limit_is_an_option(tmp_path, capsys):

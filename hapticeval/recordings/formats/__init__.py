@@ -48,6 +48,9 @@ OWN = ("matlab5", "matlab73", "hdf5", "npz", "rosbag", "svc", "devicelog", "hdur
 MOST_SIGNALS = 64
 """A matrix of more columns than these that has fewer rows than columns holds its signals in rows."""
 
+MOST_COLUMNS = 10_000
+"""Columns of a table, *chosen*: with twice as many, a proposal of a mapping takes twice as long."""
+
 SIGNATURES: tuple[tuple[bytes, str], ...] = (
     (b"\x89PNG\r\n\x1a\n", "a PNG picture"),
     (b"\xff\xd8\xff", "a JPEG picture"),
@@ -99,6 +102,12 @@ class Table:
     topics: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if len(self.columns) > MOST_COLUMNS:
+            raise InputError(
+                f"there are {len(self.columns)} columns",
+                why=f"at most {MOST_COLUMNS} are read: no device has as many signals",
+                todo="leave out what is no signal, or write signals as columns and samples as rows",
+            )
         reserve(8 * sum(np.size(values) for values in self.columns.values()), "the columns of the file")
         self.__dict__["columns"] = {name: _column(name, values) for name, values in self.columns.items()}
         for name in ("warnings", "remarks", "cells"):
@@ -123,6 +132,8 @@ def _column(name: str, values: ArrayLike) -> NDArray[Any]:
             why="a column is one number per row",
             todo="split an array of several columns into one each: see `spread`",
         )
+    if array.dtype in (np.float64, np.int64) and not array.flags.writeable and array.base is None:
+        return array  # a column of a table already
     kept = np.array(array, dtype=np.float64 if array.dtype.kind == "f" else np.int64)
     kept.flags.writeable = False
     return kept
@@ -237,7 +248,7 @@ def importer(
 
 def formats() -> Mapping[str, Format]:
     """Return every format by name, in the order in which a file is offered to them: other people's before ours."""
-    for module in ("arrays", "rosbag", "text"):
+    for module in ("arrays", "matlab5", "rosbag", "text"):
         import_module(f"{__name__}.{module}")
     for entry in entry_points(group=GROUP):
         with blaming(f"the format '{entry.name}' of an installed package ({entry.value})"):

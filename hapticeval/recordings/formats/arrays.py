@@ -1,24 +1,20 @@
-"""Files of named arrays: HDF5 of any origin, NumPy's .npz, and MATLAB's .mat. Every numeric array is columns.
+"""Files of named arrays: HDF5 of any origin, NumPy's .npz, and MATLAB 7.3. Every numeric array is columns.
 
 What a file names outside of itself is never opened: external links, external storage and virtual data sets of HDF5 can
 read any path of the machine, and pickled objects of NumPy can run code.
 
-MATLAB files of version 5 to 7.2 are read by scipy, variable by variable, so that an object which scipy cannot read
-costs that variable and no other. Those of version 7.3 are HDF5 files: arrays lie transposed, texts as numbers. Columns
-are named alike in both, by their path from the variable on, counting from zero: `scope.signals[1].values[0]`.
+MATLAB files of version 7.3 are HDF5 files: arrays lie transposed, texts as numbers. Columns are named alike in those
+and in older ones (`matlab5`), by their path from the variable on, counting from zero: `scope.signals[1].values[0]`.
 """
 
 from __future__ import annotations
 
 import io
 import math
-import struct
-import warnings
 import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import islice
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any
@@ -29,7 +25,7 @@ from numpy.typing import NDArray
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.formats import Table, damaged, importer, lies, lying, spread, upright
 from hapticeval.recordings.hdf5 import SIGNATURE, lies_elsewhere
-from hapticeval.recordings.memory import allowed, reserve
+from hapticeval.recordings.memory import reserve
 
 H5_DAMAGE = (OSError, KeyError, RuntimeError, ValueError)
 """h5py raises any of these for one and the same damage, by where it strikes."""
@@ -290,131 +286,6 @@ class Variables(Arrays):
                 f"numbers in MATLAB: s = struct({self.objects[0].partition(' ')[0]}), or Time and Data of a timeseries"
             )
         return super().table()
-
-
-HEADER = 128
-COMPRESSED, MATRIX, OPAQUE = 15, 14, 17
-
-
-@importer(
-    "matlab5",
-    about="a MATLAB 5 to 7.2 file (.mat)",
-    recognises=lambda head: head[124:128] in (b"\x00\x01IM", b"\x01\x00MI"),
-)
-def read_matlab5(path: Path) -> Table:
-    """Return every numeric array of two rows or more, as columns; numbers and texts as attributes."""
-    from scipy.io import loadmat
-
-    data = path.read_bytes()
-    if len(data) < HEADER:
-        raise damaged(path, f"its header has {HEADER} bytes, and {len(data)} are there")
-    order = "<" if data[126:128] == b"IM" else ">"
-    (subsystem,) = struct.unpack(order + "Q", data[116:124])  # where data of objects lie, which are no variable
-    found, taken = Variables(), 0
-    for offset, element in _elements5(path, data, order):
-        if offset == subsystem and subsystem:
-            continue
-        matrix = _unpacked(path, offset, element, order, taken)
-        taken += len(matrix)
-        _check_depth(path, offset, matrix, order)
-        name, opaque = _name5(matrix, order)
-        if opaque:
-            found.objects.append(f"{name} ({opaque})")
-            continue
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                stream: Any = io.BytesIO(data[:HEADER] + matrix)
-                read = loadmat(stream, struct_as_record=True)
-        except Exception as error:  # scipy raises anything on what it does not know
-            found.warnings.append(f"the variable '{name or '?'}' cannot be read: {error}")
-            continue
-        for variable, value in read.items():
-            if not str(variable).startswith("__"):
-                _walk5(found, str(variable), value)
-    return found.table()
-
-
-def _walk5(found: Variables, name: str, value: Any) -> None:
-    """Add a value as scipy gives it, and all that it holds."""
-    if isinstance(value, np.ndarray) and (value.dtype.names is not None or value.dtype == object):
-        fields = value.dtype.names
-        for place, item in enumerate(value.ravel(order="F")):
-            bracket = "" if value.size == 1 else f"[{place}]" if fields else f"{{{place}}}"
-            for part in fields or ("",):
-                _walk5(found, f"{name}{bracket}.{part}" if part else f"{name}{bracket}", item[part] if part else item)
-    elif isinstance(value, np.ndarray):
-        found.add(name, value)
-    elif value is not None:
-        found.warnings.append(f"'{name}' is a {type(value).__name__}, which is left out")
-
-
-def _elements5(path: Path, data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
-    """Yield where each variable starts, and its bytes. Raises `InputError` where the file ends within one."""
-    offset = HEADER
-    while offset < len(data):
-        kind, size = struct.unpack(order + "II", data[offset : offset + 8].ljust(8, b"\0"))
-        if kind not in (COMPRESSED, MATRIX):
-            raise damaged(path, f"at byte {offset} a variable should start, with {MATRIX} or {COMPRESSED}, not {kind}")
-        end = offset + 8 + size
-        if end > len(data):
-            raise damaged(
-                path,
-                f"it ends at byte {len(data)}, within the variable that starts at byte {offset}: of its {size} bytes "
-                f"{max(0, len(data) - offset - 8)} are there",
-            )
-        yield offset, data[offset:end]
-        offset = end + (-size % 8 if kind == MATRIX else 0)
-
-
-def _unpacked(path: Path, offset: int, element: bytes, order: str, taken: int) -> bytes:
-    """Return the bytes of a matrix, no more than the limit allows beside those `taken` by the ones before it."""
-    if struct.unpack(order + "I", element[:4])[0] == MATRIX:
-        return element
-    unpacking = zlib.decompressobj()
-    try:
-        matrix = unpacking.decompress(element[8:], max(1, allowed() - taken + 1))
-    except zlib.error as error:
-        raise damaged(path, f"the variable at byte {offset} cannot be unpacked: {error}") from error
-    reserve(taken + len(matrix), f"{path}, as far as it was counted,")
-    if not unpacking.eof:
-        raise damaged(path, f"the variable at byte {offset} breaks off")
-    return matrix
-
-
-def _parts5(data: bytes, begin: int, end: int, order: str) -> Iterator[tuple[int, int, int]]:
-    """Yield the kind, first byte and end of each element from `begin` to `end`, short ones within their own tags."""
-    while begin + 8 <= end:
-        kind, size = struct.unpack_from(order + "II", data, begin)
-        short = kind >> 16
-        start = begin + (4 if short else 8)
-        yield kind & 0xFFFF, start, start + (short or size)
-        begin += 8 if short else 8 + size + (-size % 8)
-
-
-def _check_depth(path: Path, offset: int, matrix: bytes, order: str) -> None:
-    """Raise `InputError` for structures nested too deep, for which scipy has no limit but the end of the stack."""
-    pending = [(0, len(matrix), 0)]
-    while pending:
-        begin, end, depth = pending.pop()
-        if depth > DEEPEST:
-            raise InputError(
-                f"{path} has structures {depth} deep, in the variable at byte {offset}",
-                why=f"at most {DEEPEST} levels are read",
-                todo="save the signals as variables of their own",
-            )
-        pending += [(a, min(b, end), depth + 1) for kind, a, b in _parts5(matrix, begin, end, order) if kind == MATRIX]
-
-
-def _name5(matrix: bytes, order: str) -> tuple[str, str]:
-    """Return the name of a matrix, and the class of an object of MATLAB's own; "" where the bytes hold none."""
-    parts = [matrix[a:b] for _, a, b in islice(_parts5(matrix, 8, len(matrix), order), 4)]
-    try:
-        if struct.unpack(order + "I", parts[0][:4])[0] & 0xFF == OPAQUE:  # flags, name, system and class
-            return parts[1].decode(), parts[3].decode()
-        return parts[2].decode(), ""  # flags, dimensions, name
-    except (IndexError, struct.error, UnicodeDecodeError):
-        return "", ""  # scipy names what is wrong
 
 
 NUMERIC = {"", "double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}

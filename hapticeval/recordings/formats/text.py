@@ -10,9 +10,11 @@ import csv
 import io
 import re
 import warnings
+from codecs import getincrementaldecoder
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +22,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hapticeval.errors import InputError
-from hapticeval.recordings.formats import Table, importer, is_text, lies, lying
+from hapticeval.recordings.formats import MOST_COLUMNS, Table, importer, is_text, lies, lying
 from hapticeval.recordings.importing.units import UNITS
+from hapticeval.recordings.memory import reserve
 
 COMMENTS = ("#", "%")
 HEAD = 200
 """Lines from which header and dialect are read."""
+
+LOOKED_AT = 1 << 20
+"""Bytes of a text that are looked at together."""
+
+A_BYTE = 7
+"""Bytes of memory for each of a text whose rows become lists of numbers: a number of eight characters is one of 32
+bytes in a list of 8 an entry, beside its line twice."""
 
 SEPARATORS = ("\t", ";", ",", " ")
 MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
@@ -45,24 +55,51 @@ def decoded(data: bytes) -> str:
         return data.decode("latin-1")
 
 
-def whole_lines(path: Path) -> tuple[list[str], tuple[str, ...]]:
-    """Return the lines of a text file that are whole, and a warning where the last one is not.
+def whole_text(path: Path) -> tuple[bytes, tuple[str, ...]]:
+    """Return the lines of a text file that are whole, in UTF-8 with line feeds, and a warning where the last is not.
 
     Raises `InputError` where not one line is whole.
     """
-    text = decoded(path.read_bytes())
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    last = lines.pop()  # what follows the last line end: nothing, where that is the end of the file
-    if last and is_whole(last, lines[1:]):
-        lines, last = [*lines, last], ""
-    if not any(line.strip() for line in lines):
+    data = path.read_bytes()
+    if not _is_utf8(data):
+        data = decoded(data).encode()
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    if b"\r" in data:
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    end = data.rfind(b"\n") + 1  # what follows the last line end is nothing, where that is the end of the file
+    last = data[end:].decode()
+    before = data[max(data.find(b"\n") + 1, end - LOOKED_AT) : end].decode(errors="replace").split("\n")[:-1]
+    whole = not last or is_whole(last, before)
+    data = data if whole else data[:end]
+    if not data or data.isspace():
         raise InputError(
             f"{path} has no whole line",
             why=f"it ends within its first: {last[:60]!r}" if last.strip() else "it holds blanks only",
             todo="record or copy it again",
         )
-    cut = f"the file ends within line {len(lines) + 1}, which is left out: a cut number reads like another number"
-    return lines, (cut,) if last.strip() else ()
+    number = data.count(b"\n") + 1
+    cut = f"the file ends within line {number}, which is left out: a cut number reads like another number"
+    return data, () if whole or not last.strip() else (cut,)
+
+
+def whole_lines(path: Path) -> tuple[list[str], tuple[str, ...]]:
+    """Return the lines of `whole_text`, one by one. Raises `InputError` as it does."""
+    reserve(A_BYTE * path.stat().st_size, str(path))
+    data, cut = whole_text(path)
+    return data.decode().removesuffix("\n").split("\n"), cut
+
+
+def _is_utf8(data: bytes) -> bool:
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return False
+    decoder = getincrementaldecoder("utf-8")()
+    try:
+        for begin in range(0, len(data), LOOKED_AT):
+            decoder.decode(data[begin : begin + LOOKED_AT])
+        decoder.decode(b"", final=True)
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def is_whole(last: str, before: list[str]) -> bool:
@@ -144,11 +181,17 @@ def read_delimited(path: Path) -> Table:
     A last row without its line end is left out. Cells that are no number become NaN, with a warning of the place; a
     column without any number is left out. Raises `InputError`, naming the line, for a row with too many cells.
     """
-    lines, cut = whole_lines(path)
-    rows = _content(lines[: 2 * HEAD])
-    dialect = _dialect([lines[place] for place in rows[len(rows) // 2 :]])
+    data, cut = whole_text(path)
+    lines = [line.decode().removesuffix("\n") for line in islice(io.BytesIO(data), 2 * HEAD)]
+    rows = _content(lines)
+    dialect = _dialect(_together([lines[place] for place in rows[len(rows) // 2 :]]))
     names, units, first = _header(path, lines, rows, dialect)
-    frame = _frame(path, lines, first, names, dialect)
+    shape = data.count(b"\n") + 1 - first, len(names)
+    if len(names) > MOST_COLUMNS and not (names == _plain(len(names)) and lies(shape)):
+        raise InputError(f"{path} has {len(names)} columns", why=f"at most {MOST_COLUMNS} are read")
+    reserve(8 * shape[0] * shape[1], f"{path}, {shape[1]} columns of {shape[0]} rows,")
+    frame = _frame(path, data, first, names, dialect)
+    del data
     remarks: list[str] = []
     if names == _plain(len(names)) and lies(frame.shape):
         remarks.append(lying("the table", frame.shape))
@@ -176,7 +219,13 @@ def read_delimited(path: Path) -> Table:
     return Table(columns, units=units, warnings=(*cells, *cut), remarks=tuple(remarks), cells=cells)
 
 
-def _frame(path: Path, lines: list[str], first: int, names: list[str], dialect: _Dialect) -> Any:
+def _together(lines: list[str]) -> list[str]:
+    """Return the first lines that have `LOOKED_AT` characters together, and one at the least."""
+    ends = np.cumsum([len(line) for line in lines])
+    return lines[: max(1, int(np.searchsorted(ends, LOOKED_AT)))]
+
+
+def _frame(path: Path, data: bytes, first: int, names: list[str], dialect: _Dialect) -> Any:
     """Return the rows from line `first` on as a data frame. Raises `InputError` for a row with too many cells."""
     import pandas as pd
 
@@ -184,7 +233,7 @@ def _frame(path: Path, lines: list[str], first: int, names: list[str], dialect: 
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # of cells that would be dropped
             return pd.read_csv(
-                io.StringIO("\n".join(lines)),
+                io.BytesIO(data),
                 sep=r"\s+" if dialect.separator == " " else dialect.separator,
                 header=None,
                 skiprows=first,
@@ -244,7 +293,7 @@ def _header(path: Path, lines: list[str], rows: list[int], dialect: _Dialect) ->
     if len(above) > 1:
         second = [cell.strip(" []()") for cell in above[1]]
         units |= {name: cell for name, cell in zip(names, second, strict=True) if cell}
-    twice = sorted({name for name in names if names.count(name) > 1})
+    twice = sorted(name for name, count in Counter(names).items() if count > 1)
     if twice:
         why = "a mapping could not name one of them"
         raise InputError(f"{path} has two columns named '{twice[0]}'", why=why, todo="rename one of them")

@@ -1,0 +1,260 @@
+"""MATLAB files of version 5 to 7.2, taken apart here: every size is held against the bytes that are there first.
+
+scipy's reader trusts the sizes in a file: of damaged ones, one in sixty ended the process with a segmentation fault. A
+variable that cannot be read costs itself and no other.
+
+A file is a header and elements: a kind, a size, and so many bytes, padded to eight; short ones stand within their own
+tag. A variable is an element of kind `MATRIX`, or one that holds such an element packed, and a matrix is made of
+elements again: its flags with the class, its dimensions, its name, and what it holds by class.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from collections.abc import Iterator
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hapticeval.errors import InputError
+from hapticeval.recordings.formats import Table, damaged, importer
+from hapticeval.recordings.formats.arrays import DEEPEST, MOST, Variables
+from hapticeval.recordings.memory import reserve
+
+HEADER = 128
+COMPRESSED, MATRIX = 15, 14
+CELL, STRUCTURE, OBJECT, TEXT, SPARSE, FUNCTION, OPAQUE = 1, 2, 3, 4, 5, 16, 17
+"""Classes of a matrix beside those of numbers."""
+
+NUMBERS = range(6, 16)
+COMPLEX = 0x0800
+
+TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+"""Kinds of elements of numbers; of whole ones MATLAB takes the shortest that holds them."""
+
+ENCODINGS = {1: "latin-1", 2: "utf-8", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
+"""Kinds of elements of text; one of 16-bit numbers (4) holds UTF-16 as well."""
+
+PIECE = 1 << 20
+"""Bytes that are unpacked at a time."""
+
+
+class OddError(Exception):
+    """A variable is not as it should be: its message says where."""
+
+
+class Element(NamedTuple):
+    """An element within the bytes of a variable: what it holds, and where the next one begins."""
+
+    kind: int
+    data: memoryview
+    end: int
+
+
+@importer(
+    "matlab5",
+    about="a MATLAB 5 to 7.2 file (.mat)",
+    recognises=lambda head: head[124:128] in (b"\x00\x01IM", b"\x01\x00MI"),
+)
+def read_matlab5(path: Path) -> Table:
+    """Return every numeric array of two rows or more, as columns; numbers and texts as attributes."""
+    data = path.read_bytes()
+    if len(data) < HEADER:
+        raise damaged(path, f"its header has {HEADER} bytes, and {len(data)} are there")
+    order = "<" if data[126:128] == b"IM" else ">"
+    (subsystem,) = struct.unpack(order + "Q", data[116:124])  # where data of objects lie, which are no variable
+    variables, taken, parts = Variables(), 0, 0
+    for offset, kind, content in _variables(path, memoryview(data), order):
+        if offset == subsystem and subsystem:
+            continue
+        if kind == COMPRESSED:
+            content = _unpacked(path, offset, content, order, taken)
+            taken += len(content)
+        matrix = _Matrix(path, offset, order, parts)
+        try:
+            matrix.read(content, "", 1)
+        except OddError as error:
+            variables.warnings.append(f"the variable '{matrix.name or '?'}' cannot be read: {error}")
+            continue
+        parts = matrix.count
+        variables.objects += matrix.objects
+        variables.warnings += matrix.warnings
+        for name, values in matrix.arrays:
+            variables.add(name, values)
+    return variables.table()
+
+
+def _variables(path: Path, data: memoryview, order: str) -> Iterator[tuple[int, int, memoryview]]:
+    """Yield where each variable starts, its kind and bytes. Raises `InputError` where the file ends within one."""
+    offset = HEADER
+    while offset < len(data):
+        kind, size = struct.unpack(order + "II", bytes(data[offset : offset + 8]).ljust(8, b"\0"))
+        if kind not in (COMPRESSED, MATRIX):
+            raise damaged(path, f"at byte {offset} a variable should start, with {MATRIX} or {COMPRESSED}, not {kind}")
+        end = offset + 8 + size
+        if end > len(data):
+            raise damaged(
+                path,
+                f"it ends at byte {len(data)}, within the variable that starts at byte {offset}: of its {size} bytes "
+                f"{max(0, len(data) - offset - 8)} are there",
+            )
+        yield offset, kind, data[offset + 8 : end]
+        offset = end + (-size % 8 if kind == MATRIX else 0)
+
+
+def _unpacked(path: Path, offset: int, packed: memoryview, order: str, taken: int) -> memoryview:
+    """Return what a packed matrix holds; its size, which its tag states, is reserved first, beside `taken` bytes."""
+    unpacking = zlib.decompressobj()
+    try:
+        tag = unpacking.decompress(packed, 8)
+        kind, size = struct.unpack(order + "II", tag.ljust(8, b"\0"))
+        if kind != MATRIX:
+            raise damaged(path, f"the variable at byte {offset} holds an element of kind {kind}, not {MATRIX}")
+        reserve(taken + size, f"{path}, as far as it was counted,")
+        matrix, filled, rest = bytearray(size), 0, unpacking.unconsumed_tail
+        while filled < size and (piece := unpacking.decompress(rest, min(PIECE, size - filled))):
+            matrix[filled : filled + len(piece)] = piece
+            filled, rest = filled + len(piece), unpacking.unconsumed_tail
+        unpacking.decompress(rest, 8)  # what pads it, and the checksum
+    except zlib.error as error:
+        raise damaged(path, f"the variable at byte {offset} cannot be unpacked: {error}") from error
+    if filled < size or not unpacking.eof:
+        raise damaged(path, f"the variable at byte {offset} breaks off")
+    return memoryview(matrix)
+
+
+class _Matrix:
+    """Takes the bytes of one variable apart: `arrays` by their paths, and `objects` that only MATLAB reads.
+
+    `count` is of all matrices in the file so far. Raises `OddError` for what does not fit together, `InputError` for
+    matrices within matrices too deep, or too many of them.
+    """
+
+    def __init__(self, path: Path, offset: int, order: str, count: int) -> None:
+        self.path, self.offset, self.order, self.count = path, offset, order, count
+        self.name = ""
+        self.arrays: list[tuple[str, NDArray[Any]]] = []
+        self.objects: list[str] = []
+        self.warnings: list[str] = []
+
+    def read(self, data: memoryview, name: str, depth: int) -> None:
+        """Take a matrix of that name, which the outermost one states itself; an empty one holds nothing."""
+        self.count += 1
+        if depth > DEEPEST + 1 or self.count > MOST:
+            what = f"structures {depth - 1} deep" if depth > DEEPEST + 1 else f"more than {MOST} parts"
+            raise InputError(
+                f"{self.path} has {what}, in the variable at byte {self.offset}",
+                why=f"at most {DEEPEST} levels and {MOST} parts are read",
+                todo="save the signals as variables of their own",
+            )
+        if not data:
+            return
+        flags = self._next(data, 0, "its flags")
+        (word,) = struct.unpack(self.order + "I", bytes(flags.data[:4]).ljust(4, b"\0"))
+        kind = word & 0xFF
+        if kind == OPAQUE:  # name, system and class
+            stated = self._next(data, flags.end, "its name")
+            system = self._next(data, stated.end, "its system")
+            owner = self._next(data, system.end, "its class")
+            self.objects.append(f"{name or _decoded(stated)} ({_decoded(owner)})")
+            return
+        sizes = self._next(data, flags.end, "its dimensions")
+        shape = tuple(int(size) for size in self._numbers(sizes, "its dimensions"))
+        stated = self._next(data, sizes.end, "its name")
+        name = name or _decoded(stated)
+        self.name = self.name or name
+        if len(shape) < 2 or min(shape) < 0:
+            raise OddError(f"'{name}' has the dimensions {shape}")
+        rest = data[stated.end :]
+        if kind in NUMBERS:
+            if word & COMPLEX:
+                self.warnings.append(f"'{name}' holds complex numbers, which are left out")
+            else:
+                element = self._next(rest, 0, "its numbers")
+                self.arrays.append((name, self._shaped(self._numbers(element, "its numbers"), shape, name)))
+        elif kind == TEXT:
+            self.arrays.append((name, self._text(self._next(rest, 0, "its text"), shape, name)))
+        elif kind == CELL:
+            self._members(rest, name, shape, [""], depth)
+        elif kind in (STRUCTURE, OBJECT):
+            at = self._next(rest, 0, "its class").end if kind == OBJECT else 0
+            self._structures(rest[at:], name, shape, depth)
+        else:
+            words = {SPARSE: "a sparse matrix", FUNCTION: "a function"}.get(kind, f"of class {kind}")
+            self.warnings.append(f"'{name}' is {words}, which is left out")
+
+    def _structures(self, data: memoryview, name: str, shape: tuple[int, ...], depth: int) -> None:
+        """Take an array of structures: the length of names, the names of the fields, then each one's fields."""
+        longest = self._next(data, 0, "the length of its names")
+        (width,) = [*self._numbers(longest, "the length of its names"), 0][:1]
+        texts = self._next(data, longest.end, "the names of its fields")
+        if texts.data and not 0 < width <= len(texts.data):
+            raise OddError(f"the names of its fields have a length of {width}")
+        names = [bytes(texts.data[at : at + int(width)]) for at in range(0, len(texts.data), int(width) or 1)]
+        fields = [text.partition(b"\0")[0].decode("latin-1") for text in names]
+        if fields:
+            self._members(data[texts.end :], name, shape, fields, depth)
+
+    def _members(self, data: memoryview, name: str, shape: tuple[int, ...], fields: list[str], depth: int) -> None:
+        """Take the matrices of cells, whose one field has no name, or of structures: as many as the dimensions say."""
+        size = math.prod(shape)
+        if size * len(fields) > len(data) // 8:  # the tag of each takes eight bytes
+            raise OddError(f"'{name}' has the dimensions {shape}, and {len(data)} bytes")
+        at, (before, after) = 0, "[]" if fields != [""] else "{}"
+        for place, field in product(range(size), fields):
+            member = self._next(data, at, f"part {place}")
+            if member.kind != MATRIX:
+                raise OddError(f"part {place} of '{name}' is of kind {member.kind}, no matrix")
+            bracket = "" if size == 1 else f"{before}{place}{after}"
+            self.read(member.data, f"{name}{bracket}.{field}" if field else f"{name}{bracket}", depth + 1)
+            at = member.end
+
+    def _next(self, data: memoryview, begin: int, what: str) -> Element:
+        """Return the element at a byte."""
+        if begin + 8 > len(data):
+            raise OddError(f"it ends before {what}")
+        kind, size = struct.unpack_from(self.order + "II", data, begin)
+        if kind >> 16:  # a short one: its bytes stand in its tag
+            if kind >> 16 > 4:
+                raise OddError(f"{what} have a short element of {kind >> 16} bytes")
+            return Element(kind & 0xFFFF, data[begin + 4 : begin + 4 + (kind >> 16)], begin + 8)
+        if begin + 8 + size > len(data):
+            raise OddError(f"{what} should have {size} bytes, and {len(data) - begin - 8} are there")
+        return Element(kind, data[begin + 8 : begin + 8 + size], begin + 8 + size + -size % 8)
+
+    def _numbers(self, element: Element, what: str) -> NDArray[Any]:
+        """Return the numbers of an element, (n,)."""
+        dtype = TYPES.get(element.kind)
+        if dtype is None or len(element.data) % int(dtype[1]):
+            raise OddError(f"{what} are {len(element.data)} bytes of kind {element.kind}")
+        return np.frombuffer(element.data, dtype=np.dtype(dtype).newbyteorder(self.order))
+
+    def _shaped(self, values: NDArray[Any], shape: tuple[int, ...], name: str) -> NDArray[Any]:
+        if values.size != math.prod(shape):
+            raise OddError(f"'{name}' has the dimensions {shape}, and {values.size} numbers")
+        return values.reshape(shape, order="F")
+
+    def _text(self, element: Element, shape: tuple[int, ...], name: str) -> NDArray[Any]:
+        """Return the rows of a text, (n,): characters stand column by column."""
+        order = {"<": "-le", ">": "-be"}[self.order]
+        encoding = "utf-16" if element.kind == 4 else ENCODINGS.get(element.kind)
+        if encoding is None:
+            raise OddError(f"the text '{name}' is of kind {element.kind}")
+        encoding += order if encoding in ("utf-16", "utf-32") else ""
+        text = bytes(element.data).decode(encoding, errors="replace")
+        if shape[0] == 1:  # also where characters are counted otherwise, as beyond 16 bits
+            return np.array([text])
+        characters = list(text)
+        if len(characters) != math.prod(shape):
+            raise OddError(f"the text '{name}' has the dimensions {shape}, and {len(characters)} characters")
+        rows = np.array(characters, dtype="U1").reshape(shape[0], -1, order="F") if characters else np.empty((0, 0))
+        return np.array(["".join(row) for row in rows], dtype=np.str_)
+
+
+def _decoded(element: Element) -> str:
+    return bytes(element.data).decode("utf-8", errors="replace")
