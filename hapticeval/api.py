@@ -6,6 +6,7 @@ import math
 import pickle
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
@@ -18,7 +19,7 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.renderer import Renderer, RendererFactory, TrajectoryRenderer
 from hapticeval.runner.events import Event, Interrupted, JobFinished, RunFinished
 from hapticeval.runner.execution import execute
-from hapticeval.runner.folder import prepare
+from hapticeval.runner.folder import prepared
 from hapticeval.runner.known import NONE_KNOWN, Known, read_known
 from hapticeval.runner.known import write_known as write_listed
 from hapticeval.runner.planning import Plan, plan
@@ -134,8 +135,8 @@ def merge(folders: Sequence[str | Path], output: str | Path) -> Results:
     """
     from hapticeval.runner.merging import merge_into
 
-    prepare(Path(output))
-    return Results(merge_into([Path(folder) for folder in folders], Path(output)), Path(output))
+    with prepared(Path(output)):
+        return Results(merge_into([Path(folder) for folder in folders], Path(output)), Path(output))
 
 
 def judge(
@@ -183,20 +184,21 @@ def carry_out(
 ) -> Results:
     """Carry a plan out: see `run`, and `execute` for `work`."""
     kept = finished(planned, output) if resume and output is not None else None
-    if output is not None:
-        prepare(output)
     recordings: dict[RunKey, Recording] = {}
     stopped = False
-    for event in execute(planned, output, workers=workers, work=work, timeout=timeout, scheduler=scheduler, kept=kept):
-        if watch is not None:
-            watch(event)
-        if isinstance(event, JobFinished):
-            if event.recording is not None:
-                recordings[event.run.key] = event.recording
-        elif isinstance(event, Interrupted):
-            stopped = event.at_once
-        elif isinstance(event, RunFinished):
-            document = event.results
+    with nullcontext() if output is None else prepared(output):
+        for event in execute(
+            planned, output, workers=workers, work=work, timeout=timeout, scheduler=scheduler, kept=kept
+        ):
+            if watch is not None:
+                watch(event)
+            if isinstance(event, JobFinished):
+                if event.recording is not None:
+                    recordings[event.run.key] = event.recording
+            elif isinstance(event, Interrupted):
+                stopped = event.at_once
+            elif isinstance(event, RunFinished):
+                document = event.results
     return Results(document, folder=output, recordings=recordings, stopped=stopped)
 
 

@@ -28,7 +28,7 @@ from hapticeval.commands import (
 )
 from hapticeval.commands.arguments import Sections
 from hapticeval.commands.terminal import say
-from hapticeval.errors import HapticevalError
+from hapticeval.errors import HapticevalError, printable
 
 ABOUT = """Judge haptic renderers by six phenomena of rigid contact.
 
@@ -80,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _commands()(args=None if arguments is None else list(arguments), prog_name="hapticeval")
     except HapticevalError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(printable(f"error: {error}"), file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
         return _interrupted()
@@ -124,7 +124,7 @@ def _common(
 
 for _command, _epilog, _short in (
     (judging.run, judging.EXIT_CODES, "Run suites on renderers, judge, and report."),
-    (judging.list_, judging.LISTED, "List the renderers, suites, cases, checks, devices or models."),
+    (judging.list_, judging.LISTED, "List renderers, suites, cases, checks, effects, formats."),
     (judging.explain, judging.LISTED, "Explain what a check asks, measures and allows, and why."),
     (judging.merge, judging.MERGED, "Make one run of several, as of its shards."),
     (authors.doctor, authors.EXAMINED, "Walk a renderer through the contract."),

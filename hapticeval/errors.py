@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import difflib
+import re
 import sysconfig
 import traceback
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import PurePath
+
+UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+"""Control characters beside tab and line feed, and those that turn the direction of writing."""
+
+
+def printable(text: str) -> str:
+    """Return a text with its control characters written out, as `\\x1b`: those of others could rewrite a terminal."""
+    return UNPRINTABLE.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 class HapticevalError(Exception):

@@ -15,9 +15,10 @@ from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
-from hapticeval.errors import HapticevalError, InputError
+from hapticeval.errors import HapticevalError, InputError, printable
 
 T = TypeVar("T")
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|-?inf|nan", re.IGNORECASE)
 SAFE = re.compile(r"[a-z0-9][a-z0-9._-]{0,59}")
 
 
@@ -82,6 +83,16 @@ def file_stem(name: str) -> str:
         return name
     kept = re.sub(r"[^a-z0-9._-]+", "-", name.lower()).strip("-.")[:40]
     return f"{kept}~{hashlib.sha256(name.encode('utf-8', 'surrogatepass')).hexdigest()[:12]}"
+
+
+def csv_cell(text: str) -> str:
+    """Return a text for a CSV file: its control characters written out, and no formula of a spreadsheet, by a quote.
+
+    A number stays as it is, and so do dashes that stand for nothing.
+    """
+    text = printable(" ".join(text.split()))
+    formula = text.startswith(("=", "+", "-", "@")) and text.strip("-") and not NUMBER.fullmatch(text)
+    return f"'{text}" if formula else text
 
 
 def digest_of(file: Path) -> str:

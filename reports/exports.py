@@ -9,8 +9,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hapticeval.errors import HapticevalError, NothingSelectedError
-from hapticeval.files import file_stem, replacing
+from hapticeval.errors import HapticevalError, NothingSelectedError, printable
+from hapticeval.files import csv_cell, file_stem, replacing
 from hapticeval.reports.grid import Tile, hard_cases, phenomena, state
 from hapticeval.reports.table import provenance, summaries
 from hapticeval.runner.results import ResultsDocument, RunEntry
@@ -106,7 +106,7 @@ def write_tables(directory: Path, results: ResultsDocument) -> Path:
         for sheet in sheets(results):
             frame = pd.DataFrame(sheet.rows, columns=range(len(sheet.header)), dtype=str)
             frame.columns = pd.Index(sheet.header)
-            texts = {"csv": frame.to_csv(index=False)}
+            texts = {"csv": frame.map(csv_cell).rename(columns=csv_cell).to_csv(index=False)}
             if sheet.caption:
                 texts["tex"] = (
                     f"% {provenance(results)}\n% \\usepackage{{booktabs,array,longtable}}\n{_tex(sheet, frame)}"
@@ -176,7 +176,7 @@ def _columns(sheet: Sheet) -> tuple[str, str]:
 
 def _latex(text: str) -> str:
     sign, text = (r"$-$", text[1:]) if re.match(r"-\d", text) else ("", text)
-    return sign + "".join(SPECIAL.get(each, each) for each in text)
+    return sign + "".join(SPECIAL.get(each, each) for each in printable(text))
 
 
 def write_figures(directory: Path, results: ResultsDocument, globs: Sequence[str]) -> list[Path]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
+from hapticeval.errors import printable
 from hapticeval.reports.grid import (
     MEANING,
     Grid,
@@ -239,4 +240,4 @@ def aligned(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 def _escape(text: str) -> str:
     """Text that cannot end its cell, nor start HTML."""
-    return " ".join(text.replace("|", "\\|").replace("<", "&lt;").split())
+    return printable(" ".join(text.replace("|", "\\|").replace("<", "&lt;").split()))

@@ -7,7 +7,8 @@ import sysconfig
 import pytest
 
 import hapticeval.errors
-from hapticeval.errors import caught_in, kind_of
+from hapticeval.cli import main
+from hapticeval.errors import caught_in, kind_of, printable
 
 OURS = hapticeval.errors.__file__
 WAITS = f"{sysconfig.get_path('stdlib')}/threading.py"
@@ -36,3 +37,17 @@ def test_no_stack_says_nothing():
 def test_errors_are_of_one_kind_whatever_their_numbers():
     texts = ["it raised KeyError: 'a' at tick 3, HIP (0, 1) mm", "it raised KeyError: 'b' at tick 4, HIP (0, 2) mm"]
     assert {kind_of(text) for text in texts} == {"it raised KeyError"}
+
+
+def test_what_others_wrote_cannot_steer_a_terminal():
+    assert printable("a\tb\nc é°ß 点") == "a\tb\nc é°ß 点"
+    assert printable("\x1b[2J\r\x9b1m\x00") == "\\x1b[2J\\r\\x9b1m\\x00"
+    assert printable("txt.\u202eexe") == "txt.\\u202eexe"
+
+
+def test_a_message_shows_control_characters_written_out(tmp_path, capsys):
+    (tmp_path / "evil.toml").write_text('title = "a"\n"\\u001b[2Jgone" = 1\n')
+    assert main(["run", str(tmp_path / "evil.toml")]) == 2
+    told = capsys.readouterr().err
+    assert "\x1b" not in told
+    assert "\\x1b[2Jgone" in told

@@ -82,7 +82,7 @@ def bench(
     from msgspec.structs import replace
 
     from hapticeval.quantity import parse_duration, parse_length
-    from hapticeval.runner.folder import prepare
+    from hapticeval.runner.folder import prepared
     from hapticeval.runner.results import FILE as RESULTS
     from hapticeval.study.bench.compare import compare_benches
     from hapticeval.study.bench.document import beside, read_bench, read_samples, write_bench
@@ -94,20 +94,20 @@ def bench(
     limit = None if budget is None else parse_duration(budget, option="--budget")
     before = None if compare is None else (read_bench(compare), read_samples(compare))
     settings = settings_by_model(models, renderers, quick=quick, chosen=parse_knobs(knobs or []))
-    prepare(directory, keep_reports=True)
     names = list(dict.fromkeys(each.renderer for of_model in settings.values() for each in of_model))
     command = {"renderers": names, "models": list(settings), "knobs": knobs or [], "within": within, "budget": budget}
     sweep = Sweep(settings, quick=quick, seed=seed, command=command)
-    with Terminal() as terminal:
-        sweep.run(terminal.working)
-    samples = sweep.samples()
-    results = sweep.results()
-    if before is not None:
-        results = replace(results, comparison=compare_benches(results, samples, *before))
-    with suppress(InputError):  # one that is not there, or of another version, has nothing to keep
-        results, samples = beside(results, samples, read_bench(directory), read_samples(directory))
-    results = judged(results, within=wanted, budget=limit)
-    written = write_bench(directory, results, samples)
+    with prepared(directory, keep_reports=True):
+        with Terminal() as terminal:
+            sweep.run(terminal.working)
+        samples = sweep.samples()
+        results = sweep.results()
+        if before is not None:
+            results = replace(results, comparison=compare_benches(results, samples, *before))
+        with suppress(InputError):  # one that is not there, or of another version, has nothing to keep
+            results, samples = beside(results, samples, read_bench(directory), read_samples(directory))
+        results = judged(results, within=wanted, budget=limit)
+        written = write_bench(directory, results, samples)
     there = (directory / RESULTS).exists()
     hint = f"hapticeval report {directory} puts it into the report of the run that lies there" if there else ""
     say(paragraphs(describe(results), wrote(written), hint))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -53,17 +54,16 @@ def effects(
       hapticeval effects dynamics-line -r set-stabilisation
       hapticeval effects mine.toml -k '*texture*' -o results
     """
-    from hapticeval.runner.folder import prepare
+    from hapticeval.runner.folder import prepared
     from hapticeval.runner.planning import plan
     from hapticeval.study.effects.document import write_costs
     from hapticeval.study.effects.measure import measure
 
     jobs = plan(suites or ["effects"], [renderer], select=select or ()).jobs
-    if directory is not None:
-        prepare(directory)
-    with Terminal() as terminal:
-        document = measure(jobs, terminal.working)
-    written = [] if directory is None else [write_costs(directory, document)]
+    with nullcontext() if directory is None else prepared(directory):
+        with Terminal() as terminal:
+            document = measure(jobs, terminal.working)
+        written = [] if directory is None else [write_costs(directory, document)]
     say(paragraphs(lines(_table(document)), lines(_ladder(document)), lines(_problems(document)), wrote(written)))
 
 

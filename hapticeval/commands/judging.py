@@ -398,10 +398,12 @@ def _as_recorded(made: ReplayCase, renderers: list[str] | None, see: str) -> int
 
 
 def list_(
-    what: Annotated[str, argument(metavar="WHAT", help="renderers, suites, cases, checks, devices or models.")],
+    what: Annotated[
+        str, argument(metavar="WHAT", help="renderers, suites, cases, checks, devices, models, effects or formats.")
+    ],
     suites: Annotated[list[str] | None, argument(metavar="SUITE", help="The cases of these suites only.")] = None,
 ) -> None:
-    """List the renderers, suites, cases, checks, devices or models.
+    """List the renderers, suites, cases, checks, devices, models, effects or file formats.
 
     \b
     Examples:

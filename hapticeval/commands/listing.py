@@ -86,6 +86,20 @@ def models() -> Rows:
     return _made(MODELS)
 
 
+def effects() -> Rows:
+    """What a scene may call for, each with its numbers, in the order in which effects take part in a tick."""
+    from hapticeval.effects.catalogue import EFFECTS
+
+    return _made({kind: entry.of for kind, entry in EFFECTS.items()})
+
+
+def formats() -> Rows:
+    """The file formats that are read, each with its name for `--format`; also those of other packages."""
+    from hapticeval.recordings import formats as known
+
+    return ((each.name, each.about) for each in known.formats().values())
+
+
 def _made(catalogue: Mapping[str, Callable[..., object]]) -> Rows:
     for name, factory in catalogue.items():
         yield name, _first_sentence(factory)
@@ -101,7 +115,7 @@ def _parameter(parameter: inspect.Parameter) -> str:
 
 
 LISTINGS: Mapping[str, Callable[[], Rows]] = MappingProxyType(
-    {each.__name__: each for each in (renderers, suites, checks, devices, models)}
+    {each.__name__: each for each in (renderers, suites, checks, devices, models, effects, formats)}
 )
 """What can be listed beside the cases, by name."""
 

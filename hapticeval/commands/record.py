@@ -12,7 +12,7 @@ import typer
 
 from hapticeval.commands.arguments import option
 from hapticeval.commands.terminal import Terminal, say
-from hapticeval.errors import HapticevalError, InputError, described, origin
+from hapticeval.errors import HapticevalError, InputError, described, origin, printable
 
 if TYPE_CHECKING:
     from hapticeval.hardware.device import HardwareDevice
@@ -113,7 +113,7 @@ def record(
     warm(wired, made, scene)
     warning = too_stiff(factory, scene, cutoff=CUTOFF)
     if warning:
-        typer.echo(f"warning: {warning}", err=True)
+        typer.echo(printable(f"warning: {warning}"), err=True)
     cycles = max(1, round(seconds * rate))
     meta = {**_meta(scene, wired, renderer, hardware=hardware, who=who), **abilities_of(made).meta}
     failure: HapticevalError | None = None

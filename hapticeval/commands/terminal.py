@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
+from hapticeval.errors import printable
 from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.events import AtWork, Event, Interrupted, JobFinished, RunFinished, RunStarted, WorkerRefused
 
@@ -192,13 +193,13 @@ class Terminal:
             self._bar.tasks[0].start_time = self._begun  # the bar shows the time since the run began, not its own
             self._bar.start()
         if self._task is not None:
-            self._bar.update(self._task, completed=done, total=total, description=what, refresh=True)
+            self._bar.update(self._task, completed=done, total=total, description=printable(what), refresh=True)
 
     def line(self, text: str) -> None:
         """Print something on a line of its own."""
         self.clear()
         self._spoke = time.monotonic()
-        print(text, file=self._stream, flush=True)
+        print(printable(text), file=self._stream, flush=True)
 
 
 def _told(event: JobFinished) -> str:
@@ -276,6 +277,6 @@ def wrote(paths: Iterable[Path]) -> str:
 def say(text: str) -> None:
     """Print on stdout. A reader that has gone away (`| head`) changes no exit code."""
     try:
-        print(text, flush=True)
+        print(printable(text), flush=True)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from hapticeval.commands.terminal import plural
 from hapticeval.discovery import OUTSIDE, known_renderers, parse, see_current_directory
-from hapticeval.errors import HapticevalError
+from hapticeval.errors import HapticevalError, printable
 from hapticeval.runner.interrupts import Interrupts
 
 LOOK = 0.2
@@ -44,7 +44,7 @@ def _exit_with(once: Callable[[], int]) -> None:
     try:
         code = once()
     except HapticevalError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(printable(f"error: {error}"), file=sys.stderr)
         code = error.exit_code
     sys.exit(code)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
+import os
 import select
 import signal
 import socket
@@ -194,7 +195,9 @@ def running(twin: Twin) -> Iterator[tuple[str, int]]:
     """Run `twin` in a process of its own, behind a loopback UDP port; give the address to connect to."""
     connection = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     connection.bind(("127.0.0.1", 0))
-    process = multiprocessing.get_context("fork").Process(target=_served, args=(twin, connection), daemon=True)
+    process = multiprocessing.get_context("fork").Process(
+        target=_served, args=(twin, connection, os.getpid()), daemon=True
+    )
     process.start()
     try:
         yield connection.getsockname()
@@ -206,6 +209,9 @@ def running(twin: Twin) -> Iterator[tuple[str, int]]:
         connection.close()
 
 
-def _served(twin: Twin, connection: socket.socket) -> None:
+def _served(twin: Twin, connection: socket.socket, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the loop, which then says good-bye
+    while not select.select([connection], [], [], AGAIN)[0]:
+        if os.getppid() != parent:  # it was killed before its loop began
+            return
     serve(twin, connection)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from hapticeval.errors import InputError
@@ -18,12 +21,46 @@ DOCUMENTS = {
 REPORTS = ("table.md", "junit.xml", "report.html", "report", "tables", "figures")
 
 
-def prepare(directory: Path, *, keep_reports: bool = False) -> None:
+@contextmanager
+def prepared(directory: Path, *, keep_reports: bool = False) -> Iterator[None]:
     """See that results may be written: into a folder that is new, empty, or holds an earlier run or bench of ours.
 
     Removes the reports of an earlier run, which must not stand beside the results of this one, unless they are to be
-    kept. Raises `InputError` for any other folder, and where nothing can be written there.
+    kept. Within the block the folder is this process's. Raises `InputError` for any other folder, where nothing can be
+    written there, and where another process writes into it.
     """
+    _check(directory)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(directory, os.O_RDONLY)
+    except OSError as error:
+        raise _unwritable(directory, error) from error
+    _open.add(descriptor)
+    try:
+        _lock(directory, descriptor)
+        _clean(directory, keep_reports=keep_reports)
+        yield
+    finally:
+        _open.discard(descriptor)
+        os.close(descriptor)  # which gives the lock back, as the end of the process does
+
+
+_open: set[int] = set()
+"""Folders that are locked."""
+
+
+def _let_go() -> None:
+    """Close them in a forked process: else a lock would outlive a run that was killed, by its workers."""
+    for descriptor in _open:
+        os.close(descriptor)
+    _open.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_let_go)
+
+
+def _check(directory: Path) -> None:
     if directory.exists() and not directory.is_dir():
         raise InputError(f"'{directory}' is a file", why="results go into a folder", todo="name another with -o")
     if directory.is_dir() and any(directory.iterdir()) and not any(_ours(directory / name) for name in DOCUMENTS):
@@ -32,17 +69,48 @@ def prepare(directory: Path, *, keep_reports: bool = False) -> None:
             why="files that hapticeval did not write are never overwritten",
             todo="name a new or an empty folder with -o",
         )
+
+
+def _lock(directory: Path, descriptor: int) -> None:
+    """Lock an open folder. Raises `InputError`, with the other's process where the system tells it."""
     try:
-        directory.mkdir(parents=True, exist_ok=True)
+        import fcntl
+
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        other = _locker(os.fstat(descriptor).st_ino)
+        raise InputError(
+            f"another run writes into '{directory}'" + (f": process {other}" if other else ""),
+            why="two runs in one folder would mix their results",
+            todo="wait until it has ended, end it, or name another folder with -o",
+        ) from error
+    except (ImportError, OSError):
+        return  # a system, or a file system, without locks
+
+
+def _locker(inode: int) -> str:
+    """Return the process that has locked a file, as Linux lists it; "" where nothing is known of it."""
+    try:
+        rows = [row.split() for row in Path("/proc/locks").read_text().splitlines()]
+    except OSError:
+        return ""
+    return next((row[4] for row in rows if row[5].endswith(f":{inode}") and int(row[4]) > 0), "")
+
+
+def _unwritable(directory: Path, error: OSError) -> InputError:
+    return InputError(f"cannot write into the folder '{directory}'", why=str(error), todo="name another with -o")
+
+
+def _clean(directory: Path, *, keep_reports: bool) -> None:
+    """Remove the reports of an earlier run."""
+    try:
         for report in () if keep_reports else (directory / name for name in REPORTS):
             if report.is_dir() and not report.is_symlink():
                 shutil.rmtree(report)
             else:
                 report.unlink(missing_ok=True)
     except OSError as error:
-        raise InputError(
-            f"cannot write into the folder '{directory}'", why=str(error), todo="name another with -o"
-        ) from error
+        raise _unwritable(directory, error) from error
 
 
 def _ours(file: Path) -> bool:

@@ -1,5 +1,6 @@
 """The command line from outside: what it prints, what it writes, and the exit code that a gate reads."""
 
+import os
 import re
 import shutil
 import signal
@@ -13,7 +14,7 @@ from hapticeval import __version__
 from hapticeval.cli import main
 from hapticeval.commands import judging
 from hapticeval.phenomena.registry import CHECKS
-from hapticeval.runner.folder import prepare
+from hapticeval.runner.folder import prepared
 from hapticeval.runner.results import FILE, read_results
 
 pytestmark = pytest.mark.usefixtures("in_process")
@@ -141,7 +142,20 @@ def test_only_an_earlier_run_is_overwritten(here):
         assert run("-r", "local_mine:Good", "-o", folder.name) == 2
         assert (folder / FILE).read_text() == text
     (here / "foreign0" / FILE).write_text('{"format_version": 0, "planned": 1, "verdicts": []}')
-    prepare(here / "foreign0")
+    with prepared(here / "foreign0"):
+        pass
+
+
+def test_two_runs_in_one_folder_exclude_each_other_and_the_second_names_the_first(here, capsys):
+    with prepared(here / "out"):
+        assert run("-r", "local_mine:Good", "-o", "out", "-k", "flat") == 2
+        told = capsys.readouterr().err
+        assert "another run writes into 'out'" in told
+        assert not Path("/proc/locks").exists() or f"process {os.getpid()}" in told
+        assert list((here / "out").iterdir()) == []
+        assert run("-r", "local_mine:Good", "-o", "beside", "-k", "flat") == 0
+    assert run("-r", "local_mine:Good", "-o", "out", "-k", "flat") == 0
+    assert run("-r", "local_mine:Good", "-o", "out", "-k", "flat") == 0
 
 
 def test_the_same_command_gives_the_same_verdicts(here, monkeypatch):
@@ -163,6 +177,8 @@ def test_the_same_command_gives_the_same_verdicts(here, monkeypatch):
         ("checks", "continuous-contact"),
         ("devices", "parallelogram-2dof"),
         ("models", "cassinian"),
+        ("effects", "height-map"),
+        ("formats", "matlab5"),
     ],
 )
 def test_there_is_a_list_of_everything(capsys, what, entry):

@@ -76,6 +76,25 @@ def verdicts(path, folder):
     return found
 
 
+STARTING = f"""
+import multiprocessing, os, signal, sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from hapticeval.hardware.udp import running
+from robots import twin_of, wired
+
+with running(twin_of(wired())):
+    print(multiprocessing.active_children()[0].pid, flush=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_the_twin_of_a_loop_that_is_killed_before_it_begins_ends():
+    done = subprocess.run([sys.executable, "-c", STARTING], capture_output=True, text=True, check=False, timeout=120.0)
+    assert done.returncode == -signal.SIGKILL
+    twin = Path(f"/proc/{int(done.stdout)}")
+    until(lambda: not twin.exists() or "(zombie)" in (twin / "status").read_text())
+
+
 def test_a_killed_run_is_the_run_up_to_there(tmp_path):
     _, whole = recorded(tmp_path, twin_of(wired()), wired(), cycles=CYCLES, name="whole")
     write_recording(tmp_path / "whole.h5", whole)

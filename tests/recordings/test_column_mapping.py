@@ -13,7 +13,7 @@ from hapticeval.recordings.channels import Signal
 from hapticeval.recordings.formats import Table, read_table
 from hapticeval.recordings.hdf5 import read_recording
 from hapticeval.recordings.importing.convert import convert, export, is_ours, load
-from hapticeval.recordings.importing.mapping import parse_mapping, propose, read_mapping
+from hapticeval.recordings.importing.mapping import clocks, parse_mapping, propose, read_mapping
 from hapticeval.recordings.importing.units import UNITS, parse_quantity, parse_unit
 from hapticeval.recordings.recording import Recording
 
@@ -145,12 +145,18 @@ def test_another_clock_is_refused_or_brought_over_as_stated():
     assert held.meta["import"]["resampled"] == {"force": "hold"}
 
 
+@pytest.mark.parametrize("name", ["monotonic_timestamp", "ros_time", "t", "Time [ms]", "sensor.stamp"])
+def test_a_time_under_any_name_is_a_clock(name):
+    assert clocks(Table({name: np.arange(5.0), "x": np.arange(5.0), "time_constant": np.arange(5.0)})) == [name]
+
+
 def test_two_topics_are_never_put_on_one_clock_by_their_number_of_messages():
     columns = {"/a.received": np.arange(5) * 1_000_000, "/a.x": np.arange(5.0)}
     columns |= {"/b.received": np.arange(5) * 1_300_000 + 7, "/b.f": 10.0 * np.arange(5.0)}
     units = {"/a.received": "ns", "/b.received": "ns"}
     table = Table(columns, units=units, topics={name: name[:2] for name in columns})
-    assert '"/b.f"' not in propose(table).partition("# Columns that no channel")[0]
+    proposed = tomllib.loads(propose(table))["channels"]["force"]
+    assert (proposed["time"], proposed["resample"]) == ("/b.received", "?")  # its own, and nothing says how
 
     def made(**more):
         force = {"columns": ["/b.f"], "unit": "N", "sign": 1, **more}

@@ -5,6 +5,7 @@ import re
 import sqlite3
 import struct
 import sys
+import tomllib
 
 import h5py
 import numpy as np
@@ -18,6 +19,8 @@ from scipy.sparse import csc_matrix
 from hapticeval.errors import HapticevalError, InputError
 from hapticeval.recordings.formats import read_table
 from hapticeval.recordings.formats.arrays import Variables
+from hapticeval.recordings.importing.convert import convert
+from hapticeval.recordings.importing.mapping import parse_mapping, propose
 
 T = np.arange(12) * 0.5e-3
 POSITIONS = np.column_stack([np.arange(12.0), -np.arange(12.0)])
@@ -302,6 +305,45 @@ def test_a_ros_bag_has_columns_and_clocks_per_topic(tmp_path, name):
     assert table["/force.received"].tolist() == [START + k * 1_000_000 + 300 for k in range(5)]
     assert table.units["/force.received"] == table.units["/force.header.stamp"] == "ns"
     assert table.warnings == ()
+
+
+def test_the_proposal_for_a_bag_has_channels_of_each_topic_with_its_clock(tmp_path):
+    write_bag(tmp_path / "bag", rows=20)
+    table = read_table(tmp_path / "bag")
+    proposed = propose(table)
+    document = tomllib.loads(proposed)
+    assert document["time"]["column"] == "/force.received"
+    assert "time" not in document["channels"]["force"]
+    joints = document["channels"]["joint_position"]
+    assert joints["columns"] == ["/joints.position[0]", "/joints.position[1]"]
+    assert (joints["time"], joints["resample"]) == ("/joints.received", "?")
+    chosen = (
+        proposed.replace('resample = "?"', 'resample = "linear"').replace('"?"', "1").replace("unit = 1", 'unit = "1"')
+    )
+    chosen = chosen.replace("force (N)", "").split("[channels.joint_position]")
+    rad, newton = chosen[1].replace('unit = "1"', 'unit = "rad"'), chosen[0].replace('unit = "1"', 'unit = "N"')
+    text = f"{newton}[channels.joint_position]{rad}"
+    recording = convert(table, parse_mapping(tomllib.loads(text)))
+    np.testing.assert_allclose(recording.channels["joint_position"][:4, 0], [np.nan, 0.07, 0.17, 0.27], atol=0.1)
+
+
+def test_what_a_bag_holds_now_and_then_is_a_remark(tmp_path):
+    pytest.importorskip("rosbags", reason="needs the extra hapticeval[ros]")
+    from rosbags import rosbag2
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    Joints, Stamp = store.types["sensor_msgs/msg/JointState"], store.types["builtin_interfaces/msg/Time"]
+    with rosbag2.Writer(tmp_path / "bag", version=8) as writer:
+        joints = writer.add_connection("/joints", Joints.__msgtype__, typestore=store)
+        for k in range(5):
+            header = store.types["std_msgs/msg/Header"](stamp=Stamp(sec=k, nanosec=0), frame_id="base")
+            position, effort = np.array([0.1 * k, 0.2]), np.zeros(k % 2)
+            state = Joints(header=header, name=["a", "b"], position=position, velocity=np.empty(0), effort=effort)
+            writer.write(joints, k * 10**9, store.serialize_cdr(state, Joints.__msgtype__))
+    table = read_table(tmp_path / "bag")
+    assert table.warnings == ()
+    assert table.remarks == ("'/joints.effort[0]' is not in every message of its topic, and is left out",)
 
 
 @settings(max_examples=15)

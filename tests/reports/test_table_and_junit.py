@@ -19,9 +19,10 @@ from hapticeval.effects.joint_friction import JointFriction
 from hapticeval.effects.saturation import Saturation
 from hapticeval.effects.velocity_filter import VelocityFilter
 from hapticeval.effects.viscosity import Viscosity
+from hapticeval.files import csv_cell
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome
 from hapticeval.reports import junit, markdown, render_index, summaries
-from hapticeval.reports.exports import Sheet, _tex
+from hapticeval.reports.exports import Sheet, _tex, write_tables
 from hapticeval.reports.scene_words import ended_words, figures_cited, robot_words, scene_words
 from hapticeval.reports.table import LIMIT
 from hapticeval.runner.results import Ended, Robot
@@ -33,6 +34,23 @@ def test_the_summary_puts_the_published_values_beside(results):
     rows = {row.title: row.cells for row in table.rows}
     assert rows["Resists <Pop>"] == (("No", "No"), ("Yes", "No"))
     assert rows["Suitable for LUT"] == (("Yes", None), (None, None))
+
+
+def test_no_cell_of_a_table_is_a_formula_or_steers_a_terminal(results, tmp_path):
+    """A spreadsheet computes what begins with =, +, - or @, as a title or a message of anyone may."""
+    first, *others = results.verdicts
+    hurt = changed(first, message="=1+1", case="@SUM(A1)\x1b[2J")
+    write_tables(tmp_path, changed(results, verdicts=[hurt, *others]))
+    tables = {file.name: pd.read_csv(file, dtype=str, keep_default_na=False) for file in tmp_path.rglob("*.csv")}
+    assert "'=1+1" in tables["verdicts.csv"]["message"].tolist()
+    for table in tables.values():
+        cells = [*table.columns, *table.to_numpy().ravel()]
+        assert not any(re.match(r"[=@]|[+-](?![\d.]|-*$)", cell) for cell in cells)
+        assert not any("\x1b" in cell for cell in cells)
+    assert csv_cell("-0.5e-3") == "-0.5e-3"
+    assert csv_cell("--") == "--"
+    assert csv_cell("-1+cmd|' /C calc'!A0") == "'-1+cmd|' /C calc'!A0"
+    assert "\x1b" not in markdown(changed(results, verdicts=[hurt, *others]))
 
 
 def test_markdown_begins_with_the_summary_and_cannot_be_broken_out_of(results):

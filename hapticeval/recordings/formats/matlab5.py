@@ -232,7 +232,7 @@ class _Matrix:
         dtype = TYPES.get(element.kind)
         if dtype is None or len(element.data) % int(dtype[1]):
             raise OddError(f"{what} are {len(element.data)} bytes of kind {element.kind}")
-        return np.frombuffer(element.data, dtype=np.dtype(dtype).newbyteorder(self.order))
+        return np.frombuffer(element.data, dtype=np.dtype(self.order + dtype))
 
     def _shaped(self, values: NDArray[Any], shape: tuple[int, ...], name: str) -> NDArray[Any]:
         if values.size != math.prod(shape):

@@ -75,12 +75,13 @@ def read_rosbag(path: Path) -> Table:
         for topic, count in counted.items()
         if count > rows.get(topic, 0)
     ]
-    for name in [name for name in columns if len(columns[name]) != rows[topics[name]]]:
-        warnings.append(f"'{name}' is not in every message of its topic, and is left out")
+    odd = [name for name in columns if len(columns[name]) != rows[topics[name]]]
+    for name in odd:
         del columns[name], topics[name]
+    remarks = [f"'{name}' is not in every message of its topic, and is left out" for name in odd]
     units = {name: "ns" for name in columns if name.endswith((".received", ".stamp"))}
     made = {name: np.array(values) for name, values in columns.items()}
-    return Table(made, units=units, warnings=tuple(warnings), topics=topics)
+    return Table(made, units=units, warnings=warnings, remarks=remarks, topics=topics)
 
 
 def _flatten(name: str, value: Any, found: dict[str, int | float]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hapticeval.errors import HapticevalError, InputError, UnknownNameError
-from hapticeval.files import creating
+from hapticeval.files import creating, csv_cell
 from hapticeval.recordings.formats import Table, formats, read_table
 from hapticeval.recordings.hdf5 import (
     DAMAGE,
@@ -276,7 +277,9 @@ def _exported(recording: Recording) -> dict[str, tuple[Array, str]]:
 def _csv(path: Path, recording: Recording) -> None:
     columns = _exported(recording)
     with creating(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-        file.write(",".join(f"{name} [{unit}]" for name, (_, unit) in columns.items()) + "\n")
+        csv.writer(file, lineterminator="\n").writerow(
+            csv_cell(f"{name} [{unit}]") for name, (_, unit) in columns.items()
+        )
         for row in zip(*(values.tolist() for values, _ in columns.values()), strict=True):
             file.write(",".join(map(repr, row)) + "\n")
 

@@ -237,7 +237,7 @@ def _signal(spec: Channel, channel: str, device: Mapping[str, Any] | None) -> Si
 
 # Proposals
 
-CLOCK = re.compile(r"(t|time|zeit|timestamp|stamp|sec|seconds|clock|received|tick|tout)", re.IGNORECASE)
+CLOCK = re.compile(r"t|zeit|sec|seconds|received|tick|tout|(\w*_)?(time|timestamp|stamp|clock)", re.IGNORECASE)
 PART = re.compile(r"(?P<stem>.*?)[._ \[]?(?P<part>[xyz]|\d+)\]?$", re.IGNORECASE)
 BRACKETS = re.compile(r"\s*[\[(][^\])]*[A-Za-z°][^\])]*[\])]\s*$")
 """A unit that a header states after the name."""
@@ -284,9 +284,11 @@ def propose(table: Table, *, file: str = "FILE") -> str:
     ]
     rows = table.rows(clock) if clock else max(table.rows(name) for name in table.columns)
     used = {clock}
-    for channel, columns in _channels(table, rows, found).items():
-        used |= set(columns)
+    for channel, (columns, own) in _channels(table, rows, found).items():
+        used |= {*columns, own}
         lines += ["", *_channel(table, channel, columns, ours=ours)]
+        if own is not None:
+            lines += [f"time = {_quoted(own)}", 'resample = "?"  # "hold" (the latest value) or "linear"']
     valid = next((name for name in table.columns if ours and name.rpartition(".")[2] == "valid"), None)
     if valid is not None:
         used.add(valid)
@@ -331,24 +333,34 @@ def _time(table: Table, found: list[str]) -> list[str]:
     return [*lines, 'start = "zero"']
 
 
-def _channels(table: Table, rows: int, found: list[str]) -> dict[str, list[str]]:
-    """Return channels with the first group of at most three columns that their words fit."""
+def _channels(table: Table, rows: int, found: list[str]) -> dict[str, tuple[list[str], str | None]]:
+    """Return channels with the first group of at most three columns that their words fit, and their own clock.
+
+    That is None for columns on the clock of the time; columns of other topics come after those.
+    """
     topic = table.topics.get(found[0]) if found else None
-    groups: dict[str, list[str]] = {}
+    clock_of = {table.topics[name]: name for name in reversed(found) if name in table.topics}
+    groups: dict[tuple[str, str | None], list[str]] = {}
     for name in table.columns:
-        if name not in found and table.rows(name) == rows and table.topics.get(name) == topic:
+        here = table.rows(name) == rows and table.topics.get(name) == topic
+        own = None if here else clock_of.get(table.topics.get(name, ""))
+        if name not in found and (here or own is not None):
             plain = BRACKETS.sub("", name).removesuffix(f"/{table.units.get(name)}")
             part = PART.fullmatch(plain)
-            groups.setdefault(part["stem"] if part else plain, []).append(name)
-    channels: dict[str, list[str]] = {}
-    for stem, columns in groups.items():
+            groups.setdefault((part["stem"] if part else plain, own), []).append(name)
+    channels: dict[str, tuple[list[str], str | None]] = {}
+    for (stem, own), columns in sorted(groups.items(), key=lambda group: group[0][1] is not None):
         channel = stem.rpartition(".")[2]
         if channel not in CHANNELS:
-            words = f"{re.split(r'[./]', stem)[-1]} {' '.join(table.notes.get(name, '') for name in columns)}"
-            words = words.strip().lower() if stem else ""
-            channel = next((name for name, rule in RULES if re.search(rule, words)), "")
+            last = f"{re.split(r'[./]', stem)[-1]} {' '.join(table.notes.get(name, '') for name in columns)}"
+            last = last.strip().lower() if stem else ""
+            in_topic = f"{table.topics.get(columns[0], '')} {last}".strip().lower()
+            told = (
+                (in_topic, last) if "joint" in in_topic else (last, in_topic)
+            )  # a topic of joints has joint positions
+            channel = next((name for words in told for name, rule in RULES if re.search(rule, words)), "")
         if channel and len(columns) <= 3:
-            channels.setdefault(channel, columns)
+            channels.setdefault(channel, (columns, own))
     return channels
 
 
