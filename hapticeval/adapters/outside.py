@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -23,6 +24,11 @@ in a tick."""
 
 CLEAR = 1e-4
 """How far outside a tool begins at the least, in sizes of the model."""
+
+
+GROWTH, RINGS = 1.25, 60
+"""Growth of the rings on which a free start is looked for, and their number: up to 6e5 times the clearance, which is 60
+times the model's size at the least. *Chosen*: in the corner of a cube the start is within a quarter of the nearest."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +55,11 @@ class Outside:
         }  # fmt: skip
 
     def tool(self, hip: Array, standoff: float = 0.0) -> Array:
-        """Return the point (N,), m, that the tool comes from at a reset with the hand at `hip` (N,): free, if possible.
+        """Return the point (N,), m, that the tool comes from at a reset with the hand at `hip` (N,): a free one.
 
-        The hand itself where that is `CLEAR` and the renderer's own `standoff` (m) outside; else the point so far
-        outside of the nearest one of the given surface. In a bilateral scene the tool is on the surface.
+        It is `CLEAR` and the renderer's own `standoff` (m) outside of all of the given surface: the hand itself, the
+        point so far outside of the nearest one of the surface, or where that is too near to another face, as in a
+        concave corner, one beside it: see `_clear_point`. In a bilateral scene the tool is on the surface.
         """
         boundary: Boundary = self.facets.boundary
         frame = boundary.closest_point(hip[np.newaxis])
@@ -61,8 +68,7 @@ class Outside:
             return np.asarray(foot)
         if frame.distance[0] >= clear:
             return hip
-        outside = foot + clear * frame.normal[0]
-        return np.asarray(outside if boundary.signed_distance(outside[np.newaxis])[0] > 0.0 else foot)
+        return _clear_point(boundary, foot, frame.normal[0], clear)
 
     def lengths(self, standoff: float, resolution: float) -> dict[str, Any]:
         """Return the attributes of a renderer with these lengths (m) towards what it is given: those towards the model.
@@ -75,6 +81,39 @@ class Outside:
             return {"standoff": standoff, "resolution": resolution}
         longest = _longest(boundary) if isinstance(boundary, Mesh) else boundary.resolution
         return {"standoff": standoff + error, "resolution": max(resolution, longest), "surface": boundary}
+
+
+def _clear_point(boundary: Boundary, foot: Array, normal: Array, clear: float) -> Array:
+    """Return a point (N,), m, that is `clear` (m) outside of a boundary, near its point `foot` (N,) with this `normal`.
+
+    Straight off it where that is free. Else the nearest of the points on rings of growing radius round it from which
+    the way to it is open; in a slot too narrow for that, the nearest that is free. Far out, all of them are.
+    """
+    straight = foot + clear * normal
+    # A rounding less: of a plane face the distance comes out as `clear` but for the last digits.
+    enough = (1.0 - 1e-9) * clear
+    if boundary.signed_distance(straight[np.newaxis])[0] >= enough:
+        return np.asarray(straight)
+    directions = _directions(foot.size)
+    start, free = foot + 1e-3 * clear * normal, []
+    for radius in clear * GROWTH ** np.arange(RINGS):
+        ring = foot + radius * directions
+        ring = ring[boundary.signed_distance(ring) >= enough]
+        free += list(ring)
+        for point in ring[np.argsort(-(ring - foot) @ normal, kind="stable")]:
+            if boundary.first_crossing(point, start, grain=clear) is None:
+                return np.asarray(point)
+    return np.asarray(free[0] if free else straight)
+
+
+def _directions(dimension: int) -> Array:
+    """Return some 100 unit vectors (k, N), evenly spread: in space on a spiral."""
+    count = np.arange(100) + 0.5
+    if dimension == 2:
+        return np.column_stack([np.cos(0.02 * np.pi * count), np.sin(0.02 * np.pi * count)])
+    height, turn = 1.0 - 0.02 * count, np.pi * (1.0 + math.sqrt(5.0)) * count
+    across = np.sqrt(1.0 - height**2)
+    return np.column_stack([across * np.cos(turn), across * np.sin(turn), height])
 
 
 def _longest(mesh: Mesh) -> float:
