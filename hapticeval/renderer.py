@@ -41,9 +41,10 @@ class Declaration:
     stiffness varies with the place or the depth, `stiffness_range` is its least and its largest, as shares of the
     scene's: one is between them, and the largest may be infinite. `force_resolution` (N) is how coarse the force is: a
     quantum, a dead band. After a `reset` the same way gives the same answers again, to the bit, or as far as
-    `ihip_scatter` (m) and `force_scatter` (N) allow. `closed_form` is the law that it claims to be, one of
-    `closed_forms.SCHEMES`: where that has a closed form, a loop with the renderer in it has to move so, see the check
-    `closed-form`.
+    `ihip_scatter` (m) and `force_scatter` (N) allow. `force_only` says that it has no contact point, as a potential
+    field: its IHIP is always the HIP, and checks of the contact point are not applicable. `closed_form` is the law that
+    it claims to be, one of `closed_forms.SCHEMES`: where that has a closed form, a loop with the renderer in it has to
+    move so, see the check `closed-form`.
     """
 
     spring: Spring | None = None
@@ -52,6 +53,7 @@ class Declaration:
     closed_form: str | None = None
     ihip_scatter: float = 0.0
     force_scatter: float = 0.0
+    force_only: bool = False
 
     @property
     def sound(self) -> bool:
@@ -60,6 +62,7 @@ class Declaration:
         return (
             self.spring in (None, *Spring)
             and self.closed_form in (None, *SCHEMES)
+            and isinstance(self.force_only, bool)
             and all(_is_number(length) and 0.0 <= length < math.inf for length in lengths)
             and (self.stiffness_range is None or _is_range(self.stiffness_range))
         )
@@ -71,6 +74,7 @@ class Declaration:
         if self.stiffness_range is not None:
             least, largest = map(float, self.stiffness_range)
             said |= {"stiffness_least": least} | ({"stiffness_largest": largest} if largest < math.inf else {})
+        said |= {"contact_point": "none"} if self.force_only else {}
         scatters = {"ihip_scatter": float(self.ihip_scatter), "force_scatter": float(self.force_scatter)}
         return said | {"force_resolution": float(self.force_resolution)} | scatters
 

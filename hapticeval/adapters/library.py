@@ -31,7 +31,7 @@ HEADER = Path(__file__).with_name("hapticeval.h")
 
 ABI = 1
 CONTACT, REFUSES_MODEL, REFUSES_HIP = 1, 1, 2
-BILATERAL, SPRING = 4, 16
+BILATERAL, SPRING, FORCE_ONLY = 4, 16, 32
 FLAGS = {1: "plane", 2: "space", BILATERAL: "bilateral", 8: "viscosity"}
 """Flags of the header that are requirements of scenes."""
 
@@ -163,7 +163,7 @@ def info_of(path: Path) -> Info:
             why="it is called with self NULL first, before a scene",
             todo="write flags and max_error then, and return 0",
         )
-    if info["flags"] >= 2 * SPRING:
+    if info["flags"] >= 2 * FORCE_ONLY:
         raise InputError(
             f"the library {path} has the flags {info['flags']:#x}",
             why="this version of hapticeval does not know all of them",
@@ -289,8 +289,9 @@ class LibraryRenderer:
         self._margin = float(lengths.standoff)
         self.__dict__.update(outside.lengths(float(lengths.standoff), float(lengths.resolution)))
         self.supports = info.supports
-        if info.flags & SPRING:
-            self.declares = Declaration(spring=Spring.ERROR)
+        if info.flags & (SPRING | FORCE_ONLY):
+            spring = Spring.ERROR if info.flags & SPRING else None
+            self.declares = Declaration(spring=spring, force_only=bool(info.flags & FORCE_ONLY))
         places = np.array([ctypes.cast(library.hr_step, c_void_p).value, self._self.value or 0], dtype=np.uint64)
         data = law_data(places.view(np.float64), state=1)
         self.law = CompiledStep(ask, data, {REFUSES_HIP: REFUSED}, contact=data.state)

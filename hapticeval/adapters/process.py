@@ -215,6 +215,7 @@ class Hello:
     supports: frozenset[str] = frozenset()
     max_error: float = 0.0
     spring: bool = False
+    force_only: bool = False
     run: bool = False
     name: str = ""
 
@@ -275,7 +276,7 @@ def _greeted(child: Child) -> Hello:
         child.fail(f"supports {_text(supports)}", why=f'"supports" is a list of names, of {", ".join(requirements())}')
     lengths = _lengths(child, answer, "max_error")
     name = _text(answer.get("name", ""))
-    flags = {each: bool(answer.get(each)) for each in ("spring", "run")}
+    flags = {each: bool(answer.get(each)) for each in ("spring", "force_only", "run")}
     return Hello(frozenset(supports), lengths["max_error"], name=name, **flags)
 
 
@@ -315,8 +316,8 @@ class ProcessRenderer:
         lengths = _lengths(child, answer, "standoff", "resolution")
         self._margin = lengths["standoff"]
         self.__dict__.update(self._outside.lengths(**lengths))
-        if hello.spring:
-            self.declares = Declaration(spring=Spring.ERROR)
+        if hello.spring or hello.force_only:
+            self.declares = Declaration(spring=Spring.ERROR if hello.spring else None, force_only=hello.force_only)
         self._batch = hello.run
         self.supports = hello.supports
 

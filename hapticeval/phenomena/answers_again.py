@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
-from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
-    NO_IHIP,
     TELLS,
     evidence_at,
     farthest_standoff,
@@ -35,7 +34,7 @@ def judge_memoryless(runs: Runs, scene: Scene) -> Finding:
 
     base, back = runs.base, runs.reverse()
     if lacks_ihip(base, scene):
-        return undecided(NO_IHIP)
+        return without_ihip(base)
     distance, match = map(np.asarray, cKDTree(back.hip).query(base.hip))
     contact = touching(base, scene) | touching(back, scene)[match]
     answered = (np.arange(len(base)) < len(base) - LAG_TICKS) & (match < len(back) - LAG_TICKS)

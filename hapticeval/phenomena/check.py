@@ -11,8 +11,8 @@ from typing import Any, Protocol
 from hapticeval.errors import InputError
 from hapticeval.geometry.motion import Motion
 from hapticeval.phenomena.crossings import bends
-from hapticeval.phenomena.sampling import LED
-from hapticeval.phenomena.verdict import Finding, Level, Outcome
+from hapticeval.phenomena.sampling import LED, declares_force_only
+from hapticeval.phenomena.verdict import Finding, Level, Outcome, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 
@@ -122,6 +122,17 @@ def without_channel(channel: str) -> Finding:
     """Return the finding for a recording without a channel that the check reads."""
     message = f"the recording has no channel '{channel}', which this check reads"
     return Finding(Outcome.INCONCLUSIVE, message, evidence={LACKS: channel})
+
+
+def without_ihip(recording: Recording) -> Finding:
+    """Return the finding of a check of the contact point for a renderer that gives none: see `sampling.lacks_ihip`.
+
+    Not applicable where that is declared; else nobody knows whether one was forgotten.
+    """
+    if declares_force_only(recording):
+        message = "the renderer declares that it has a force and no contact point, which this check is about"
+        return Finding(Outcome.NOT_APPLICABLE, message)
+    return undecided("the renderer gives a force but no IHIP: its contact point cannot be judged")
 
 
 @dataclass(frozen=True, kw_only=True)

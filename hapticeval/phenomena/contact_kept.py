@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.geometry.boundary import Boundary, apart
-from hapticeval.phenomena.check import Check, Runs, Situation
+from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
-    NO_IHIP,
     above_force_floor,
     believed_standoff,
     evidence_at,
@@ -54,7 +53,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if haunts is not None:
         return haunts
     if lacks_ihip(base, scene):
-        return undecided(NO_IHIP)
+        return without_ihip(base)
     steps, size = hip_steps(base), scene.model.size
     grain = float(np.clip(FINE * steps.max(initial=0.0), FINEST * size, COARSEST * size))
     across = across_allowed(base, scene)

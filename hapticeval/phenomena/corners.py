@@ -8,11 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
-from hapticeval.phenomena.check import Check, Runs, Situation
+from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
 from hapticeval.phenomena.crossings import NEAR, Crossing, angle_between, find_crossings
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
-    NO_IHIP,
     above_force_floor,
     evidence_at,
     force_depth,
@@ -108,7 +107,7 @@ def judge_abrupt_switch(runs: Runs, scene: Scene) -> Finding:
     """Measure the HIP travel from where the force leaves n_pre for the first time to where it keeps to n_post."""
     base = runs.base
     if lacks_ihip(base, scene):
-        return undecided(NO_IHIP)
+        return without_ihip(base)
     crossings = find_crossings(base, scene, convex=False)
     if not crossings:
         return Finding(Outcome.NOT_APPLICABLE, "the hand is not led along a face into a concave corner, and out again")

@@ -15,6 +15,7 @@ from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     TELLS,
     above_force_floor,
+    declares_force_only,
     evidence_at,
     lacks_ihip,
     mm,
@@ -234,7 +235,8 @@ def _bending(base: Recording, scene: Scene, velocity: Array, ticks: IntArray) ->
 def _without_ihip(base: Recording, scene: Scene) -> Finding:
     """Judge a force without an IHIP against the depth of the HIP under the model, the least that any IHIP could have.
 
-    A tool that lags behind is farther away, and makes a larger force of it: only one that is too soft is seen.
+    A tool that lags behind is farther away, and makes a larger force of it: only one that is too soft is seen, unless
+    it is declared that there is no tool.
     """
     ticks = np.flatnonzero(above_force_floor(base, scene))
     depth = np.maximum(-scene.model.boundary.signed_distance(base.hip), 0.0)
@@ -246,11 +248,12 @@ def _without_ihip(base: Recording, scene: Scene) -> Finding:
         allowed = (scene.damping * speed / scene.stiffness + rounding(scene) + standoff(base, scene)) / late[0]
     high = shares.max(axis=0)
     rate = backward_difference(depth[:, np.newaxis], base.time)[ticks, 0]
-    low, begins = np.minimum(high, 1.0), np.zeros(ticks.size, dtype=bool)
+    no_tool = declares_force_only(base)
+    low, begins = shares.min(axis=0) if no_tool else np.minimum(high, 1.0), np.zeros(ticks.size, dtype=bool)
     measured = Measured(ticks, shares[0], low, high, allowed, allowed, late[0], rate, begins)
     note = "no IHIP was given: measured against the depth of the HIP under the model"
     finding = _finding(base, scene, measured.rows(late[0] > 0.0), Level.SHOULD)
-    if finding.outcome is Outcome.PASS:
+    if finding.outcome is Outcome.PASS and not no_tool:
         message = f"the force is nowhere too small for its depth; {note}, which does not show one that is too large"
         return replace(finding, outcome=Outcome.INCONCLUSIVE, message=message)
     return replace(finding, message=f"{finding.message} ({note})")

@@ -180,12 +180,16 @@ def above_force_floor(recording: Recording, scene: Scene) -> BoolArray:
 def lacks_ihip(recording: Recording, scene: Scene) -> bool:
     """Return whether a force is felt inside the model while the IHIP stays with the HIP: no contact point is given.
 
-    A rigid contact has a force and no depth: its HIP lies on the renderer's surface, which is off the model by as much
-    everywhere, up to the declared standoff. Nor is a force outside a lack, of one that gives its IHIP elsewhere.
+    Or it is declared that none is, and no IHIP contradicts that. A rigid contact has a force and no depth: its HIP lies
+    on the renderer's surface, which is off the model by as much everywhere, up to the declared standoff. Nor is a force
+    outside a lack, of one that gives its IHIP elsewhere.
     """
     if "force" not in recording.channels:
         return False
-    silent = np.flatnonzero(above_force_floor(recording, scene) & np.all(recording.ihip == recording.hip, axis=1))
+    with_hand = np.all(recording.ihip == recording.hip, axis=1)
+    if declares_force_only(recording) and with_hand.all():
+        return True
+    silent = np.flatnonzero(above_force_floor(recording, scene) & with_hand)
     distance = scene.model.boundary.signed_distance(recording.hip[silent])
     if recording.apart.any():
         distance = distance[distance < 0.0]
@@ -194,6 +198,11 @@ def lacks_ihip(recording: Recording, scene: Scene) -> bool:
     off = np.abs(distance)
     way = LAG_TICKS * hip_step(recording, scene) + 1e-9 * scene.model.size
     return bool(off.max() > way + believed_standoff(recording, scene) or np.ptp(off) > way)
+
+
+def declares_force_only(recording: Recording) -> bool:
+    """Return whether the renderer declares that it has a force and no contact point."""
+    return recording.meta.get("contact_point") == "none"
 
 
 def open_loop_reason(recording: Recording) -> str | None:
@@ -207,9 +216,6 @@ def open_loop_reason(recording: Recording) -> str | None:
     if source != "experiment" and "operator_force" not in recording.channels:
         return "the operator's force was not recorded: its share in the motion cannot be told from the renderer's"
     return None
-
-
-NO_IHIP = "the renderer gives a force but no IHIP: its contact point cannot be judged"
 
 
 def evidence_at(recording: Recording, tick: int) -> dict[str, object]:

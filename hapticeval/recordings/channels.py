@@ -104,6 +104,7 @@ METADATA: Mapping[str, tuple[str, str]] = MappingProxyType(
         "stiffness_least": ("positive", "least stiffness that the renderer declares, as a share of the scene's"),
         "stiffness_largest": ("positive", "its largest; without one it is not bounded"),
         "force_resolution": ("force", "how coarse the renderer declares its force to be, N"),
+        "contact_point": ("text", "none, of a renderer that declares to have a force only"),
         "ihip_scatter": ("length", "how far the IHIP may differ after a reset, m"),
         "force_scatter": ("force", "how far the force may differ after a reset, N"),
         "signs": ("table", "sign conventions: channel to words"),

@@ -29,7 +29,7 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.sampling import LAG_TICKS
 from hapticeval.quantity import duration
 from hapticeval.recordings.recording import SINGLE, backward_difference
-from hapticeval.renderer import Batch, Renderer, abilities_of
+from hapticeval.renderer import Batch, Declaration, Renderer, abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.results import Problem
 from hapticeval.scene import Scene
@@ -266,7 +266,7 @@ def _contact(case: Case) -> Answered:
     can = abilities_of(case.renderer)
     force = f"{outwards:.3g} N at {1e3 * depth:.3g} mm, of {scene.stiffness * depth:.3g} N of a spring"
     if np.array_equal(ihips[-1], way.hips[way.deep]):
-        return State.NOTE, f"{force}; it has no IHIP of its own: checks of the contact point are inconclusive"
+        return State.NOTE, f"{force}; it has no IHIP of its own: {_told_of_none(can.declares)}"
     if _thousandfold(ihips[-1], way.foot):
         return State.MISSING, "the IHIP is a thousand times the surface point: points are in m, not in mm"
     if off > can.standoff + _rounding(way.hips) + 1e-3 * depth:
@@ -279,6 +279,13 @@ def _contact(case: Case) -> Answered:
     ):
         return State.NOTE, f"{force}: a factor of 1000, as where N/m are taken for N/mm; all units are SI"
     return State.OK, f"{force}; the IHIP is {1e3 * off:.2g} mm off the surface"
+
+
+def _told_of_none(declared: Declaration | None) -> str:
+    """Return what follows of an IHIP that is always the HIP."""
+    if declared is not None and declared.force_only:
+        return "checks of the contact point are not applicable, as declared"
+    return "checks of the contact point are inconclusive, until it declares force_only"
 
 
 def _thousandfold(given: Array, right: Array) -> bool:

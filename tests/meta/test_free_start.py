@@ -25,8 +25,6 @@ NOTCH = from_vertices([[0.0, 0.0], [0.2, 0.0], [0.2, 0.1], [0.1, 0.1], [0.1, 0.2
 SLOT = from_vertices(
     [[0.0, 0.0], [0.2, 0.0], [0.2, 0.1], [0.101, 0.1], [0.101, 0.05], [0.1, 0.05], [0.1, 0.1], [0.0, 0.1]]
 )
-    [[0.0, 0.0], [0.2, 0.0], [0.2, 0.1], [0.101, 0.1], [0.101, 0.05], [0.1, 0.05], [0.1, 0.1], [0.0, 0.1]]
-)
 """A millimetre wide: no room for the sphere."""
 CORNER = load_suite("solids").case("inner-corner").build_scene().model
 MODELS = {"notch": NOTCH, "slot": SLOT, "corner": CORNER, "torus": torus()}

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
-from hapticeval.phenomena.sampling import LAG_TICKS, NO_IHIP, above_force_floor, lacks_ihip
+from hapticeval.phenomena.check import without_ihip
+from hapticeval.phenomena.sampling import LAG_TICKS, above_force_floor, lacks_ihip
 from hapticeval.phenomena.verdict import Finding, Outcome, undecided
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.scene import Scene
@@ -120,5 +121,5 @@ def unjudged(base: Recording, scene: Scene) -> Finding | None:
     if not above_force_floor(base, scene).any():
         return undecided("no force above the floor: the tool never presses on the surface")
     if lacks_ihip(base, scene):
-        return undecided(NO_IHIP)
+        return without_ihip(base)
     return None

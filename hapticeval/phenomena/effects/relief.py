@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hapticeval.effects.effect import Stage
-from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
 from hapticeval.phenomena.effects.texture_work import BUMP, HEIGHT
 from hapticeval.phenomena.lag import at_rows, believed, rests
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
-    NO_IHIP,
     TELLS,
     above_force_floor,
     believed_standoff,
@@ -156,7 +155,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if not above_force_floor(base, scene).any():
         return undecided("no force above the floor: the tool never presses on the surface")
     if lacks_ihip(base, scene):
-        return undecided(NO_IHIP)
+        return without_ihip(base)
     plain = None if runs.without is None else runs.without(relief.kind)
     if plain is None and (scene.damping > 0.0 or any(each.stage is Stage.SENSE for each in scene.effects)):
         return undecided("the force without the relief is not known: the hand is not led along a path that we give")

@@ -6,11 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
 from hapticeval.phenomena.passivity import laps
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
-    NO_IHIP,
     TELLS,
     above_force_floor,
     evidence_at,
@@ -54,7 +53,7 @@ def shaded(runs: Runs, scene: Scene) -> Shaded | Finding:
         message = f"the scene calls for {' and '.join(others)} too, whose force is not turned: shading is judged alone"
         return Finding(Outcome.NOT_APPLICABLE, message)
     if lacks_ihip(base, scene):
-        return undecided(NO_IHIP)
+        return without_ihip(base)
     plain = runs.without(SHADING)
     normals = normals_at(scene.model.boundary, shading.crease, plain.ihip, plain.hip)
     contact = above_force_floor(base, scene) & above_force_floor(plain, scene)

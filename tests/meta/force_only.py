@@ -1,0 +1,66 @@
+"""Renderers that have a force and no contact point, as potential fields and force sensors have."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.renderer import Declaration, Response
+from hapticeval.scene import Scene
+
+
+class Field:
+    """A potential field, K d^2 / 2 of the depth d: its force is K d along the nearest point's normal. Honest."""
+
+    declares = Declaration(force_only=True)
+    gain = 1.0
+
+    def __init__(self, scene: Scene) -> None:
+        self.boundary, self.stiffness = scene.model.boundary, scene.stiffness
+
+    def reset(self, hip: np.ndarray) -> None:
+        """It remembers nothing."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        at = self.boundary.closest_point(hip[np.newaxis])
+        depth = max(0.0, -float(at.distance[0]))
+        return Response(hip, self.force(depth, at.normal[0]))
+
+    def force(self, depth: float, normal: np.ndarray) -> np.ndarray:
+        return self.gain * self.stiffness * depth * normal
+
+
+class Silent(Field):
+    """The same, and does not say so."""
+
+    declares = Declaration()
+
+
+class Stiff(Field):
+    """Three times as stiff as the scene is. Wrong."""
+
+    gain = 3.0
+
+
+class Pulling(Field):
+    """Pulls the hand in. Wrong."""
+
+    gain = -1.0
+
+
+class Aside(Field):
+    """Pushes 30 degrees beside the normal. Wrong."""
+
+    def force(self, depth: float, normal: np.ndarray) -> np.ndarray:
+        aside = np.zeros_like(normal)
+        aside[:2] = -normal[1], normal[0]
+        return super().force(depth, np.cos(0.5) * normal + np.sin(0.5) * aside)
+
+
+class Dodging(Field):
+    """Has a contact point that is 5 mm off the surface, and declares that it has none. Wrong."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        at = self.boundary.closest_point(hip[np.newaxis])
+        depth = max(0.0, -float(at.distance[0]))
+        ihip = at.foot[0] + 5e-3 * at.normal[0] if depth else hip
+        return Response(ihip, self.stiffness * (ihip - hip))
