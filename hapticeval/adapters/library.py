@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import re
 import subprocess
 import sys
 import weakref
@@ -140,7 +141,7 @@ def info_of(path: Path) -> Info:
     if "error" in found:
         raise InputError(
             f"{path} cannot be loaded as a library",
-            why=found["error"],
+            why=_demangled(found["error"]),
             todo="build a shared library for this machine: cc -shared -fPIC -o libmine.so mine.c. Of what it needs "
             "itself, `ldd` shows what is not found",
         )
@@ -175,6 +176,21 @@ def info_of(path: Path) -> Info:
             why="it is a length: finite and not negative",
         )
     return Info(int(info["flags"]), float(info["max_error"]))
+
+
+def _demangled(text: str) -> str:
+    """Return a message with the C++ names in it spelt out behind them, where this system's C++ library can do that."""
+    try:
+        demangle = ctypes.CDLL("libstdc++.so.6").__cxa_demangle
+    except (OSError, AttributeError):
+        return text
+    demangle.restype, demangle.argtypes = c_char_p, [c_char_p, c_void_p, c_void_p, c_void_p]
+
+    def spelt(match: re.Match[str]) -> str:
+        name = demangle(match[0].encode(), None, None, None)  # its few bytes are not freed: the run ends here
+        return match[0] if name is None else f"{match[0]}, which is {name.decode(errors='replace')}"
+
+    return re.sub(r"\b_Z\w+", spelt, text)
 
 
 @dataclass(frozen=True)

@@ -76,22 +76,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     IHIP has to lie on the surface: a path through the solid is no contact point's, however smooth.
     """
     base = runs.base
-<<<<<<< HEAD
+    if lacks_ihip(base, scene):
+        return without_ihip(base)
     tick = largest_jump(base, scene)[1]
     if tick == 0:
         return undecided("the tool is never in contact for two samples in a row")
-    if lacks_ihip(base, scene):
-        return undecided(NO_IHIP, evidence=evidence_at(base, tick))
     distance, allowed, off = _off_surface(base, scene)
-=======
-    if lacks_ihip(base, scene):
-        return without_ihip(base)
-    jump, tick = largest_jump(base, scene)
-    if tick == 0:
-        return undecided("the tool is never in contact for two samples in a row")
-    distance, off = off_surface(base, scene)
-    allowed = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene) + rounding(scene)
->>>>>>> 9725f98 (A renderer may declare that it has a force and no contact point: it is judged by its force, and a gate can be green)
     message = f"the IHIP in contact lies {mm(distance)} off the surface at t = {base.time[off]:.4g} s"
     astray = Finding(
         Outcome.FAIL,

@@ -26,7 +26,7 @@ from hapticeval.errors import (
     renderer_errors,
 )
 from hapticeval.geometry.catalogue import make_model
-from hapticeval.phenomena.sampling import LAG_TICKS
+from hapticeval.phenomena.sampling import LAG_TICKS, farthest_standoff, mm
 from hapticeval.quantity import duration
 from hapticeval.recordings.recording import SINGLE, backward_difference
 from hapticeval.renderer import Batch, Declaration, Renderer, abilities_of
@@ -172,16 +172,18 @@ def _asked(name: str, kind: str, what: str) -> Answered:
 
 @lru_cache(maxsize=2)
 def _case(name: str, kind: str) -> Case:
-    scene, way = _scene(kind)
-    return Case(cast("Renderer", make_renderer(resolve(name), scene)), scene, way)
+    scene = _scene(kind)
+    renderer = cast("Renderer", make_renderer(resolve(name), scene))
+    return Case(renderer, scene, _way(scene, abilities_of(renderer).standoff))
 
 
 @lru_cache
-def _scene(kind: str) -> tuple[Scene, Way]:
-    """Return a scene, with all that is asked of its model, and a way for a hand."""
+def _scene(kind: str) -> Scene:
+    """Return a scene, with all that is asked of its model."""
     scene = Scene(model=make_model(MODELS[kind]))
     Outside(scene).tool(scene.model.boundary.points(1)[0])
-    return scene, _way(scene)
+    _way(scene, 0.0)
+    return scene
 
 
 def _made(name: str, kind: str) -> Answered:
@@ -203,8 +205,8 @@ def _made(name: str, kind: str) -> Answered:
     return State.OK, "; ".join(parts)
 
 
-def _way(scene: Scene) -> Way:
-    """Return a way in along a normal, away from corners."""
+def _way(scene: Scene, standoff: float) -> Way:
+    """Return a way in along a normal, away from corners, from where one with this `standoff` (m) is free."""
     model = scene.model
     size = model.size
     low, high = np.reshape(model.boundary.bounds, (2, -1))
@@ -212,7 +214,7 @@ def _way(scene: Scene) -> Way:
     beside[0] = high[0] + 0.1 * size
     frame = model.boundary.closest_point(beside[np.newaxis])
     foot, normal = frame.foot[0], frame.normal[0]
-    heights = np.arange(0.5 * DEPTH, -DEPTH, -PACE) * size
+    heights = np.arange(0.5 * DEPTH + standoff / size, -DEPTH, -PACE) * size
     heights = np.concatenate([heights, np.full(REST, -DEPTH * size), heights[::-1], np.full(REST, heights[0])])
     deep = int(np.argmin(heights)) + REST - 1
     return Way(foot + heights[:, np.newaxis] * normal, deep, len(heights) - REST, foot, normal)
@@ -263,12 +265,18 @@ def _contact(case: Case) -> Answered:
     if touches is False:
         return State.MISSING, f"it reports free space {1e3 * depth:.3g} mm under the surface"
     off = abs(float(scene.model.boundary.signed_distance(ihips[-1:])[0]))
-    can = abilities_of(case.renderer)
+    can, farthest = abilities_of(case.renderer), farthest_standoff(scene)
     force = f"{outwards:.3g} N at {1e3 * depth:.3g} mm, of {scene.stiffness * depth:.3g} N of a spring"
     if np.array_equal(ihips[-1], way.hips[way.deep]):
         return State.NOTE, f"{force}; it has no IHIP of its own: {_told_of_none(can.declares)}"
     if _thousandfold(ihips[-1], way.foot):
         return State.MISSING, "the IHIP is a thousand times the surface point: points are in m, not in mm"
+    if can.standoff > farthest:
+        return (
+            State.MISSING,
+            f"it declares a standoff of {mm(can.standoff)}, of which {mm(farthest)} count, a fiftieth of the model's "
+            "size: what lies farther off is another surface. A smaller tool, or a larger model, is judged fairly",
+        )
     if off > can.standoff + _rounding(way.hips) + 1e-3 * depth:
         return (
             State.MISSING,

@@ -225,6 +225,12 @@ def test_what_is_no_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyP
         resolve("lib:")
 
 
+def test_a_missing_name_of_c_plus_plus_is_spelt_out(build: Build) -> None:
+    with pytest.raises(InputError) as refused:
+        resolve(f"lib:{build(STEP='extern int _ZN4chai6updateEd(void); return _ZN4chai6updateEd()')}")
+    assert "_ZN4chai6updateEd, which is chai::update(double)" in refused.value.why
+
+
 def test_one_that_hangs_when_it_is_loaded_is_ended(build: Build, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(adapter, "PATIENCE", 0.5)
     with pytest.raises(InputError, match=r"no answer in 0.5 s"):

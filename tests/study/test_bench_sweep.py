@@ -120,6 +120,26 @@ def test_errors_of_a_known_offset(work):
     )
 
 
+class _Settling(_Blurred):
+    """Gets to its answer in three ticks from a reset on, as a proxy does."""
+
+    def reset(self, hip):
+        super().reset(hip)
+        self.ticks = 0
+
+    def step(self, hip, velocity, dt):
+        self.ticks += 1
+        ihip, force = super().step(hip, velocity, dt)
+        return (ihip, force) if self.ticks > 3 else Response(hip, 0.0 * force)
+
+
+def test_the_answer_of_a_proxy_is_the_one_that_it_gets_to(work):
+    exact = minimum_distance(work.scene)
+    found, wanted = (answers(made, work) for made in (_Settling(exact, 0.0, 1000.0), exact))
+    count = len(work.points)
+    np.testing.assert_array_equal(found.ihip[:count], wanted.ihip[:count])
+
+
 def test_a_projection_is_measured_against_itself_on_the_exact_curve(work):
     on_polygon = minimum_distance.variant(representation="polygon")
     reference = reference_of("minimum-distance@polygon", on_polygon, work)

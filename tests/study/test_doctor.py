@@ -76,6 +76,17 @@ class Property(Good):
     def contact(self):
         raise KeyError("no such flag")
 
+class Ball(Good):
+    standoff = 1.1e-3
+    def step(self, hip, velocity, dt):
+        found = self.boundary.closest_point([hip])
+        ball = found.foot[0] + self.standoff * found.normal[0]
+        ihip = ball if found.distance[0] < self.standoff else hip
+        return ihip, self.stiffness * (ihip - hip)
+
+class Balloon(Ball):
+    standoff = 1e-2
+
 class Dies(Good):
     def step(self, hip, velocity, dt):
         if self.boundary.closest_point([hip]).distance[0] < 0.0:
@@ -132,7 +143,9 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("Dies", dict.fromkeys(("contact", "leaving", "reset", "reset inside", "non-finite", "speed"), "broke")),
         ("Three", {"batch": "broke"}),
         ("Short", {"batch": "broke"}),
-        ("Property", {"free space": "broke", "contact": "broke"}),
+        ("Property", {"made": "broke"}),
+        ("Ball", {}),
+        ("Balloon", {"contact": "missing"}),
         ("Raises", {"made": "broke"}),
         ("Nothing", {"dimension": "missing"}),
     ],
@@ -157,7 +170,7 @@ def test_one_that_hangs_is_given_up_where_it_hangs(here: Path) -> None:
     [
         ("Three", "run() answered shapes [("),
         ("Short", "run() answered shapes [("),
-        ("Property", "it raised KeyError: 'no such flag'; in patients.py, line"),
+        ("Property", "raised KeyError: 'no such flag'; in patients.py, line"),
         ("Takes", "it is called as step(hip, velocity, dt)"),
     ],
 )
@@ -172,6 +185,7 @@ def test_what_broke_is_named(here: Path, name: str, words: str) -> None:
         ("Millimetres", "free space", State.MISSING, "points are in m, not in mm"),
         ("Millimetres", "contact", State.MISSING, "points are in m, not in mm"),
         ("Soft", "contact", State.NOTE, "a factor of 1000"),
+        ("Balloon", "contact", State.MISSING, "declares a standoff of 10 mm, of which"),
         ("Pulls", "reset inside", State.MISSING, "turn its sign"),
     ],
 )

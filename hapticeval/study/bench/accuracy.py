@@ -22,6 +22,7 @@ from hapticeval.geometry.facets import triangulated
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.model import Model
 from hapticeval.knob import Knob, Settings
+from hapticeval.phenomena.sampling import LAG_TICKS
 from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play, reset_checked, step_checked
@@ -156,13 +157,16 @@ class Answers:
 def answers(renderer: Renderer, work: Workload) -> Answers:
     """Ask a renderer for all of a workload. Every point is a run of its own, for one with memory as for any.
 
+    The hand rests at the point for as long as an answer may be late, and the last answer counts: a proxy gets there.
+
     Raises `RendererError` as `playback.play` does.
     """
     ihips, forces = np.empty_like(work.points), np.empty_like(work.points)
     still = np.zeros(work.points.shape[1])
     for row, hip in enumerate(work.points):
         reset_checked(renderer, hip)
-        ihips[row], forces[row] = step_checked(renderer, row, hip, still, work.dt)
+        for _ in range(LAG_TICKS + 1):
+            ihips[row], forces[row] = step_checked(renderer, row, hip, still, work.dt)
     slid = play(renderer, work.slide, work.dt)
     return Answers(np.vstack([ihips, slid.ihip]), np.vstack([forces, slid.force]))
 

@@ -37,6 +37,7 @@ def describe(results: BenchResults) -> str:
         *_tables(results),
         "\n".join(_orders(results)),
         "\n".join(unproven(results)),
+        "\n".join(_through_python(results)),
         "\n".join(_left_out(results)),
         "\n".join(_answers(results)),
         "\n".join(_comparison(results.comparison)),
@@ -57,6 +58,16 @@ def _tables(results: BenchResults) -> Iterator[str]:
         rows = [["-" if each is None else each for each in row] for row in zip(*filled.values(), strict=True)]
         head = f"{model} (* on the Pareto front, one step at a time; ~ not proven)"
         yield "\n".join([head, *quantity.aligned([list(filled), *rows], left=2)])
+
+
+def _through_python(results: BenchResults) -> Iterator[str]:
+    """Say of libraries that a single step is timed with Python's part in it, which compiled loops do not have."""
+    for entry in results.settings:
+        if entry.renderer.startswith("lib:") and entry.step is not None and entry.batch is not None:
+            yield (
+                f"a step of {entry.label} on the {entry.model} takes {duration(entry.step.median)} called from Python, "
+                f"and {duration(entry.batch.median)} called as closed loops do, which is the library's own time"
+            )
 
 
 def _left_out(results: BenchResults) -> Iterator[str]:
