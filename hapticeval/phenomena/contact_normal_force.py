@@ -13,6 +13,7 @@ from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.lag import at_rows, least_misfit, rests
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
+    TELLS,
     above_force_floor,
     believed_standoff,
     evidence_at,
@@ -67,7 +68,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         aside = size * math.sin(min(float(deviation[worst]), 0.5 * math.pi))
         inwards = not scene.bilateral and float(off(base.force[strong])[worst]) > 0.5 * math.pi
         does = "pulls inwards," if inwards else "points"
-        late = f" (with the lag of {lag:.3g} ticks that its positions show)" if lag is not None else ""
+        late = f" (with the lag of {lag:.3g} ticks that its positions show)" if lag is not None and lag >= TELLS else ""
         message = f"the force of {size:.3g} N {does} {angle:.3g} degrees ({aside:.2g} N) off {where}{late}"
         return Finding(Outcome.FAIL, message, metric, bound, evidence)
     granted = ""

@@ -111,13 +111,11 @@ def test_the_points_are_inside_and_away_from_discontinuities():
 
 def test_errors_of_a_known_offset(work):
     exact = answers(minimum_distance(work.scene), work)
-    found = errors(Answers(exact.ihip + np.array([3e-4, 4e-4]), exact.force), exact, stiffness=1000.0)
+    found = errors(Answers(exact.ihip + np.array([3e-4, 4e-4]), exact.force), exact, floor=1e-3)
     assert found["ihip"] == pytest.approx({"rms": 5e-4, "p99": 5e-4, "max": 5e-4})
     assert found["force"]["max"] == found["normal"]["max"] == 0.0
     turned = exact.force @ np.array([[np.cos(0.1), np.sin(0.1)], [-np.sin(0.1), np.cos(0.1)]])
-    assert errors(Answers(exact.ihip, turned), exact, stiffness=1000.0)["normal"]["rms"] == pytest.approx(
-        np.degrees(0.1)
-    )
+    assert errors(Answers(exact.ihip, turned), exact, floor=1e-3)["normal"]["rms"] == pytest.approx(np.degrees(0.1))
 
 
 class _Settling(_Blurred):
@@ -146,7 +144,7 @@ def test_a_projection_is_measured_against_itself_on_the_exact_curve(work):
     assert reference.what == "the exact curve"
     assert reference.disagreement is None
     coarse, fine = (
-        errors(answers(on_polygon.with_knobs(vertices=n)(work.scene), work), reference.answers, stiffness=1000.0)
+        errors(answers(on_polygon.with_knobs(vertices=n)(work.scene), work), reference.answers, floor=1e-3)
         for n in (40, 320)
     )
     assert coarse["ihip"]["rms"] > 4.0 * fine["ihip"]["rms"] > 0.0
@@ -157,7 +155,7 @@ def test_a_projection_is_measured_against_itself_on_the_exact_curve(work):
 def test_a_reference_that_has_converged_proves_the_errors_above_it(work):
     reference = reference_of("blurred", Blurred(lambda n: 1e-3 * 100.0**-n), work)
     assert "n 4" in reference.what
-    coarse = errors(answers(Blurred(lambda n: 1e-3 * 100.0**-n)(work.scene), work), reference.answers, stiffness=1.0)
+    coarse = errors(answers(Blurred(lambda n: 1e-3 * 100.0**-n)(work.scene), work), reference.answers, floor=1e-6)
     assert coarse["ihip"]["max"] == pytest.approx(1e-5, rel=1e-3)
     assert reference.proves(coarse)
     assert reference.claims(coarse)["ihip"] == coarse["ihip"]
@@ -167,7 +165,7 @@ def test_a_reference_that_has_not_converged_is_not_called_accurate(work):
     factory = Blurred(lambda n: 1e-3 / n)
     reference = reference_of("blurred", factory, work)
     apart = 1e-3 / 2.0 - 1e-3 / 4.0
-    finest = errors(answers(factory.with_knobs(n=4.0)(work.scene), work), reference.answers, stiffness=1.0)
+    finest = errors(answers(factory.with_knobs(n=4.0)(work.scene), work), reference.answers, floor=1e-6)
     assert finest["ihip"]["max"] == 0.0
     assert not reference.proves(finest)
     assert reference.claims(finest)["ihip"]["p99"] == pytest.approx(10.0 * apart)
@@ -177,7 +175,7 @@ def test_the_reference_of_a_renderer_without_exact_form_or_knob_is_the_nearest_o
     found = answers(Blurred(lambda n: 1e-4)(work.scene), work)
     reference = nearest_of_ours(found, work)
     assert "of ours the nearest" in reference.what
-    assert errors(found, reference.answers, stiffness=1.0)["ihip"]["max"] == pytest.approx(1e-4)
+    assert errors(found, reference.answers, floor=1e-6)["ihip"]["max"] == pytest.approx(1e-4)
 
 
 def test_a_quick_reference_is_the_setting_after_the_last_quick_one():

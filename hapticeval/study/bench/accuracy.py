@@ -22,7 +22,7 @@ from hapticeval.geometry.facets import triangulated
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.model import Model
 from hapticeval.knob import Knob, Settings
-from hapticeval.phenomena.sampling import LAG_TICKS
+from hapticeval.phenomena.sampling import LAG_TICKS, force_floor
 from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured
 from hapticeval.scene import Scene
 from hapticeval.simulation.playback import play, reset_checked, step_checked
@@ -37,7 +37,6 @@ SIZE = 0.2
 AWAY = 2e-3  # distance (m) of the points from discontinuities
 CELLS = 100  # lattice steps in which these are looked for
 SLIDE_SECONDS = 2.0
-FORCE_DEPTH = 1e-6  # depth (m) whose spring force is the least that has a direction
 MARGIN = 10.0  # refinements of the reference must agree to the tenth of an error for it to be believed
 ROUNDING = 1e-12  # errors below this share of a model's size are rounding
 STATISTICS = ("rms", "p99", "max")
@@ -171,14 +170,14 @@ def answers(renderer: Renderer, work: Workload) -> Answers:
     return Answers(np.vstack([ihips, slid.ihip]), np.vstack([forces, slid.force]))
 
 
-def errors(found: Answers, reference: Answers, *, stiffness: float) -> Errors:
+def errors(found: Answers, reference: Answers, *, floor: float) -> Errors:
     """Return the root mean square, 99 per cent quantile and maximum of each metric's error.
 
     Where one tool is free its IHIP is at the hand, and counts there. Directions are compared where both forces exceed
-    that of a spring of `stiffness` (N/m) at a micrometre.
+    the `floor`, N.
     """
     size, wanted = (np.linalg.norm(each.force, axis=1) for each in (found, reference))
-    pressed = np.minimum(size, wanted) > stiffness * FORCE_DEPTH
+    pressed = np.minimum(size, wanted) > floor
     a, b = (np.pad(each.force[pressed], ((0, 0), (0, 3 - each.force.shape[1]))) for each in (found, reference))
     angle = np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1)))
     return {
@@ -249,7 +248,7 @@ def reference_of(name: str, factory: RendererFactory, work: Workload, *, quick: 
     return Reference(
         f"itself at {', '.join(f'{knob} {value:g}' for knob, value in last.items())}",
         fine,
-        errors(coarse, fine, stiffness=work.scene.stiffness),
+        errors(coarse, fine, floor=force_floor(work.scene)),
     )
 
 
@@ -270,7 +269,7 @@ def nearest_of_ours(found: Answers, work: Workload) -> Reference | None:
         return None
 
     def apart(name: str) -> float:
-        return errors(found, known[name], stiffness=work.scene.stiffness)["ihip"]["p99"]
+        return errors(found, known[name], floor=force_floor(work.scene))["ihip"]["p99"]
 
     nearest = min(known, key=apart)
     return Reference(f"{nearest} on the exact curve, of ours the nearest to it", known[nearest], None)

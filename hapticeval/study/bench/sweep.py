@@ -15,6 +15,7 @@ from hapticeval.discovery import own_renderers, resolve
 from hapticeval.errors import HapticevalError, InputError, RefusalError, RendererError, UnknownNameError, described
 from hapticeval.geometry.facets import triangulated
 from hapticeval.knob import Settings
+from hapticeval.phenomena.sampling import force_floor
 from hapticeval.renderer import Renderer, RendererFactory, choices_of, configured
 from hapticeval.runner.judging import make_renderer
 from hapticeval.runner.results import environment
@@ -314,7 +315,7 @@ class Sweep:
         found = answers(entry.renderer if setting.finer else warm, work)
         entry.reference = self._reference(setting, work, found)
         if entry.reference is not None:
-            entry.errors = errors(found, entry.reference.answers, stiffness=work.scene.stiffness)
+            entry.errors = errors(found, entry.reference.answers, floor=force_floor(work.scene))
         entry.memory = array_bytes(entry.renderer)
 
     def _reference(self, setting: Setting, work: Workload, found: Answers) -> Reference | None:
