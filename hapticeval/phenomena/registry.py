@@ -38,6 +38,7 @@ from hapticeval.phenomena.effects import (
     friction_sliding,
     friction_sticking,
     friction_work,
+    order,
     relief,
     shading,
     texture,
@@ -62,6 +63,7 @@ OF_EFFECTS: Mapping[str, Check] = {
         friction_energy.CHECK,
         friction_work.CHECK,
         *transient.CHECKS,
+        order.CHECK,
     )
 }
 """Those that ask whether an effect is shown, which a scene has to call for."""

@@ -12,7 +12,7 @@ from typing import Any
 import latecomers
 import numpy as np
 import rubbing
-from honest import Late, Single
+from honest import Late, Single, Spring
 from msgspec import structs
 from outsiders import Outsider
 
@@ -21,6 +21,7 @@ from hapticeval.effects.lugre import LuGre
 from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
+from hapticeval.simulation.answers import Affected
 from hapticeval.stimulus.paths import Loop
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
@@ -46,9 +47,13 @@ LOOSE = tuple(name for name in DRY if name != "circle-to-and-fro")
 BRAKED = ("viscous-plane", "lugre-plane", "lugre-textbook")
 RUBBED = ("friction-cone", "friction-break-away", "friction-sliding", "friction-energy", "friction-force")
 
+TOGETHER = ("friction-on-bumps", "grit-on-friction")
+
 CASES = {
     **_asked("effects-texture", RELIEFS, ("texture-relief",)),
     **_asked("effects-friction", (*DRY, *BRAKED), RUBBED),
+    **_asked("effects-texture", ("ribbed-rest",), ("texture-rest",)),
+    **_asked("effects-together", TOGETHER, ("effects-order",)),
 }
 
 
@@ -180,6 +185,48 @@ class Thin(rubbing.Rubbing):
         return scene if lugre is None else rubbing.in_place_of(scene, LuGre, viscosity=0.5 * lugre.viscosity)
 
 
+class Shaking:
+    """A spring to the nearest point that shakes with white noise as long as the hand moves."""
+
+    supports = frozenset({"stochastic-texture"})
+    resting = 0.0
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.inner = scene, Spring(scene)
+
+    def reset(self, hip: np.ndarray) -> None:
+        self.random = np.random.default_rng(7)
+        self.level = 0.0
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        ihip, force = self.inner.step(hip, velocity, dt)
+        moves = 1.0 if np.any(velocity) else self.resting
+        # The speed is low-passed at 20 Hz.
+        self.level += -np.expm1(-2.0 * np.pi * 20.0 * dt) * (moves - self.level)
+        if not self.scene.effects or not np.any(force):
+            return Response(ihip, force)
+        return Response(ihip, force + 0.1 * np.sqrt(self.level) * self.random.standard_normal() * np.array([1.0, 0.0]))
+
+
+class Restless(Shaking):
+    """One that shakes a hand at rest a hundredth as hard."""
+
+    resting = 1e-4
+
+
+class Composed:
+    """A spring with the effects of its scene put on it, in the catalogue's order or the other way round."""
+
+    supports = frozenset({"friction", "bump-map", "stochastic-texture"})
+
+    def __new__(cls, scene: Scene, *, backwards: bool = False) -> Any:
+        if not scene.effects:
+            return Spring(scene)
+        shown = Affected(Spring(scene), scene.effects[:: -1 if backwards else 1], scene)
+        shown.supports = cls.supports
+        return shown
+
+
 def _late(scene: Scene, make: Any, ticks: int) -> Any:
     return type("LateFelt", (Late,), {"ticks": ticks})(scene, make(scene))
 
@@ -208,6 +255,10 @@ BROKEN: Mapping[str, Outsider] = {
     "inverted": Outsider(partial(Carved, high=-1.0), {"texture-relief": OFF}, RELIEFS),
     "lets-go": Outsider(LetsGo, {"friction-break-away": "the tool slides from mu_k F_n on"}, LOOSE),
     "undamped": Outsider(Undamped, {"friction-force": "sigma1 = 0"}, BRAKED[1:]),
+    "restless": Outsider(Restless, {"texture-rest": "it goes on at rest"}, ("ribbed-rest",)),
+    "backwards": Outsider(
+        partial(Composed, backwards=True), {"effects-order": "friction first, or vibrations"}, TOGETHER
+    ),
     "thin": Outsider(Thin, {"friction-force": "half the viscosity"}, BRAKED),
 }
 """What each fault fails, and why."""
@@ -219,5 +270,7 @@ HONEST: Mapping[str, Outsider] = {
         for name, make in changed(Gripping).items()
         if name != "-late-between"
     },
+    **{f"composed{name}": Outsider(make, cases=TOGETHER) for name, make in changed(Composed).items()},
+    **{f"shaking{name}": Outsider(make, cases=("ribbed-rest",)) for name, make in changed(Shaking).items()},
 }
-"""Reliefs and friction by formulas of their own. Between ticks late friction has no tick in which it breaks loose."""
+"""Effects by formulas of their own, and ours in their order. Friction late between ticks has no tick with a slip."""

@@ -69,9 +69,8 @@ def test_bounds_are_what_chance_makes():
     assert np.var(powers) / covariance[0] ** 2 == pytest.approx(_spread(covariance, 1250), rel=0.3)
 
 
-@pytest.mark.parametrize(("shown", "asked", "outcome"), [(120.0, 120.0, "pass"), (126.0, 120.0, "fail")])
-def test_another_resonance_is_found(shown, asked, outcome):
-    """126 Hz in place of 120 Hz, as loud."""
+def claiming(texture):
+    """Return the factory of a renderer that shows this texture, whatever the scene's is."""
 
     class Claims:
         supports = frozenset({"stochastic-texture"})
@@ -80,8 +79,7 @@ def test_another_resonance_is_found(shown, asked, outcome):
             effect = scene.effect(StochasticTexture)
             self.inner = resolve("minimum-distance")(scene)
             if effect is not None:
-                own = replace(effect, texture=resonance(shown))
-                self.inner = with_effects(self.inner, scene.with_effects(own))
+                self.inner = with_effects(self.inner, scene.with_effects(replace(effect, texture=texture)))
 
         def reset(self, hip):
             self.inner.reset(hip)
@@ -89,9 +87,26 @@ def test_another_resonance_is_found(shown, asked, outcome):
         def step(self, hip, velocity, dt):
             return self.inner.step(hip, velocity, dt)
 
+    return Claims
+
+
+@pytest.mark.parametrize(("shown", "asked", "outcome"), [(120.0, 120.0, "pass"), (126.0, 120.0, "fail")])
+def test_another_resonance_is_found(shown, asked, outcome):
+    """126 Hz in place of 120 Hz, as loud."""
     effect = {"kind": "stochastic-texture", "texture": as_document(resonance(asked)), "mass": 0.05}
-    found = judged(TEXTURES[:1], STROKE, effect, make=Claims)["texture-spectrum"]
+    found = judged(TEXTURES[:1], STROKE, effect, make=claiming(resonance(shown)))["texture-spectrum"]
     assert found.outcome == outcome, found.finding.message
+
+
+def test_a_wrong_spectrum_is_told_where_and_over_how_long():
+    """At 2 kHz a texture of 1 kHz has a sample every two ticks: seconds and Hz are those of its samples."""
+    claims = claiming(resonance(200.0))
+    effect = {"kind": "stochastic-texture", "texture": as_document(resonance(120.0)), "mass": 0.05}
+    short = {"kind": "points", "points": [[0.0, -1e-3], [0.6, -1e-3]], "duration": 6.0}
+    finding = judged(TEXTURES[:1], short, effect, make=claims, sampling_time=5e-4)["texture-spectrum"].finding
+    assert finding.outcome is Outcome.FAIL
+    assert any(abs(finding.evidence["worst_at_Hz"] - frequency) < 20.0 for frequency in (120.0, 200.0))
+    assert "over 5.75 s the spectrum is" in finding.message
 
 
 def test_textures_across_the_way_and_along_the_normal_are_measured_there():

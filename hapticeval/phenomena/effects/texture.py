@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticeval.effects.line_spectra import coefficients_of
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.sampling import above_force_floor, evidence_at
+from hapticeval.phenomena.sampling import TELLS, above_force_floor, evidence_at, hip_steps
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
-from hapticeval.recordings.recording import Recording, backward_difference
+from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
 
@@ -22,6 +23,10 @@ STEADY = 0.01
 
 SETTLES = 0.25
 """Seconds that the vibrations of a stretch have to settle: twelve time constants of a low-pass at 10 Hz."""
+
+SLOWEST = 10.0
+"""Slowest low-pass (Hz) of the speed that is granted: *chosen*, half of the texture's own 20 Hz. Twice of it changes
+nothing where filters ring for longer than that, as those of the suite do."""
 
 WINDOW = 256
 """Samples of a window of Welch's estimate; half of them are shared with the next."""
@@ -299,6 +304,52 @@ def judge_amplitude(runs: Runs, scene: Scene) -> Finding:
     )
 
 
+def judge_rest(runs: Runs, scene: Scene) -> Finding:
+    """Compare the vibrations of a hand that has come to rest with those of the run before."""
+    from hapticeval.effects.stochastic_texture import StochasticTexture
+
+    base, effect = runs.base, scene.effect(StochasticTexture)
+    assert effect is not None
+    assert runs.without is not None
+    others = scene.on_answers_beside(TEXTURE)
+    if others:
+        message = f"the scene calls for {' and '.join(others)} too, which answer vibrations: texture is judged alone"
+        return Finding(Outcome.NOT_APPLICABLE, message)
+    plain = runs.without(TEXTURE)
+    added = np.linalg.norm(base.force - plain.force, axis=1)
+    largest = float(np.max(np.abs(base.hip)))
+    still = np.concatenate([[False], hip_steps(base) <= 4.0 * np.finfo(float).eps * largest])
+    settles = math.ceil(SETTLES / base.dt)
+    rows = np.arange(len(base))
+    since = rows - np.maximum.accumulate(np.where(still & above_force_floor(plain, scene), -1, rows))
+    rested = np.flatnonzero(since > settles)
+    if not rested.size:
+        return undecided(f"the hand nowhere rests on the surface for longer than {SETTLES:g} s")
+    tick = int(rested[np.argmax(added[rested])])
+    normal = scene.model.boundary.closest_point(plain.ihip[tick : tick + 1]).normal[0]
+    if effect.model.between(0.0, float(plain.force[tick] @ normal)).variance > 0.0:
+        return undecided("the scene's texture shakes a hand that rests, too")
+    most = float(np.max(np.where(still, 0.0, added)))
+    radius = max(float(np.max(np.abs(np.roots([1.0, *coefficients_of(one.ar)])))) for one in effect.model.filters)
+    # The root of a speed that is low-passed, and a filter that rings: one after the other they fall as (1 + c t) e^-ct.
+    fades = SETTLES * min(math.pi * SLOWEST, -math.log(radius) * effect.model.rate)
+    left = (1.0 + fades) * math.exp(-fades)
+    if left > TELLS:
+        return undecided(f"the texture's own filters still ring with {left:.2g} of it {SETTLES:g} s after a stop")
+    size = max(float(np.linalg.norm(each.force[tick])) for each in (base, plain))
+    allowed = left * most + 4.0 * SINGLE * (size + scene.stiffness * largest)
+    return compared(
+        Metric(REST.metric, float(added[tick]), "N"),
+        allowed,
+        {**evidence_at(base, tick), "moving_N": most},
+        passes=f"a hand that rests feels {added[tick]:.2g} N of vibrations that reach {most:.3g} N while it moves",
+        fails=(
+            f"the texture goes on at rest: {added[tick]:.3g} N at t = {base.time[tick]:.4g} s (tick {tick}), "
+            f"{since[tick] * base.dt:.3g} s after the hand has stopped"
+        ),
+    )
+
+
 MADE = (
     "Vibrations are the force less that on the same path in the scene without the texture, along the texture's "
     "direction, over its mass, a sample of the texture each; in stretches in which speed and normal force stay within "
@@ -360,5 +411,20 @@ AMPLITUDE = Check(
     judge=judge_amplitude,
     **SHARED,  # type: ignore[arg-type]
 )
-CHECKS = (SPECTRUM, STATIONARY, AMPLITUDE)
+REST = Check(
+    id="texture-rest",
+    asks="Does the texture leave a hand in peace that rests?",
+    formula="|F - F without the texture| <= (1 + c t) e^(-c t) max of it while the hand moves, at t = .25 s",
+    metric="vibration of a hand that rests",
+    bound=(
+        "What is left a quarter of a second after the hand has stopped. A low-pass of 10 Hz, the slowest that is "
+        "granted, has e^(-2 pi 10 t) of the speed, to which the variance is proportional, and the vibration the root "
+        "of it; and the filters then ring with r^n, r being the largest radius of their poles: in series at most "
+        "(1 + c t) e^(-c t), with c the slower of both rates. Single precision of the force and of K times the "
+        "coordinates comes on top. Undecided where that is a tenth, or the texture shakes a hand at rest."
+    ),
+    judge=judge_rest,
+    **(SHARED | {"unit": "N"}),  # type: ignore[arg-type]
+)
+CHECKS = (SPECTRUM, STATIONARY, AMPLITUDE, REST)
 """The checks of this module."""

@@ -10,6 +10,7 @@ import pytest
 from struck_and_shaded import CASES, MIDDLE
 
 from hapticeval.discovery import resolve
+from hapticeval.effects.contact_impulse import ContactImpulse
 from hapticeval.effects.contact_transient import MATERIALS, ContactTransient
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
@@ -100,6 +101,13 @@ def test_a_contact_that_is_shorter_than_the_ringing_decides_no_impulse():
     ask = judged((ContactTransient(material="wood"),), [[0.0, 0.01], [0.0, -0.005], [0.0, 0.01]], 0.2)
     assert ask("transient-onset").outcome is Outcome.PASS
     assert "no contact lasts as long" in ask("transient-impulse").message
+
+
+def test_an_impulse_is_told_in_its_unit():
+    """The tool's 0.1 kg at 0.2 m/s, stopped by 10 N at the most: 20 mN s."""
+    finding = judged((ContactImpulse(cap=10.0),), [[0.0, 0.0051], [0.0, -0.0149]], 0.1)("transient-impulse")
+    assert finding.message == "a contact at 0.2 m/s is given 20 mN s, as it should be, and 10 N at the most"
+    assert finding.evidence["impulse_N_s"] == pytest.approx(0.02, rel=1e-9)
 
 
 @pytest.mark.parametrize("material", MATERIALS)

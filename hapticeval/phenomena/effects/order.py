@@ -1,0 +1,108 @@
+"""Order of effects: each works on the answer that those before it in the catalogue have made."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.effects.catalogue import FRICTION
+from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
+from hapticeval.phenomena.effects.shading import SHADING
+from hapticeval.phenomena.effects.texture import TEXTURE
+from hapticeval.phenomena.effects.texture_work import BUMP
+from hapticeval.phenomena.sampling import LAG_TICKS, above_force_floor, evidence_at, force_floor, lacks_ihip
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
+from hapticeval.recordings.recording import SINGLE, Recording
+from hapticeval.scene import Scene
+from hapticeval.types import Array, BoolArray
+
+BEFORE = (SHADING, BUMP)
+"""Effects that take their turn before friction and leave the IHIP on the surface."""
+
+
+def judge(runs: Runs, scene: Scene) -> Finding:
+    """Compare what the later of friction and another effect adds to the answer of the earlier one with its law."""
+    assert runs.without is not None
+    base = runs.base
+    others = scene.on_answers_beside(FRICTION)
+    if len(others) != 1 or others[0] not in (*BEFORE, TEXTURE):
+        message = f"it is asked of friction and one of {', '.join((*BEFORE, TEXTURE))}, not of {others or 'it alone'}"
+        return Finding(Outcome.NOT_APPLICABLE, message)
+    if lacks_ihip(base, scene):
+        return without_ihip(base)
+    first, last = (FRICTION, TEXTURE) if others[0] == TEXTURE else (others[0], FRICTION)
+    plain = runs.without(last)
+    pressed = above_force_floor(base, scene) & above_force_floor(plain, scene)
+    pressed[:LAG_TICKS] = False
+    largest = float(np.max(np.abs(base.hip)))
+    strength = np.maximum(*(np.linalg.norm(each.force, axis=1) for each in (base, plain)))
+    allowed = 4.0 * SINGLE * (strength + scene.stiffness * largest) + force_floor(scene)
+    off, added = _vibrated(base, plain, scene) if last == TEXTURE else _dragged(base, plain, scene, pressed)
+    if not (pressed & (added > 10.0 * allowed)).any():
+        return undecided(f"the {last} adds nothing to be told from rounding, where the tool is pressed")
+    worst = int(np.argmax(np.where(pressed, off - allowed, -np.inf)))
+    return compared(
+        Metric(CHECK.metric, float(off[worst]), "N"),
+        float(allowed[worst]),
+        evidence_at(base, worst),
+        passes=f"the {last} works on what the {first} has made",
+        fails=(
+            f"the {last} does not work on what the {first} has made: the force is {off[worst]:.3g} N off at "
+            f"t = {base.time[worst]:.4g} s (tick {worst}); in the catalogue the {first} comes first"
+        ),
+    )
+
+
+def _dragged(base: Recording, plain: Recording, scene: Scene, pressed: BoolArray) -> tuple[Array, Array]:
+    """Return how far the force is off F + K (s - p), and how much K (s - p) is, (n,), N.
+
+    F and p are force and IHIP without friction. Of lags between force and IHIP the one counts that fits best.
+    """
+    found = []
+    for lag in range(-LAG_TICKS, LAG_TICKS + 1):
+        rows = np.clip(np.arange(len(base)) - lag, 0, len(base) - 1)
+        drag = scene.stiffness * (base.ihip - plain.ihip)[rows]
+        off = np.linalg.norm(base.force - plain.force - drag, axis=1)
+        found.append(
+            (float(off[pressed].mean()) if pressed.any() else 0.0, abs(lag), off, np.linalg.norm(drag, axis=1))
+        )
+    _, _, off, added = min(found, key=lambda each: each[:2])
+    return off, added
+
+
+def _vibrated(base: Recording, plain: Recording, scene: Scene) -> tuple[Array, Array]:
+    """Return what vibrations add across their direction, with K times how far they move the IHIP, and all they add."""
+    from hapticeval.effects.stochastic_texture import StochasticTexture
+
+    texture = scene.effect(StochasticTexture)
+    assert texture is not None
+    added = base.force - plain.force
+    normal = scene.model.boundary.closest_point(base.ihip).normal
+    across = np.sum(added * normal, axis=1)[:, np.newaxis] * normal
+    aside = added - across if texture.direction == "normal" else across
+    moved = scene.stiffness * np.linalg.norm(base.ihip - plain.ihip, axis=1)
+    return np.linalg.norm(aside, axis=1) + moved, np.linalg.norm(added, axis=1)
+
+
+CHECK = Check(
+    id="effects-order",
+    phenomenon="none of the six: effects of the surface, thesis 4.3",
+    asks="Does friction work on a shaded or turned normal, and a texture's vibration on what friction has made?",
+    formula="F = F without friction + K (s - p); F - F without texture along the texture's direction, and s the same",
+    citation="thesis 4.3",
+    channels=("hip", "ihip", "force"),
+    siblings={Sibling.WITHOUT: "the same path in the scene without the later of the two effects"},
+    needs={
+        Sibling.WITHOUT: undecided("the force without one of the effects is not known: the hand is led along no path")
+    },
+    effects=(FRICTION,),
+    metric="force off what the later effect makes of the earlier one's answer",
+    unit="N",
+    bound=(
+        "Effects act in the catalogue's order: shading and bump map, then friction, then vibrations. Friction adds "
+        "K (s - p) to the force without it, p being the IHIP without it and s that with it; a bump map that comes last "
+        "turns what friction adds too, and at s. Vibrations along the normal that come before friction load its cone, "
+        "and show along the surface. Single precision of the force and of K times the coordinates is allowed, and the "
+        "force floor. Force and IHIP may be three ticks apart, the same throughout."
+    ),
+    judge=judge,
+)
