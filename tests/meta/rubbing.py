@@ -112,9 +112,15 @@ CASES = {
 BROKEN: Mapping[str, Outsider] = {
     "grips": Outsider(Grips, {"friction-cone": "a tenth more than the cone holds"}, SHOWN),
     "creeps": Outsider(Creeps, {"friction-sticking": "2 um a second"}, (*SHOWN, HELD)),
-    "chatters": Outsider(Chatters, {"friction-sliding": "a fifth more and less in turns"}, SHOWN),
+    "chatters": Outsider(
+        Chatters,
+        {"friction-sliding": "a fifth more and less in turns", "friction-force": "of viscous friction too"},
+        SHOWN,
+    ),
     "gives": Outsider(Gives, {"friction-energy": "a third more on the way out"}, SHOWN),
-    "thins": Outsider(Thins, {"friction-work": "a hundredth less of viscous friction"}, SHOWN),
+    "thins": Outsider(
+        Thins, {"friction-work": "a hundredth less of viscous friction", "friction-force": "in every tick"}, SHOWN
+    ),
 }
 """What each fault fails, and why."""
 

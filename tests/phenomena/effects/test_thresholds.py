@@ -1,0 +1,201 @@
+"""Thresholds that decide in checks of effects: a recording on each side of every one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import struck_and_shaded
+from made import FAIL, PASS, UNDECIDED, changed, found, outcome, recorded
+from msgspec import structs
+from scipy.optimize import brentq
+
+from hapticeval.discovery import resolve
+from hapticeval.effects.contact_impulse import ContactImpulse
+from hapticeval.effects.friction import Friction
+from hapticeval.effects.line_spectra import line_spectrum
+from hapticeval.effects.stochastic_texture import StochasticTexture
+from hapticeval.effects.texture import autocovariance
+from hapticeval.geometry.catalogue import make_model
+from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.effects.texture import spectrum_bound, stretches
+from hapticeval.phenomena.effects.vibration import fit
+from hapticeval.runner.judging import make_renderer
+from hapticeval.scene import Scene
+from hapticeval.simulation.playback import play
+from hapticeval.stimulus.stimulus import Path
+
+LINE = make_model("line")
+DRY = Scene(model=LINE, effects=(Friction(0.5, 0.3),))
+DEPTH = 1e-3
+
+
+def pulled(share, ticks=50, creep=0.0):
+    """A tool that is pressed with 1 N and pulled by `share` of that, and creeps at `creep` m/s."""
+    tool = np.column_stack([0.0123 + 1e-3 * creep * np.arange(ticks), np.zeros(ticks)])
+    hand = np.column_stack([tool[:, 0] + share * DEPTH, np.full(ticks, -DEPTH)])
+    return recorded(hand, tool, np.tile([-share, 1.0], (ticks, 1)))
+
+
+@pytest.mark.parametrize(
+    ("share", "expected"),
+    [(0.0499, UNDECIDED), (0.0501, PASS), (0.5 * (1.0 + 5e-13), PASS), (0.5 * (1.0 + 1e-11), FAIL)],
+)
+def test_a_cone_is_filled_to_a_tenth_and_not_left(share, expected):
+    assert outcome("friction-cone", pulled(share), DRY) is expected
+
+
+@pytest.mark.parametrize(
+    ("share", "seconds", "creep", "expected"),
+    [
+        (0.1, 1.5, 0.9e-7, PASS),
+        (0.1, 1.5, 1.1e-7, FAIL),
+        (0.1799, 1.5, 1.0, FAIL),
+        (0.1801, 1.5, 1.0, UNDECIDED),
+        (0.0299, 1.5, 1.0, UNDECIDED),
+        (0.0301, 1.5, 1.0, FAIL),
+        (0.1, 0.999, 1.0, UNDECIDED),
+        (0.1, 1.0, 1.0, FAIL),
+    ],
+)
+def test_a_tool_sticks_for_a_second_within_its_share_of_the_cone(share, seconds, creep, expected):
+    """From a tenth to 0.6 of mu_k F_n = 0.3 N, by 0.1 um a second."""
+    run = pulled(share, round(1e3 * seconds) + 1, creep)
+    assert outcome("friction-sticking", run, DRY) is expected
+
+
+def slid(ticks, off=0.0):
+    """A tool that slides for so many ticks, braked by mu_k F_n but for a share `off` of it."""
+    way = 4e-5 * np.maximum(np.arange(ticks + 5) - 4, 0)
+    tool = np.column_stack([0.0123 + way, np.zeros_like(way)])
+    brake = 0.3 * (1.0 + off)
+    return recorded(tool + np.array([brake * DEPTH, -DEPTH]), tool, np.tile([-brake, 1.0], (way.size, 1)))
+
+
+@pytest.mark.parametrize(
+    ("ticks", "off", "expected"),
+    [(9, 0.0, UNDECIDED), (10, 0.0, PASS), (10, 5e-10, PASS), (10, 5e-9, FAIL), (10, -5e-9, FAIL)],
+)
+def test_a_slide_of_ten_ticks_is_judged_to_a_billionth(ticks, off, expected):
+    assert outcome("friction-sliding", slid(ticks, off), DRY) is expected
+
+
+def struck(late, factor=1.0, cap=np.inf):
+    """A tool of 0.1 kg that meets a line at 0.2 m/s, and is given its 20 mN s `late` ticks after that."""
+    scene = Scene(model=LINE, effects=(ContactImpulse(cap=cap),))
+    height = 1.01e-3 - 2e-4 * np.arange(12)
+    hand = np.column_stack([np.full(12, 0.0123), height])
+    plain = recorded(hand, np.column_stack([hand[:, 0], np.maximum(height, 0.0)]))
+    blow = np.zeros((12, 2))
+    blow[int(np.argmax(height < 0.0)) + late, 1] = 20.0 * factor
+    run = changed(plain, force=plain.force + blow, velocity=np.tile([0.0, -0.2], (12, 1)))
+    return lambda check: found(check, Runs(run, without=lambda kind: plain), scene)
+
+
+@pytest.mark.parametrize(("late", "expected"), [(-1, FAIL), (0, PASS), (1, PASS), (2, FAIL)])
+def test_a_contact_is_answered_a_tick_late_at_the_latest(late, expected):
+    assert struck(late)("transient-onset").outcome is expected
+
+
+@pytest.mark.parametrize(
+    ("factor", "expected"), [(1 + 5e-10, PASS), (1 - 5e-10, PASS), (1 + 5e-9, FAIL), (1 - 5e-9, FAIL)]
+)
+def test_an_impulse_is_judged_to_a_billionth(factor, expected):
+    assert struck(0, factor)("transient-impulse").outcome is expected
+
+
+def test_an_impulse_that_is_wrong_is_told_in_millinewton_seconds():
+    message = struck(0, 2.0)("transient-impulse").message
+    assert message.endswith("at 0.2 m/s is given 40 mN s for 20 mN s, 2 times as much")
+
+
+def test_eight_samples_are_a_fit_of_four_numbers():
+    time = 1e-3 * np.arange(8)
+    wave = np.exp(-90.0 * time) * np.sin(2.0 * np.pi * 100.0 * time)
+    assert fit(wave[:7], 1e-3, 90.0, 100.0) is None
+    assert fit(wave, 1e-3, 90.0, 100.0).frequency == pytest.approx(100.0)
+
+
+RINGS = {"ar": tuple(line_spectrum([-2.0 * 0.999 * np.cos(0.8), 0.999**2]).tolist()), "ma": ()}
+"""A filter whose poles have the radius 0.999: a time constant of a second."""
+
+
+def strokes(*speeds, seconds=3.0, texture="ribbed"):
+    """A texture under a hand of these speeds (m/s), one after the other for so long each."""
+    scene = Scene(model=LINE, effects=(StochasticTexture(mass=0.05, texture=texture),))
+    time = seconds * np.arange(len(speeds) + 1.0)
+    way = np.concatenate([[0.0], seconds * np.cumsum(speeds)])
+    path = Path(time, np.column_stack([way, np.full(time.size, -DEPTH)]))
+
+    def run(chosen):
+        return play(make_renderer(resolve("minimum-distance"), chosen), path, 1e-3, scene=chosen)
+
+    return Runs(run(scene), without=lambda kind: run(scene.without(kind))), scene
+
+
+@pytest.mark.parametrize(("speed", "count"), [(0.1009, 1), (0.0991, 1), (0.1011, 2), (0.0989, 2)])
+def test_a_stretch_is_steady_within_a_hundredth(speed, count):
+    assert len(stretches(*strokes(0.1, speed))) == count
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_a_spectrum_is_judged_where_chance_makes_less_than_a_decibel(more):
+    count = next(count for count in range(2000, 9000) if spectrum_bound(count) <= 1.0)
+    runs, scene = strokes(0.1, seconds=1e-3 * (count + 249 + more))
+    (stretch,) = stretches(runs, scene)
+    assert stretch.vibration.size == count - 1 + more
+    assert outcome("texture-spectrum", runs, scene) is (PASS if more else UNDECIDED)
+
+
+@pytest.mark.parametrize(("seconds", "expected"), [(1.7, UNDECIDED), (1.8, PASS)])
+def test_powers_of_stretches_of_a_second_and_a_half_are_compared(seconds, expected):
+    """Settled for a quarter of a second."""
+    assert outcome("texture-amplitude", *strokes(0.1, 0.2, seconds=seconds)) is expected
+
+
+@pytest.mark.parametrize(("decibels", "expected"), [(2.95, UNDECIDED), (3.05, PASS)])
+def test_powers_are_compared_where_three_decibels_are_asked_for(decibels, expected):
+    model = StochasticTexture(mass=0.05, texture="ribbed").model
+
+    def level(speed):
+        return 10.0 * np.log10(autocovariance(model.between(speed, 1.0), 2)[0])
+
+    fast = brentq(lambda speed: level(speed) - level(0.1) - decibels, 0.1, 0.2)
+    assert outcome("texture-amplitude", *strokes(0.1, fast)) is expected
+
+
+@pytest.mark.parametrize(("rest", "expected"), [(0.25, UNDECIDED), (0.26, PASS)])
+def test_a_rest_is_judged_after_a_quarter_of_a_second(rest, expected):
+    runs, scene = strokes(0.1, 0.0, seconds=rest)
+    assert outcome("texture-rest", runs, scene) is expected
+
+
+@pytest.mark.parametrize(("change", "words"), [({"variance": 0.1}, "shakes a hand that rests"), (RINGS, "still ring")])
+def test_a_texture_that_does_not_come_to_rest_decides_nothing(change, words):
+    model = StochasticTexture(mass=0.05, texture="ribbed").model
+    filters = tuple(structs.replace(one, **change) for one in model.filters)
+    runs, scene = strokes(0.1, 0.0, seconds=0.5, texture=structs.replace(model, filters=filters))
+    finding = found("texture-rest", runs, scene)
+    assert finding.outcome is UNDECIDED
+    assert words in finding.message
+
+
+@pytest.mark.parametrize(("more", "expected"), [(0.9, PASS), (1.1, FAIL)])
+def test_a_shaded_force_turns_by_twice_what_its_normal_does(more, expected):
+    """Turned aside in one tick by `more` of what the normal turns in a tick there."""
+    case = struck_and_shaded.CASES["facet-slide"]
+    scene = case.build_scene()
+
+    def run(chosen):
+        made = make_renderer(resolve("minimum-distance"), chosen)
+        return play(made, case.build_stimulus(chosen, made), 1e-3, scene=chosen)
+
+    base, plain = run(scene), run(scene.without("shading"))
+    tick = len(base) // 6  # beside the middle of a facet
+    before, after = base.force[tick - 1 : tick + 1]
+    turn = np.arctan2(before[0] * after[1] - before[1] * after[0], before @ after)
+    cosine, sine = np.cos(more * turn), np.sin(more * turn)
+    force = np.array(base.force)
+    force[tick] = [cosine * after[0] - sine * after[1], sine * after[0] + cosine * after[1]]
+    runs = Runs(changed(base, force=force), without=lambda kind: plain)
+    assert outcome("shading-direction", Runs(base, without=lambda kind: plain), scene) is PASS
+    assert outcome("shading-direction", runs, scene) is expected
