@@ -184,9 +184,20 @@ BROKEN: Mapping[str, Outsider] = {
     "tunnels": Outsider(Spring, {"contact-kept": "a hand that passes a plate of 1 mm in a tick is free"}, ("plate",)),
     "fine-pop": Outsider(
         jumping.factory("fine-pop"),
-        {"continuous-contact": "finer runs lose the jump with the contact", **ASIDE},
+        {
+            "continuous-contact": "finer runs lose the jump with the contact",
+            "passivity": "the spring pulls along, at one rate",
+            **ASIDE,
+        },
     ),
-    "rate-pop": Outsider(jumping.factory("rate-pop"), {"continuous-contact": "a jump at one sampling rate", **ASIDE}),
+    "rate-pop": Outsider(
+        jumping.factory("rate-pop"),
+        {
+            "continuous-contact": "a jump at one sampling rate",
+            "passivity": "the spring pulls along, at that rate",
+            **ASIDE,
+        },
+    ),
     "seven-digits": Outsider(
         honest.SevenDigits, {"numerical-stability": "seven digits, and none declared"}, ("moved",)
     ),
