@@ -143,6 +143,8 @@ def _measure(base: Recording, scene: Scene, spring: Spring) -> Measured:
     # Where the contact begins or ends a force may be late, and is not larger than any depth within a lag explains.
     reach = np.max([np.linalg.norm(each, axis=1) for each in errors], axis=0)
     size = np.linalg.norm(force, axis=1)
+    if spring is Spring.ERROR:  # what is across the error is another check's
+        size = np.where(np.any(along != 0.0, axis=1), np.abs(np.sum(along * force, axis=1)), size)
     depth[begins] = reach[begins]
     explained = np.divide(size, scene.stiffness * reach, out=np.zeros_like(size), where=reach > 0.0)
     low, high = shares.min(axis=0), shares.max(axis=0)
