@@ -134,10 +134,22 @@ def judge_tangential_dynamics(runs: Runs, scene: Scene) -> Finding:
     if bound > TELLS:
         return undecided(TOO_MUCH, metric, bound, evidence)
     fails = (
-        f"{100.0 * metric.value:.3g} per cent of the sliding speed come or go unassigned, as if the surface had a "
-        f"viscosity of {viscosity:.3g} kg/s instead of {scene.viscosity:.3g}"
+        f"{100.0 * metric.value:.3g} per cent of the sliding speed come or go unassigned"
+        f"{_likeness(motion, remains.values, viscosity, tick)}"
     )
     return compared(metric, bound, evidence, passes="the tool slides as assigned", fails=fails)
+
+
+def _likeness(motion: SurfaceMotion, unexplained: Array, viscosity: float, tick: int) -> str:
+    """Say what the unexplained velocity, (n, N - 1), m/s, is like: a viscosity (kg/s) where that makes most of it."""
+    moved = motion.components(motion.foot_velocity)[: len(unexplained)]
+    assigned = motion.scene.viscosity
+    slid = np.cumsum(moved * motion.recording.dt, axis=0)
+    rest = unexplained + (viscosity - assigned) / motion.scene.mass * slid
+    if np.sum(rest**2) <= 0.5 * np.sum(unexplained**2):
+        return f", as if the surface had a viscosity of {viscosity:.3g} kg/s instead of {assigned:.3g}"
+    along = float(np.sum(unexplained[tick] * moved[tick]))
+    return f": by t = {motion.recording.time[tick]:.4g} s the tool is {'driven on' if along > 0.0 else 'braked'}"
 
 
 def _pushed_along(motion: SurfaceMotion) -> Array:

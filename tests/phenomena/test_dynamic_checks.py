@@ -293,8 +293,12 @@ def test_in_space_viscous_sliding_along_a_geodesic_is_as_assigned():
 
 
 def test_in_space_a_turn_aside_from_the_geodesic_is_an_acceleration_too():
-    assert outcome("tangential-dynamics", on_sphere(turn=0.5), SPHERE) is FAIL
-    assert outcome("tangential-dynamics", on_sphere(drag=2.0), SPHERE) is FAIL
+    turned, dragged = (
+        found("tangential-dynamics", on_sphere(**more), SPHERE) for more in ({"turn": 0.5}, {"drag": 2.0})
+    )
+    assert turned.outcome is dragged.outcome is FAIL
+    assert "viscosity" not in turned.message
+    assert "as if the surface had a viscosity of" in dragged.message
 
 
 def test_what_the_hand_adds_is_assigned_where_it_is_sensed():
