@@ -155,7 +155,8 @@ def _measure(base: Recording, scene: Scene, spring: Spring) -> Measured:
     bending = np.zeros(now.size)
     if "spring" not in base.meta:
         bending = scene.mass * _bending(base, scene, velocity, now)
-    coarse = min(float(base.meta.get("force_resolution", 0.0)), TELLS * float(size.max()))
+    # Of a coarser force than that nothing could be told, not even where it is largest.
+    coarse = min(float(base.meta.get("force_resolution", 0.0)), 0.5 * TELLS * float(size.max()))
     apart = 4.0 * SINGLE * (float(np.max(np.abs(base.hip))) + depth)
     beside = bending + coarse + scene.stiffness * apart
     with np.errstate(divide="ignore"):
@@ -519,7 +520,7 @@ CHECK = Check(
         "come on top, as a share of K_p times the depth d: a damper's K_d v, with v the speed along the direction in "
         "which the depth is measured, of the hand or of the error, whichever is larger; m kappa v^2 of the way along "
         "the surface (3.8), by HIP or IHIP, for a renderer that declares no spring; the resolution of the force that "
-        "is declared, up to a tenth of the largest; and single precision, 4 * 2^-23 (size of the coordinates / d + 1). "
+        "is declared, up to a twentieth of the largest; single precision, 4 * 2^-23 (size of the coordinates / d + 1). "
         "Of HIPs and IHIPs up to three ticks apart, or both as late, any may belong to a force, and those of the lag "
         "between ticks that the run shows: K_p has to lie within what they span. Where a lag reaches to before or "
         "behind the contact the force is at most what the largest depth within the lag explains. Ticks where more "
