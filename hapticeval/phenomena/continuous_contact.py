@@ -37,6 +37,7 @@ from hapticeval.phenomena.sampling import (
     standoff,
     touching,
 )
+from hapticeval.phenomena.under_the_hand import find_aside
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
@@ -73,7 +74,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     """Refine the HIP trajectory where the IHIP moves far, until each step is within the bound or is seen to stay.
 
     A place of a path is looked at by itself; of what cannot be led there again the whole run is refined. Besides, the
-    IHIP has to lie on the surface: a path through the solid is no contact point's, however smooth.
+    IHIP has to lie on the surface and under the hand: a path through the solid, or elsewhere, is no contact point's,
+    however smooth.
     """
     base = runs.base
     if lacks_ihip(base, scene):
@@ -81,53 +83,50 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     tick = largest_jump(base, scene)[1]
     if tick == 0:
         return undecided("the tool is never in contact for two samples in a row")
-    distance, allowed, off = _off_surface(base, scene)
-    message = f"the IHIP in contact lies {mm(distance)} off the surface at t = {base.time[off]:.4g} s"
-    astray = Finding(
-        Outcome.FAIL,
-        message,
-        Metric("distance of the IHIP in contact from the surface", distance, "m"),
-        allowed,
-        evidence_at(base, off),
-    )
-    if distance > max(allowed, scene.model.size):  # whether it jumps besides is no question, and costs many finer runs
-        return replace(astray, message=f"{message}, farther than the model is large: is its unit the metre?")
+    astray = _find_off_surface(base, scene)
+    if astray is not None and (astray.margin or 0.0) < -scene.model.size:
+        # Whether it jumps besides is no question, and costs many finer runs.
+        return replace(astray, message=f"{astray.message}, farther than the model is large: is its unit the metre?")
     if runs.refine is None:
         finding = _judge_fixed(base, scene)
     elif runs.look is not None:
         finding = _judge_closely(runs.look, runs.refine, scene)
     else:
         finding = _judge_refined(base, runs.refine, scene)
-    if distance <= allowed:
-        depth = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene) + rounding(scene)
-        gone = lets_go(base, slice(0, None), depth, scene)
-        if finding.outcome is Outcome.FAIL or gone is None:
-            return finding
-        lost = f"inside the model without contact at t = {base.time[gone]:.4g} s, which contact-kept judges"
-        return replace(
-            finding, message=f"{finding.message}; {lost}", evidence={**finding.evidence, "let_go_tick": gone}
-        )
-    if finding.outcome is Outcome.FAIL:
-        evidence = {**finding.evidence, "off_surface_m": distance}
-        return replace(finding, message=f"{finding.message}; besides, {message}", evidence=evidence)
-    return astray
+    astray = astray or find_aside(base, scene)
+    if astray is not None:
+        if finding.outcome is not Outcome.FAIL:
+            return astray
+        evidence = {**astray.evidence, **finding.evidence}
+        return replace(finding, message=f"{finding.message}; besides, {astray.message}", evidence=evidence)
+    depth = LAG_TICKS * hip_step(base, scene) + believed_standoff(base, scene) + rounding(scene)
+    gone = lets_go(base, slice(0, None), depth, scene)
+    if finding.outcome is Outcome.FAIL or gone is None:
+        return finding
+    lost = f"inside the model without contact at t = {base.time[gone]:.4g} s, which contact-kept judges"
+    return replace(finding, message=f"{finding.message}; {lost}", evidence={**finding.evidence, "let_go_tick": gone})
 
 
-def _off_surface(base: Recording, scene: Scene) -> tuple[float, float, int]:
-    """Return how far off the model an IHIP in contact lies, m, how far it may, m, and at which tick: the worst of all.
+def _find_off_surface(base: Recording, scene: Scene) -> Finding | None:
+    """Return a failure where an IHIP in contact lies off the model, farther than it may; else None.
 
     A late contact point lies on the surface too, or on a chord of it. Three ticks are granted to what begins a contact:
     a late tool is where the hand was before. A rigid tool is the HIP, and struck between two samples, flies at one yet.
     """
     contact = touching(base, scene) & ~lingering(base, scene)
-    recent = recent_steps(base)
     settled = np.lib.stride_tricks.sliding_window_view(np.pad(contact, (LAG_TICKS, 0)), LAG_TICKS + 1).all(axis=1)
     settled &= np.any(base.ihip != base.hip, axis=1)
-    allowed = np.where(settled, CHORD, LAG_TICKS) * recent + across_allowed(base, scene)
-    rows = np.flatnonzero(contact)
-    distance = np.abs(scene.model.boundary.signed_distance(base.ihip[rows]))
-    worst = int(np.argmax(distance - allowed[rows]))
-    return float(distance[worst]), float(allowed[rows[worst]]), int(rows[worst])
+    allowed = np.where(settled, CHORD, LAG_TICKS) * recent_steps(base) + across_allowed(base, scene)
+    distance = np.zeros(len(base))
+    distance[contact] = np.abs(scene.model.boundary.signed_distance(base.ihip[contact]))
+    worst = int(np.argmax(distance - allowed))
+    off = float(distance[worst])
+    if off <= allowed[worst]:
+        return None
+    message = f"the IHIP in contact lies {mm(off)} off the surface at t = {base.time[worst]:.4g} s"
+    metric = Metric("distance of the IHIP in contact from the surface", off, "m")
+    evidence = {**evidence_at(base, worst), "off_surface_m": off}
+    return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
 
 
 def _evidence(base: Recording, scene: Scene, tick: int) -> dict[str, object]:
@@ -382,8 +381,10 @@ CHECK = Check(
         "looked at in finer HIP steps, from where the hand has rested until the proxy has caught up. The declared "
         "standoff counts as far as the IHIPs really lie off the model, and up to a fiftieth of its size. An IHIP in "
         "contact fails, too, farther off than standoff, rounding and half a HIP step, the chord between two contact "
-        "points; for the first three ticks of a contact, and of a rigid tool, than three HIP steps. Finer steps count"
-        " only where they lead, in contact, by "
+        "points; for the first three ticks of a contact, and of a rigid tool, than three HIP steps. It stands aside "
+        "of the HIP's nearest surface point by ten depths at the most, besides three ticks of twice the HIP step and "
+        "what is declared, from where the hand comes in to where that point jumps. Finer steps count only where they "
+        "lead, in contact, by "
         "where the longer ones went: a jump that finer sampling does not have, or that it lets go at, depends on the "
         "sampling rate, and fails. Where steps stay above the bound, the exponent decides by which they shrink with "
         "the HIP's: 0 for a jump, 1 for a Lipschitz map, alpha / 180 degrees for a conformal map at a tip of alpha. "

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 from honest import Changed, Spring
-from jumping import Moved, Rule
+from jumping import Follows, Late, Moved, Rule
 
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
@@ -76,6 +76,16 @@ class SinksWhileSlow(Slowly):
         return np.asarray(at.foot[0] - self.off * at.normal[0])
 
 
+def behind(seconds: float) -> Callable[[float, float, int, float], float]:
+    """Return an update that takes the contact point after the hand with so long a time constant."""
+    return lambda old, new, tick, dt: new + (old - new) * np.exp(-dt / seconds)
+
+
+def creeping(speed: float) -> Callable[[float, float, int, float], float]:
+    """Return an update that moves the contact point along the surface at so many m/s, whatever the hand does."""
+    return lambda old, new, tick, dt: old + speed * dt
+
+
 def moved(rule: Callable[[], Rule]) -> Callable[[Scene], Moved]:
     """Return the factory of a spring whose contact point is moved so."""
     return lambda scene: Moved(scene, rule)
@@ -87,3 +97,11 @@ def slowly(kind: type[Slowly]) -> Callable[[Scene], Slowly]:
 
 
 single_hop = moved(partial(Hop, 2.0, 0.115e-3))
+
+
+ASTRAY: dict[str, Callable[[Scene], Moved]] = {
+    "behind": moved(lambda: Late(100)),
+    "slides-after": moved(partial(Follows, behind(0.1))),
+    "creeps": moved(partial(Follows, creeping(1.0))),
+}
+"""Contact points 100 ms behind the hand along the surface, in one way or another, or gone at 1 m/s."""

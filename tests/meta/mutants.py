@@ -195,6 +195,7 @@ BESIDES: dict[str, dict[str, str]] = {
     "lingers": {"force-magnitude": "the last force, at a growing distance"},
     "rounds": {"force-magnitude": "a rigid contact's force, at a depth"},
     "remembers": {
+        "continuous-contact": "the IHIP is not under the hand, which is on the surface",
         "force-magnitude": "the IHIP is aside, and the force a rigid contact's",
         "passivity": "the force turns with the IHIP",
     },

@@ -27,8 +27,8 @@ from hapticeval.suite.reading import load_suite
 DT = 1e-3
 ROUND = Scene(model=circle())
 ANGLES = np.radians(np.linspace(60.0, 77.0, 2000))
-ARC = Path(np.linspace(0.0, 0.42, ANGLES.size), 0.0995 * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)]))
-"""Half a millimetre under a circle, 30 mm far, at 70 mm/s."""
+ARC = Path(np.linspace(0.0, 0.42, ANGLES.size), 0.09 * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)]))
+"""10 mm under a circle, 30 mm far along it: so deep, a map may take the contact point 100 mm aside."""
 STAR = Scene(model=star())
 
 

@@ -7,13 +7,18 @@ from functools import partial
 import numpy as np
 import pytest
 from honest import Spring
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from jumping import HONEST
-from misplaced import Hop, HopsWhileSlow, SinksWhileSlow, moved, single_hop, slowly
+from misplaced import ASTRAY, Hop, HopsWhileSlow, SinksWhileSlow, moved, single_hop, slowly
 from msgspec.structs import replace
+from outsiders import CASES
 
-from hapticeval.geometry.catalogue import line
+from hapticeval.discovery import resolve
+from hapticeval.geometry.catalogue import ellipse, line
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.registry import CHECKS
+from hapticeval.phenomena.under_the_hand import find_aside
 from hapticeval.phenomena.verdict import Finding, Outcome
 from hapticeval.runner.judging import judge
 from hapticeval.scene import Scene
@@ -80,3 +85,45 @@ def test_a_hop_within_the_granted_lag_is_none():
     """A tool that catches up with three ticks of the hand moves as far."""
     assert led(Spring, FAST_AND_SLOW).outcome is Outcome.PASS
     assert led(moved(partial(Hop, 0.2, 2e-3)), FAST_AND_SLOW).outcome is Outcome.PASS
+
+
+@pytest.mark.parametrize("name", ASTRAY)
+def test_a_contact_point_that_is_not_under_the_hand_is_no_end_of_its_path(name):
+    """Along the surface, without a jump, and on it."""
+    finding = found(ASTRAY[name], "continuous-contact", CASES["slide"])
+    assert finding.outcome is Outcome.FAIL, finding.message
+    assert "not under the hand" in finding.message
+
+
+@pytest.mark.parametrize("name", ASTRAY)
+def test_nor_is_it_on_the_paths_that_are_drawn_and_where_a_hand_presses(name):
+    """A check that finds it fails; what looks for jumps there besides takes its time."""
+    for suite, case in (("generated", "line-hand"), ("thesis", "plane-press")):
+        judged_in = load_suite(suite).case(case)
+        assert "continuous-contact" in judged_in.checks
+        judged = judge(ASTRAY[name], name, suite, replace(judged_in, checks=("contact-kept",)))
+        aside = find_aside(judged.recording, judged_in.build_scene())
+        assert aside is not None or (case == "plane-press" and name != "creeps"), (
+            "a hand that presses stays in its place"
+        )
+
+
+@settings(max_examples=15)
+@given(
+    depths=st.lists(st.integers(-5, 30), min_size=1, max_size=4),
+    ways=st.lists(st.integers(-60, 60), min_size=6, max_size=6),
+    ratio=st.sampled_from([1.0, 2.0, 5.0]),
+    name=st.sampled_from(["minimum-distance", "constraint@curve", "homothetic", "conformal", "combescure"]),
+)
+def test_any_projection_is_under_the_hand(depths, ways, ratio, name):
+    """In and out of an ellipse, along it at any depth, over its medial axis and past its tips."""
+    scene = Scene(model=ellipse(ratio=ratio))
+    curve = scene.model.curve
+    under = np.array([-5, *depths, -5]) / 1000.0
+    s = np.cumsum(ways[: under.size]) / 1000.0
+    u = curve.parameter(s)
+    points = np.asarray(curve.position(u)) - under[:, np.newaxis] * np.asarray(curve.normal(u))
+    times = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1) / 0.2 + 0.01)])
+    recording = play(resolve(name)(scene), Path(times, points), 1e-3, scene=scene)
+    finding = find_aside(recording, scene)
+    assert finding is None, finding.message

@@ -1,0 +1,88 @@
+"""Under the hand: a contact point's path begins and ends where the hand's does, and nears the hand as the depth goes.
+
+In free space the IHIP is the HIP. A path that is continuous where a contact begins and ends therefore has an IHIP whose
+distance from the HIP's nearest surface point vanishes with the depth, whatever the projection: to the nearest point, of
+a god-object or by a map. A tool that stays behind, or creeps away over the surface, is never off it and never jumps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticeval.phenomena.contact_kept import across_allowed
+from hapticeval.phenomena.jumps import recent_steps
+from hapticeval.phenomena.sampling import (
+    LAG_TICKS,
+    evidence_at,
+    hip_steps,
+    lingering,
+    mm,
+    resolution,
+    rounding,
+    touching,
+)
+from hapticeval.phenomena.verdict import Finding, Metric, Outcome
+from hapticeval.recordings.channels import SIMULATED
+from hapticeval.recordings.recording import Recording, runs_of
+from hapticeval.scene import Scene
+from hapticeval.types import Array, BoolArray
+
+ASIDE = 10.0
+"""Depths that an IHIP may stand aside of the HIP's nearest surface point: *chosen*. A projection whose lines meet the
+surface under 6 degrees still passes; doubled, under 3. Nearest points and god-objects have 0 as long as no medial axis
+is passed, and rays from a centre the tangent of their angle to the normal: 2.4 on an ellipse of 5 to 1, 5.6 in a niche.
+What stays behind shows where the hand leaves, for there the depth goes to 0."""
+
+STRETCHED = 2.0
+"""HIP steps up to which a step of the nearest point is no jump: *chosen*; it has 1 / (1 - kappa d) of them. Beyond, the
+hand passes the medial axis, or comes close, and a god-object is right to stay where it was. Doubled, more is judged."""
+
+
+def find_aside(base: Recording, scene: Scene) -> Finding | None:
+    """Return a failure where an IHIP in contact stands farther aside of the hand than its depth explains; else None.
+
+    The nearest point moves by up to `STRETCHED` HIP steps in a tick, and an IHIP may be three ticks late; the surface
+    that is rendered may lie off the model, and be blurred along it, by what is declared.
+    """
+    feet = scene.model.boundary.closest_point(base.hip)
+    depth = np.abs(feet.distance)
+    judged, beside = _followed(base, scene, feet.foot, feet.distance)
+    if not judged.any():
+        return None
+    across = across_allowed(base, scene)
+    recent = recent_steps(base)
+    allowed = ASIDE * (depth + across) + across + resolution(base, scene) + STRETCHED * LAG_TICKS * recent + beside
+    aside = np.where(judged, np.linalg.norm(base.ihip - feet.foot, axis=1), 0.0)
+    worst = int(np.argmax(aside - allowed))
+    if aside[worst] <= allowed[worst]:
+        return None
+    message = (
+        f"the IHIP is not under the hand: {mm(aside[worst])} from the surface point nearest to it, where it is "
+        f"{mm(depth[worst])} deep, at t = {base.time[worst]:.4g} s"
+    )
+    metric = Metric("distance of the IHIP from the HIP's nearest surface point", float(aside[worst]), "m")
+    evidence = {**evidence_at(base, worst), "depth_m": float(depth[worst])}
+    return Finding(Outcome.FAIL, message, metric, float(allowed[worst]), evidence)
+
+
+def _followed(base: Recording, scene: Scene, feet: Array, distance: Array) -> tuple[BoolArray, Array]:
+    """Return in which rows a contact has followed the hand's nearest point since it began, and how far it may be off.
+
+    From where the hand comes in, or the run begins, up to where it is outside again or its nearest point jumps: there
+    are then two branches of what is nearest, and a god-object may be on either. What a shorter step of the nearest
+    point may have hidden so is the second, (n,), m.
+    """
+    contact = touching(base, scene) & ~lingering(base, scene)
+    steps = np.concatenate([[0.0], hip_steps(base)])
+    moved = np.concatenate([[0.0], np.linalg.norm(np.diff(feet, axis=0), axis=1)])
+    jumps = moved > STRETCHED * steps + rounding(scene)
+    near = LAG_TICKS * recent_steps(base) + across_allowed(base, scene)
+    outside = (distance > near) & (not scene.bilateral)
+    judged, beside = np.zeros(len(base), dtype=bool), np.zeros(len(base))
+    for first, end in runs_of(contact):
+        known = base.meta.get("source") in SIMULATED if first == 0 else abs(distance[first]) <= near[first]
+        left = np.flatnonzero((jumps | outside)[first + 1 : end])
+        last = first + 1 + int(left[0]) if left.size else end
+        judged[first:last] = known
+        beside[first:last] = np.maximum.accumulate(np.maximum(moved - steps, 0.0)[first:last])
+    return judged & (scene.bilateral | (distance < 0.0)), beside
