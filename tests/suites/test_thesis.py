@@ -1,16 +1,10 @@
-"""The thesis suite on the reference renderers: Table 6.3 comes out, and every verdict is the recorded one.
-
-`thesis_verdicts.csv` pins each verdict's outcome and metric. Where a change means to change one of them, write it anew
-with `HAPTICEVAL_PUBLISH=1 .venv/bin/pytest -m '' tests/suites/test_thesis.py -k recorded`, and look at the difference.
-"""
+"""The thesis suite on the reference renderers: Table 6.3 comes out, and every verdict is the recorded one."""
 
 from __future__ import annotations
 
-import csv
-import os
 from functools import cache
-from pathlib import Path
 
+import golden
 import honest
 import pytest
 from msgspec.structs import replace
@@ -24,13 +18,10 @@ from hapticeval.suite.reading import load_suite
 
 SUITE = load_suite("thesis")
 ENTRY = suite_entry(SUITE)
-RECORDED = Path(__file__).with_name("thesis_verdicts.csv")
 QUICK = ("minimum-distance", "constraint", "set-stabilisation")
 """Renderers whose verdicts `make test` looks at; the others' are left to `make system`."""
 
 COLUMNS = [name if name in QUICK else pytest.param(name, marks=pytest.mark.system) for name in own_renderers()]
-CLOSE = 1e-3
-"""Share of a metric, or of its bound, by which two machines may differ."""
 
 
 @cache
@@ -43,39 +34,10 @@ def verdicts(name: str) -> tuple[Verdict, ...]:
     return tuple(found)
 
 
-def cell(verdict: Verdict) -> str:
-    metric = verdict.finding.metric
-    number = "" if metric is None else f"{metric.value:.4g} {metric.unit}"
-    return f"{verdict.outcome.value} {number}".strip()
-
-
-def publish(name: str) -> None:
-    """Replace one renderer's column of the recorded verdicts."""
-    rows = csv.DictReader(RECORDED.read_text().splitlines()) if RECORDED.exists() else []
-    table = {(row.pop("case"), row.pop("check")): row for row in rows}
-    for verdict in verdicts(name):
-        table.setdefault((verdict.case, verdict.check), {})[name] = cell(verdict)
-    with RECORDED.open("w", newline="") as file:
-        writer = csv.DictWriter(file, ["case", "check", *own_renderers()], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({"case": case, "check": check, **cells} for (case, check), cells in table.items())
-
-
 @pytest.mark.parametrize("name", COLUMNS)
 def test_every_verdict_is_the_recorded_one_and_as_required_or_as_published(name):
-    if os.environ.get("HAPTICEVAL_PUBLISH"):
-        publish(name)
+    golden.compare(SUITE, own_renderers(), name, verdicts(name))
     assert [verdict for verdict in verdicts(name) if not verdict.as_expected] == []
-    recorded = {(row["case"], row["check"]): row[name] for row in csv.DictReader(RECORDED.read_text().splitlines())}
-    assert {(verdict.case, verdict.check) for verdict in verdicts(name)} == set(recorded)
-    for verdict in verdicts(name):
-        outcome, *number = recorded[verdict.case, verdict.check].split()
-        assert verdict.outcome == outcome, (verdict.case, verdict.check, verdict.finding.message)
-        metric = verdict.finding.metric
-        assert (metric is None) == (not number)
-        if metric is not None:
-            near = pytest.approx(float(number[0]), rel=CLOSE, abs=CLOSE * (verdict.finding.bound or 0.0))
-            assert metric.value == near, (verdict.case, verdict.check)
     table = fill_table([ENTRY], verdicts(name))
     published = {row.title: row.published[name] for row in SUITE.rows if name in row.published}
     assert {title: table[title].get(name) for title in published} == published

@@ -1,0 +1,40 @@
+"""Every verdict of our renderers in every suite is the recorded one, with its metric: see `golden.py`."""
+
+from __future__ import annotations
+
+import golden
+import pytest
+
+from hapticeval.discovery import own_renderers, resolve
+from hapticeval.runner.judging import judge
+from hapticeval.suite.installed import find_suites
+from hapticeval.suite.reading import load_suite
+from hapticeval.suite.suite import Suite
+
+pytestmark = pytest.mark.system
+
+SUITES = [load_suite(name) for name in sorted(find_suites()) if name != "thesis"]
+
+
+def renderers_of(suite: Suite) -> tuple[str, ...]:
+    """Those that run in a suite where none is named."""
+    return tuple(suite.renderers) or own_renderers()
+
+
+RUNS = [pytest.param(suite, name, id=f"{suite.name}-{name}") for suite in SUITES for name in renderers_of(suite)]
+
+
+@pytest.mark.parametrize(("suite", "name"), RUNS)
+def test_every_verdict_is_the_recorded_one(suite, name):
+    verdicts = []
+    for case in suite.cases:
+        judged = judge(resolve(name), name, suite.name, case)
+        assert judged.error is None, f"{case.name}: {judged.error}"
+        verdicts += judged.verdicts
+    golden.compare(suite, renderers_of(suite), name, verdicts)
+    assert [verdict for verdict in verdicts if not verdict.as_expected and verdict.published is not None] == []
+
+
+def test_no_table_is_of_a_suite_that_there_is_not():
+    names = {file.name.removesuffix("_verdicts.csv") for file in golden.table_of("").parent.glob("*_verdicts.csv")}
+    assert names == set(find_suites())
