@@ -6,6 +6,7 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, without_ihip
+from hapticeval.phenomena.decisions import NOTABLE
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     TELLS,
@@ -22,9 +23,6 @@ from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compar
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
-
-NOTABLE = 1e-6
-"""Share by which the forces of two runs differ in size, and not in single ticks alone."""
 
 
 def judge_memoryless(runs: Runs, scene: Scene) -> Finding:

@@ -9,6 +9,7 @@ import numpy as np
 from hapticeval.closed_forms import Gains, transversal
 from hapticeval.geometry.boundary import ClosestPoint
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
+from hapticeval.phenomena.decisions import SPEEDS, STANDARD_ERRORS
 from hapticeval.phenomena.sampling import (
     HOLD_TICKS,
     LAG_TICKS,
@@ -27,9 +28,6 @@ from hapticeval.quantity import number
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
-
-SPEEDS = (0.5, 0.75)
-"""The experiment is run at these shares of its speed too, so that the error's growth with v^2 can be seen."""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -70,7 +68,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     lacking = abs(at_zero or 0.0)
     value = max(abs(share), lacking)
     metric = Metric(CHECK.metric, value, "")
-    unclear = not np.isfinite(deviation) or abs(abs(share) - bound) <= 2.0 * deviation
+    unclear = not np.isfinite(deviation) or abs(abs(share) - bound) <= STANDARD_ERRORS * deviation
     if bound > TELLS or (unclear and lacking <= bound):
         message = "too slow, or too much else going on, to separate the centripetal part of the error from the rest"
         return undecided(message, metric, bound, evidence)

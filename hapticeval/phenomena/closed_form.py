@@ -7,6 +7,7 @@ import numpy as np
 from hapticeval.closed_forms import CLOSED_FORMS
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
+from hapticeval.phenomena.decisions import FORM_COARSE as COARSE
 from hapticeval.phenomena.refinement import extrapolated
 from hapticeval.phenomena.sampling import evidence_at, listed, mm
 from hapticeval.phenomena.surface_motion import SurfaceMotion
@@ -16,8 +17,6 @@ from hapticeval.scene import Scene
 MOMENTS = 5
 """Moments that the evidence lists."""
 
-COARSE = 1e-3
-"""A tolerance above a thousandth of the way travelled compares nothing."""
 
 UNREPEATABLE = "the run cannot be repeated with finer sampling, or ends early there"
 

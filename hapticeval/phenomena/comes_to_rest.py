@@ -7,15 +7,12 @@ import math
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.constraint_stability import SHRINKS
+from hapticeval.phenomena.decisions import COMES_HOME, SETTLING
 from hapticeval.phenomena.numerical_stability import DIGITS
 from hapticeval.phenomena.sampling import evidence_at, mm
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.quantity import number
 from hapticeval.scene import Scene
-
-SETTLING = 8
-"""Samples that a verdict takes at least."""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:
@@ -45,7 +42,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         "farthest_m": float(distance[farthest]),
     }
     metric = Metric(CHECK.metric, after, CHECK.unit)
-    bound = max(SHRINKS * before, DIGITS * size)
+    bound = max(COMES_HOME * before, DIGITS * size)
     if distance[farthest] > reach:
         message = f"the tool gets {mm(distance[farthest])} off the surface, farther than the model is large"
         gone = Metric("largest distance from the surface", float(distance[farthest]), "m")

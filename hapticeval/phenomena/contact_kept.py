@@ -6,6 +6,10 @@ import numpy as np
 
 from hapticeval.geometry.boundary import Boundary, apart
 from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
+from hapticeval.phenomena.decisions import COARSEST_GRAIN as COARSEST
+from hapticeval.phenomena.decisions import FINEST_GRAIN as FINEST
+from hapticeval.phenomena.decisions import FLIGHTS
+from hapticeval.phenomena.decisions import TOOL_GRAIN as FINE
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     above_force_floor,
@@ -27,16 +31,6 @@ from hapticeval.recordings.quantization import quantization_step
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
-
-FINE = 0.125
-"""Grain of the rigid tool, as a share of the largest HIP step."""
-
-FINEST, COARSEST = 1e-6, 1e-4
-"""Limits of that grain, as shares of the model's size."""
-
-FLIGHTS = 16
-"""Ways within one tick, each from where the slide before has ended; each brings the tool nearer to the hand."""
-
 
 KINDS = {
     "let go": "contact is lost inside the model",

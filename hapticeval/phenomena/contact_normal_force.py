@@ -10,6 +10,7 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.decisions import STATIC_SHARE
 from hapticeval.phenomena.lag import at_rows, least_misfit, rests
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
@@ -31,9 +32,6 @@ from hapticeval.recordings.quantization import quantization_step
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
-
-STATIC_SHARE = 0.2
-"""Share of the run, at its end, over which a static equilibrium is looked for."""
 
 NEAREST = "minimum-distance"
 """The renderer whose contact point is the model's point nearest to the HIP, whatever came before."""

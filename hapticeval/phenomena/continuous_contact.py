@@ -11,6 +11,18 @@ import numpy as np
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Closer, Runs, Sibling, without_ihip
 from hapticeval.phenomena.contact_kept import across_allowed
+from hapticeval.phenomena.decisions import (
+    CHORD,
+    COARSENINGS,
+    CONFIRMS,
+    HALF_RATE,
+    MINI,
+    REFINEMENTS,
+    SHRINKS,
+    STAYS,
+    STILL,
+)
+from hapticeval.phenomena.decisions import POWER_LAW as TENTH
 from hapticeval.phenomena.jumps import (
     Left,
     aitken,
@@ -41,23 +53,6 @@ from hapticeval.phenomena.under_the_hand import find_aside
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
-
-HALF_RATE = 0.5 * LAG_TICKS
-"""HIP steps of the recording that three ticks at twice its rate are: where a path is looked at, the largest step."""
-CHORD = 0.5
-"""HIP steps that a point on the straight way between two contact points lies off the surface at the most: half of the
-way, at an edge. A contact point that is late by a number of ticks between two is such a point."""
-CONFIRMS = (2, 4)
-"""Sampling rates, times the recorded one, at which the way by a jump that stays has to have it too."""
-REFINEMENTS = (1, 2, 4, 8, 16, 32)
-"""Of a run that has no places to look at."""
-MINI = 1.5
-"""A jump up to this many edges or cells of the renderer's representation is a mini pop-through: between neighbours."""
-STILL = 1e-3
-"""HIP steps below this share of the largest one are no motion that could be amplified."""
-TENTH = math.log2(1.1)
-STAYS, SHRINKS = 0.15, 0.25
-"""Slopes of log2(jump) against log2(step): a jump has 0, a Hoelder map of order a has a, a Lipschitz map 1."""
 
 
 def amplification(recording: Recording, scene: Scene) -> float:
@@ -301,10 +296,6 @@ def _limit(jumps: list[float]) -> float:
     if float(np.std(logs - np.polyval(np.polyfit(halvings, logs, 1), halvings))) < TENTH:
         return 0.0
     return aitken(*jumps[-3:])
-
-
-COARSENINGS = (1, 2, 4)
-"""Every sample, every second, every fourth: what a fixed recording offers in place of finer ones."""
 
 
 def coarsened_slope(recording: Recording, scene: Scene, tick: int) -> float:

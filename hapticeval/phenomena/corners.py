@@ -10,6 +10,7 @@ import numpy as np
 from hapticeval.effects.catalogue import FRICTION
 from hapticeval.phenomena.check import Check, Runs, Situation, without_ihip
 from hapticeval.phenomena.crossings import NEAR, Crossing, angle_between, find_crossings
+from hapticeval.phenomena.decisions import HELD
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     above_force_floor,
@@ -26,9 +27,6 @@ from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, und
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import BoolArray, IntArray
-
-HELD = 0.5
-"""Share of the usual force on the first face below which the force is not kept any more."""
 
 
 def judge_broken_contact(runs: Runs, scene: Scene) -> Finding:

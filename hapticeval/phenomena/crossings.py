@@ -13,13 +13,11 @@ from hapticeval.geometry.boundary import Boundary, Corner
 from hapticeval.geometry.mesh import Mesh
 from hapticeval.geometry.mesh_kernels import EDGE, FACE, PSEUDO, VERTEX
 from hapticeval.geometry.mesh_tool import FREE
+from hapticeval.phenomena.decisions import NEAR as NEAR
 from hapticeval.phenomena.sampling import LAG_TICKS, hip_steps, lacks_ihip, position_tolerance, resolution, rounding
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
-
-NEAR = 0.05
-"""Share of the corner's turn within which a direction counts as a face's: far above rounding, far below a switch."""
 
 SAMPLES = 1025
 """Points on a face in the plane, as long as it may be: a chord of one that bends misses it by kappa ds^2 / 8."""

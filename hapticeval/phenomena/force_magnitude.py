@@ -10,6 +10,8 @@ import numpy as np
 
 from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs
+from hapticeval.phenomena.decisions import HALF, MANY, SOME, SPIKES
+from hapticeval.phenomena.decisions import UNDECLARED as UNDECLARED
 from hapticeval.phenomena.lag import at_rows, find_lag
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
@@ -28,26 +30,6 @@ from hapticeval.recordings.recording import SINGLE, Recording, backward_differen
 from hapticeval.renderer import Spring
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
-
-FACTOR = 2.0
-"""Off by this factor fails a must, where no stiffness is declared that varies. Chosen: doubled, a
-third of the stiffness would be a warning only."""
-
-UNDECLARED = ((1.0 + TELLS) / FACTOR, FACTOR * (1.0 - TELLS))
-"""Shares of the scene's stiffness within which it is not off by `FACTOR`: a tenth is not told apart, so that one who is
-off by just that much fails."""
-
-SPIKES = 0.1
-"""Ticks that are off are spikes up to this share of all: more of them are what the renderer does as a rule."""
-
-HALF = 0.5
-"""Share of the deviation's spread, or of its variance, from which its cause is named."""
-
-SOME = 8
-"""Fewer samples make no median worth comparing; and into so many groups depths, times and places are divided first."""
-
-MANY = 32
-"""Into so many groups they are divided where that explains nothing, and each has `SOME` samples."""
 
 
 @dataclass(frozen=True)

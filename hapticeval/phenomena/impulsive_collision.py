@@ -5,20 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Situation
-from hapticeval.phenomena.sampling import LAG_TICKS, evidence_at, open_loop_reason, touching
+from hapticeval.phenomena.decisions import SAME_FACE, UNKNOWN, WINDOW_TICKS
+from hapticeval.phenomena.sampling import evidence_at, open_loop_reason, touching
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
-
-WINDOW_TICKS = LAG_TICKS + 1
-"""A sampled renderer meets the contact at the sample after it, its answer acts until the next, and may be late."""
-
-UNKNOWN = 0.5
-"""Share of the momentum that the operator may take before the tool is met, beyond which (3.5) says nothing."""
-
-SAME_FACE = 0.995
-"""Cosine, of 5.7 degrees, by which the normal may turn in that time: beyond, (3.5) along one normal says nothing."""
 
 
 def judge(runs: Runs, scene: Scene) -> Finding:

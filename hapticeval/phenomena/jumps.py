@@ -12,29 +12,15 @@ import numpy as np
 
 from hapticeval.compiled import borrowing, for_kernels
 from hapticeval.phenomena.check import Closer
+from hapticeval.phenomena.decisions import AFTER, AROUND, BEFORE, BELOW, FLAT, SMOOTH, STEEPEST
+from hapticeval.phenomena.decisions import COARSER_THAN_DOUBLE as COARSE
+from hapticeval.phenomena.decisions import FEW_PARTS as FEW
+from hapticeval.phenomena.decisions import MANY_PARTS as MANY
+from hapticeval.phenomena.decisions import ROWS_OF_A_LOOK as ROWS
 from hapticeval.phenomena.sampling import LAG_TICKS, hip_steps, lingering, rounding, touching
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
-
-BELOW = 2
-"""How often a place is looked at beyond what single precision resolves, in 64 sub-steps each time."""
-FEW, MANY = 4, 64
-"""Sub-steps of a step: in the first two looks, for much may be steep but smooth; in the others, at the most."""
-ROWS = 1024
-"""Fine steps of one look: what is suspect over a longer stretch is looked at in parts, the worst first."""
-AROUND = LAG_TICKS + 1
-"""Ticks on either side of a step in which a proxy that moves in every third tick has moved as well."""
-FLAT = 0.9
-"""A spread of which finer steps than single precision resolves leave this share or more is a jump's."""
-STEEPEST = 0.15
-"""Exponent from which on a map counts as continuous: 1/6, less a tenth for where the samples fall."""
-SMOOTH = 0.5
-"""Exponent above which the ways of a map look smooth at last: a Lipschitz map has 1, and no tip more than 1/2."""
-
-
-COARSE = 2.0**-26
-"""Share of the rounding in single precision below which double precision is too coarse for HIP steps."""
 
 
 class Left(StrEnum):
@@ -147,10 +133,6 @@ def aitken(coarse: float, middle: float, fine: float) -> float:
     if curvature <= 0.0:
         return fine
     return min(max((coarse * fine - middle * middle) / curvature, 0.0), fine)
-
-
-BEFORE, AFTER = 512, 64
-"""Ticks before and after a jump that are led along once more at a finer rate: half a second in which to get there."""
 
 
 def jump_at_rate(factor: int, look: Closer, scene: Scene, tick: int) -> float:

@@ -8,21 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hapticeval.phenomena.decisions import COARSE_STEPS, HALVINGS, MOST_ROWS
 from hapticeval.phenomena.sampling import LAG_TICKS, TELLS, above_force_floor, rounding, touching
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, IntArray
-
-COARSE_STEPS = 4 * LAG_TICKS
-"""Lags that are tried first, a quarter of a tick apart: *chosen*. Twice as many find the same, in twice the time; a
-misfit falls towards its lag over a whole tick, since the hand's way is straight from row to row."""
-
-HALVINGS = 40
-"""Times that the bracket of half a tick is narrowed by the golden section: to 2e-9 of a tick, where `float` ends."""
-
-
-MOST_ROWS = 4096
-"""Rows, spread over all, in which a lag is looked for: *chosen*, for time. With twice as many it is the same number."""
 
 
 class Lag(NamedTuple):

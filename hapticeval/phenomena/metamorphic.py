@@ -13,6 +13,7 @@ import numpy as np
 
 from hapticeval.geometry.motion import mirroring
 from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.decisions import SAME, SIMULATED
 from hapticeval.phenomena.nudges import AMPLIFIED, ROUNDINGS, STEEP, answered, answers_apart, steepness
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
@@ -28,14 +29,6 @@ from hapticeval.recordings.channels import ANSWERED
 from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
-
-SAME = 1e-12
-"""Share of the model's size by which answers may differ beside what is declared and what rounding of the hand changes:
-some four thousand roundings of a double, those of an iteration that ends at rounding."""
-
-SIMULATED = 1e-9
-"""The same for a renderer that answers a stimulus whole: its tool has a motion of its own, with events at instants that
-it has to find, and in a corner ever more of them, until rounding ends them."""
 
 NOBODY = "a recording shows one run only, and nobody can be asked for another"
 

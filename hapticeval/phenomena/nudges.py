@@ -8,18 +8,12 @@ import numpy as np
 
 from hapticeval.geometry.motion import scaling
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.decisions import AMPLIFIED as AMPLIFIED
+from hapticeval.phenomena.decisions import ROUNDINGS as ROUNDINGS
+from hapticeval.phenomena.decisions import STEEP as STEEP
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
-
-STEEP = 10.0
-"""Times that an answer may change by what nudging the hand by its rounding changes it: a few roundings add up."""
-
-AMPLIFIED = 10.0
-"""Times its nudge by which an answer may change for a row not to count as one on a discontinuity."""
-
-ROUNDINGS = 4.0 * float(np.finfo(np.float64).eps)
-"""Share of a coordinate by which the hand of a run that is stated otherwise may be off: four roundings."""
 
 
 def answered(run: Recording) -> BoolArray:

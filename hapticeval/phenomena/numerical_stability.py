@@ -8,6 +8,7 @@ import numpy as np
 
 from hapticeval.geometry.motion import Motion, rigid, scaling
 from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.decisions import DIGITS as DIGITS
 from hapticeval.phenomena.nudges import AMPLIFIED, ROUNDINGS, STEEP, answered, answers_apart, steepness
 from hapticeval.phenomena.sampling import (
     believed_standoff,
@@ -23,9 +24,6 @@ from hapticeval.phenomena.verdict import Finding, Level, Metric, Outcome, compar
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import BoolArray
-
-DIGITS = 1e-9
-"""Share of the model's size by which an answer may change beside what rounding of the hand changes."""
 
 EPS = float(np.finfo(np.float64).eps)
 

@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
+from hapticeval.phenomena.decisions import CLOSED, RIGID
+from hapticeval.phenomena.decisions import FINER_RATES as FINEST
 from hapticeval.phenomena.force_magnitude import UNDECLARED, most_beside
 from hapticeval.phenomena.lag import find_lag, rests
 from hapticeval.phenomena.refinement import SETTLES
@@ -19,16 +21,7 @@ from hapticeval.recordings.recording import SINGLE, Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray, IntArray
 
-CLOSED = 1e-9
-"""Share of the model's size within which two HIPs are one point."""
-
 LAP = "in each lap after the first"
-
-RIGID = 1e-3
-"""Share of force times way that a force across the way may seem to do."""
-
-FINEST = (4, 8, 16)
-"""Rates, in base rates, to which the run is refined: to the first, and further only where that does not decide."""
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from hapticeval.phenomena.check import Runs
+from hapticeval.phenomena.decisions import SETTLES as SETTLES
 from hapticeval.recordings.recording import Recording
 from hapticeval.types import Array
-
-SETTLES = 0.75
-"""Halving the tick halves a first-order effect and quarters a second-order one; what shrinks less is no such effect."""
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,10 @@ import weakref
 
 import numpy as np
 
+from hapticeval.phenomena.decisions import COARSEST, FARTHEST, FORCE_DEPTH
+from hapticeval.phenomena.decisions import HOLD_TICKS as HOLD_TICKS
+from hapticeval.phenomena.decisions import LAG_TICKS as LAG_TICKS
+from hapticeval.phenomena.decisions import TELLS as TELLS
 from hapticeval.quantity import number
 from hapticeval.recordings.recording import SINGLE, Recording, runs_of
 from hapticeval.scene import Scene
@@ -13,26 +17,6 @@ from hapticeval.types import Array, BoolArray
 
 LED = ("playback", "replay")
 """Sources of recordings in which the hand was led along a given path, whatever the force."""
-
-LAG_TICKS = 3
-"""A proxy may answer up to three ticks late without being wrong, as peers do."""
-
-HOLD_TICKS = 1.5
-"""A held force lags by half a tick on average, and by one more where it is computed from the last sample."""
-
-TELLS = 0.1
-"""A bound above a tenth of what is asked for tells nothing."""
-
-FORCE_DEPTH = 5e-6
-"""Depth, as a share of the model's size, whose spring force is the least that has a direction: *chosen*, 1 um of the
-usual 200 mm. There single precision (4 * 2^-23 of the size) turns a force by up to 6 degrees; at twice that by 3, and
-touches of up to 2 um are then none."""
-
-FARTHEST = 1.0 / 50.0
-"""Share of the model's size beyond which a declared standoff is not believed: 4 mm of the usual 200 mm."""
-
-COARSEST = 1.0 / 16.0
-"""Share of the outline beyond which a declared resolution is not believed: 16 facets are no smooth surface."""
 
 
 def hip_steps(recording: Recording) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import FORCE_SENSOR, FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs, Sibling, Situation
+from hapticeval.phenomena.decisions import GONE as GONE
 from hapticeval.phenomena.refinement import richardson_two_level
 from hapticeval.phenomena.sampling import TELLS, evidence_at, mm
 from hapticeval.phenomena.surface_motion import SLIDES, SurfaceMotion
@@ -17,9 +18,6 @@ from hapticeval.phenomena.verdict import Finding, Metric, compared, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array
-
-GONE = 0.05
-"""Share of the largest distance below which the motion across counts as over."""
 
 SPEED_GIVEN = "a hand led along a given path has the speed that it is given"
 TOO_MUCH = "what the sampling may do to the speed is too much to decide"

@@ -9,16 +9,12 @@ from functools import cached_property
 import numpy as np
 
 from hapticeval.geometry.boundary import ClosestPoint
+from hapticeval.phenomena.decisions import FOCAL
+from hapticeval.phenomena.decisions import SLIDES as SLIDES
 from hapticeval.phenomena.sampling import HOLD_TICKS
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
-
-FOCAL = 1e-9
-"""The least eigenvalue of I + n W at which a foot is told from its neighbours."""
-
-SLIDES = 1e-3
-"""Share of the model's size that a tool must have slid at its top speed for its sliding to be judged."""
 
 
 @dataclass(frozen=True, eq=False)

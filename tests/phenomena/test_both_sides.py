@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from made import FAIL, NO, PASS, UNDECIDED, changed, found, outcome, recorded
+from scipy.linalg import expm
 from test_corners import NOTCH, SCENE, round_the_notch
 from test_dynamic_checks import CIRCLE, EXPERIMENT, LINE
 from test_dynamic_checks import run as run_law
-from test_forces import ROUND, orbit
+from test_forces import ROUND, collision, orbit
 
+from hapticeval.phenomena.centripetal_force import _answer
 from hapticeval.phenomena.check import Runs
-from hapticeval.phenomena.constraint_stability import SHRINKS
+from hapticeval.phenomena.decisions import COMES_HOME
 from hapticeval.phenomena.regions import Region, region_of
 from hapticeval.phenomena.sampling import HOLD_TICKS, TELLS
 from hapticeval.phenomena.surface_dynamics import GONE
@@ -73,6 +77,42 @@ def test_eight_samples_are_the_least_from_which_a_share_is_told(count, expected)
     assert outcome("centripetal-force", base, LINE) is expected
 
 
+@given(damping=st.sampled_from([0.5, 4.0, 30.0]), seed=st.integers(0, 99))
+def test_a_cost_counts_as_the_assigned_dynamics_answer_to_it(damping, seed):
+    """m n'' + K_d n' + K_p n = f under a force that is held from sample to sample, from equilibrium with the first."""
+    scene, dt = Scene(model=LINE.model, stiffness=50.0, damping=damping, mass=0.1, bilateral=True), 1e-3
+    force = np.cumsum(np.random.default_rng(seed).standard_normal(60))
+    base = recorded(np.zeros((force.size, 2)), dt=dt)
+    motion = np.array([[0.0, 1.0, 0.0], [-500.0, -damping / 0.1, 10.0], [0.0, 0.0, 0.0]])
+    step, state, expected = expm(motion * dt), np.array([force[0] / 50.0, 0.0, 0.0]), []
+    for push in force:
+        expected.append(state[0])
+        state = step @ np.array([state[0], state[1], push])
+    np.testing.assert_allclose(_answer(force, base, scene), expected, rtol=1e-7, atol=1e-12)
+
+
+def test_undamped_dynamics_never_come_to_an_answer_so_that_the_static_one_counts():
+    scene = Scene(model=LINE.model, stiffness=50.0, mass=0.1, bilateral=True)
+    assert _answer(np.array([1.0, 2.0]), recorded(np.zeros((2, 2))), scene).tolist() == [0.02, 0.04]
+
+
+def test_what_the_push_may_give_a_tool_while_the_normal_turns_is_granted_to_a_collision():
+    """Round 0.1 m at 0.1 m/s the normal turns by 4 mrad within the four ticks that a collision may take."""
+    flat = collision(ticks=4)
+    angle = 1e-3 * np.arange(len(flat))
+    out = np.column_stack([np.cos(angle), np.sin(angle)])
+    along = np.column_stack([-out[:, 1], out[:, 0]])
+    force = flat.force[:, 1:] * out
+    moves = {"velocity": 0.1 * along + flat.velocity[:, 1:] * out}
+    ihip = np.where(flat.force[:, 1:] > 0.0, 0.1 * out, 0.101 * out)
+    bounds = []
+    for push in (0.0, 0.02):
+        base = recorded(0.101 * out, ihip, force, meta=flat.meta, operator_force=push * along, **moves)
+        bounds.append(found("impulsive-collision", base, Scene(model=ROUND.model)).bound)
+    given = 4 * 0.02 * 1e-3
+    assert bounds[1] - bounds[0] == pytest.approx(given * 4e-3 / 0.1 / 0.3, rel=0.05)
+
+
 def flickering(first, last):
     """The force turns at the notch, and is that of the first face once more from so many ticks after to so many after.
 
@@ -106,7 +146,7 @@ def off_the_line(late):
     return recorded(hip, force=0.0 * hip, meta=EXPERIMENT, velocity=np.tile([3.0, 0.0], (time.size, 1)))
 
 
-@pytest.mark.parametrize(("ratio", "expected"), [(0.99 * SHRINKS, PASS), (1.01 * SHRINKS, FAIL)])
+@pytest.mark.parametrize(("ratio", "expected"), [(0.99 * COMES_HOME, PASS), (1.01 * COMES_HOME, FAIL)])
 def test_what_falls_as_one_over_the_root_of_time_is_between_staying_and_coming(ratio, expected):
     assert outcome("constraint-stability", off_the_line(lambda time: ratio), LINE) is expected
 

@@ -37,6 +37,11 @@ def recorded(suite: str) -> dict[Place, dict[str, str]]:
     return {(row.pop("case"), row.pop("check")): row for row in rows}
 
 
+def publishing() -> bool:
+    """Whether tables are to be written."""
+    return bool(os.environ.get("HAPTICEVAL_PUBLISH"))
+
+
 def cell(verdict: Verdict) -> str:
     metric = verdict.finding.metric
     number = "" if metric is None else f"{metric.value:.4g} {metric.unit}"
@@ -59,7 +64,7 @@ def publish(suite: Suite, renderers: Sequence[str], name: str, verdicts: Sequenc
 
 def compare(suite: Suite, renderers: Sequence[str], name: str, verdicts: Sequence[Verdict]) -> None:
     """Assert that each verdict is the recorded one; or record them, where that is asked for."""
-    if os.environ.get("HAPTICEVAL_PUBLISH"):
+    if publishing():
         publish(suite, renderers, name, verdicts)
     table = recorded(suite.name)
     assert {(verdict.case, verdict.check) for verdict in verdicts} == set(table)

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from hapticeval.phenomena.check import Check, Runs, Sibling
-from hapticeval.phenomena.passivity import FINEST, Sampled, laps
+from hapticeval.phenomena.decisions import FINER_RATES
+from hapticeval.phenomena.passivity import Sampled, laps
 from hapticeval.phenomena.sampling import above_force_floor, evidence_at
 from hapticeval.phenomena.verdict import Finding, Level, Metric, compared, undecided
 from hapticeval.recordings.recording import SINGLE
@@ -39,7 +40,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return undecided("the hand goes round no closed loop in contact twice: the work of a loop cannot be measured")
     first, last = np.array(loops).T
     largest = float(np.max(np.abs(base.hip)))
-    for finest in FINEST:
+    for finest in FINER_RATES:
         half, whole = (Sampled(runs.refine(factor), factor, scene) for factor in (finest // 2, finest))
         before, work, error, crossed, path, effort = (
             each[last] - each[first]

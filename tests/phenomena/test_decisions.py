@@ -1,0 +1,79 @@
+"""The one table of what decides a verdict: complete, each constant with its reason, its page as the module has it."""
+
+from __future__ import annotations
+
+import ast
+import os
+from pathlib import Path
+
+import pytest
+
+from hapticeval.phenomena import decisions
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "decisions.md"
+CHECKS = ROOT / "hapticeval" / "phenomena"
+HEAD = """# What decides a verdict
+
+A check compares what it measures with a bound, and the bound is made of the sampling, of what the renderer declares,
+and of the constants on this page. Each has its derivation, or the word *chosen*, and what changes when it is doubled.
+The checks of effects keep theirs beside them, in `hapticeval/phenomena/effects`. `hapticeval explain CHECK` prints the
+bound of a check.
+
+The page is written of `hapticeval/phenomena/decisions.py`, which the checks import.
+"""
+
+
+def constants(file: Path) -> list[tuple[str, str, str]]:
+    """Name, value as it is written, and docstring of each constant of a module."""
+    body = ast.parse(file.read_text(encoding="utf-8")).body
+    found = []
+    for node, after in zip(body, [*body[1:], None], strict=True):
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]).strip("()").replace(", ", "").isupper():
+            said = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+            names = ast.unparse(node.targets[0]).strip("()")
+            found.append((names, ast.unparse(node.value), " ".join(after.value.value.split()) if said else ""))
+    return found
+
+
+TABLE = constants(Path(decisions.__file__))
+
+
+def page() -> str:
+    rows = [f"| `{name}` | `{value}` | {said.replace('|', chr(92) + '|')} |" for name, value, said in TABLE]
+    return "\n".join([HEAD, "| constant | value | what it is, and why |", "|---|---|---|", *rows, ""])
+
+
+@pytest.mark.parametrize(("name", "said"), [(name, said) for name, _, said in TABLE])
+def test_each_says_whence_it_is_and_what_doubling_changes(name, said):
+    words = said.lower()
+    assert "derived" in words or "*chosen*" in words, name
+    assert "double" in words or "twice" in words, name
+
+
+def test_each_is_used_by_a_check():
+    text = "\n".join(file.read_text() for file in CHECKS.glob("*.py"))
+    for names, _, _ in TABLE:
+        for name in names.split(", "):
+            assert text.count(name) > 1, f"{name} decides nothing"
+
+
+def test_the_page_is_the_table():
+    """To write it anew: HAPTICEVAL_PUBLISH=1 pytest tests/phenomena/test_decisions.py."""
+    if os.environ.get("HAPTICEVAL_PUBLISH"):
+        PAGE.write_text(page())
+    assert PAGE.read_text() == page()
+
+
+def test_no_check_keeps_a_number_of_its_own():
+    """Whatever decides stands in the table; these shape what is shown, mark, or are facts of a double."""
+    shown = {"closed_form.MOMENTS", "crossings.SAMPLES", "crossings.RESTS", "numerical_stability.EPS"}
+    kept = {
+        f"{file.stem}.{name}"
+        for file in CHECKS.glob("*.py")
+        if file.stem != "decisions"
+        for names, value, _ in constants(file)
+        for name in names.split(", ")
+        if any(letter.isdigit() for letter in value) and not value.startswith(("'", '"', "{", "f'", "Check("))
+    }
+    assert kept - shown == set()
