@@ -288,6 +288,27 @@ def _lengths(child: Child, answer: Mapping[str, Any], *names: str) -> dict[str, 
     return {name: float(value) for name, value in found.items()}
 
 
+def _declared(child: Child, hello: Hello, answer: Mapping[str, Any]) -> Declaration:
+    """Return what the process promises: by what it said of itself, and by its answer to a scene."""
+    shares = answer.get("stiffness_range")
+    if isinstance(shares, list) and shares[-1:] == [None]:
+        shares = [*shares[:-1], float("inf")]
+    promise = Declaration(
+        spring=Spring.ERROR if hello.spring else None,
+        force_only=hello.force_only,
+        stiffness_range=shares if shares is None or not isinstance(shares, list) else tuple(shares),
+        force_resolution=answer.get("force_resolution", 0.0),
+    )
+    if not promise.sound:
+        child.fail(
+            f"has stiffness_range = {_text(answer.get('stiffness_range'))} and force_resolution = "
+            f"{_text(answer.get('force_resolution', 0.0))}",
+            why="the first is [least, largest], with 0 < least <= 1 <= largest, as shares of the scene's stiffness, or "
+            "null for one without bound; the second is in newtons, finite and not negative",
+        )
+    return promise
+
+
 class ProcessRenderer:
     """A renderer that is a process.
 
@@ -316,8 +337,7 @@ class ProcessRenderer:
         lengths = _lengths(child, answer, "standoff", "resolution")
         self._margin = lengths["standoff"]
         self.__dict__.update(self._outside.lengths(**lengths))
-        if hello.spring or hello.force_only:
-            self.declares = Declaration(spring=Spring.ERROR if hello.spring else None, force_only=hello.force_only)
+        self.declares = _declared(child, hello, answer)
         self._batch = hello.run
         self.supports = hello.supports
 

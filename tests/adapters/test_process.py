@@ -202,3 +202,14 @@ def test_a_long_message_to_a_child_that_does_not_read_ends(
     assert renderer.run is not None
     with pytest.raises(RendererError, match="no answer to 'run'"):
         renderer.run(np.zeros((20_000, 2)), DT)
+
+
+def test_a_process_declares_how_its_stiffness_varies_and_how_coarse_its_force_is(command: Callable[..., str]) -> None:
+    said = "say(id=id, stiffness_range=[0.4, None], force_resolution=0.05)"
+    assert (
+        abilities_of(made(command(scene=said))).meta.items()
+        >= {"stiffness_least": 0.4, "force_resolution": 0.05}.items()
+    )
+    for wrong in ("stiffness_range=[0.4]", "stiffness_range=[2, 3]", "stiffness_range='wide'", "force_resolution=-1"):
+        with pytest.raises(RendererError, match="stiffness_range = "):
+            made(command(scene=f"say(id=id, {wrong})"))
