@@ -182,6 +182,7 @@ class Abilities:
       name -> (`Signal`, array), one row per sample: its own coordinates, answers that it did not use;
     - `law`: its step as compiled code;
     - `surface`: the `Boundary` that it really renders, where that is not the model's own;
+    - `pieces`: the edges or triangles that it was given for a smooth model: what follows from them is not its fault;
     - `resolution` and `standoff` (m): how coarse its own representation of the model is, see `Recording`;
     - `declares`: the `Declaration` of what its answers keep to;
     - `supports`: names of what it can beside a unilateral contact without viscosity, see `check_support`.
@@ -195,6 +196,7 @@ class Abilities:
     diagnostics: bool = False
     law: CompiledStep | None = None
     surface: Boundary | None = None
+    pieces: Boundary | None = None
     resolution: float = 0.0
     standoff: float = 0.0
     declares: Declaration | None = None
@@ -235,12 +237,13 @@ def _read(renderer: object) -> Abilities:
             why="a renderer has reset(hip) and step(hip, velocity, dt) -> (ihip, force)",
             todo="see docs/write-a-renderer.md",
         )
-    surface, law, promise = (getattr(renderer, name, None) for name in ("surface", "law", "declares"))
-    if surface is not None and not is_boundary(surface):
-        raise RendererError(
-            f"the renderer's surface is a {type(surface).__name__}",
-            todo="give the Boundary of hapticeval.geometry that it renders, or leave surface out",
-        )
+    surface, pieces, law, promise = (getattr(renderer, name, None) for name in ("surface", "pieces", "law", "declares"))
+    for name, boundary in (("surface", surface), ("pieces", pieces)):
+        if boundary is not None and not is_boundary(boundary):
+            raise RendererError(
+                f"the renderer's {name} is a {type(boundary).__name__}",
+                todo=f"give the Boundary of hapticeval.geometry that it renders, or leave {name} out",
+            )
     if law is not None and not isinstance(law, CompiledStep):
         raise RendererError(f"the renderer's law is a {type(law).__name__}", todo="give a CompiledStep, or None")
     if promise is not None and not (isinstance(promise, Declaration) and promise.sound):
@@ -260,6 +263,7 @@ def _read(renderer: object) -> Abilities:
         diagnostics=_has(renderer, "diagnostics"),
         law=law,
         surface=surface,
+        pieces=pieces,
         resolution=_length(renderer, "resolution"),
         standoff=_length(renderer, "standoff"),
         declares=promise,

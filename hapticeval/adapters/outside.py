@@ -80,7 +80,8 @@ class Outside:
         if error == 0.0:
             return {"standoff": standoff, "resolution": resolution}
         longest = _longest(boundary) if isinstance(boundary, Mesh) else boundary.resolution
-        return {"standoff": standoff + error, "resolution": max(resolution, longest), "surface": boundary}
+        lengths = {"standoff": standoff + error, "resolution": max(resolution, longest)}
+        return {**lengths, "surface": boundary, "pieces": boundary}
 
 
 def _clear_point(boundary: Boundary, foot: Array, normal: Array, clear: float) -> Array:

@@ -9,6 +9,7 @@ from functools import cache
 from typing import Any, Protocol
 
 from hapticeval.errors import InputError
+from hapticeval.geometry.boundary import Boundary
 from hapticeval.geometry.motion import Motion
 from hapticeval.phenomena.crossings import bends
 from hapticeval.phenomena.sampling import LED, declares_force_only
@@ -38,7 +39,8 @@ class Runs:
     the model cannot be moved so or the renderer refuses it there; `reordered()` is the path in the scene with the
     model's vertices in another order, or None likewise; `subdivided()` leads the hand from each HIP to the next in two
     steps of half the time, and returns both rows a step; `in_turns()` is the path through a renderer that takes turns
-    with another of the same factory, on a model of half the size, led backwards. Each is None where it cannot be had:
+    with another of the same factory, on a model of half the size, led backwards; `pieces` are the edges or triangles
+    that the renderer was given for a smooth model, None where it was given none. Each is None where it cannot be had:
     a recorded hardware run has no siblings. `law` names the closed form (`hapticeval.closed_forms`) that the case
     gives for this renderer, or that the law has which it declares to be, if there is one. Raises `InputError` for a
     recording with rows that are not valid.
@@ -56,6 +58,7 @@ class Runs:
     reordered: Callable[[], Recording | None] | None = None
     subdivided: Callable[[], Recording] | None = None
     in_turns: Callable[[], Recording] | None = None
+    pieces: Boundary | None = None
 
     def __post_init__(self) -> None:
         if self.base.valid is not None:
@@ -86,6 +89,7 @@ class Sibling(StrEnum):
     REORDERED = "reordered"
     SUBDIVIDED = "subdivided"
     IN_TURNS = "in_turns"
+    PIECES = "pieces"
 
 
 class Situation(StrEnum):

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION
+from hapticeval.geometry.boundary import Boundary, apart
 from hapticeval.phenomena.check import Check, Closer, Runs, Sibling, without_ihip
 from hapticeval.phenomena.contact_kept import across_allowed
 from hapticeval.phenomena.decisions import (
@@ -53,6 +54,7 @@ from hapticeval.phenomena.under_the_hand import find_aside
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, undecided
 from hapticeval.recordings.recording import Recording
 from hapticeval.scene import Scene
+from hapticeval.types import Array
 
 
 def amplification(recording: Recording, scene: Scene) -> float:
@@ -85,7 +87,7 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if runs.refine is None:
         finding = _judge_fixed(base, scene)
     elif runs.look is not None:
-        finding = _judge_closely(runs.look, runs.refine, scene)
+        finding = _judge_closely(runs.look, runs.refine, scene, runs.pieces)
     else:
         finding = _judge_refined(base, runs.refine, scene)
     astray = astray or find_aside(base, scene)
@@ -226,11 +228,13 @@ def _fault_of_sibling(base: Recording, fine: Recording, factor: int, tick: int, 
     return Finding(Outcome.FAIL, message, Metric("IHIP jump that only this sampling rate has", jump, "m"), allowed)
 
 
-def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scene) -> Finding:
+def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scene, pieces: Boundary | None) -> Finding:
     """Look at each place where the IHIP moves far in finer steps, and at the whole run only where a jump stays."""
     base = look.recording
     off = standoff(base, scene)
     bounds = step_bounds(base, scene, HALF_RATE, off)
+    if pieces is not None:
+        bounds = _with_steps_of_pieces(base, scene, bounds, pieces)
     seen = look_closer(look, scene, bounds=bounds, standoff=off)
     if seen is None:
         steps = contact_steps(base, scene)
@@ -272,6 +276,25 @@ def _judge_closely(look: Closer, refine: Callable[[int], Recording], scene: Scen
     else:
         message = _pops(base, seen.left, where, evidence)
     return Finding(Outcome.FAIL, message, metric, bound, evidence)
+
+
+def _with_steps_of_pieces(base: Recording, scene: Scene, bounds: Array, pieces: Boundary) -> Array:
+    """Return `bounds` (n,), m, raised where a step is one that a tool takes which slides on the given pieces.
+
+    Under a convex edge that turns by b, a hand at depth d makes a tool jump by d sin b from the edge to where the next
+    piece is nearest. The renderer's step may end on the way from its last IHIP to where such a tool gets to, for a hand
+    up to three ticks old: off that way by as much as any step may be long, there and back.
+    """
+    steps, raised = contact_steps(base, scene), bounds.copy()
+    for tick in np.flatnonzero(steps > bounds):
+        before, now = base.ihip[tick - 1], base.ihip[tick]
+        for hip in base.hip[max(int(tick) - LAG_TICKS, 0) : tick + 1]:
+            slid = pieces.descend(before, hip, step=0.1 * float(bounds[tick]))
+            detour = steps[tick] + apart(now, slid) - apart(before, slid)
+            if detour <= 2.0 * bounds[tick]:
+                raised[tick] = steps[tick]
+                break
+    return raised
 
 
 def _slope(jumps: list[float]) -> float:
@@ -357,6 +380,7 @@ CHECK = Check(
     channels=("hip", "ihip"),
     reads_also=("force",),
     siblings={
+        Sibling.PIECES: "the edges or triangles that a renderer was given: steps that they make are not its fault",
         Sibling.LOOK: (
             "of a path, each place where the IHIP moves far, in up to 64 sub-steps of a sub-step, and the way by a "
             "jump at 2 and 4 times the sampling rate"
@@ -370,7 +394,8 @@ CHECK = Check(
         "1.5 HIP steps + standoff: as far as a proxy that is three ticks late may move at twice the rate. The HIP "
         "step is the largest within three ticks, and older ones fade by e^(-1/3) a tick. Each longer IHIP step is "
         "looked at in finer HIP steps, from where the hand has rested until the proxy has caught up. The declared "
-        "standoff counts as far as the IHIPs really lie off the model, and up to a fiftieth of its size. An IHIP in "
+        "standoff counts as far as the IHIPs really lie off the model, and up to a fiftieth of its size. A step that a "
+        "tool takes which slides on the edges or triangles that the renderer was given is within the bound. An IHIP in "
         "contact fails, too, farther off than standoff, rounding and half a HIP step, the chord between two contact "
         "points; for the first three ticks of a contact, and of a rigid tool, than three HIP steps. It stands aside "
         "of the HIP's nearest surface point by ten depths at the most, besides three ticks of twice the HIP step and "

@@ -77,6 +77,7 @@ class _RunFactory:
         if isinstance(stimulus, Path) and "ended" in base.meta:
             self.stimulus = stimulus = Path(base.time, base.hip)
         siblings: dict[str, Any] = {
+            "pieces": abilities_of(self.renderer).pieces,
             "refine": lambda factor: self.record(stimulus, dt / factor),
             "again": lambda: self.record(stimulus, dt),
         }

@@ -62,6 +62,7 @@ class Affected:
         self.surface, self.resolution, self.standoff, self.supports = (
             can.surface, can.resolution, can.standoff, can.supports,
         )  # fmt: skip
+        self.pieces = can.pieces
         if can.observe_force:
             self.observe_force = renderer.observe_force  # type: ignore[attr-defined]
         if can.diagnostics:
