@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+import signal
 import sysconfig
 import traceback
 from collections.abc import Iterable, Iterator, Sequence
@@ -134,14 +135,23 @@ def renderer_errors(
     """Turn whatever a renderer's `call` ("step()") raises into a `RendererError`: foreign code may raise anything.
 
     `why` is the place in its code where none is given. Errors that are meant for the user pass unchanged, and so does
-    Ctrl-C.
+    Ctrl-C: see `is_foreign`.
     """
     try:
         yield
     except HapticevalError:
         raise
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
+        if not is_foreign(error):
+            raise
         raise blamed(call, error, tick=tick, hip=hip, why=why, todo=todo) from error
+
+
+def is_foreign(error: BaseException) -> bool:
+    """Return whether foreign code raised it, and no user: KeyboardInterrupt too in a process that ignores Ctrl-C."""
+    if isinstance(error, KeyboardInterrupt):
+        return signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    return isinstance(error, Exception | SystemExit)
 
 
 def blamed(
@@ -192,7 +202,7 @@ def described(error: BaseException) -> str:
         text = str(error).encode("utf-8", "backslashreplace").decode()
     except (Exception, SystemExit) as unreadable:
         text = f"(its text cannot be read: {type(unreadable).__name__})"
-    return f"{type(error).__name__}: {text}"
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def origin(error: BaseException, file: str | None = None) -> str:

@@ -1,29 +1,49 @@
 """The pulse of a process, seen from another one: how many answers its renderers have given, whether it compiles.
 
-Who waits for a long case learns from it whether the renderer is slow or hangs.
+Who waits for a long case learns from it whether the renderer is slow or hangs; and where a renderer ends its process,
+at which tick and HIP it was asked.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, MutableSequence
+from collections.abc import Iterator, MutableSequence, Sequence
 from contextlib import contextmanager
 from typing import TypeAlias
 
 Pulse: TypeAlias = MutableSequence[int]
 """Two numbers that processes share, as `multiprocessing.RawArray` makes them: answers, and compilations under way."""
 
+Asked: TypeAlias = MutableSequence[float]
+"""What is asked of a renderer now, shared likewise: how many coordinates the HIP has, 0 between two steps; the tick;
+and up to three coordinates (m)."""
+
 _pulse: Pulse = [0, 0]
+_asked: Asked = [0.0] * 5
 
 
-def count_in(pulse: Pulse) -> None:
-    """Count this process's answers in `pulse` from now on."""
-    global _pulse
-    _pulse = pulse
+def count_in(pulse: Pulse, asked: Asked) -> None:
+    """Count this process's answers in `pulse`, and keep what is asked in `asked`, from now on."""
+    global _pulse, _asked
+    _pulse, _asked = pulse, asked
+
+
+def ask(tick: int, hip: Sequence[float]) -> None:
+    """Note which step a renderer is asked for, until `beat`."""
+    _asked[1] = tick
+    _asked[2 : 2 + len(hip)] = hip
+    _asked[0] = len(hip)
+
+
+def asked_in(asked: Asked) -> tuple[int, tuple[float, ...]] | None:
+    """Return the tick and HIP (m) of a step that was not answered; None where there was none."""
+    count = int(asked[0])
+    return (int(asked[1]), tuple(asked[2 : 2 + count])) if count else None
 
 
 def beat() -> None:
     """Count an answer of a renderer."""
     _pulse[0] += 1
+    _asked[0] = 0
 
 
 @contextmanager

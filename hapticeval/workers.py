@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, Protocol, Self, TypeAlias, TypeVar, cast
 
 from hapticeval.errors import HapticevalError
-from hapticeval.pulse import Pulse, count_in
+from hapticeval.pulse import Asked, Pulse, asked_in, count_in
 
 T = TypeVar("T")
 
@@ -69,12 +69,18 @@ def _waited(worker: _Worker) -> float:
 class Ended(Exception):
     """The process that worked on a call has ended without an answer, with that exit `code` where it ended by itself.
 
-    The code is negative for a signal, as that of `subprocess.Popen`.
+    The code is negative for a signal, as that of `subprocess.Popen`. `asked` are tick and HIP (m) of the step that a
+    renderer was asked for then, and `stack` the frames of a crash, as of `Overdue`, as far as they are known.
     """
 
-    def __init__(self, code: int | None = None) -> None:
-        super().__init__(code)
-        self.code = code
+    def __init__(
+        self,
+        code: int | None = None,
+        asked: tuple[int, tuple[float, ...]] | None = None,
+        stack: tuple[Frame, ...] = (),
+    ) -> None:
+        super().__init__(code, asked, stack)
+        self.code, self.asked, self.stack = code, asked, stack
 
     @property
     def killed(self) -> bool:
@@ -172,6 +178,8 @@ class _Worker:
     """Where its stack comes out."""
     pulse: Pulse
     """Where it counts the answers of renderers, unless it has an interpreter of its own."""
+    asked: Asked
+    """Where it keeps what is asked of a renderer, likewise."""
 
     def ask_for_stack(self) -> None:
         """Have it write the stack of its Python code."""
@@ -287,6 +295,7 @@ class Workers(Generic[T]):
             except Exception:  # the arguments cannot travel, and nothing of them was sent
                 self._idle.append(worker)
                 raise
+            worker.asked[0] = 0
             self._at[call] = _Call(worker, arguments, killed, time.monotonic(), _waited(worker))
             return
 
@@ -300,7 +309,8 @@ class Workers(Generic[T]):
             try:
                 answer = worker.pipe.recv_bytes()
             except (EOFError, OSError):  # in the middle of an answer, or before
-                ended = Ended(worker.end(GRACE))
+                stack, asked = worker.stack(time.monotonic()), asked_in(worker.asked)
+                ended = Ended(worker.end(GRACE), asked, stack)
                 if ended.killed and killed + 1 < self._tries:
                     self._begin(call, arguments, killed + 1)
                 else:
@@ -356,7 +366,7 @@ class Workers(Generic[T]):
         ours, theirs = multiprocessing.Pipe()
         stack_pipe, stack_end = multiprocessing.Pipe(duplex=False)
         process: BaseProcess | subprocess.Popen[bytes]
-        pulse = multiprocessing.RawArray("q", 2)
+        pulse, asked = multiprocessing.RawArray("q", 2), multiprocessing.RawArray("d", 5)
         if self._fresh:
             pipes = [theirs.fileno(), stack_end.fileno()]
             command = [sys.executable, "-c", SERVE, *map(str, pipes), str(os.getpid())]
@@ -364,12 +374,12 @@ class Workers(Generic[T]):
             with contextlib.suppress(OSError):  # it has ended: that is seen at the first call
                 ours.send((sys.path, pickle.dumps(self._function)))
         else:
-            arguments = (theirs, stack_end, (ours, stack_pipe), self._function, pulse)
+            arguments = (theirs, stack_end, (ours, stack_pipe), self._function, pulse, asked)
             process = multiprocessing.Process(target=_forked, args=arguments)
             process.start()
         theirs.close()
         stack_end.close()
-        return _Worker(process, ours, stack_pipe, pulse)
+        return _Worker(process, ours, stack_pipe, pulse, asked)
 
 
 SERVE = "import sys; from hapticeval.workers import serve; serve(*map(int, sys.argv[1:]))"
@@ -393,10 +403,11 @@ def _forked(
     others: tuple[Connection, ...],
     function: Callable[..., Any],
     pulse: Pulse,
+    asked: Asked,
 ) -> None:
     """Answer calls in a copy of the parent, as long as that lives."""
     _end_with(os.getppid())
-    count_in(pulse)
+    count_in(pulse, asked)
     for other in others:
         other.close()  # else this process would keep its own pipe open
     _serve(pipe, stack_end, function)
@@ -419,6 +430,7 @@ def _end_with(parent: int) -> None:
 def _serve(pipe: Connection, stack_end: Connection, function: Callable[..., Any]) -> None:
     """Answer calls until the other end of the pipe is closed; it closes as well when the parent dies."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    faulthandler.enable(file=stack_end.fileno(), all_threads=False)
     if STACK_SIGNAL is not None:
         faulthandler.register(STACK_SIGNAL, file=stack_end.fileno(), all_threads=False)
     try:

@@ -51,9 +51,13 @@ def ended(job: Job, how: EndedProcess) -> JobFinished:
             todo="run it alone and watch its memory",
         )
     else:
+        tick, hip = how.asked or (None, None)
+        place = caught_in(how.stack)
         error = RendererError(
             f"the renderer ended the process that it ran in: {how.how}",
-            why="a crash in compiled code, os._exit(), or memory that ran out",
+            tick=tick,
+            hip=hip,
+            why=f"a crash in compiled code, os._exit(), or memory that ran out{place and f': it was {place}'}",
             todo=f"see what `hapticeval doctor -r {shlex.quote(job.renderer)}` finds, or {_alone(job)}",
         )
     return outcome_of(job, error_verdicts(error, job.renderer, job.suite, job.case), None)

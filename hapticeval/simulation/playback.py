@@ -20,10 +20,11 @@ from hapticeval.errors import (
     blamed,
     described,
     in_mm,
+    is_foreign,
     renderer_errors,
 )
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.pulse import beat
+from hapticeval.pulse import ask, beat
 from hapticeval.recordings.channels import REQUIRED
 from hapticeval.recordings.recording import SINGLE, Recording, backward_difference
 from hapticeval.renderer import Batch, Renderer, TrajectoryRenderer, abilities_of
@@ -317,6 +318,7 @@ def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt:
     The renderer gets copies too: what it does to its arguments, and to its answers later, must not reach the recording.
     Raises `RendererError`, with tick and HIP, unless it answers two finite vectors like `hip`.
     """
+    ask(tick, hip.tolist())
     try:
         answer = renderer.step(hip.copy(), velocity.copy(), dt)  # an (ihip, force) pair of any kind
         beat()
@@ -324,7 +326,9 @@ def step_checked(renderer: Renderer, tick: int, hip: Array, velocity: Array, dt:
         raise error.placed(tick, hip) from error
     except HapticevalError:
         raise
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
+        if not is_foreign(error):
+            raise
         raise blamed("step()", error, tick=tick, hip=hip) from error
     try:
         first, second = answer

@@ -74,6 +74,16 @@ class Dies(Good):
     def step(self, hip, velocity, dt):
         os._exit(7)
 
+class Crashes(Good):
+    def step(self, hip, velocity, dt):
+        if hip[0] < -0.03:
+            os.abort()
+        return super().step(hip, velocity, dt)
+
+class Interrupts(Good):
+    def step(self, hip, velocity, dt):
+        raise KeyboardInterrupt
+
 def no_renderer(scene):
     return 42
 """
@@ -146,7 +156,9 @@ def test_without_a_folder_the_events_bring_the_recordings(short, tmp_path):
         ("Talks", "standoff = '0.1 mm'", 0),
         ("Sideways", "surface is a str", 0),
         ("no_renderer", "int", 0),
-        ("Dies", "ended the process", 0),
+        ("Dies", "ended the process that it ran in: exit code 7 at tick 0 (counted from 0), HIP (", 0),
+        ("Crashes", "ended the process that it ran in: SIGABRT at tick ", 1),
+        ("Interrupts", "step() raised KeyboardInterrupt at tick 0 (counted from 0), HIP (", 0),
     ],
 )
 def test_a_renderer_that_breaks_breaks_alone(run, tmp_path, name, message, others):
@@ -157,6 +169,10 @@ def test_a_renderer_that_breaks_breaks_alone(run, tmp_path, name, message, other
     assert {verdict.outcome for verdict in broken.verdicts} == {Outcome.ERROR}
     assert sum(job.error is None for job in jobs.values()) == 4 + others
     assert read_results(tmp_path / "out").complete
+    if name == "Crashes":
+        assert "it was in thirdparty.py, line 58, in step" in broken.error.why
+        assert broken.error.tick > 0
+        assert broken.error.hip[0] < -0.03
     if name == "Raises":
         assert "in thirdparty.py, line 19, in step" in broken.error.why
         assert broken.error.hip[0] < -0.03
