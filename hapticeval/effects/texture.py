@@ -21,6 +21,10 @@ LONGEST = 32
 """Most frequencies of one filter."""
 
 
+LOUDEST = 1e100
+"""(m/s^2)^2: most power of the noise of a filter, *chosen*, so that its squares stay inside the float range."""
+
+
 class Filter(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Vibrations at one speed (m/s) along the surface and one normal force (N).
 
@@ -143,8 +147,11 @@ def _check(given: Filter, first: Filter) -> None:
     for name, value in (("speed", given.speed), ("force", given.force), ("variance", given.variance)):
         if not (math.isfinite(value) and value >= 0.0):
             raise InputError(f"{name} = {value!r}", why="it must be finite and not negative")
-    if not math.isfinite(given.gain):
-        raise InputError(f"gain = {given.gain!r}", why="it must be finite")
+    if not given.gain * given.gain * given.variance <= LOUDEST:
+        raise InputError(
+            f"gain = {given.gain!r}, variance = {given.variance!r}",
+            why=f"gain squared times the variance must be finite, and {LOUDEST:g} (m/s^2)^2 at the most",
+        )
     for name, spectrum, like in (("ar", given.ar, first.ar), ("ma", given.ma, first.ma)):
         if len(spectrum) != len(like) or len(spectrum) > LONGEST:
             raise InputError(

@@ -244,6 +244,8 @@ THREE = (PLAIN, structs.replace(PLAIN, speed=0.1), structs.replace(PLAIN, force=
         ({"variance": -1.0}, "variance = -1.0"),
         ({"speed": math.nan}, "speed = nan"),
         ({"gain": math.inf}, "gain = inf"),
+        ({"gain": -1e308}, "gain = -1e+308"),
+        ({"variance": 1e300}, "variance = 1e+300"),
     ],
 )
 def test_unsound_filters_are_refused_with_their_number(changes, words):
