@@ -16,6 +16,9 @@ from hapticeval.errors import InputError, UnknownNameError, at
 
 T = TypeVar("T")
 
+SHOWN = 80
+"""Characters of a value that a message shows."""
+
 DEEPEST = 64
 """Tables and lists within each other, *chosen*: ours have ten at the most, and Python's stack ends at some hundreds."""
 
@@ -132,7 +135,9 @@ def _misfit(data: Any, kind: Any, steps: list[str], what: str, todo: str) -> Inp
     choices = list(_choices(expected))
     if what.startswith("Invalid") and choices:
         return UnknownNameError("kind" if steps[-1:] == ["kind"] else "choice", str(value), choices)
-    shown = "" if isinstance(value, Mapping | list) or value is None else f", and it is {value!r}"
+    text = repr(value)
+    text = text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
+    shown = "" if isinstance(value, Mapping | list) or value is None else f", and it is {text}"
     return InputError(what[0].lower() + what[1:] + shown, todo=todo)
 
 

@@ -39,6 +39,9 @@ Frame: TypeAlias = tuple[str, int, str]
 GRACE = 1.0
 """Seconds that a process without a call has to end by itself, before it is killed."""
 
+DYING = 10.0
+"""Seconds that a process has until it is gone whose pipe is closed: longer than the system takes, also a busy one."""
+
 STACK_SIGNAL = getattr(signal, "SIGUSR1", None)
 """At this signal a process writes its Python stack, even from within compiled code."""
 
@@ -310,7 +313,7 @@ class Workers(Generic[T]):
                 answer = worker.pipe.recv_bytes()
             except (EOFError, OSError):  # in the middle of an answer, or before
                 stack, asked = worker.stack(time.monotonic()), asked_in(worker.asked)
-                ended = Ended(worker.end(GRACE), asked, stack)
+                ended = Ended(worker.end(DYING), asked, stack)
                 if ended.killed and killed + 1 < self._tries:
                     self._begin(call, arguments, killed + 1)
                 else:

@@ -37,6 +37,15 @@ MODEL = {kind: make_model(kind) for kind in ("star", "cassinian", "ellipse", "li
 COUNT = 100
 
 
+def test_examples_leave_nothing_in_the_folder(tmp_path):
+    code = "from hapticeval import strategies as s; s.examples(s.plane_models(), 3)"
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / ".hypothesis").mkdir()  # of somebody's own tests, whose caches are kept where they are
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+    assert [file.name for file in tmp_path.iterdir()] == [".hypothesis"]
+
+
 def test_the_public_names_stay_and_each_is_documented():
     documented = {
         *("examples", "hand_paths", "laps", "meshes", "plane_models", "pushes", "scenes", "effects"),

@@ -437,6 +437,8 @@ class ResultsDocument(Entry, frozen=True, kw_only=True, omit_defaults=False, dic
                 f"{self.ran} of {self.planned} planned verdicts ran, and it is {state}: a complete run has as many "
                 "verdicts as were planned, and no run has more"
             )
+        if self.ran != len(self.verdicts):
+            raise ValueError(f"{self.ran} verdicts ran, and it holds {len(self.verdicts)}: one was lost, or added")
 
     def entries(self) -> Iterator[RunEntry | VerdictEntry]:
         """Yield all runs, then all verdicts."""

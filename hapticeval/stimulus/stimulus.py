@@ -12,9 +12,21 @@ from hapticeval.geometry.motion import Motion
 from hapticeval.recordings.recording import check_finite, check_increasing
 from hapticeval.types import Array
 
+MOST_TICKS = 50_000_000
+"""Samples of a run, *chosen*: fourteen hours at 1 kHz. Twice as many take twice the memory, 64 bytes each or more."""
+
 
 def sample_times(duration: float, dt: float) -> Array:
-    """Times from 0 in steps of `dt` up to `duration` (s), which counts as reached within rounding: (n,)."""
+    """Times from 0 in steps of `dt` up to `duration` (s), which counts as reached within rounding: (n,).
+
+    Raises `InputError` for more than `MOST_TICKS`.
+    """
+    if not duration / dt <= MOST_TICKS:
+        raise InputError(
+            f"{duration:g} s in steps of {dt:g} s are {duration / dt:.3g} samples",
+            why=f"a run has {MOST_TICKS:,} at the most",
+            todo="choose a shorter duration, or a longer sampling time",
+        )
     return np.arange(int(np.floor(duration / dt * (1.0 + 1e-12))) + 1, dtype=np.float64) * dt
 
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from tempfile import TemporaryDirectory
 from typing import TypeVar
 
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import seed as seeded
 from hypothesis import strategies as st
+from hypothesis.configuration import set_hypothesis_home_dir, storage_directory
 
 from hapticeval.errors import InputError
 
@@ -31,5 +35,21 @@ def examples(strategy: st.SearchStrategy[T], count: int, *, seed: int = 0) -> li
     def collect(example: T) -> None:
         found.append(example)
 
-    collect()
+    with _leaving_nothing():
+        collect()
     return found[:count]
+
+
+@contextmanager
+def _leaving_nothing() -> Iterator[None]:
+    """Have hypothesis keep its caches in a folder that goes, unless there is one of its own already."""
+    home = storage_directory(intent_to_write=False).home_directory
+    if home.exists():
+        yield
+        return
+    with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        set_hypothesis_home_dir(folder)
+        try:
+            yield
+        finally:
+            set_hypothesis_home_dir(home)

@@ -274,3 +274,22 @@ RIGS = {"N cm": 1e-2, "deg/s": math.pi / 180, "0.1 deg": math.pi / 1800, "mm/s^2
 @pytest.mark.parametrize(("text", "factor"), RIGS.items())
 def test_units_of_rigs(text, factor):
     assert parse_unit(text).factor == pytest.approx(factor)
+
+
+@pytest.mark.parametrize(
+    ("time", "hip", "words"),
+    [
+        ({"rate": 1e-300}, {}, "a time is .* s"),
+        ({"rate": 1e-10}, {}, "a time is .* s"),
+        ({"column": "t", "unit": "min", "scale": "1e12"}, {}, "a time is .* s"),
+        ({"rate": 10**400}, {}, r"time\.rate: number out of range, and it is 1000+\.\.\."),
+        ({"rate": 1000.0}, {"divide": "1e-320 m"}, "no number holds"),
+        ({"rate": 1000.0}, {"unit": "mm^-99999"}, "no number holds"),
+        ({"rate": 1000.0}, {"offset": 10**400}, "offset: number out of range"),
+    ],
+)
+def test_numbers_that_nothing_holds_are_refused_by_name(time, hip, words):
+    table = Table({"t": np.arange(1, 9), "x": np.arange(8.0)})
+    channel = {"columns": ["x"], "unit": "m", "sign": 1, **hip}
+    with pytest.raises(InputError, match=words):
+        convert(table, parse_mapping({"time": time, "channels": {"hip": channel}}))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -14,7 +15,7 @@ from hapticeval.geometry.catalogue import cassinian, circle, dumbbell, line, sta
 from hapticeval.recordings.hdf5 import write_recording
 from hapticeval.recordings.recording import Recording
 from hapticeval.stimulus.paths import read_path
-from hapticeval.stimulus.stimulus import Experiment, Path
+from hapticeval.stimulus.stimulus import Experiment, Path, sample_times
 from hapticeval.stimulus.trajectories import build_path
 
 HERE = FilePath()
@@ -212,3 +213,9 @@ def test_another_pace_scales_velocity_up_and_times_down():
 def test_bad_experiments_are_refused(changed):
     with pytest.raises(InputError):
         experiment(**changed)
+
+
+@pytest.mark.parametrize("duration", [2.0**31, 1e300, math.inf, math.nan])
+def test_a_run_that_no_memory_holds_is_refused(duration):
+    with pytest.raises(InputError, match="samples"):
+        sample_times(duration, 1e-3)

@@ -158,7 +158,9 @@ def _stamps(table: Table, time: TimeBase, factor: float, rows: int) -> tuple[Int
     """Return stamps, ns, and which of them are in order."""
     if time.column is None:
         assert time.rate is not None
-        return np.rint(np.arange(rows) * (1e9 / time.rate)).astype(np.int64), np.ones(rows, dtype=bool)
+        step = 1e9 / max(time.rate, RAREST)
+        _check_latest(rows * step)
+        return np.rint(np.arange(rows) * step).astype(np.int64), np.ones(rows, dtype=bool)
     stamps, known = nanoseconds(table[time.column], factor)
     latest = np.maximum.accumulate(np.where(known, stamps, np.iinfo(np.int64).min))
     ordered = known.copy()
@@ -177,10 +179,22 @@ def _stamps(table: Table, time: TimeBase, factor: float, rows: int) -> tuple[Int
 def nanoseconds(values: NDArray[Any], factor: float) -> tuple[IntArray, BoolArray]:
     """Return times in units of `factor` seconds as whole ns, and which of them are numbers; integers stay exact."""
     scale = factor * 1e9
+    known = np.isfinite(values)
+    with np.errstate(over="ignore"):
+        _check_latest(float(np.max(np.abs(values[known].astype(np.float64)), initial=0.0)) * scale)
     if values.dtype.kind == "i" and abs(scale - round(scale)) < 1e-9 * scale:
         return values.astype(np.int64) * round(scale), np.ones(values.size, dtype=bool)
-    known = np.isfinite(values)
     return np.rint(np.where(known, values, 0.0) * scale).astype(np.int64), known
+
+
+def _check_latest(latest: float) -> None:
+    """Raise `InputError` for a time (ns) that no stamp holds."""
+    if latest > LAST:
+        raise InputError(
+            f"a time is {1e-9 * latest:.3g} s",
+            why="a clock counts nanoseconds in 64 bits, which hold 292 years",
+            todo="see the unit of the time, and its scale or rate",
+        )
 
 
 def _values(table: Table, mapping: FileMapping, name: str, source: Source, stamps: IntArray) -> Array:
@@ -200,7 +214,8 @@ def _values(table: Table, mapping: FileMapping, name: str, source: Source, stamp
         own = None if known.all() and np.array_equal(stated, stamps) else stated
     made = []
     for column, factor, offset in zip(source.columns, source.factor, source.offset, strict=True):
-        values = factor * table[column].astype(np.float64) + offset
+        with np.errstate(over="ignore"):  # what no number holds is masked, as a cell without a number
+            values = factor * table[column].astype(np.float64) + offset
         made.append(values if own is None else _resampled(name, source, own, values, stamps))
     if len(made) == 1 and source.signal.frame not in ("world", "joint"):
         return made[0]
@@ -242,6 +257,12 @@ def _described(table: Table, column: str) -> str:
     topic = f" of the topic '{table.topics[column]}'" if column in table.topics else ""
     return f"'{column}' has {table.rows(column)} rows{topic}"
 
+
+LAST = 9.2e18
+"""Nanoseconds that a stamp holds, with 0.2 % to spare."""
+
+RAREST = 1e-12
+"""Hz below which a second row is later than any stamp."""
 
 LONGEST_NAME = 31
 """Names in MATLAB 5 files end here."""

@@ -43,9 +43,15 @@ class Unit:
     dimension: tuple[int, ...]
 
     def times(self, other: Unit, power: int = 1) -> Unit:
-        """Return the product with a power of another unit."""
+        """Return the product with a power of another unit. Raises `InputError` where no number holds its factor."""
+        try:
+            factor = self.factor * other.factor**power
+        except (OverflowError, ZeroDivisionError):
+            factor = math.inf
+        if not 0.0 < abs(factor) < math.inf:
+            raise InputError(f"'{self.text} {other.text}^{power}' has a factor that no number holds")
         powers = tuple(a + power * b for a, b in zip(self.dimension, other.dimension, strict=True))
-        return Unit(f"{self.text} {other.text}^{power}", self.factor * other.factor**power, powers)
+        return Unit(f"{self.text} {other.text}^{power}", factor, powers)
 
     def to(self, wanted: str) -> float:
         """Return the factor to the SI unit `wanted`. Raises `InputError` where the dimensions differ."""
