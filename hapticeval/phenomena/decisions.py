@@ -302,3 +302,15 @@ doubled, the same recordings are judged."""
 SLIDES = 1e-3
 """Share of the model's size that a tool must have slid at its top speed for its sliding to be judged. *Chosen*:
 doubled, a tool that slides 0.3 mm on 200 mm is not judged."""
+
+# under_the_hand
+
+ASIDE = 10.0
+"""Depths that an IHIP may stand aside of the HIP's nearest surface point: *chosen*. A projection whose lines meet the
+surface under 6 degrees still passes; doubled, under 3. Nearest points and god-objects have 0 as long as no medial axis
+is passed, and rays from a centre the tangent of their angle to the normal: 2.4 on an ellipse of 5 to 1, 5.6 in a niche.
+What stays behind shows where the hand leaves, for there the depth goes to 0."""
+
+STRETCHED = 2.0
+"""HIP steps up to which a step of the nearest point is no jump: *chosen*; it has 1 / (1 - kappa d) of them. Beyond, the
+hand passes the medial axis, or comes close, and a god-object is right to stay where it was. Doubled, more is judged."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticeval.phenomena.contact_kept import across_allowed
+from hapticeval.phenomena.decisions import ASIDE, STRETCHED
 from hapticeval.phenomena.jumps import recent_steps
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
@@ -26,16 +27,6 @@ from hapticeval.recordings.channels import SIMULATED
 from hapticeval.recordings.recording import Recording, runs_of
 from hapticeval.scene import Scene
 from hapticeval.types import Array, BoolArray
-
-ASIDE = 10.0
-"""Depths that an IHIP may stand aside of the HIP's nearest surface point: *chosen*. A projection whose lines meet the
-surface under 6 degrees still passes; doubled, under 3. Nearest points and god-objects have 0 as long as no medial axis
-is passed, and rays from a centre the tangent of their angle to the normal: 2.4 on an ellipse of 5 to 1, 5.6 in a niche.
-What stays behind shows where the hand leaves, for there the depth goes to 0."""
-
-STRETCHED = 2.0
-"""HIP steps up to which a step of the nearest point is no jump: *chosen*; it has 1 / (1 - kappa d) of them. Beyond, the
-hand passes the medial axis, or comes close, and a god-object is right to stay where it was. Doubled, more is judged."""
 
 
 def find_aside(base: Recording, scene: Scene) -> Finding | None:
