@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
+from hapticeval.effects.effect import Stage
 from hapticeval.phenomena.check import Check, Runs, Sibling
 from hapticeval.phenomena.effects.friction_load import Load, load_of, unjudged, viscous
 from hapticeval.phenomena.effects.friction_work import FINER, bristles
@@ -28,6 +29,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return reason
     if scene.damping > 0.0:
         return Finding(Outcome.NOT_APPLICABLE, f"a damper of {scene.damping:g} N s/m brakes too")
+    if any(each.stage is Stage.SENSE for each in scene.effects):
+        return undecided("the renderer answers the speed that its sensors show, and not the hand's")
     (kind,) = (each.kind for each in scene.effects if each.kind in CHECK.effects)
     load = load_of(base, scene)
     tangential = load.tangential

@@ -157,8 +157,10 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if lacks_ihip(base, scene):
         return without_ihip(base)
     plain = None if runs.without is None else runs.without(relief.kind)
-    if plain is None and (scene.damping > 0.0 or any(each.stage is Stage.SENSE for each in scene.effects)):
+    if plain is None and scene.damping > 0.0:
         return undecided("the force without the relief is not known: the hand is not led along a path that we give")
+    if any(each.stage is Stage.SENSE for each in scene.effects):
+        return undecided("the renderer answers what its sensors show, and not where the hand is")
     rows = np.arange(LAG_TICKS, len(base), dtype=np.int64)
     felt = _law(Waves(relief, scene), scene, base, plain, rows)
     place = rounding(scene) + SINGLE * float(np.max(np.abs(base.hip)))

@@ -10,11 +10,14 @@ from msgspec import structs
 from scipy.optimize import brentq
 
 from hapticeval.discovery import resolve
+from hapticeval.effects.bump_map import BumpMap
 from hapticeval.effects.contact_impulse import ContactImpulse
 from hapticeval.effects.friction import Friction
 from hapticeval.effects.line_spectra import line_spectrum
 from hapticeval.effects.stochastic_texture import StochasticTexture
 from hapticeval.effects.texture import autocovariance
+from hapticeval.effects.velocity_filter import VelocityFilter
+from hapticeval.effects.viscous_friction import ViscousFriction
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.phenomena.check import Runs
 from hapticeval.phenomena.effects.texture import spectrum_bound, stretches
@@ -199,3 +202,17 @@ def test_a_shaded_force_turns_by_twice_what_its_normal_does(more, expected):
     runs = Runs(changed(base, force=force), without=lambda kind: plain)
     assert outcome("shading-direction", Runs(base, without=lambda kind: plain), scene) is PASS
     assert outcome("shading-direction", runs, scene) is expected
+
+
+@pytest.mark.parametrize(
+    ("check", "effect"),
+    [("texture-relief", BumpMap(wavelength=2e-3, amplitude=4e-5)), ("friction-force", ViscousFriction(4.0))],
+)
+def test_what_sensors_show_is_not_the_hand(check, effect):
+    scene = Scene(model=LINE, effects=(effect,))
+    hand = np.column_stack([4e-5 * np.arange(100.0), np.full(100, -DEPTH)])
+    run = play(
+        make_renderer(resolve("minimum-distance"), scene), Path(1e-3 * np.arange(100.0), hand), 1e-3, scene=scene
+    )
+    assert outcome(check, run, scene) is PASS
+    assert outcome(check, run, scene.with_effects(VelocityFilter(cutoff=50.0))) is UNDECIDED
