@@ -148,3 +148,13 @@ def apparent_mass(device: Device, position: Array, normal: Array) -> float:
     joints = device.joints(position)
     along = device.jacobian(joints).T @ normal
     return 1.0 / float(along @ np.linalg.solve(device.inertia(joints), along))
+
+
+def heaviest_mass(device: Device, position: Array) -> float:
+    """Return the largest mass (kg) that a device shows in any direction at `position` (N,), m.
+
+    One over the least eigenvalue of J M⁻¹ J'. Raises `DomainError` where the device does not reach.
+    """
+    joints = device.joints(position)
+    jacobian = device.jacobian(joints)
+    return 1.0 / float(np.linalg.eigvalsh(jacobian @ np.linalg.solve(device.inertia(joints), jacobian.T))[0])

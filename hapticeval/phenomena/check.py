@@ -34,7 +34,8 @@ class Runs:
     `refine(k)` runs the same stimulus at k times the sampling rate; `reverse()` leads the hand backwards along the
     same points; `at_speed(f)` starts the experiment f times as fast; `again()` runs it once more through the same
     renderer, which is reset in between; `look` is `base` with a way to refine a part of it; `without(kind)` leads the
-    hand along the same path through the renderer made for the scene without the effect of that kind; `moved(motion,
+    hand along the same path, of a closed loop along the HIPs that were recorded, through the renderer made for the
+    scene without the effect of that kind; `moved(motion,
     nudge)` is the stimulus, off by `nudge` (m), in the scene moved, as it looks when it is moved back, or None where
     the model cannot be moved so or the renderer refuses it there; `reordered()` is the path in the scene with the
     model's vertices in another order, or None likewise; `subdivided()` leads the hand from each HIP to the next in two

@@ -8,6 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from hapticeval.devices.device import heaviest_mass
+from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
 from hapticeval.phenomena.decisions import STATIC_SHARE
@@ -265,7 +267,8 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
 
     Over a window of W seconds the mean of all forces is m (v_end - v_start) / W, so a tool whose speed stays below
     v_max may show up to 2 m v_max / W. At rest means that this is a small part of the operator's push. The last force
-    acts behind the last velocity that is known, and is left out.
+    acts behind the last velocity that is known, and is left out. None too where motors hold back what the renderer
+    asks for.
     """
     if "operator_force" not in recording.channels or scene.bilateral:
         return None
@@ -282,11 +285,25 @@ def _static_balance(recording: Recording, scene: Scene) -> tuple[float, float, f
     acting = slice(window.start, window.stop - 1)
     force = float(np.mean(recording.force[acting] @ normal))
     push = -float(np.mean(recording.channels["operator_force"][acting] @ normal))
-    speed = float(np.max(np.abs(velocity @ normal)))
-    allowed = 2.0 * scene.mass * speed / ((count - 1) * recording.dt) + SINGLE * abs(push)
+    if _motors_hold(recording, scene, acting):
+        return None
+    momentum = scene.mass * float(np.max(np.abs(velocity @ normal)))
+    if not isinstance(scene.robot, PointMass):
+        # The inertia of a robot differs with the direction: what moves along the surface has a momentum across it too.
+        heaviest = heaviest_mass(scene.robot, recording.hip[-1])
+        momentum = max(scene.mass, heaviest) * float(np.max(np.linalg.norm(velocity, axis=1)))
+    allowed = 2.0 * momentum / ((count - 1) * recording.dt) + SINGLE * abs(push)
     if push <= 0.0 or allowed > 0.1 * push:
         return None
     return force - push, allowed, push
+
+
+def _motors_hold(recording: Recording, scene: Scene, rows: slice) -> bool:
+    """Whether in some of the rows the motors hold back what the renderer asks for: at their limit, or rubbing."""
+    saturation = scene.effect("saturation")
+    limited = saturation is not None and "joint_torque" in recording.channels
+    at_limit = limited and bool(np.any(np.abs(recording.channels["joint_torque"][rows]) >= saturation.limit))
+    return at_limit or scene.effect("joint-friction") is not None
 
 
 CHECK = Check(
@@ -296,7 +313,7 @@ CHECK = Check(
     formula="F_n = -(n_e . F_o) n_e (3.3), with n_e = n_c (3.4); at a corner n_e lies between the faces' normals",
     citation="thesis 3.2.1, (3.3), (3.4), Figures 3.3 to 3.5; (6.1)",
     channels=("hip", "force"),
-    reads_also=("ihip", "operator_force", "velocity"),
+    reads_also=("ihip", "operator_force", "velocity", "joint_torque"),
     not_with=(FRICTION, VISCOUS_FRICTION, LUGRE),
     metric="angle of the force outside the true normals; at rest, the difference in newtons",
     unit="deg",
@@ -310,8 +327,9 @@ CHECK = Check(
         "an eighth of the HIP's second difference between ticks. Beyond, rounding: 1e-6 rad + 4 * 2^-23 * model size / "
         "least depth of these ticks, asin(resolution / depth) (of up to a HIP step), and half a step of "
         "every component of a log. At rest the mean force over a window W may differ by 2 m v_max / W, the momentum "
-        "that the window cannot account for; in a simulated closed loop Newton's law makes the two equal, so that this "
-        "half tests recordings of real devices. Forces below the floor, K_p * 5e-6 of the model's size, are not judged."
+        "that the window cannot account for, with the largest mass that a robot shows; in a simulated closed loop "
+        "Newton's law makes the two equal, so that this half tests recordings of real devices. "
+        "Forces below the floor, K_p * 5e-6 of the model's size, are not judged."
     ),
     judge=judge,
 )

@@ -38,6 +38,7 @@ from hapticeval.phenomena.jumps import (
 )
 from hapticeval.phenomena.sampling import (
     LAG_TICKS,
+    as_sensed,
     believed_standoff,
     evidence_at,
     hip_step,
@@ -74,7 +75,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     IHIP has to lie on the surface and under the hand: a path through the solid, or elsewhere, is no contact point's,
     however smooth.
     """
-    base = runs.base
+    # Where sensors are not exact, the hand's way is the one that the renderer was given.
+    base, refine = as_sensed(runs.base), runs.refine
     if lacks_ihip(base, scene):
         return without_ihip(base)
     tick = largest_jump(base, scene)[1]
@@ -84,12 +86,12 @@ def judge(runs: Runs, scene: Scene) -> Finding:
     if astray is not None and (astray.margin or 0.0) < -scene.model.size:
         # Whether it jumps besides is no question, and costs many finer runs.
         return replace(astray, message=f"{astray.message}, farther than the model is large: is its unit the metre?")
-    if runs.refine is None:
+    if refine is None:
         finding = _judge_fixed(base, scene)
     elif runs.look is not None:
-        finding = _judge_closely(runs.look, runs.refine, scene, runs.pieces)
+        finding = _judge_closely(runs.look, refine, scene, runs.pieces)
     else:
-        finding = _judge_refined(base, runs.refine, scene)
+        finding = _judge_refined(base, lambda factor: as_sensed(refine(factor)), scene)
     astray = astray or find_aside(base, scene)
     if astray is not None:
         if finding.outcome is not Outcome.FAIL:
@@ -378,7 +380,7 @@ CHECK = Check(
     formula="J(h) = max |IHIP(t + h) - IHIP(t)| in contact; J at h, h/2, h/4, ... tends to 0",
     citation="thesis 3.2, Figure 3.2; pop-through: 4.1.2, 4.1.3, 6.1.3",
     channels=("hip", "ihip"),
-    reads_also=("force",),
+    reads_also=("force", "measured_hip"),
     siblings={
         Sibling.PIECES: "the edges or triangles that a renderer was given: steps that they make are not its fault",
         Sibling.LOOK: (

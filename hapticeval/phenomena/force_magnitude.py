@@ -17,6 +17,7 @@ from hapticeval.phenomena.sampling import (
     LAG_TICKS,
     TELLS,
     above_force_floor,
+    as_sensed,
     declares_force_only,
     evidence_at,
     lacks_ihip,
@@ -67,7 +68,7 @@ class Measured:
 
 def judge(runs: Runs, scene: Scene) -> Finding:
     """Measure the stiffness at every tick in contact, and look for what explains its deviations."""
-    base = runs.base
+    base = as_sensed(runs.base)
     if not above_force_floor(base, scene).any():
         return undecided("no force above the floor: the tool never presses on the surface")
     declared = base.meta.get("spring")
@@ -494,7 +495,7 @@ CHECK = Check(
     formula="K = -F.e / e^2 with e = HIP - IHIP; along the normal, K = F^2 / (-F.e); K = K_p at every tick in contact",
     citation="thesis 4.2, (4.8), (5.21), (6.1)",
     channels=("hip", "ihip", "force"),
-    reads_also=("velocity",),
+    reads_also=("velocity", "measured_hip", "measured_velocity"),
     metric="apparent stiffness less the scene's, as a share of it",
     unit="",
     bound=(

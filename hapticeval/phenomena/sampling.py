@@ -90,6 +90,13 @@ def lingering(recording: Recording, scene: Scene) -> BoolArray:
     return late
 
 
+def as_sensed(base: Recording) -> Recording:
+    """Return a recording with HIP and velocity as sensors that are not exact gave them to the renderer."""
+    sensed = {"hip": "measured_hip", "velocity": "measured_velocity"}
+    seen = {name: base.channels[channel] for name, channel in sensed.items() if channel in base.channels}
+    return Recording(base.time, dict(base.channels) | seen, base.meta) if seen else base
+
+
 def hip_step(recording: Recording, scene: Scene) -> float:
     """Return the largest HIP step in contact, m: nothing finer can be placed on the surface.
 

@@ -84,12 +84,14 @@ class _RunFactory:
         if isinstance(stimulus, Experiment):
             siblings |= {"at_speed": lambda factor: self.record(stimulus.at_speed(factor), dt), "law": self.law}
             siblings["moved"] = self.moved
+            if _answers_the_hip(self.scene):
+                siblings["without"] = lambda kind: self.without(kind, Path(base.time, base.hip))
         else:
             times, hips = stimulus.sampled(dt)
             back = Path(times, hips[::-1])  # the same HIPs to the last place, which differences of times would cost
             siblings |= {"reverse": lambda: self.record(back, dt), "look": self.closeup(base)}
-            siblings |= {"without": self.without, "moved": self.moved, "reordered": self.reordered}
-            siblings |= {"in_turns": self.in_turns}
+            siblings |= {"without": lambda kind: self.without(kind, stimulus), "moved": self.moved}
+            siblings |= {"reordered": self.reordered, "in_turns": self.in_turns}
             if isinstance(self.renderer, Renderer):
                 siblings["subdivided"] = self.subdivided
         return Runs(base, **siblings).remembered()
@@ -181,11 +183,10 @@ class _RunFactory:
         except RefusalError:
             return scene, None
 
-    def without(self, kind: str) -> Recording:
-        """Record the same path with a renderer of its own, made for the scene without the effect of that kind."""
-        assert isinstance(self.stimulus, Path)
+    def without(self, kind: str, path: Path) -> Recording:
+        """Record a path with a renderer of its own, made for the scene without the effect of that kind."""
         scene = self.scene.without(kind)
-        recording = play(make_renderer(self.factory, scene), self.stimulus, scene.sampling_time, scene=scene)
+        recording = play(make_renderer(self.factory, scene), path, scene.sampling_time, scene=scene)
         self.simulated += len(recording) * scene.sampling_time
         return recording
 
@@ -206,6 +207,11 @@ def _declared_form(renderer: Renderer | TrajectoryRenderer, scene: Scene) -> str
     promise = abilities_of(renderer).declares
     form = None if promise is None or promise.closed_form is None else form_of(promise.closed_form, scene)
     return None if form is None else form.name
+
+
+def _answers_the_hip(scene: Scene) -> bool:
+    """Whether a renderer in a closed loop answers what a path of the recorded HIPs asks: exact places, no velocity."""
+    return scene.damping == 0.0 and not any(effect.stage is Stage.SENSE for effect in scene.effects)
 
 
 def _moves_alike(scene: Scene, motion: Motion) -> bool:

@@ -173,8 +173,9 @@ class Points(Trajectory, frozen=True, kw_only=True, tag="points"):
 class Loop(Trajectory, frozen=True, kw_only=True, tag="loop"):
     """From `start` (m) to the circle of `radius` (m) about `centre` (m), round it, and back.
 
-    `laps` times anticlockwise and as often clockwise, as only one way may gain energy, each in `lap` seconds, a whole
-    number of ticks, so that laps pass the same HIPs again; straight there and back in `approach` seconds each.
+    In space the circle lies square to `axis`, a direction. `laps` times anticlockwise, seen from where the axis points,
+    and as often clockwise, as only one way may gain energy, each in `lap` seconds, a whole number of ticks, so that
+    laps pass the same HIPs again; straight there and back in `approach` seconds each.
     """
 
     start: Point
@@ -183,23 +184,48 @@ class Loop(Trajectory, frozen=True, kw_only=True, tag="loop"):
     laps: Annotated[int, Meta(ge=2)]
     lap: Positive
     approach: Positive
+    axis: Point | None = None
 
     def path(self, surface: Boundary, folder: FilePath) -> Path:  # noqa: ARG002 - as every trajectory
         """Return the path; see `Trajectory.path`."""
         start, centre, radius = np.array(self.start), np.array(self.centre), self.radius
-        if not (start.size == centre.size == 2 and np.linalg.norm(start - centre) > radius):
-            raise InputError(
-                f"a loop from {list(self.start)} m round {list(self.centre)} m with a radius of {radius:g} m",
-                why="its start lies outside of its circle, in the plane",
-                todo="start in free space, and put the circle inside the model",
-            )
-        away = start - centre
-        turn = math.atan2(away[1], away[0]) + np.linspace(0.0, 2.0 * np.pi, LAP_POINTS, endpoint=False)
-        circle = centre + radius * np.column_stack([np.cos(turn), np.sin(turn)])
+        ahead, across, away = self._plane(start, centre)
+        turn = math.atan2(*away[::-1]) + np.linspace(0.0, 2.0 * np.pi, LAP_POINTS, endpoint=False)
+        circle = centre + radius * (np.outer(np.cos(turn), ahead) + np.outer(np.sin(turn), across))
         there = np.vstack([np.tile(circle, (self.laps, 1)), circle[:1]])
         points = np.vstack([there, there[-2::-1]])
         time = self.approach + np.arange(len(points)) * (self.lap / LAP_POINTS)
         return Path(np.concatenate([[0.0], time, [time[-1] + self.approach]]), np.vstack([start, points, start]))
+
+    def _plane(self, start: Array, centre: Array) -> tuple[Array, Array, tuple[float, float]]:
+        """Return two unit vectors (N,) in the plane of the circle, and where along them the start lies, m."""
+        if (
+            start.size != centre.size
+            or (self.axis is None) is (start.size == 3)
+            or len(self.axis or start) != start.size
+        ):
+            raise InputError(
+                f"a loop from {list(self.start)} m round {list(self.centre)} m with axis {self.axis}",
+                why="a circle in space lies square to an axis, and one in the plane has none",
+                todo="give start and centre as many numbers each, and in space an axis of three",
+            )
+        away = start - centre
+        ahead, across = np.eye(2)
+        if self.axis is not None:
+            axis = np.array(self.axis)
+            across = np.cross(axis, away)
+            if not np.linalg.norm(across) > 0.0:
+                raise InputError(
+                    f"a loop with axis {self.axis}", why="it points from the centre to the start, or nowhere"
+                )
+            ahead, across = (each / np.linalg.norm(each) for each in (np.cross(across, axis), across))
+        if not np.linalg.norm(away) > self.radius:
+            raise InputError(
+                f"a loop from {list(self.start)} m round {list(self.centre)} m with a radius of {self.radius:g} m",
+                why="its start lies outside of its circle",
+                todo="start in free space, and put the circle inside the model",
+            )
+        return ahead, across, (float(away @ ahead), float(away @ across))
 
 
 class FromFile(Trajectory, frozen=True, kw_only=True, tag="file"):

@@ -11,7 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from broken import Fault, Tick, free, spoiled
 from honest import Spring
+from rubbing import Creeps, Rubbing, in_place_of
+from textured import Louder, Textured
 
+from hapticeval.effects.friction import Friction
 from hapticeval.renderer import Response
 from hapticeval.scene import Scene
 
@@ -34,6 +37,15 @@ def haunts(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
         return tick.ihip, tick.force
     if "since" in tick.memory and 5.0 < tick.time - tick.memory["since"] < 5.1:
         return tick.ihip, tick.memory["force"]
+    return tick.ihip, tick.force
+
+
+def lingers(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
+    """Where a contact has ended IHIP and force stay for 30 ticks."""
+    if tick.inside:
+        tick.memory |= {"last": (tick.ihip, tick.force), "left": tick.number}
+    elif tick.number - tick.memory.get("left", tick.number - 100) <= 30:
+        return tick.memory["last"]
     return tick.ihip, tick.force
 
 
@@ -120,6 +132,69 @@ class VelocityLeft(Damped):
             super().reset(hip)
 
 
+def swirls(tick: Tick) -> tuple[np.ndarray, np.ndarray]:
+    """In space a fifth of the force comes on top across it, round an axis: it drives the hand round one way."""
+    across = np.cross([0.2, 1.0, 0.5], tick.force) / np.linalg.norm([0.2, 1.0, 0.5])
+    return tick.ihip, tick.force + 0.2 * across
+
+
+class Stiff(Spring):
+    """Thrice as stiff as the scene asks for."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene)
+        self.stiffness *= 3.0
+
+
+class Slippery(Rubbing):
+    """A kinetic friction a thirtieth below the scene's."""
+
+    def meant(self, scene: Scene) -> Scene:
+        friction = scene.effect(Friction)
+        return scene if friction is None else in_place_of(scene, Friction, mu_k=friction.mu_k * 29.0 / 30.0)
+
+
+class OverShaded(Textured):
+    """Turns the force half as far again as unit normals do, at its length."""
+
+    supports = frozenset({"shading"})
+
+    def spoiled(self, hip: np.ndarray, plain: np.ndarray, texture: np.ndarray) -> np.ndarray:
+        shaded = plain + 1.5 * texture
+        size = float(np.linalg.norm(shaded))
+        return shaded * (np.linalg.norm(plain) / size) - plain if size > 0.0 else texture
+
+
+class AlongX(Textured):
+    """Vibrations as strong as the hand's speed along x makes them, as on a line, and not that along the surface."""
+
+    def step(self, hip: np.ndarray, velocity: np.ndarray, dt: float) -> Response:
+        speed = float(np.linalg.norm(velocity))
+        self.share = abs(float(velocity[0])) / speed if speed > 0.0 else 1.0
+        return super().step(hip, velocity, dt)
+
+    def spoiled(self, hip: np.ndarray, plain: np.ndarray, texture: np.ndarray) -> np.ndarray:
+        return self.share * texture
+
+
+class Flat(Textured):
+    """Claims shading and shows none."""
+
+    supports = frozenset({"shading"})
+
+    def spoiled(self, hip: np.ndarray, plain: np.ndarray, texture: np.ndarray) -> np.ndarray:
+        return 0.0 * texture
+
+
+class Rings(Textured):
+    """Vibrations of a contact that are a fifth stronger than the scene's."""
+
+    supports = frozenset({"contact-transient"})
+
+    def spoiled(self, hip: np.ndarray, plain: np.ndarray, texture: np.ndarray) -> np.ndarray:
+        return 1.2 * texture
+
+
 class Unvisited(NamedTuple):
     """A renderer, the cases (suite/case) that visit its fault, and the check, a must, that stops it there."""
 
@@ -140,5 +215,30 @@ UNVISITED: Mapping[str, Unvisited] = {
     "haunts": Unvisited(
         spoiled(haunts, Spring), ("solids/cube-again", "hard-cases-loops/left-for-12-s"), "contact-kept"
     ),
+    "lingers": Unvisited(
+        spoiled(lingers, "constraint"),
+        tuple(f"dynamics-unilateral/{place}{robot}" for place in ("star-tip", "cube-edge") for robot in ("", "-robot")),
+        "broken-contact",
+    ),
+    "swirls-in-space": Unvisited(
+        spoiled(swirls, Spring), ("hard-cases-loops/laps-torus", "hard-cases-loops/laps-niche"), "passivity"
+    ),
+    "stiff-in-space": Unvisited(Stiff, ("hard-cases-loops/loop-torus", "hard-cases-loops/loop-niche"), "comes-to-rest"),
+    "shares-in-space": Unvisited(spoiled("shares", Spring), ("generated/l-block-restated",), "two-at-once"),
+    "creeps-in-space": Unvisited(
+        Creeps, ("effects-friction/sphere-held", "effects-friction/sphere-held-robot"), "friction-sticking"
+    ),
+    "slippery-in-space": Unvisited(
+        Slippery, ("effects-friction/sphere-to-and-fro", "effects-friction/box-to-and-fro"), "friction-work"
+    ),
+    "over-shaded-in-space": Unvisited(OverShaded, ("effects-shading/icosphere-loop",), "shading-work"),
+    "textured-along-x": Unvisited(
+        AlongX,
+        ("effects-texture/ribbed-circle-stroke", "effects-texture/ribbed-sphere-stroke"),
+        "texture-spectrum",
+    ),
+    "louder-in-a-loop": Unvisited(Louder, ("effects-texture/gritty-loop-stroke",), "texture-spectrum"),
+    "flat-in-a-loop": Unvisited(Flat, ("effects-shading/icosagon-drawn",), "shading-direction"),
+    "rings-in-a-loop": Unvisited(Rings, ("effects-transient/thrown-aluminium",), "transient-impulse"),
 }
 """Fault: where and by what it is stopped."""

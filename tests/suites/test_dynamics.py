@@ -41,8 +41,9 @@ def outcomes(suite: str, name: str, renderer: str) -> dict[str, Outcome]:
     return {verdict.check: verdict.outcome for verdict in judged(suite, name, renderer).verdicts}
 
 
-def test_the_group_is_the_five_suites():
-    assert GROUP == ("dynamics-cassinian", "dynamics-circle", "dynamics-line", "dynamics-sphere", "dynamics-surfaces")
+def test_the_group_is_the_six_suites():
+    kinds = ("cassinian", "circle", "line", "sphere", "surfaces", "unilateral")
+    assert tuple(f"dynamics-{kind}" for kind in kinds) == GROUP
 
 
 @pytest.mark.parametrize("suite", GROUP)

@@ -18,7 +18,17 @@ def test_a_case_can_be_run(case):
 
 
 @pytest.mark.parametrize(
-    "name", ["height-map-line", "height-map-sphere", "ribbed-stroke", "gritty-stroke", "woven-strokes"]
+    "name",
+    [
+        "height-map-line",
+        "height-map-sphere",
+        "ribbed-stroke",
+        "gritty-stroke",
+        "woven-strokes",
+        "ribbed-circle-stroke",
+        "ribbed-sphere-stroke",
+        "gritty-loop-stroke",
+    ],
 )
 def test_the_nearest_point_passes(name):
     verdicts = judge(resolve("minimum-distance"), "minimum-distance", SUITE.name, SUITE.case(name)).verdicts

@@ -1,4 +1,4 @@
-"""Paths in space that hypothesis draws: each renderer of ours that takes the model gets what is written down."""
+"""Cases in space of suites that are of the plane: each renderer of ours that takes the model gets what is expected."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from hapticeval.phenomena.verdict import Outcome
 from hapticeval.runner.judging import judge
 from hapticeval.suite.reading import load_suite
 
-SUITE = load_suite("generated")
-IN_SPACE = [case for case in SUITE.cases if case.build_scene().model.dimension == 3]
+SUITES = [load_suite(name) for name in ("generated", "hard-cases-loops")]
+IN_SPACE = [(suite, case) for suite in SUITES for case in suite.cases if case.build_scene().model.dimension == 3]
 
 
-@pytest.mark.parametrize("case", IN_SPACE, ids=lambda case: case.name)
-def test_drawn_paths_in_space_are_judged_as_expected(case):
+@pytest.mark.parametrize(("suite", "case"), IN_SPACE, ids=lambda each: each.name)
+def test_a_case_in_space_is_judged_as_expected(suite, case):
     decided = set()
-    for name in own_renderers():
-        judged = judge(resolve(name), name, SUITE.name, case)
+    for name in suite.renderers or own_renderers():
+        judged = judge(resolve(name), name, suite.name, case)
         assert judged.error is None
         assert [verdict for verdict in judged.verdicts if not verdict.as_expected] == []
         decided |= {name for verdict in judged.verdicts if verdict.outcome in (Outcome.PASS, Outcome.FAIL)}
