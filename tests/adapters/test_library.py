@@ -96,6 +96,8 @@ def test_a_closed_loop_is_the_same_with_and_without_the_compiled_step(build: Bui
     plain = simulate_closed_loop(Plain(), push, LINE, DT)
     np.testing.assert_allclose(loop.hip, plain.hip, atol=1e-12)
     assert loop.contact.any()
+    np.testing.assert_array_equal(loop.channels["contact"] != 0.0, np.any(loop.force != 0.0, axis=1))
+    assert "contact" not in plain.channels
 
 
 def test_what_a_scene_is_reaches_the_library(build: Build) -> None:

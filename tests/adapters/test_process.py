@@ -22,6 +22,8 @@ from hapticeval.geometry.catalogue import make_model
 from hapticeval.renderer import Spring, abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
+from hapticeval.simulation.playback import play
+from hapticeval.stimulus.stimulus import Path as Way
 
 PROCESS = Path(__file__).parents[2] / "examples" / "process"
 LINE = Scene(model=make_model("line"))
@@ -213,3 +215,13 @@ def test_a_process_declares_how_its_stiffness_varies_and_how_coarse_its_force_is
     for wrong in ("stiffness_range=[0.4]", "stiffness_range=[2, 3]", "stiffness_range='wide'", "force_resolution=-1"):
         with pytest.raises(RendererError, match="stiffness_range = "):
             made(command(scene=f"say(id=id, {wrong})"))
+
+
+def test_what_it_reports_of_its_contact_is_recorded(command: Callable[..., str]) -> None:
+    """Of a process that reports it; one that does not gives no such channel."""
+    answer = 'say(id=id, ihip=m["hip"], force=[0.0, 0.0], contact=m["hip"][1] < 0.0)'
+    path = Way(np.array([0.0, 0.01]), np.array([[0.0, 0.005], [0.0, -0.005]]))
+    recording = play(make_renderer(resolve(command(step=answer)), LINE), path, DT)
+    np.testing.assert_array_equal(recording.contact, recording.hip[:, 1] < 0.0)
+    silent = 'say(id=id, ihip=m["hip"], force=[0.0, 0.0])'
+    assert "contact" not in play(make_renderer(resolve(command(step=silent)), LINE), path, DT).channels

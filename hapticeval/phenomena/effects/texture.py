@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticeval.effects.line_spectra import coefficients_of
 from hapticeval.phenomena.check import Check, Runs, Sibling
 from hapticeval.phenomena.sampling import TELLS, above_force_floor, evidence_at, hip_steps
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
@@ -330,6 +329,8 @@ def judge_rest(runs: Runs, scene: Scene) -> Finding:
     if effect.model.between(0.0, float(plain.force[tick] @ normal)).variance > 0.0:
         return undecided("the scene's texture shakes a hand that rests, too")
     most = float(np.max(np.where(still, 0.0, added)))
+    from hapticeval.effects.line_spectra import coefficients_of
+
     radius = max(float(np.max(np.abs(np.roots([1.0, *coefficients_of(one.ar)])))) for one in effect.model.filters)
     # The root of a speed that is low-passed, and a filter that rings: one after the other they fall as (1 + c t) e^-ct.
     fades = SETTLES * min(math.pi * SLOWEST, -math.log(radius) * effect.model.rate)
