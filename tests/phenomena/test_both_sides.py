@@ -266,6 +266,12 @@ def test_a_place_has_the_region_of_the_model_there(place, region):
     assert region_of(recorded(hips), SCENE, 2) is region
 
 
+def test_what_happened_a_tick_before_is_of_that_tick():
+    """The hand crosses the axis of a tip between the first two of three ticks."""
+    base = recorded(0.8 * TIP.position + np.outer([-0.5e-4, 0.5e-4, 1.5e-4], ASIDE))
+    assert [region_of(base, SCENE, tick) for tick in range(3)] == [Region.SURFACE, Region.MEDIAL, Region.SURFACE]
+
+
 @pytest.mark.parametrize(("steps", "there"), [(2.9, True), (3.1, False)])
 def test_a_corner_is_as_near_as_a_contact_point_can_be_placed(steps, there):
     """The foot is so many steps of the hand from the tip."""
