@@ -26,7 +26,7 @@ from hapticeval.stimulus.paths import Loop
 from hapticeval.suite.case import Case
 from hapticeval.suite.reading import load_suite
 
-RELIEFS = ("height-map-line", "height-map-circle", "height-map-sphere", "bump-map-line")
+RELIEFS = ("height-map-line", "height-map-circle", "height-map-sphere", "bump-map-line", "height-map-drawn")
 
 
 def _asked(suite: str, names: tuple[str, ...], checks: tuple[str, ...]) -> dict[str, Case]:
