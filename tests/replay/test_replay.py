@@ -300,7 +300,7 @@ def test_a_recording_without_answers_is_no_failure_of_its_own(tmp_path):
     [
         ("minimum-distance+pp-pd", 16, 0.0, Outcome.PASS, "judged at the model's point nearest to the HIP"),
         ("minimum-distance", 4, 0.0, Outcome.PASS, "as minimum-distance has it"),
-        ("minimum-distance", 4, 0.1, Outcome.FAIL, "degrees off every true normal"),
+        ("minimum-distance", 4, 0.1, Outcome.FAIL, "off every true normal"),
         ("constraint", 16, 0.0, Outcome.INCONCLUSIVE, "only of a minimum-distance renderer"),
         ("", 16, 0.0, Outcome.INCONCLUSIVE, "only of a minimum-distance renderer"),
     ],
