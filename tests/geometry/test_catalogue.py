@@ -2,10 +2,13 @@
 
 import json
 import math
+from contextlib import suppress
 from functools import reduce
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from hapticeval.errors import InputError, UnknownNameError
 from hapticeval.geometry.catalogue import MODELS, from_geojson, from_vertices, from_wkt, make_model
@@ -190,3 +193,40 @@ def test_a_model_that_coordinates_cannot_resolve_is_refused(shift):
     from_vertices(square + 1e-3 * np.array(shift))
     with pytest.raises(InputError, match="farther than the number format resolves"):
         from_vertices(square + shift)
+
+
+WORDS = [
+    "(",
+    ")",
+    "((",
+    "0 0, ",
+    "1e308 ",
+    "nan ",
+    "POLYGON ",
+    "Z ",
+    "EMPTY",
+    "[",
+    "]",
+    "{",
+    "}",
+    '"type":',
+    '"Polygon"',
+    ",",
+]
+
+
+@settings(max_examples=100)
+@given(
+    start=st.sampled_from(["POLYGON ((0 0, 1 0, 1 1, 0 0))", json.dumps(ARGUMENTS["geojson"]["document"])]),
+    edits=st.lists(
+        st.tuples(st.floats(0.0, 1.0), st.integers(0, 9), st.sampled_from(WORDS), st.sampled_from([1, 2, 40_000])),
+        max_size=4,
+    ),
+)
+def test_an_edited_outline_is_read_or_refused(start, edits):
+    for where, drop, word, times in edits:
+        at = int(where * len(start))
+        start = start[:at] + times * word + start[at + drop :]
+    for read in (from_wkt, from_geojson):
+        with suppress(InputError):
+            read(start)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import struct
+from contextlib import suppress
 
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from hapticeval.commands.arguments import model_named
 from hapticeval.errors import InputError
@@ -180,3 +183,31 @@ def test_in_a_suite_a_file_counts_from_the_suite_and_lies_below_it(tmp_path, wri
     (tmp_path / "parts" / "mine.toml").write_text(SUITE.format(file="../part.stl"))
     with pytest.raises(InputError, match="is not below the suite's folder"):
         load_suite(str(tmp_path / "parts" / "mine.toml"))
+
+
+KINDS = {
+    "a.stl": {},
+    "b.stl": {"file_type": "stl_ascii"},
+    "c.obj": {},
+    "d.ply": {},
+    "e.ply": {"encoding": "ascii"},
+    "f.off": {},
+}
+
+
+@pytest.mark.parametrize("name", KINDS)
+@settings(max_examples=25)
+@given(
+    hurt=st.lists(st.tuples(st.floats(0.0, 1.0, exclude_max=True), st.integers(0, 7)), max_size=4),
+    cut=st.one_of(st.none(), st.floats(0.0, 1.0)),
+)
+def test_a_damaged_mesh_is_read_or_refused(tmp_path_factory, name, hurt, cut):
+    """Every file with wrong bits, or cut short, makes a model or an `InputError`: a parser raises anything."""
+    file = tmp_path_factory.mktemp("mesh") / name
+    trimesh.Trimesh(1e3 * BLOCK.vertices, BLOCK.triangles, process=False).export(file, **KINDS[name])
+    data = bytearray(file.read_bytes())
+    for where, bit in hurt:
+        data[int(where * len(data))] ^= 1 << bit
+    file.write_bytes(data if cut is None else data[: int(cut * len(data))])
+    with suppress(InputError):
+        make_model("mesh", file=str(file), unit="mm")
