@@ -131,6 +131,11 @@ def _measure(base: Recording, scene: Scene, spring: Spring) -> Measured:
     depth[begins] = reach[begins]
     explained = np.divide(size, scene.stiffness * reach, out=np.zeros_like(size), where=reach > 0.0)
     low, high = shares.min(axis=0), shares.max(axis=0)
+    if "spring" not in base.meta:
+        # A tool that stands off by s may be pulled from the surface or from where it stands: its depth is known to s.
+        gap = standoff(base, scene)
+        low *= np.divide(depth, depth + gap, out=np.ones_like(depth), where=depth > 0.0)
+        high *= np.divide(depth, depth - gap, out=np.full_like(depth, np.inf), where=depth > gap)
     low[begins], high[begins] = explained[begins], np.inf
     velocity, sinking = _velocity(base), backward_difference(error, base.time)
     speeds = np.maximum(np.linalg.norm(velocity, axis=1), np.linalg.norm(sinking, axis=1))
@@ -502,8 +507,9 @@ CHECK = Check(
         "Of a linear spring the force is K_p times the depth exactly, so that nothing is allowed but what is known to "
         "come on top, as a share of K_p times the depth d: a damper's K_d v, with v the speed along the direction in "
         "which the depth is measured, of the hand or of the error, whichever is larger; m kappa v^2 of the way along "
-        "the surface (3.8), by HIP or IHIP, for a renderer that declares no spring; the resolution of the force that "
-        "is declared, up to a twentieth of the largest; single precision, 4 * 2^-23 (size of the coordinates / d + 1). "
+        "the surface (3.8), by HIP or IHIP, for a renderer that declares no spring, whose depth is "
+        "known to the declared standoff; the resolution of the force that is declared, up to a twentieth of the "
+        "largest; single precision, 4 * 2^-23 (size of the coordinates / d + 1). "
         "Of HIPs and IHIPs up to three ticks apart, or both as late, any may belong to a force, and those of the lag "
         "between ticks that the run shows: K_p has to lie within what they span. Where a lag reaches to before or "
         "behind the contact the force is at most what the largest depth within the lag explains. Ticks where more "

@@ -97,3 +97,16 @@ def test_a_coarse_force_and_a_wide_range_of_stiffness_make_no_verdict_worse(rend
     for meta in said:
         declared = found("force-magnitude", changed(recording, meta), SCENES[scene][0])
         assert rank(declared, Level.SHOULD) <= rank(bare, Level.SHOULD), f"{bare.message} / {declared.message}"
+
+
+@pytest.mark.parametrize("standoff", [1e-4, 1e-3])
+def test_a_tool_that_stands_off_may_be_pulled_from_the_surface(standoff):
+    """Its force is the stiffness times the depth under the model, and the tool that it shows is farther out by that."""
+    scene = SCENES["line"][0]
+    recording = led("spring", "line")
+    shifted = np.where(recording.apart[:, np.newaxis], recording.ihip + np.array([0.0, standoff]), recording.ihip)
+    said, unsaid = (
+        found("force-magnitude", changed(recording, meta, ihip=shifted), scene)
+        for meta in ({"standoff": standoff}, {"standoff": 0.0})
+    )
+    assert (said.outcome, unsaid.outcome) == (Outcome.PASS, Outcome.FAIL), said.message

@@ -192,6 +192,13 @@ def test_after_a_release_a_channel_has_three_ticks_to_end_the_contact_too(check,
     assert finding.outcome in (bare.verdicts[0].outcome, Outcome.INCONCLUSIVE), finding.message
 
 
+@pytest.mark.parametrize("ticks", [1.0, 3.0])
+def test_a_force_may_be_late_past_a_sharp_corner_where_the_hand_was_outside_for_long(ticks):
+    """10 mm under a face of the star's tip the hand leaves through the other face long before the corner."""
+    finding = found("thesis/star-convex-corner", "contact-kept", held_late(force=ticks))
+    assert finding.outcome is Outcome.PASS, finding.message
+
+
 @pytest.mark.parametrize("ticks", [{"ihip": 5.0}, {"force": 5.0}], ids=str)
 def test_more_than_three_ticks_are_a_fault(ticks):
     judged = judge(held_late(**ticks), "late", "any", RELEASE)
