@@ -20,11 +20,9 @@ from hapticeval.devices.point_mass import PointMass
 from hapticeval.effects.catalogue import FORCE_SENSOR, VISCOSITY
 from hapticeval.errors import InputError
 from hapticeval.geometry.curve import Curve
+from hapticeval.renderer import SCHEMES
 from hapticeval.scene import Scene
 from hapticeval.types import Array
-
-SCHEMES = ("pp", "pp-v", "pp-d", "pp-pd", "pp-pd-c", "set-stabilisation")
-"""The laws that have closed forms, by the names of their regulation schemes; `pp-pd-c` adds m kappa w^2 to PP+PD."""
 
 RELATIVE, ABSOLUTE = 3e-14, 1e-16
 """Tolerances of the integration (DOP853) where no formula solves the equations."""

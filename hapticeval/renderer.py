@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
-from hapticeval.closed_forms import SCHEMES
 from hapticeval.effects.catalogue import FORCE_SENSOR
 from hapticeval.errors import InputError, RefusalError, RendererError, UnknownNameError, renderer_errors
 from hapticeval.geometry.boundary import Boundary, is_boundary
@@ -22,6 +21,10 @@ from hapticeval.types import Array
 
 if TYPE_CHECKING:
     from hapticeval.compiled import LawData
+
+
+SCHEMES = ("pp", "pp-v", "pp-d", "pp-pd", "pp-pd-c", "set-stabilisation")
+"""The laws that have closed forms, by the names of their regulation schemes; `pp-pd-c` adds m kappa w^2 to PP+PD."""
 
 
 class Spring(StrEnum):
@@ -43,7 +46,7 @@ class Declaration:
     quantum, a dead band. After a `reset` the same way gives the same answers again, to the bit, or as far as
     `ihip_scatter` (m) and `force_scatter` (N) allow. `force_only` says that it has no contact point, as a potential
     field: its IHIP is always the HIP, and checks of the contact point are not applicable. `closed_form` is the law that
-    it claims to be, one of `closed_forms.SCHEMES`: where that has a closed form, a loop with the renderer in it has to
+    it claims to be, one of `SCHEMES`: where that has a closed form, a loop with the renderer in it has to
     move so, see the check `closed-form`.
     """
 

@@ -10,10 +10,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hapticeval.closed_forms import SCHEMES
 from hapticeval.compiled import LAW, LawData, borrowing, compiled, first_class, for_kernels, inner, law_data
 from hapticeval.geometry.boundary import Boundary
-from hapticeval.renderer import CompiledStep, Declaration, Response
+from hapticeval.renderer import SCHEMES, CompiledStep, Declaration, Response
 from hapticeval.renderers.law import (
     BILATERAL,
     ERROR,

@@ -133,6 +133,8 @@ def flow(
     try:
         made = shrink(shape, FlowSettings(velocity=velocity, cells=cells))
     except RefusalError as refusal:
+        if refusal.position is None:  # there is no outline that shrinks, as of a line
+            raise
         say(wrote(write_flow(directory, shape, None, title=title, cross=refusal.position)))
         raise
     found = (
