@@ -31,6 +31,8 @@ typedef struct {
   uint32_t size, flags;             /* all zero at first: leave what does not concern you */
   double max_error;                 /* m: the chord_error to ask for; 0: 1e-4 of the model's size, 1e-3 in space */
   double standoff, resolution;      /* m: how far your surface lies off the given one, and is blurred along it */
+  double stiffness_least, stiffness_largest;  /* if it varies: its range, as shares of the scene's, with 1 in it */
+  double force_resolution;          /* N: how coarse the force is, as a quantum or a dead band */
 } hr_info;
 
 uint32_t hr_abi(void);  /* return HR_ABI */

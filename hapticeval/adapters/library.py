@@ -65,6 +65,7 @@ class InfoStruct(ctypes.Structure):
     _fields_ = [
         *((name, c_uint32) for name in ("size", "flags")),
         *((name, c_double) for name in ("max_error", "standoff", "resolution")),
+        *((name, c_double) for name in ("stiffness_least", "stiffness_largest", "force_resolution")),
     ]
 
 
@@ -279,6 +280,26 @@ def ask_rows(
     return int(hips.shape[0])
 
 
+def _declared(info: Info, answer: InfoStruct) -> Declaration:
+    """Return what a library promises: by its flags, and by what it wrote of itself for a scene."""
+    shares = float(answer.stiffness_least), float(answer.stiffness_largest)
+    promise = Declaration(
+        spring=Spring.ERROR if info.flags & SPRING else None,
+        force_only=bool(info.flags & FORCE_ONLY),
+        stiffness_range=shares if any(shares) else None,
+        force_resolution=float(answer.force_resolution),
+    )
+    if not promise.sound:
+        raise RendererError(
+            f"the library's hr_info_get() has stiffness_least = {shares[0]!r}, stiffness_largest = {shares[1]!r} and "
+            f"force_resolution = {promise.force_resolution!r} N",
+            why="the first two are shares of the scene's stiffness, with 0 < least <= 1 <= largest, or both zero; the "
+            "third is finite and not negative",
+            todo="leave zero what does not vary, and what is not coarse",
+        )
+    return promise
+
+
 class LibraryRenderer:
     """A renderer of a library, with the same bits in `step`, in `run` and in a compiled loop: each calls `hr_step`.
 
@@ -305,9 +326,9 @@ class LibraryRenderer:
         self._margin = float(lengths.standoff)
         self.__dict__.update(outside.lengths(float(lengths.standoff), float(lengths.resolution)))
         self.supports = info.supports
-        if info.flags & (SPRING | FORCE_ONLY):
-            spring = Spring.ERROR if info.flags & SPRING else None
-            self.declares = Declaration(spring=spring, force_only=bool(info.flags & FORCE_ONLY))
+        promise = _declared(info, lengths)
+        if promise != Declaration():
+            self.declares = promise
         places = np.array([ctypes.cast(library.hr_step, c_void_p).value, self._self.value or 0], dtype=np.uint64)
         data = law_data(places.view(np.float64), state=1)
         self.law = CompiledStep(ask, data, {REFUSES_HIP: REFUSED}, contact=data.state)

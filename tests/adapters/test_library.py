@@ -18,7 +18,7 @@ from hapticeval.discovery import Name, parse, resolve, resolve_installed
 from hapticeval.errors import DomainError, InputError, RefusalError, RendererError
 from hapticeval.geometry.catalogue import make_model
 from hapticeval.recordings.recording import backward_difference
-from hapticeval.renderer import Spring, abilities_of
+from hapticeval.renderer import Declaration, Spring, abilities_of
 from hapticeval.runner.judging import make_renderer
 from hapticeval.scene import Scene
 from hapticeval.simulation.closed_loop import simulate_closed_loop
@@ -191,6 +191,15 @@ int32_t hr_run(void *self, uint32_t n, const double *hips, const double *v, doub
     assert made(tmp_path / "librun1.so").run(hips, DT)[1][2, 1] == single[2, 1] + 1.0
 
 
+def test_a_library_declares_how_its_stiffness_varies_and_how_coarse_its_force_is(build: Build) -> None:
+    info = (
+        "if (self) { info->stiffness_least = 0.4; info->stiffness_largest = INFINITY; info->force_resolution = .05; }"
+    )
+    declared = abilities_of(made(build(INFO=info))).declares
+    assert declared == Declaration(stiffness_range=(0.4, np.inf), force_resolution=0.05)
+    assert abilities_of(made(build())).declares is None
+
+
 @pytest.mark.parametrize(
     ("code", "error", "words"),
     [
@@ -201,6 +210,8 @@ int32_t hr_run(void *self, uint32_t n, const double *hips, const double *v, doub
         ({"INFO": "if (!self) abort()"}, InputError, "ends the process that loads it: SIGABRT"),
         ({"INFO": "if (!self) info->max_error = -1"}, InputError, "max_error = -1.0"),
         ({"INFO": "if (self) info->standoff = NAN"}, RendererError, "standoff = nan"),
+        ({"INFO": "if (self) info->stiffness_least = 0.4"}, RendererError, "stiffness_least = 0.4"),
+        ({"INFO": "if (self) info->force_resolution = -1"}, RendererError, "force_resolution = -1.0 N"),
         ({"CREATE": 'snprintf(why, n, "no %s today", "lines"); return 1'}, RefusalError, "refuses the model 'line'"),
         ({"CREATE": "return -5"}, RendererError, "hr_create.. returned -5"),
         ({"FLAGS": "HR_SPACE"}, RefusalError, "asks for 'plane'"),
