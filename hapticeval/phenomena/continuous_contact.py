@@ -109,11 +109,14 @@ def judge(runs: Runs, scene: Scene) -> Finding:
 def _find_off_surface(base: Recording, scene: Scene) -> Finding | None:
     """Return a failure where an IHIP in contact lies off the model, farther than it may; else None.
 
-    A late contact point lies on the surface too, or on a chord of it. Three ticks are granted to what begins a contact:
-    a late tool is where the hand was before. A rigid tool is the HIP, and struck between two samples, flies at one yet.
+    A late contact point lies on the surface too, or on a chord of it. Three ticks are granted to what begins a contact
+    and to what ends it: a late tool is where the hand was before, and one that learns of an edge at the next sample has
+    gone on past it. A rigid tool is the HIP, and struck between two samples, flies at one yet.
     """
     contact = touching(base, scene) & ~lingering(base, scene)
-    settled = np.lib.stride_tricks.sliding_window_view(np.pad(contact, (LAG_TICKS, 0)), LAG_TICKS + 1).all(axis=1)
+    # A run that ends in contact does not end the contact.
+    around = np.pad(np.pad(contact, (LAG_TICKS, 0)), (0, LAG_TICKS), mode="edge")
+    settled = np.lib.stride_tricks.sliding_window_view(around, 2 * LAG_TICKS + 1).all(axis=1)
     settled &= np.any(base.ihip != base.hip, axis=1)
     allowed = np.where(settled, CHORD, LAG_TICKS) * recent_steps(base) + across_allowed(base, scene)
     distance = np.zeros(len(base))
@@ -399,10 +402,10 @@ CHECK = Check(
         "standoff counts as far as the IHIPs really lie off the model, and up to a fiftieth of its size. A step that a "
         "tool takes which slides on the edges or triangles that the renderer was given is within the bound. An IHIP in "
         "contact fails, too, farther off than standoff, rounding and half a HIP step, the chord between two contact "
-        "points; for the first three ticks of a contact, and of a rigid tool, than three HIP steps. It stands aside "
-        "of the HIP's nearest surface point by ten depths at the most, besides three ticks of twice the HIP step and "
-        "what is declared, from where the hand comes in to where that point jumps. Finer steps count only where they "
-        "lead, in contact, by "
+        "points; for the first and last three ticks of a contact, and of a rigid tool, than three HIP steps. It stands "
+        "aside of the HIP's nearest surface point by ten depths at the most, besides three ticks of twice the HIP step "
+        "and what is declared, from where the hand comes in to where that point jumps. Finer steps count only where "
+        "they lead, in contact, by "
         "where the longer ones went: a jump that finer sampling does not have, or that it lets go at, depends on the "
         "sampling rate, and fails. Where steps stay above the bound, the exponent decides by which they shrink with "
         "the HIP's: 0 for a jump, 1 for a Lipschitz map, alpha / 180 degrees for a conformal map at a tip of alpha. "

@@ -259,7 +259,7 @@ BROKEN: Mapping[str, Outsider] = {
     "backwards": Outsider(
         partial(Composed, backwards=True), {"effects-order": "friction first, or vibrations"}, TOGETHER
     ),
-    "thin": Outsider(Thin, {"friction-force": "half the viscosity"}, BRAKED),
+    "thin": Outsider(Thin, {"friction-force": "half the viscosity", "friction-work": "and half its work"}, BRAKED),
 }
 """What each fault fails, and why."""
 

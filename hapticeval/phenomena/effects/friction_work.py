@@ -10,7 +10,7 @@ import numpy as np
 
 from hapticeval.effects.catalogue import FRICTION, LUGRE, VISCOUS_FRICTION
 from hapticeval.phenomena.check import Check, Runs
-from hapticeval.phenomena.effects.friction_load import Load, judged_late, load_of, unjudged, viscous
+from hapticeval.phenomena.effects.friction_load import HAND, Load, judged_late, load_of, unjudged, viscous
 from hapticeval.phenomena.passivity import laps
 from hapticeval.phenomena.sampling import evidence_at
 from hapticeval.phenomena.verdict import Finding, Metric, Outcome, compared, undecided
@@ -39,7 +39,8 @@ def judge(runs: Runs, scene: Scene) -> Finding:
         return reason
     if scene.damping > 0.0:
         return Finding(Outcome.NOT_APPLICABLE, f"a damper of {scene.damping:g} N s/m takes energy too")
-    return judged_late(base, lambda recording: _judge(recording, scene))
+    late = (HAND, (*HAND, "ihip"), (*HAND, "force"))
+    return judged_late(base, lambda recording: _judge(recording, scene), late)
 
 
 def _judge(base: Recording, scene: Scene) -> Finding:
@@ -174,7 +175,7 @@ CHECK = Check(
         " pressed to d and led A cos, that is 4 mu K d (A - mu d) a cycle for mu_s = mu_k. Viscous friction takes b "
         "v_t . dx. LuGre's law is solved for the recorded velocity and normal force, in eighths of a tick, exactly "
         "for a speed that is held; what that differs by from whole ticks is allowed. The lap after the first that is "
-        "furthest off counts. A force that is up to three ticks late is held against the HIP of then."
+        "furthest off counts. Answers up to three ticks late, both or one of them, are held against the HIP of then."
     ),
     judge=judge,
     effects=(FRICTION, VISCOUS_FRICTION, LUGRE),
