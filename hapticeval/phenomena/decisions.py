@@ -101,7 +101,7 @@ against a search without an end: doubled, nothing changes where a tool is held b
 
 STATIC_SHARE = 0.2
 """Share of the run, at its end, over which a static equilibrium is looked for. *Chosen*: doubled, a hand that comes to
-rest in the last 40 per cent only is judged while it moves."""
+rest in the last 40 per cent only is not judged any more."""
 
 # continuous_contact
 
@@ -229,7 +229,7 @@ doubled, a Lipschitz map beside a steep place is not recognised as such."""
 
 COARSER_THAN_DOUBLE = 2.0**-26
 """Share of the rounding in single precision below which double precision is too coarse for HIP steps. Derived: there
-half of the digits of a double are left. Doubled, one halving more is looked at."""
+half of the digits of a double are left. Doubled, one halving less is looked at."""
 
 BEFORE, AFTER = 512, 64
 """Ticks before and after a jump that are led along once more at a finer rate: half a second in which to get there.
